@@ -1,0 +1,32 @@
+// The numbers of the wire contract, beside the contract: the server checks them, the client offers them in
+// its --help. Units are in the names; ranges are inclusive.
+#pragma once
+
+#include <cstdint>
+
+namespace candela::v1 {
+
+// Sizes on the wire.
+inline constexpr uint64_t kMaxBandBytes = 2u << 20;     // pixels in one band
+inline constexpr uint64_t kMaxMessageBytes = 4u << 20;  // one gRPC message, either way
+inline constexpr uint32_t kMaxDimension = 16384;        // width or height of a frame, in pixels
+inline constexpr uint64_t kDefaultMaxFrameBytes = 1u << 29;  // one frame on the wire, unless the server says otherwise
+
+template <typename T>
+struct Range {
+  T min;
+  T max;
+};
+
+// Settings.
+inline constexpr Range<double> kManualEv{-40.0, 40.0};         // EV
+inline constexpr Range<double> kCompensationEv{-40.0, 40.0};   // EV
+inline constexpr Range<double> kKey{1e-6, 1e6};                // scene-linear
+inline constexpr Range<double> kExposureLimit{0x1p-40, 0x1p40};  // factor; min_exposure <= max_exposure
+inline constexpr Range<double> kPrescale{0x1p-40, 0x1p40};     // factor
+inline constexpr Range<double> kBloomIntensity{0.0, 10.0};     // factor; 0 is no bloom
+inline constexpr Range<double> kBloomThreshold{0.0, 65504.0};  // scene-linear luminance, before exposure
+inline constexpr Range<double> kBloomSoftness{0.0, 1.0};       // knee as a fraction of the threshold
+inline constexpr Range<uint32_t> kBloomLevels{1, 16};
+
+}  // namespace candela::v1

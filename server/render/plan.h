@@ -1,0 +1,51 @@
+// What will run for a frame, decided between its two phases.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "server/render/settings.h"
+#include "server/render/tiers.h"
+
+namespace candela {
+
+// What phase A found out, over the whole frame. Luminance is scene-linear Rec.709 Y after the scrub.
+struct FrameStats {
+  double mean_log2_luminance = 0.0;  // EV
+  float min_luminance = 0.0f;
+  float max_luminance = 0.0f;
+  uint64_t nan_components = 0;
+  uint64_t infinite_components = 0;
+  uint64_t negative_components = 0;
+  uint64_t bright_texels = 0;  // of bloom level 0: those with D_0 > 0; 0 where no bloom was asked for
+};
+
+// Sizes of the bloom levels of a width x height frame, at most `levels` of them: level 0 always exists, a
+// further one only when its short side has 2 texels or more.
+struct LevelSize {
+  uint32_t width;
+  uint32_t height;
+};
+std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels);
+
+enum class Pass : uint32_t { kIngest, kBloomDown, kBloomUp, kResolve };
+const char* name(Pass pass);  // "ingest", "bloom_down", "bloom_up", "resolve"
+
+// One dispatch over a texture. `level` is the level written: for kBloomDown n+1, for kBloomUp n.
+struct Step {
+  Pass pass;
+  uint32_t level = 0;
+  bool operator==(const Step&) const = default;
+};
+
+struct Plan {
+  std::vector<Step> steps;          // in order; kIngest comes first
+  bool bloom = false;               // resolve adds bloom
+  std::vector<std::string> words;   // the same for people, with the reasons
+};
+
+// Pure: the same arguments give the same plan.
+Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, const Settings& settings, const Tier& tier);
+
+}  // namespace candela

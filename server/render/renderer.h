@@ -1,0 +1,77 @@
+// Renders frames on one device: ingest and meter, decide, bloom and resolve.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/render/frame.h"
+#include "server/render/plan.h"
+#include "server/render/settings.h"
+#include "server/render/texture_pool.h"
+
+namespace candela {
+
+// The memory of one frame, taken from the pool and given back to it when this is destroyed: the wire pixels
+// coming in, the image going out, and the textures between. Movable. One thread at a time.
+class FrameMemory {
+ public:
+  FrameMemory();
+  FrameMemory(FrameMemory&&) noexcept;
+  FrameMemory& operator=(FrameMemory&&) noexcept;
+  ~FrameMemory();
+
+  const FrameDesc& desc() const;
+  // Where the wire's row y goes: desc().row_bytes() bytes, written once, not read (it may be uncached memory).
+  std::span<std::byte> input_row(uint32_t y);
+  // The finished image's row y, tight: width * bytes_per_pixel(output). Valid after render() succeeded, until
+  // this is destroyed. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
+  std::span<const std::byte> output_row(uint32_t y) const;
+  bool output_contiguous() const;
+
+ private:
+  friend class Renderer;
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+struct StageTime {
+  const char* name;  // a pass's name: "ingest", "bloom_down", "bloom_up", "resolve", "upload", "download"
+  uint64_t ns;       // device time
+};
+
+// What is known about a frame after it was rendered; the image is in its FrameMemory.
+struct FrameReport {
+  FrameStats stats;
+  double exposure = 0.0;  // the factor E that was used
+  double target = 0.0;    // the factor that the metering asked for
+  Plan plan;
+  std::vector<StageTime> stages;
+};
+
+class Renderer {
+ public:
+  // `device` and `pool` outlive the renderer.
+  static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool);
+  ~Renderer();
+
+  // Takes the memory for a frame. RESOURCE_EXHAUSTED when the pool's budget does not hold it now (or ever; the
+  // message says which). The settings' output format and bloom decide what is taken. Any thread; never waits.
+  absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings);
+
+  // Renders the pixels in `memory` to completion. `settings` must have passed check_settings and be those that
+  // the memory was allocated with. INVALID_ARGUMENT naming the pixel when BadValues::kReject meets a bad one;
+  // UNAVAILABLE when the device is lost. One thread at a time; blocks for the frame's time.
+  absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings);
+
+ private:
+  explicit Renderer(Device& device, TexturePool& pool);
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace candela

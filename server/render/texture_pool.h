@@ -1,0 +1,82 @@
+// The HDR, bloom-mip and output textures of all frames, reused from frame to frame.
+//
+// A texture here is a row-linear block of texels in a storage buffer: on the software device a buffer load
+// costs half of what an image load does, and on a device with unified memory the buffer is the wire's own.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <tuple>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/vulkan/buffer.h"
+
+namespace candela {
+
+// What tells one texture from another: size in texels, bytes a texel, and where its memory must lie.
+struct TextureKey {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  uint32_t texel_bytes = 0;
+  MemoryUse use = MemoryUse::kDevice;
+
+  auto operator<=>(const TextureKey&) const = default;
+};
+
+struct PoolCounters {
+  uint64_t hits = 0;
+  uint64_t misses = 0;
+  uint64_t bytes_in_use = 0;
+  uint64_t bytes_idle = 0;
+  uint64_t bytes_peak = 0;
+};
+
+// Thread-safe. Never holds more than the budget; idle textures are given up, oldest first, to make room.
+class TexturePool {
+ public:
+  TexturePool(Device& device, uint64_t budget_bytes);
+  ~TexturePool();
+
+  class Lease;
+
+  // RESOURCE_EXHAUSTED when the budget does not hold the texture beside those in use.
+  absl::StatusOr<Lease> take(const TextureKey& key);
+
+  PoolCounters counters() const;
+  uint64_t budget_bytes() const { return budget_bytes_; }
+
+ private:
+  struct Entry;
+  void give_back(std::unique_ptr<Entry> entry);
+
+  Device& device_;
+  const uint64_t budget_bytes_;
+  mutable std::mutex mutex_;
+  // Guarded by mutex_.
+  std::vector<std::unique_ptr<Entry>> idle_;  // oldest first
+  PoolCounters counters_;
+};
+
+// One texture while a frame has it; gives it back on destruction. Movable.
+class TexturePool::Lease {
+ public:
+  Lease() = default;
+  Lease(Lease&&) noexcept;
+  Lease& operator=(Lease&&) noexcept;
+  ~Lease();
+
+  const Buffer& buffer() const;
+  explicit operator bool() const { return entry_ != nullptr; }
+
+ private:
+  friend class TexturePool;
+  Lease(TexturePool* pool, std::unique_ptr<Entry> entry);
+  TexturePool* pool_ = nullptr;
+  std::unique_ptr<Entry> entry_;
+};
+
+}  // namespace candela
