@@ -1,0 +1,67 @@
+// The client's side of the wire: one server, asked to render frames.
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
+
+namespace candela {
+
+// A frame to send. Rows from top to bottom, tight; not owned, alive until render() returns.
+struct FrameView {
+  uint32_t width = 0;   // pixels
+  uint32_t height = 0;  // pixels
+  v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
+  std::span<const std::byte> pixels;
+  uint64_t sequence = 0;  // comes back in the result's header
+};
+
+// A rendered image and what the server says about it. Movable.
+struct RenderResult {
+  v1::ResultHeader header;
+  std::unique_ptr<std::byte[]> data;  // header.height rows of header.width pixels of header.format, tight
+  size_t bytes = 0;
+
+  std::span<const std::byte> pixels() const { return {data.get(), bytes}; }
+};
+
+// Any thread, several calls at once. Movable. Every failure is one line for the user; the codes are the
+// server's own, see render.proto, and UNAVAILABLE for a server that cannot be reached.
+class Connection {
+ public:
+  // `address` is "HOST:PORT" or "unix:PATH". Does not connect yet: INVALID_ARGUMENT for an address of
+  // another shape, nothing else.
+  static absl::StatusOr<Connection> open(const std::string& address);
+
+  // To a server in this process. `channel` must not outlive that server.
+  explicit Connection(std::shared_ptr<grpc::Channel> channel);
+
+  // Sends the frame in bands and collects the image. Holds the image once and, of the frame, one band.
+  // A server that refuses the frame by its header is heard before the bands are sent.
+  absl::StatusOr<RenderResult> render(const v1::Settings& settings, const FrameView& frame,
+                                      absl::Time deadline = absl::InfiniteFuture()) const;
+
+  absl::StatusOr<v1::GetServerInfoResponse> server_info(absl::Time deadline = absl::InfiniteFuture()) const;
+
+  // OK when the server says SERVING; UNAVAILABLE when it says anything else or cannot be reached.
+  absl::Status health(absl::Time deadline = absl::InfiniteFuture()) const;
+
+  // As it was given to open(); "this process" for a channel.
+  const std::string& address() const { return address_; }
+
+ private:
+  Connection(std::shared_ptr<grpc::Channel> channel, std::string address);
+
+  std::shared_ptr<grpc::Channel> channel_;
+  std::string address_;
+};
+
+}  // namespace candela

@@ -1,0 +1,49 @@
+// What a server is told: by flags, by the environment, by a file, or by the program that embeds it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "proto/candela/v1/limits.h"
+#include "server/base/log.h"
+
+namespace candela {
+
+inline constexpr char kDefaultListen[] = "127.0.0.1:50051";
+
+// The defaults are candelad's, except that a server listens nowhere until it is told to.
+struct Config {
+  std::vector<std::string>
+      listen;               // "HOST:PORT" (port 0 takes a free one) or "unix:PATH"; empty: in-process only
+  bool insecure = false;    // allow addresses beyond loopback, where any one can connect and read
+  std::string device;       // a part of a device's name, or its index; empty: the best there is
+  bool validation = false;  // Vulkan's validation layers
+  uint64_t memory_budget_bytes = uint64_t{2} << 30;      // for the texture pool
+  uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // of one frame on the wire
+  uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels
+  uint32_t max_calls = 64;                               // Render calls at once
+  absl::Duration idle_timeout =
+      absl::Seconds(60);  // a client that neither sends nor reads for so long is cut off
+  absl::Duration drain_timeout =
+      absl::Seconds(30);  // how long frames in flight may take once the server stops
+};
+
+// INVALID_ARGUMENT naming the option, its value and its range.
+absl::Status check_config(const Config& config);
+
+// One call of candelad.
+struct Invocation {
+  Config config;
+  LogOptions log;
+  bool list_devices = false;
+  std::string text;  // not empty: print this and do nothing else (--help, --version)
+};
+
+// Reads flags, then CANDELA_* variables, then the file that --config names; the first of them that has an
+// option wins. INVALID_ARGUMENT, in one line, for anything that is not understood or out of its range.
+absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv);
+
+}  // namespace candela

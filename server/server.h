@@ -1,0 +1,45 @@
+// The one door into the server: candelad opens it, and so does a program that renders without a daemon.
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/config.h"
+
+namespace candela {
+
+// A device, its texture pool and renderer, and the service before them. Any thread.
+class Server {
+ public:
+  // Opens the device, renders the self-test frame against the reference, listens where `config` says, and
+  // serves. Sets the driver's environment (see server/base/driver_environment.h), so the first one of a
+  // process is started before other threads read the environment. Fails in one line that says what to do.
+  static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config);
+
+  // Stops at once when drain_and_stop was not called.
+  ~Server();
+
+  // A channel that needs no socket. Not to be used after the server stopped.
+  std::shared_ptr<grpc::Channel> in_process_channel();
+
+  // Where it listens, with the ports that were taken for port 0; empty when nowhere.
+  const std::vector<std::string>& addresses() const;
+
+  // The device's own name.
+  const std::string& device_name() const;
+
+  // Health says NOT_SERVING and new calls get UNAVAILABLE; frames in flight have config.drain_timeout to
+  // finish, then their calls are cancelled. Returns when nothing runs any more. Once.
+  void drain_and_stop();
+
+ private:
+  struct Parts;
+  explicit Server(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace candela
