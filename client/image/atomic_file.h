@@ -1,0 +1,48 @@
+// A file that appears whole or not at all.
+#pragma once
+
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace candela {
+
+// Written beside its destination under a hidden name and renamed over it by commit(); destroyed without that,
+// it leaves no trace and the old file as it was. Used by one thread.
+class AtomicFile {
+ public:
+  // Fails naming the path and the system's reason; also when a file is there that we may not write.
+  static absl::StatusOr<AtomicFile> create(const std::string& path);
+
+  AtomicFile(AtomicFile&& other) noexcept
+      : path_(std::move(other.path_)),
+        temporary_(std::exchange(other.temporary_, {})),
+        file_(std::move(other.file_)) {}
+  ~AtomicFile();
+
+  std::FILE* stream() { return file_.get(); }
+  const std::string& path() const { return path_; }
+
+  // Fails, naming the system's reason, when any write so far or the renaming did.
+  absl::Status commit();
+
+ private:
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  AtomicFile(std::string path, std::string temporary, std::FILE* file)
+      : path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
+
+  std::string path_;
+  std::string temporary_;  // "" once there is nothing to remove
+  std::unique_ptr<std::FILE, Close> file_;
+};
+
+// "PATH: cannot write: REASON", of errno's value.
+absl::Status cannot_write(const std::string& path, int error);
+
+}  // namespace candela

@@ -1,0 +1,66 @@
+#include "client/image/image.h"
+
+#include "absl/strings/str_format.h"
+#include "client/image/file_reader.h"
+#include "client/image/readers.h"
+
+namespace candela {
+
+const char* name(ImageFormat format) {
+  switch (format) {
+    case ImageFormat::kRgba16f:
+      return "rgba16f";
+    case ImageFormat::kRgba32f:
+      return "rgba32f";
+    case ImageFormat::kRgba8:
+      return "rgba8";
+    case ImageFormat::kRgba16:
+      return "rgba16";
+  }
+  return "?";
+}
+
+absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format) {
+  Image image;
+  image.width = width;
+  image.height = height;
+  image.format = format;
+  image.pixels = PixelBuffer(image.bytes());
+  if (image.pixels.size() != image.bytes() || image.pixels.empty()) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "no memory for %d bytes of a %dx%d image; scale it down", image.bytes(), width, height));
+  }
+  return image;
+}
+
+absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,
+                              const ImageLimits& limits) {
+  if (width < 1 || height < 1) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: the %s is %dx%d pixels; it takes at least 1x1", path, what, width, height));
+  }
+  if (width > limits.max_dimension || height > limits.max_dimension) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "%s: the %s is %dx%d pixels and at most %d on a side are taken; crop it or scale it down", path, what,
+        width, height, limits.max_dimension));
+  }
+  if (static_cast<uint64_t>(width) * static_cast<uint64_t>(height) > limits.max_pixels) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("%s: the %s is %dx%d, %d pixels, and at most %d are taken; crop it or scale it down",
+                        path, what, width, height, width * height, limits.max_pixels));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits) {
+  absl::StatusOr<FileReader> file = FileReader::open(path);
+  if (!file.ok()) return file.status();
+  const std::string magic = file->peek(4);
+  if (magic == "\x76\x2f\x31\x01") return read_exr(path, limits);
+  if (magic.starts_with("#?")) return read_radiance(*file, limits);
+  if (magic.starts_with("PF") || magic.starts_with("Pf")) return read_pfm(*file, limits);
+  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", path));
+  return absl::InvalidArgumentError(absl::StrFormat("%s: is not an OpenEXR, Radiance or PFM file", path));
+}
+
+}  // namespace candela

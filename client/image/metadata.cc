@@ -1,0 +1,53 @@
+// What a file says about its colours and its pixels' shape, checked once for all readers.
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "client/image/readers.h"
+
+namespace candela {
+namespace {
+
+constexpr std::array<float, 8> kRec709{0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
+
+// Whether the primaries span a plane and white can be mixed from them.
+bool has_matrix(const std::array<float, 8>& xy) {
+  for (float v : xy) {
+    // Real encodings stay within a few units, imaginary primaries included.
+    if (!std::isfinite(v) || std::fabs(v) > 1e3f) return false;
+  }
+  const auto cross = [&](int a, int b, int c) {  // twice the area of the triangle of three points
+    const double ax = xy[2 * a], ay = xy[2 * a + 1];
+    return (xy[2 * b] - ax) * (xy[2 * c + 1] - ay) - (xy[2 * c] - ax) * (xy[2 * b + 1] - ay);
+  };
+  constexpr int kRed = 0, kGreen = 1, kBlue = 2, kWhite = 3;
+  constexpr double kTiny = 1e-6;
+  return std::fabs(cross(kRed, kGreen, kBlue)) > kTiny && std::fabs(xy[7]) > kTiny &&
+         // White on a triangle's side leaves a primary without a share in it.
+         std::fabs(cross(kWhite, kGreen, kBlue)) > kTiny && std::fabs(cross(kRed, kWhite, kBlue)) > kTiny &&
+         std::fabs(cross(kRed, kGreen, kWhite)) > kTiny;
+}
+
+}  // namespace
+
+void set_chromaticities(const std::array<float, 8>& xy, Image& image) {
+  image.chromaticities.reset();
+  if (!has_matrix(xy)) {
+    image.notes.push_back("the file's chromaticities are singular and were ignored: taken as Rec.709");
+    return;
+  }
+  const bool rec709 = std::equal(xy.begin(), xy.end(), kRec709.begin(),
+                                 [](float a, float b) { return std::fabs(a - b) <= 1e-4f; });
+  if (!rec709) image.chromaticities = xy;
+}
+
+void set_pixel_aspect(double aspect, Image& image) {
+  if (std::isfinite(aspect) && aspect >= 0.01 && aspect <= 100) {
+    image.pixel_aspect = aspect;
+  } else {
+    image.notes.push_back(
+        absl::StrFormat("the file's pixel aspect of %g is not within 0.01 .. 100 and was ignored", aspect));
+  }
+}
+
+}  // namespace candela

@@ -1,0 +1,81 @@
+// PNG: 8 bit from kRgba8, 16 from kRgba16; with alpha only where the image has it. Colour is stored as it is,
+// not divided by alpha (pipeline.md section 7).
+#include <png.h>
+
+#include <csetjmp>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "client/image/writers.h"
+
+namespace candela {
+namespace {
+
+struct Failure {
+  char text[200] = "";
+};
+
+[[noreturn]] void on_error(png_structp png, png_const_charp message) {
+  auto* failure = static_cast<Failure*>(png_get_error_ptr(png));
+  std::snprintf(failure->text, sizeof failure->text, "%s", message);
+  png_longjmp(png, 1);
+}
+
+void on_warning(png_structp, png_const_charp) {}
+
+// Nothing in here has a destructor: libpng leaves it by longjmp. False on failure.
+bool encode(png_structp png, png_infop info, std::FILE* file, const Image& image, bool alpha,
+            EncodedTransfer transfer) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  const bool wide = image.format == ImageFormat::kRgba16;
+  png_init_io(png, file);
+  png_set_IHDR(png, info, image.width, image.height, wide ? 16 : 8,
+               alpha ? PNG_COLOR_TYPE_RGBA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  if (transfer == EncodedTransfer::kSrgb) {
+    png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+  } else {
+    png_set_gAMA(png, info, transfer == EncodedTransfer::kGamma22 ? 1 / 2.2 : 1.0);
+    png_set_cHRM(png, info, 0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06);  // Rec.709, D65
+  }
+  if (image.pixel_aspect != 1.0) {
+    // Pixels per unit: the wider a pixel, the fewer.
+    const AspectRatio ratio = aspect_ratio(image.pixel_aspect);
+    png_set_pHYs(png, info, ratio.height, ratio.width, PNG_RESOLUTION_UNKNOWN);
+  }
+  png_set_compression_level(png, 3);
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_UP);
+  png_write_info(png, info);
+  if (!alpha) png_set_filler(png, 0, PNG_FILLER_AFTER);  // in writing: drops the fourth component
+  if (wide) png_set_swap(png);
+  for (uint32_t y = 0; y < image.height; ++y) {
+    png_write_row(png, reinterpret_cast<png_const_bytep>(image.pixels.data() + y * image.row_bytes()));
+  }
+  png_write_end(png, info);
+  return true;
+}
+
+}  // namespace
+
+absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes) {
+  if (image.format != ImageFormat::kRgba8 && image.format != ImageFormat::kRgba16) {
+    return absl::InvalidArgumentError(absl::StrFormat("%s: a PNG is written from rgba8 or rgba16, not %s",
+                                                      file.path(), name(image.format)));
+  }
+  bool alpha = image.has_alpha;
+  if (alpha && alpha_hides_everything(image)) {
+    alpha = false;
+    notes.push_back("alpha dropped: it is 0 everywhere and would hide the whole picture");
+  }
+  Failure failure;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &failure, on_error, on_warning);
+  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
+  const bool written = info != nullptr && encode(png, info, file.stream(), image, alpha, options.transfer);
+  png_destroy_write_struct(&png, &info);
+  if (written) return absl::OkStatus();
+  if (std::ferror(file.stream()) != 0) return absl::OkStatus();  // commit() has the system's reason
+  return absl::InternalError(absl::StrFormat("%s: cannot encode the PNG: %s", file.path(),
+                                             failure.text[0] ? failure.text : "no memory"));
+}
+
+}  // namespace candela

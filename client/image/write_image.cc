@@ -1,0 +1,92 @@
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <filesystem>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
+#include "client/image/writers.h"
+
+namespace candela {
+namespace {
+
+absl::Status check_image(const std::string& path, const Image& image) {
+  if (image.width == 0 || image.height == 0 || image.pixels.size() != image.bytes()) {
+    return absl::InvalidArgumentError(absl::StrFormat("%s: a %dx%d %s image has %d bytes, this one has %d",
+                                                      path, image.width, image.height, name(image.format),
+                                                      image.bytes(), image.pixels.size()));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<OutputKind> output_kind(const std::string& path) {
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  if (extension == ".png") return OutputKind::kPng;
+  if (extension == ".jpg" || extension == ".jpeg") return OutputKind::kJpeg;
+  if (extension == ".exr") return OutputKind::kExr;
+  if (extension == ".pfm") return OutputKind::kPfm;
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: images are not written as '%s'; use .png, .jpg, .jpeg, .exr or .pfm", path, extension));
+}
+
+absl::StatusOr<OutputKind> check_output_path(const std::string& path) {
+  absl::StatusOr<OutputKind> kind = output_kind(path);
+  if (!kind.ok()) return kind;
+  struct stat info {};
+  if (stat(path.c_str(), &info) == 0) {
+    if (S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
+    if (access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
+  }
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  if (access(folder.empty() ? "." : folder.c_str(), W_OK | X_OK) != 0) return cannot_write(path, errno);
+  return kind;
+}
+
+bool alpha_hides_everything(const Image& image) {
+  const size_t component = bytes_per_pixel(image.format) / 4;
+  const auto is_zero = [](std::byte b) { return b == std::byte{0}; };
+  bool colour = false;
+  for (const std::byte* p = image.pixels.data(); p != image.pixels.data() + image.bytes();
+       p += 4 * component) {
+    if (!std::all_of(p + 3 * component, p + 4 * component, is_zero)) return false;
+    colour = colour || !std::all_of(p, p + 3 * component, is_zero);
+  }
+  return colour;
+}
+
+AspectRatio aspect_ratio(double pixel_aspect) {
+  // 3:2 and the like come out whole; 1000 leaves 0.05 % for the rest.
+  for (int height = 1; height <= 1000; ++height) {
+    const double width = pixel_aspect * height;
+    if (width < 0.5 || width > 65535) continue;
+    if (height == 1000 || std::fabs(width - std::round(width)) < 1e-5 * width) {
+      return {static_cast<uint16_t>(std::round(width)), static_cast<uint16_t>(height)};
+    }
+  }
+  return {};
+}
+
+absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
+                                                     const WriteOptions& options) {
+  absl::StatusOr<OutputKind> kind = check_output_path(path);
+  if (!kind.ok()) return kind.status();
+  if (absl::Status status = check_image(path, image); !status.ok()) return status;
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
+  if (!file.ok()) return file.status();
+  const auto write = *kind == OutputKind::kPng    ? write_png
+                     : *kind == OutputKind::kJpeg ? write_jpeg
+                     : *kind == OutputKind::kExr  ? write_exr
+                                                  : write_pfm;
+  Notes notes;
+  absl::Status status = write(*file, image, options, notes);
+  if (status.ok()) status = file->commit();
+  if (!status.ok()) return status;
+  return notes;
+}
+
+}  // namespace candela
