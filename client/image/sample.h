@@ -8,8 +8,9 @@
 namespace candela {
 
 // An evening: analytic sky, a sun of 1e5, lamps of several colours on dark ground, deep shadow near 1e-3, and
-// a strip with a grey ramp (2^-10 .. 2^6) over a colour ramp. kRgba32f, Rec.709, without alpha; the same bits
-// for the same size everywhere IEEE arithmetic and libm agree. Any size from 1x1; fails as make_image does.
+// a strip with a grey ramp (2^-10 .. 2^6) over all hues (2^-6 .. 2^3). kRgba32f, Rec.709, without alpha; the
+// same bits for the same size everywhere IEEE arithmetic and libm agree. Any size from 1x1; fails as
+// make_image does.
 absl::StatusOr<Image> sample_scene(uint32_t width, uint32_t height);
 
 }  // namespace candela
