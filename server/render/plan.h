@@ -40,9 +40,9 @@ struct Step {
 };
 
 struct Plan {
-  std::vector<Step> steps;          // in order; kIngest comes first
-  bool bloom = false;               // resolve adds bloom
-  std::vector<std::string> words;   // the same for people, with the reasons
+  std::vector<Step> steps;         // in order; kIngest comes first
+  bool bloom = false;              // resolve adds bloom
+  std::vector<std::string> words;  // the same for people, with the reasons
 };
 
 // Pure: the same arguments give the same plan.

@@ -26,16 +26,18 @@ class FrameMemory {
   ~FrameMemory();
 
   const FrameDesc& desc() const;
-  // Where the wire's row y goes: desc().row_bytes() bytes, written once, not read (it may be uncached memory).
+  // Where the wire's row y goes: desc().row_bytes() bytes, written once, not read (it may be uncached
+  // memory).
   std::span<std::byte> input_row(uint32_t y);
   // The finished image's row y, tight: width * bytes_per_pixel(output). Valid after render() succeeded, until
   // this is destroyed. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
   std::span<const std::byte> output_row(uint32_t y) const;
   bool output_contiguous() const;
 
+  struct Parts;  // of server/render
+
  private:
   friend class Renderer;
-  struct Parts;
   std::unique_ptr<Parts> parts_;
 };
 
@@ -59,18 +61,19 @@ class Renderer {
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool);
   ~Renderer();
 
-  // Takes the memory for a frame. RESOURCE_EXHAUSTED when the pool's budget does not hold it now (or ever; the
-  // message says which). The settings' output format and bloom decide what is taken. Any thread; never waits.
+  // Takes the memory for a frame. RESOURCE_EXHAUSTED when the pool's budget does not hold it now (or ever;
+  // the message says which). The settings' output format and bloom decide what is taken. Any thread; never
+  // waits.
   absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings);
 
-  // Renders the pixels in `memory` to completion. `settings` must have passed check_settings and be those that
-  // the memory was allocated with. INVALID_ARGUMENT naming the pixel when BadValues::kReject meets a bad one;
-  // UNAVAILABLE when the device is lost. One thread at a time; blocks for the frame's time.
+  // Renders the pixels in `memory` to completion. `settings` must have passed check_settings and be those
+  // that the memory was allocated with. INVALID_ARGUMENT naming the pixel when BadValues::kReject meets a bad
+  // one; UNAVAILABLE when the device is lost. One thread at a time; blocks for the frame's time.
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings);
 
  private:
-  explicit Renderer(Device& device, TexturePool& pool);
   struct Impl;
+  explicit Renderer(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

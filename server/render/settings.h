@@ -54,7 +54,8 @@ struct Settings {
   std::optional<Chromaticities> input_chromaticities;  // absent: Rec.709, D65
 };
 
-// INVALID_ARGUMENT naming the field, its value and its range; also for an unknown tier, listing those there are.
+// INVALID_ARGUMENT naming the field, its value and its range; also for an unknown tier, listing those there
+// are.
 absl::Status check_settings(const Settings& settings);
 
 }  // namespace candela

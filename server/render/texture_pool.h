@@ -64,7 +64,7 @@ class TexturePool {
 // One texture while a frame has it; gives it back on destruction. Movable.
 class TexturePool::Lease {
  public:
-  Lease() = default;
+  Lease();
   Lease(Lease&&) noexcept;
   Lease& operator=(Lease&&) noexcept;
   ~Lease();

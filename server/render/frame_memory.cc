@@ -1,0 +1,76 @@
+#include "server/render/frame_memory.h"
+
+#include <utility>
+
+namespace candela {
+
+namespace {
+
+constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, bool unified_memory,
+                                                               const FrameDesc& desc,
+                                                               const Settings& settings) {
+  auto parts = std::make_unique<FrameMemory::Parts>();
+  parts->desc = desc;
+  parts->output_format = settings.output_format;
+  parts->pitch = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
+  parts->tiles_x = groups(desc.width, shader::TILE_TEXELS);
+  parts->tiles_y = groups(desc.height, shader::TILE_TEXELS);
+
+  struct Wanted {
+    TexturePool::Lease* lease;
+    TextureKey key;
+  };
+  const TextureKey input = {parts->pitch, desc.height, bytes_per_pixel(desc.format), MemoryUse::kDevice};
+  const TextureKey output = {parts->pitch, desc.height, bytes_per_pixel(settings.output_format),
+                             MemoryUse::kDevice};
+  const TextureKey tiles = {parts->tiles_x, parts->tiles_y, sizeof(shader::TileRecord), MemoryUse::kDevice};
+  std::vector<Wanted> wanted = {{&parts->input, input}, {&parts->output, output}, {&parts->tiles, tiles}};
+  if (!unified_memory) {
+    const auto staged = [](TextureKey key, MemoryUse use) {
+      key.use = use;
+      return key;
+    };
+    wanted.push_back({&parts->upload, staged(input, MemoryUse::kUpload)});
+    wanted.push_back({&parts->readback, staged(output, MemoryUse::kReadback)});
+    wanted.push_back({&parts->tiles_readback, staged(tiles, MemoryUse::kReadback)});
+  }
+  if (settings.bloom.intensity > 0) {
+    parts->level_sizes = bloom_level_sizes(desc.width, desc.height, settings.bloom.levels);
+    parts->levels.resize(parts->level_sizes.size());
+    for (size_t i = 0; i < parts->levels.size(); ++i) {
+      const LevelSize& size = parts->level_sizes[i];
+      wanted.push_back({&parts->levels[i], {size.width, size.height, 3 * sizeof(float), MemoryUse::kDevice}});
+    }
+  }
+  for (const Wanted& w : wanted) {
+    absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key);
+    if (!lease.ok()) return lease.status();
+    *w.lease = *std::move(lease);
+  }
+  return parts;
+}
+
+FrameMemory::FrameMemory() = default;
+FrameMemory::FrameMemory(FrameMemory&&) noexcept = default;
+FrameMemory& FrameMemory::operator=(FrameMemory&&) noexcept = default;
+FrameMemory::~FrameMemory() = default;
+
+const FrameDesc& FrameMemory::desc() const { return parts_->desc; }
+
+std::span<std::byte> FrameMemory::input_row(uint32_t y) {
+  const uint64_t pitch_bytes = uint64_t{parts_->pitch} * bytes_per_pixel(parts_->desc.format);
+  return {parts_->host_input().mapped() + y * pitch_bytes, parts_->desc.row_bytes()};
+}
+
+std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
+  const uint64_t texel_bytes = bytes_per_pixel(parts_->output_format);
+  return {parts_->host_output().mapped() + y * parts_->pitch * texel_bytes, parts_->desc.width * texel_bytes};
+}
+
+bool FrameMemory::output_contiguous() const { return parts_->pitch == parts_->desc.width; }
+
+}  // namespace candela

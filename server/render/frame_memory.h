@@ -1,0 +1,39 @@
+// The inside of FrameMemory. Internal to server/render.
+#pragma once
+
+#include <vector>
+
+#include "server/render/renderer.h"
+#include "shaders/params.h"
+
+namespace candela {
+
+struct FrameMemory::Parts {
+  FrameDesc desc;
+  OutputFormat output_format = OutputFormat::kRgba8;
+  uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
+  uint32_t tiles_x = 0;
+  uint32_t tiles_y = 0;
+  std::vector<LevelSize> level_sizes;  // empty where the settings ask for no bloom
+
+  TexturePool::Lease input;
+  TexturePool::Lease output;
+  TexturePool::Lease tiles;
+  std::vector<TexturePool::Lease> levels;
+  // Only on a device without unified memory.
+  TexturePool::Lease upload;
+  TexturePool::Lease readback;
+  TexturePool::Lease tiles_readback;
+
+  // What the host sees.
+  const Buffer& host_input() const { return upload ? upload.buffer() : input.buffer(); }
+  const Buffer& host_output() const { return readback ? readback.buffer() : output.buffer(); }
+  const Buffer& host_tiles() const { return tiles_readback ? tiles_readback.buffer() : tiles.buffer(); }
+};
+
+// Takes everything or nothing.
+absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, bool unified_memory,
+                                                               const FrameDesc& desc,
+                                                               const Settings& settings);
+
+}  // namespace candela

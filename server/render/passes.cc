@@ -1,0 +1,153 @@
+#include "server/render/passes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "server/render/primaries.h"
+#include "shaders/bloom_down.spv.h"
+#include "shaders/bloom_up.spv.h"
+#include "shaders/ingest.spv.h"
+#include "shaders/resolve.spv.h"
+
+namespace candela {
+
+namespace {
+
+static_assert(shader::INGEST_GROUP_X * shader::GROUP_TEXELS == shader::TILE_TEXELS);
+static_assert(shader::INGEST_GROUP_Y * shader::INGEST_ROWS == shader::TILE_TEXELS);
+static_assert(sizeof(shader::IngestParams) <= PipelineCache::kPushBytes);
+static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
+
+constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
+
+constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
+constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
+
+template <typename Params>
+absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
+                      const Constants& constants, const Params& params, uint32_t groups_x,
+                      uint32_t groups_y) {
+  const absl::StatusOr<VkPipeline> pipeline = pipelines.get(spirv, constants);
+  if (!pipeline.ok()) return pipeline.status();
+  recorder.dispatch(*pipeline, pipelines.layout(), &params, sizeof params, groups_x, groups_y);
+  return absl::OkStatus();
+}
+
+absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
+  const FrameMemory::Parts& parts = context.parts;
+  const BloomSettings& bloom = context.settings.bloom;
+  const bool level = !parts.levels.empty();
+  const VkDeviceAddress level_address = level ? parts.levels[0].buffer().address() : 0;
+  const VkDeviceAddress tiles_address = parts.tiles.buffer().address();
+  shader::IngestParams params{};
+  params.frame = context.input;
+  params.level_lo = low(level_address);
+  params.level_hi = high(level_address);
+  params.tiles_lo = low(tiles_address);
+  params.tiles_hi = high(tiles_address);
+  params.level_width = groups(parts.desc.width, 2);
+  params.level_height = groups(parts.desc.height, 2);
+  params.tiles_x = parts.tiles_x;
+  params.threshold = bloom.threshold;
+  params.knee = bloom.softness * bloom.threshold;
+  return dispatch(pipelines, recorder, k_ingest_spirv,
+                  {static_cast<uint32_t>(parts.desc.format), context.matrix, level, bloom.firefly_weights},
+                  params, parts.tiles_x, parts.tiles_y);
+}
+
+// From level `from` to level `to`; an invocation makes `columns` columns and BLOOM_ROWS * columns rows of
+// `to`.
+absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
+                          std::span<const uint32_t> spirv, uint32_t from, uint32_t to, uint32_t columns) {
+  const FrameMemory::Parts& parts = context.parts;
+  const VkDeviceAddress from_address = parts.levels[from].buffer().address();
+  const VkDeviceAddress to_address = parts.levels[to].buffer().address();
+  shader::BloomParams params{};
+  params.from_lo = low(from_address);
+  params.from_hi = high(from_address);
+  params.to_lo = low(to_address);
+  params.to_hi = high(to_address);
+  params.from_width = parts.level_sizes[from].width;
+  params.from_height = parts.level_sizes[from].height;
+  params.to_width = parts.level_sizes[to].width;
+  params.to_height = parts.level_sizes[to].height;
+  return dispatch(pipelines, recorder, spirv, {}, params,
+                  groups(params.to_width, columns * shader::BLOOM_GROUP_X),
+                  groups(params.to_height, columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
+}
+
+absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
+  const FrameMemory::Parts& parts = context.parts;
+  const VkDeviceAddress output_address = parts.output.buffer().address();
+  shader::ResolveParams params{};
+  params.frame = context.input;
+  params.output_lo = low(output_address);
+  params.output_hi = high(output_address);
+  params.output_pitch = parts.pitch;
+  // 2^46 is beyond where any curve still rises for a half's smallest step; it keeps the arithmetic finite.
+  params.exposure = static_cast<float>(std::min(context.exposure, 0x1p46));
+  if (context.bloom) {
+    const VkDeviceAddress bloom_address = parts.levels[0].buffer().address();
+    params.bloom_lo = low(bloom_address);
+    params.bloom_hi = high(bloom_address);
+    params.level_width = parts.level_sizes[0].width;
+    params.level_height = parts.level_sizes[0].height;
+    params.bloom_scale = context.settings.bloom.intensity / static_cast<float>(parts.levels.size());
+  }
+  return dispatch(
+      pipelines, recorder, k_resolve_spirv,
+      {static_cast<uint32_t>(parts.desc.format), context.matrix, context.bloom,
+       static_cast<uint32_t>(context.settings.curve), static_cast<uint32_t>(context.settings.transfer),
+       static_cast<uint32_t>(parts.output_format)},
+      params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
+      groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
+}
+
+}  // namespace
+
+PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings) {
+  PassContext context{parts, settings, {}};
+  const VkDeviceAddress address = parts.input.buffer().address();
+  std::array<float, 9> m = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  if (settings.input_chromaticities) {
+    // check_settings has seen to it that there is one.
+    if (const auto matrix = matrix_to_rec709(*settings.input_chromaticities);
+        matrix.ok() && matrix->has_value()) {
+      m = **matrix;
+      context.matrix = true;
+    }
+  }
+  context.input = {low(address),
+                   high(address),
+                   parts.desc.width,
+                   parts.desc.height,
+                   parts.pitch,
+                   m[0],
+                   m[1],
+                   m[2],
+                   m[3],
+                   m[4],
+                   m[5],
+                   m[6],
+                   m[7],
+                   m[8]};
+  return context;
+}
+
+absl::Status record(const Step& step, const PassContext& context, PipelineCache& pipelines,
+                    Recorder& recorder) {
+  switch (step.pass) {
+    case Pass::kIngest:
+      return record_ingest(context, pipelines, recorder);
+    case Pass::kBloomDown:
+      return record_bloom(context, pipelines, recorder, k_bloom_down_spirv, step.level - 1, step.level, 1);
+    case Pass::kBloomUp:
+      return record_bloom(context, pipelines, recorder, k_bloom_up_spirv, step.level + 1, step.level, 2);
+    case Pass::kResolve:
+      return record_resolve(context, pipelines, recorder);
+  }
+  return absl::InternalError("unknown pass");
+}
+
+}  // namespace candela

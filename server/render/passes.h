@@ -1,0 +1,29 @@
+// The passes of a frame, recorded: which pipeline, which parameters, how many groups. Internal to
+// server/render.
+#pragma once
+
+#include "absl/status/status.h"
+#include "server/render/frame_memory.h"
+#include "server/vulkan/pipeline.h"
+#include "server/vulkan/recorder.h"
+#include "shaders/params.h"
+
+namespace candela {
+
+// What the passes of one frame need to know. References live for the frame.
+struct PassContext {
+  const FrameMemory::Parts& parts;
+  const Settings& settings;
+  shader::InputParams input;  // of the frame; carries the primaries' matrix
+  bool matrix = false;        // the matrix is not the identity
+  bool bloom = false;         // resolve: add it
+  double exposure = 1.0;      // resolve: E * prescale
+};
+
+PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings);
+
+// Records one step. Barriers between steps are the caller's.
+absl::Status record(const Step& step, const PassContext& context, PipelineCache& pipelines,
+                    Recorder& recorder);
+
+}  // namespace candela

@@ -1,0 +1,167 @@
+#include "server/render/renderer.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "server/render/exposure.h"
+#include "server/render/frame_memory.h"
+#include "server/render/passes.h"
+#include "server/vulkan/pipeline.h"
+#include "server/vulkan/recorder.h"
+
+namespace candela {
+
+namespace {
+
+// What the tiles add up to, before it is turned into statistics.
+struct TileSums {
+  FrameStats stats;
+  uint32_t first_bad_texel = UINT32_MAX;  // y * width + x; UINT32_MAX: none
+};
+
+TileSums sum_tiles(const FrameMemory::Parts& parts) {
+  TileSums sums;
+  FrameStats& stats = sums.stats;
+  // At 16384 x 16384: 2^28 texels of 25 bits, so 2^53 at most.
+  uint64_t fixed_log2 = 0;
+  uint32_t darkest_inverted = 0;
+  uint32_t brightest = 0;
+  const size_t count = size_t{parts.tiles_x} * parts.tiles_y;
+  for (size_t i = 0; i < count; ++i) {
+    shader::TileRecord tile;
+    std::memcpy(&tile, parts.host_tiles().mapped() + i * sizeof tile, sizeof tile);
+    fixed_log2 += tile.log2_sum_low + (uint64_t{tile.log2_sum_high} << 16);
+    brightest = std::max(brightest, tile.max_luminance_bits);
+    darkest_inverted = std::max(darkest_inverted, tile.min_luminance_bits_inverted);
+    stats.nan_components += tile.nan_components;
+    stats.infinite_components += tile.infinite_components;
+    stats.negative_components += tile.negative_components;
+    stats.bright_texels += tile.bright_texels;
+    sums.first_bad_texel = std::min(sums.first_bad_texel, ~tile.first_bad_texel_inverted);
+  }
+  const double texels = static_cast<double>(parts.desc.width) * parts.desc.height;
+  stats.mean_log2_luminance =
+      static_cast<double>(fixed_log2) / (double{1u << shader::LOG2_FRACTION_BITS} * texels) -
+      shader::LOG2_BIAS;
+  stats.max_luminance = std::bit_cast<float>(brightest);
+  stats.min_luminance = std::bit_cast<float>(~darkest_inverted);
+  return sums;
+}
+
+void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
+  for (const Recorder::Timing& timing : recorder.timings()) {
+    const auto same = std::find_if(stages->begin(), stages->end(), [&](const StageTime& stage) {
+      return std::strcmp(stage.name, timing.name) == 0;
+    });
+    if (same == stages->end()) {
+      stages->push_back({timing.name, timing.ns});
+    } else {
+      same->ns += timing.ns;
+    }
+  }
+}
+
+}  // namespace
+
+struct Renderer::Impl {
+  Device& device;
+  TexturePool& pool;
+  PipelineCache pipelines;
+  Recorder recorder;
+
+  // Phase A: everything that one read of the frame can tell.
+  absl::Status measure(const PassContext& context);
+  // Phase B: what the plan says.
+  absl::Status draw(const PassContext& context, const Plan& plan);
+};
+
+absl::Status Renderer::Impl::measure(const PassContext& context) {
+  const FrameMemory::Parts& parts = context.parts;
+  if (absl::Status status = recorder.begin(); !status.ok()) return status;
+  if (parts.upload) {
+    recorder.mark("upload");
+    recorder.copy(parts.upload.buffer(), parts.input.buffer(), parts.input.buffer().bytes());
+  }
+  recorder.mark(name(Pass::kIngest));
+  recorder.fill_zero(parts.tiles.buffer());
+  recorder.barrier();
+  if (absl::Status status = record({Pass::kIngest}, context, pipelines, recorder); !status.ok())
+    return status;
+  if (parts.tiles_readback) {
+    recorder.barrier();
+    recorder.copy(parts.tiles.buffer(), parts.tiles_readback.buffer(), parts.tiles.buffer().bytes());
+  }
+  recorder.barrier_to_host();
+  return recorder.submit_and_wait();
+}
+
+absl::Status Renderer::Impl::draw(const PassContext& context, const Plan& plan) {
+  const FrameMemory::Parts& parts = context.parts;
+  if (absl::Status status = recorder.begin(); !status.ok()) return status;
+  for (const Step& step : plan.steps) {
+    if (step.pass == Pass::kIngest) continue;
+    recorder.mark(name(step.pass));
+    if (absl::Status status = record(step, context, pipelines, recorder); !status.ok()) return status;
+    recorder.barrier();
+  }
+  if (parts.readback) {
+    recorder.mark("download");
+    recorder.copy(parts.output.buffer(), parts.readback.buffer(), parts.output.buffer().bytes());
+  }
+  recorder.barrier_to_host();
+  return recorder.submit_and_wait();
+}
+
+Renderer::Renderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Renderer::~Renderer() = default;
+
+absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool) {
+  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(device);
+  if (!pipelines.ok()) return pipelines.status();
+  absl::StatusOr<Recorder> recorder = Recorder::create(device);
+  if (!recorder.ok()) return recorder.status();
+  return std::unique_ptr<Renderer>(new Renderer(
+      std::unique_ptr<Impl>(new Impl{device, pool, *std::move(pipelines), *std::move(recorder)})));
+}
+
+absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings) {
+  absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> parts =
+      take_parts(impl_->pool, impl_->device.unified_memory(), desc, settings);
+  if (!parts.ok()) return parts.status();
+  FrameMemory memory;
+  memory.parts_ = *std::move(parts);
+  return memory;
+}
+
+absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings) {
+  const FrameMemory::Parts& parts = *memory.parts_;
+  PassContext context = pass_context(parts, settings);
+  if (absl::Status status = impl_->measure(context); !status.ok()) return status;
+
+  FrameReport report;
+  add_timings(impl_->recorder, &report.stages);
+  const TileSums sums = sum_tiles(parts);
+  report.stats = sums.stats;
+  if (settings.bad_values == BadValues::kReject && sums.first_bad_texel != UINT32_MAX) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("the pixel at x %d, y %d is not finite (%d NaN and %d infinite components in all); "
+                        "repair the frame or use "
+                        "bad_values SCRUB",
+                        sums.first_bad_texel % parts.desc.width, sums.first_bad_texel / parts.desc.width,
+                        report.stats.nan_components, report.stats.infinite_components));
+  }
+  report.target = exposure_target(settings.exposure, report.stats.mean_log2_luminance);
+  report.exposure = report.target;  // a single image takes its target at once
+  report.plan = plan_frame(parts.desc, report.stats, settings, *find_tier(settings.tier));
+
+  context.bloom = report.plan.bloom;
+  context.exposure = report.exposure * settings.prescale;
+  if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
+  add_timings(impl_->recorder, &report.stages);
+  return report;
+}
+
+}  // namespace candela

@@ -1,0 +1,101 @@
+#include "server/render/texture_pool.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+
+struct TexturePool::Entry {
+  TextureKey key;
+  Buffer buffer;
+};
+
+namespace {
+
+uint64_t size_of(const TextureKey& key) {
+  return std::max<uint64_t>(16, uint64_t{key.width} * key.height * key.texel_bytes);
+}
+
+}  // namespace
+
+TexturePool::TexturePool(Device& device, uint64_t budget_bytes)
+    : device_(device), budget_bytes_(budget_bytes) {}
+
+TexturePool::~TexturePool() = default;
+
+absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
+  const uint64_t bytes = size_of(key);
+  std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
+  {
+    const std::lock_guard lock(mutex_);
+    // The latest first: its pages are the likeliest to be warm.
+    const auto found =
+        std::find_if(idle_.rbegin(), idle_.rend(), [&](const auto& e) { return e->key == key; });
+    if (found != idle_.rend()) {
+      std::unique_ptr<Entry> entry = std::move(*found);
+      idle_.erase(std::next(found).base());
+      ++counters_.hits;
+      counters_.bytes_idle -= bytes;
+      counters_.bytes_in_use += bytes;
+      return Lease(this, std::move(entry));
+    }
+    if (counters_.bytes_in_use + bytes > budget_bytes_) {
+      return absl::ResourceExhaustedError(
+          absl::StrFormat("a %dx%d texture needs %d bytes, and frames in flight hold %d of the memory budget "
+                          "of %d; send smaller "
+                          "frames, wait for those in flight, or raise --memory-budget",
+                          key.width, key.height, bytes, counters_.bytes_in_use, budget_bytes_));
+    }
+    while (!idle_.empty() && counters_.bytes_in_use + counters_.bytes_idle + bytes > budget_bytes_) {
+      counters_.bytes_idle -= size_of(idle_.front()->key);
+      given_up.push_back(std::move(idle_.front()));
+      idle_.erase(idle_.begin());
+    }
+    ++counters_.misses;
+    counters_.bytes_in_use += bytes;
+    counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
+  }
+  given_up.clear();
+  absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
+  if (!buffer.ok()) {
+    const std::lock_guard lock(mutex_);
+    counters_.bytes_in_use -= bytes;
+    return buffer.status();
+  }
+  return Lease(this, std::make_unique<Entry>(key, *std::move(buffer)));
+}
+
+void TexturePool::give_back(std::unique_ptr<Entry> entry) {
+  const uint64_t bytes = size_of(entry->key);
+  const std::lock_guard lock(mutex_);
+  counters_.bytes_in_use -= bytes;
+  counters_.bytes_idle += bytes;
+  idle_.push_back(std::move(entry));
+}
+
+PoolCounters TexturePool::counters() const {
+  const std::lock_guard lock(mutex_);
+  return counters_;
+}
+
+TexturePool::Lease::Lease(TexturePool* pool, std::unique_ptr<Entry> entry)
+    : pool_(pool), entry_(std::move(entry)) {}
+
+TexturePool::Lease::Lease() = default;
+TexturePool::Lease::Lease(Lease&& other) noexcept = default;
+
+TexturePool::Lease& TexturePool::Lease::operator=(Lease&& other) noexcept {
+  std::swap(pool_, other.pool_);
+  std::swap(entry_, other.entry_);
+  return *this;
+}
+
+TexturePool::Lease::~Lease() {
+  if (entry_) pool_->give_back(std::move(entry_));
+}
+
+const Buffer& TexturePool::Lease::buffer() const { return entry_->buffer; }
+
+}  // namespace candela

@@ -1,0 +1,62 @@
+#include "server/vulkan/buffer.h"
+
+#include <utility>
+
+#include "server/vulkan/result.h"
+
+namespace candela {
+
+absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use) {
+  Buffer b;
+  b.device_ = device.handle();
+  b.bytes_ = bytes;
+
+  VkBufferCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
+  info.size = bytes;
+  info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+               VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+  CANDELA_VK(vkCreateBuffer(b.device_, &info, nullptr, &b.buffer_));
+
+  VkMemoryRequirements requirements;
+  vkGetBufferMemoryRequirements(b.device_, b.buffer_, &requirements);
+  VkMemoryAllocateFlagsInfo flags{};
+  flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+  flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+  VkMemoryAllocateInfo allocation{};
+  allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
+  allocation.pNext = &flags;
+  allocation.allocationSize = requirements.size;
+  allocation.memoryTypeIndex = device.memory_type(use);
+  CANDELA_VK(vkAllocateMemory(b.device_, &allocation, nullptr, &b.memory_));
+  CANDELA_VK(vkBindBufferMemory(b.device_, b.buffer_, b.memory_, 0));
+  if (use != MemoryUse::kDevice || device.unified_memory()) {
+    void* mapped = nullptr;
+    CANDELA_VK(vkMapMemory(b.device_, b.memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+    b.mapped_ = static_cast<std::byte*>(mapped);
+  }
+  VkBufferDeviceAddressInfo address{};
+  address.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
+  address.buffer = b.buffer_;
+  b.address_ = vkGetBufferDeviceAddress(b.device_, &address);
+  return b;
+}
+
+Buffer::Buffer(Buffer&& other) noexcept { *this = std::move(other); }
+
+Buffer& Buffer::operator=(Buffer&& other) noexcept {
+  std::swap(device_, other.device_);
+  std::swap(buffer_, other.buffer_);
+  std::swap(memory_, other.memory_);
+  std::swap(address_, other.address_);
+  std::swap(bytes_, other.bytes_);
+  std::swap(mapped_, other.mapped_);
+  return *this;
+}
+
+Buffer::~Buffer() {
+  if (buffer_ != VK_NULL_HANDLE) vkDestroyBuffer(device_, buffer_, nullptr);
+  if (memory_ != VK_NULL_HANDLE) vkFreeMemory(device_, memory_, nullptr);
+}
+
+}  // namespace candela

@@ -1,0 +1,40 @@
+// A storage buffer with its memory, reached by shaders through its address.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <cstddef>
+#include <cstdint>
+
+#include "absl/status/statusor.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+
+// Movable; frees its memory. Use from one thread at a time. The device outlives it.
+class Buffer {
+ public:
+  // RESOURCE_EXHAUSTED when the device has no memory for it. `bytes` > 0.
+  static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use);
+
+  Buffer() = default;
+  Buffer(Buffer&& other) noexcept;
+  Buffer& operator=(Buffer&& other) noexcept;
+  ~Buffer();
+
+  VkBuffer handle() const { return buffer_; }
+  VkDeviceAddress address() const { return address_; }
+  uint64_t bytes() const { return bytes_; }
+  // Host view, or null where the memory cannot be mapped: kDevice on a device without unified memory.
+  std::byte* mapped() const { return mapped_; }
+
+ private:
+  VkDevice device_ = VK_NULL_HANDLE;
+  VkBuffer buffer_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkDeviceAddress address_ = 0;
+  uint64_t bytes_ = 0;
+  std::byte* mapped_ = nullptr;
+};
+
+}  // namespace candela

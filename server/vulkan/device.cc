@@ -1,0 +1,99 @@
+#include "server/vulkan/device.h"
+
+#include <cstdio>
+
+#include "absl/cleanup/cleanup.h"
+#include "server/vulkan/physical_device.h"
+#include "server/vulkan/result.h"
+
+namespace candela {
+
+namespace {
+
+VKAPI_ATTR VkBool32 VKAPI_CALL on_validation_message(VkDebugUtilsMessageSeverityFlagBitsEXT,
+                                                     VkDebugUtilsMessageTypeFlagsEXT,
+                                                     const VkDebugUtilsMessengerCallbackDataEXT* data,
+                                                     void* count) {
+  ++*static_cast<std::atomic<uint64_t>*>(count);
+  std::fprintf(stderr, "vulkan validation: %s\n", data->pMessage);
+  return VK_FALSE;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<DeviceSummary>> list_devices() {
+  absl::StatusOr<VkInstance> instance = create_instance(/*validation=*/false);
+  if (!instance.ok()) return instance.status();
+  const absl::Cleanup destroy = [&] { vkDestroyInstance(*instance, nullptr); };
+  absl::StatusOr<std::vector<PhysicalDevice>> devices = physical_devices(*instance);
+  if (!devices.ok()) return devices.status();
+  std::vector<DeviceSummary> summaries;
+  for (const PhysicalDevice& device : *devices) summaries.push_back(device.summary);
+  return summaries;
+}
+
+absl::StatusOr<std::unique_ptr<Device>> Device::create(const DeviceOptions& options) {
+  std::unique_ptr<Device> device(new Device);
+  if (absl::Status status = device->open(options); !status.ok()) return status;
+  return device;
+}
+
+absl::Status Device::open(const DeviceOptions& options) {
+  absl::StatusOr<VkInstance> instance = create_instance(options.validation);
+  if (!instance.ok()) return instance.status();
+  instance_ = *instance;
+  if (options.validation) {
+    VkDebugUtilsMessengerCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
+    info.messageSeverity =
+        VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    info.messageType =
+        VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
+    info.pfnUserCallback = on_validation_message;
+    info.pUserData = &validation_messages_;
+    const auto create = reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(
+        vkGetInstanceProcAddr(instance_, "vkCreateDebugUtilsMessengerEXT"));
+    CANDELA_VK(create(instance_, &info, nullptr, &messenger_));
+  }
+
+  absl::StatusOr<std::vector<PhysicalDevice>> devices = physical_devices(instance_);
+  if (!devices.ok()) return devices.status();
+  absl::StatusOr<PhysicalDevice> chosen = select_device(*devices, options.selector);
+  if (!chosen.ok()) return chosen.status();
+
+  queue_family_ = chosen->queue_family;
+  timestamp_period_ns_ = chosen->timestamp_period_ns;
+  timestamp_mask_ = chosen->timestamp_bits == 0 ? 0 : ~uint64_t{0} >> (64 - chosen->timestamp_bits);
+  for (uint32_t i = 0; i < 3; ++i) memory_types_[i] = chosen->memory_types[i];
+  summary_ = chosen->summary;
+
+  const float priority = 1.0f;
+  VkDeviceQueueCreateInfo queue{};
+  queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+  queue.queueFamilyIndex = queue_family_;
+  queue.queueCount = 1;
+  queue.pQueuePriorities = &priority;
+  VkPhysicalDeviceVulkan12Features features{};
+  features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+  features.bufferDeviceAddress = VK_TRUE;
+  VkDeviceCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+  info.pNext = &features;
+  info.queueCreateInfoCount = 1;
+  info.pQueueCreateInfos = &queue;
+  CANDELA_VK(vkCreateDevice(chosen->handle, &info, nullptr, &device_));
+  vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
+  return absl::OkStatus();
+}
+
+Device::~Device() {
+  if (device_ != VK_NULL_HANDLE) vkDestroyDevice(device_, nullptr);
+  if (messenger_ != VK_NULL_HANDLE) {
+    const auto destroy = reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(
+        vkGetInstanceProcAddr(instance_, "vkDestroyDebugUtilsMessengerEXT"));
+    destroy(instance_, messenger_, nullptr);
+  }
+  if (instance_ != VK_NULL_HANDLE) vkDestroyInstance(instance_, nullptr);
+}
+
+}  // namespace candela

@@ -1,0 +1,85 @@
+// One headless Vulkan device with one compute queue.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace candela {
+
+struct DeviceOptions {
+  // Empty: a discrete GPU, else an integrated one, else a virtual one, else the CPU. Otherwise an index of
+  // list_devices() or a part of a device's name, in any case of letters.
+  std::string selector;
+  // Validation and synchronisation validation; their messages are counted and printed to stderr.
+  bool validation = false;
+};
+
+struct DeviceSummary {
+  uint32_t index = 0;
+  std::string name;
+  std::string type;             // "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other"
+  std::string driver;           // name and version
+  std::string api_version;      // "1.3.230"
+  bool unified_memory = false;  // device memory is mapped and cached: no staging copies
+  uint64_t max_allocation_bytes = 0;
+  std::string unusable;  // why it cannot render; empty when it can
+};
+
+// FAILED_PRECONDITION when there is no Vulkan driver, naming the package and the variable that are wanted.
+absl::StatusOr<std::vector<DeviceSummary>> list_devices();
+
+// Where a buffer's memory must lie.
+enum class MemoryUse : uint32_t {
+  kDevice,    // fastest for shaders; mapped too where memory is unified
+  kUpload,    // written by the host, read by copies
+  kReadback,  // written by copies or shaders, read by the host: cached
+};
+
+// Thread-safe but for the queue, which one thread at a time may use.
+class Device {
+ public:
+  // NOT_FOUND when nothing matches the selector, listing what there is; else as list_devices().
+  static absl::StatusOr<std::unique_ptr<Device>> create(const DeviceOptions& options);
+  ~Device();
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+
+  const DeviceSummary& summary() const { return summary_; }
+  bool unified_memory() const { return summary_.unified_memory; }
+
+  VkDevice handle() const { return device_; }
+  VkQueue queue() const { return queue_; }
+  uint32_t queue_family() const { return queue_family_; }
+  double timestamp_period_ns() const { return timestamp_period_ns_; }
+  // Valid bits of a timestamp, as a mask; 0 where the queue has no timestamps.
+  uint64_t timestamp_mask() const { return timestamp_mask_; }
+  // Index of the memory type for `use`.
+  uint32_t memory_type(MemoryUse use) const { return memory_types_[static_cast<uint32_t>(use)]; }
+
+  // Warnings and errors that the validation layers have reported so far.
+  uint64_t validation_messages() const { return validation_messages_; }
+
+ private:
+  Device() = default;
+  absl::Status open(const DeviceOptions& options);
+
+  VkInstance instance_ = VK_NULL_HANDLE;
+  VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
+  VkDevice device_ = VK_NULL_HANDLE;
+  VkQueue queue_ = VK_NULL_HANDLE;
+  uint32_t queue_family_ = 0;
+  double timestamp_period_ns_ = 0.0;
+  uint64_t timestamp_mask_ = 0;
+  uint32_t memory_types_[3] = {};
+  DeviceSummary summary_;
+  std::atomic<uint64_t> validation_messages_ = 0;
+};
+
+}  // namespace candela

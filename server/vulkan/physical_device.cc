@@ -1,0 +1,237 @@
+#include "server/vulkan/physical_device.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "server/vulkan/result.h"
+
+namespace candela {
+
+namespace {
+
+constexpr char kNoDriver[] =
+    "no Vulkan driver found: install Debian's mesa-vulkan-drivers (the lavapipe software device) or your "
+    "GPU's "
+    "driver, or set VK_ICD_FILENAMES to a driver's .json file";
+
+const char* type_name(VkPhysicalDeviceType type) {
+  switch (type) {
+    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
+      return "discrete GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
+      return "integrated GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
+      return "virtual GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_CPU:
+      return "CPU";
+    default:
+      return "other";
+  }
+}
+
+// Lower is better.
+int rank(VkPhysicalDeviceType type) {
+  switch (type) {
+    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
+      return 0;
+    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
+      return 1;
+    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
+      return 2;
+    case VK_PHYSICAL_DEVICE_TYPE_CPU:
+      return 3;
+    default:
+      return 4;
+  }
+}
+
+// The first type with all of `wanted` and as many of `liked` as possible.
+std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties& memory,
+                                         VkMemoryPropertyFlags wanted, VkMemoryPropertyFlags liked) {
+  std::optional<uint32_t> best;
+  int best_score = -1;
+  for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+    const VkMemoryPropertyFlags flags = memory.memoryTypes[i].propertyFlags;
+    if ((flags & wanted) != wanted) continue;
+    const int score = __builtin_popcount(flags & liked);
+    if (score > best_score) {
+      best = i;
+      best_score = score;
+    }
+  }
+  return best;
+}
+
+constexpr VkMemoryPropertyFlags kHost =
+    VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+constexpr VkMemoryPropertyFlags kUnified =
+    kHost | VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT | VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
+
+void choose_memory_types(VkPhysicalDevice handle, PhysicalDevice* device) {
+  VkPhysicalDeviceMemoryProperties memory;
+  vkGetPhysicalDeviceMemoryProperties(handle, &memory);
+  if (const auto unified = find_memory_type(memory, kUnified, 0)) {
+    device->summary.unified_memory = true;
+    for (uint32_t& type : device->memory_types) type = *unified;
+    return;
+  }
+  // Vulkan guarantees a host-visible, coherent type and a device-local one.
+  const auto use = [&](MemoryUse which, VkMemoryPropertyFlags wanted, VkMemoryPropertyFlags liked) {
+    device->memory_types[static_cast<uint32_t>(which)] = find_memory_type(memory, wanted, liked).value_or(0);
+  };
+  use(MemoryUse::kDevice, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, 0);
+  use(MemoryUse::kUpload, kHost, 0);
+  use(MemoryUse::kReadback, kHost, VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
+}
+
+std::string missing_feature(VkPhysicalDevice handle) {
+  VkPhysicalDeviceVulkan12Features features12{};
+  features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+  VkPhysicalDeviceFeatures2 features{};
+  features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+  features.pNext = &features12;
+  vkGetPhysicalDeviceFeatures2(handle, &features);
+  return features12.bufferDeviceAddress ? "" : "no bufferDeviceAddress";
+}
+
+PhysicalDevice describe(VkPhysicalDevice handle, uint32_t index) {
+  PhysicalDevice device;
+  device.handle = handle;
+
+  VkPhysicalDeviceProperties base;
+  vkGetPhysicalDeviceProperties(handle, &base);
+  DeviceSummary& summary = device.summary;
+  summary.index = index;
+  summary.name = base.deviceName;
+  summary.type = type_name(base.deviceType);
+  summary.api_version =
+      absl::StrFormat("%d.%d.%d", VK_API_VERSION_MAJOR(base.apiVersion),
+                      VK_API_VERSION_MINOR(base.apiVersion), VK_API_VERSION_PATCH(base.apiVersion));
+  device.type = base.deviceType;
+  device.timestamp_period_ns = base.limits.timestampPeriod;
+  if (base.apiVersion < VK_API_VERSION_1_2) {
+    summary.unusable = "Vulkan " + summary.api_version + ", 1.2 is needed";
+    return device;
+  }
+
+  VkPhysicalDeviceMaintenance3Properties maintenance{};
+  maintenance.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES;
+  VkPhysicalDeviceSubgroupProperties subgroup{};
+  subgroup.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES;
+  subgroup.pNext = &maintenance;
+  VkPhysicalDeviceDriverProperties driver{};
+  driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
+  driver.pNext = &subgroup;
+  VkPhysicalDeviceProperties2 properties{};
+  properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+  properties.pNext = &driver;
+  vkGetPhysicalDeviceProperties2(handle, &properties);
+  summary.driver = absl::StrCat(driver.driverName, " ", driver.driverInfo);
+  summary.max_allocation_bytes = maintenance.maxMemoryAllocationSize;
+
+  summary.unusable = missing_feature(handle);
+  constexpr VkSubgroupFeatureFlags kSubgroup =
+      VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT;
+  if ((subgroup.supportedOperations & kSubgroup) != kSubgroup) summary.unusable = "no subgroup arithmetic";
+
+  uint32_t count = 0;
+  vkGetPhysicalDeviceQueueFamilyProperties(handle, &count, nullptr);
+  std::vector<VkQueueFamilyProperties> families(count);
+  vkGetPhysicalDeviceQueueFamilyProperties(handle, &count, families.data());
+  const auto family = std::find_if(families.begin(), families.end(), [](const VkQueueFamilyProperties& f) {
+    return (f.queueFlags & VK_QUEUE_COMPUTE_BIT) != 0;
+  });
+  if (family == families.end()) {
+    summary.unusable = "no compute queue";
+    return device;
+  }
+  device.queue_family = static_cast<uint32_t>(family - families.begin());
+  device.timestamp_bits = family->timestampValidBits;
+  choose_memory_types(handle, &device);
+  return device;
+}
+
+}  // namespace
+
+absl::StatusOr<VkInstance> create_instance(bool validation) {
+  VkApplicationInfo application{};
+  application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
+  application.pApplicationName = "candela";
+  application.apiVersion = VK_API_VERSION_1_2;
+
+  static constexpr const char* kLayer = "VK_LAYER_KHRONOS_validation";
+  static constexpr const char* kDebugUtils = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+  static constexpr VkValidationFeatureEnableEXT kSynchronisation =
+      VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT;
+  VkValidationFeaturesEXT features{};
+  features.sType = VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT;
+  features.enabledValidationFeatureCount = 1;
+  features.pEnabledValidationFeatures = &kSynchronisation;
+
+  VkInstanceCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
+  info.pApplicationInfo = &application;
+  if (validation) {
+    info.pNext = &features;
+    info.enabledLayerCount = 1;
+    info.ppEnabledLayerNames = &kLayer;
+    info.enabledExtensionCount = 1;
+    info.ppEnabledExtensionNames = &kDebugUtils;
+  }
+  VkInstance instance = VK_NULL_HANDLE;
+  const VkResult result = vkCreateInstance(&info, nullptr, &instance);
+  if (result == VK_ERROR_LAYER_NOT_PRESENT) {
+    return absl::FailedPreconditionError(
+        "no validation layer: install Debian's vulkan-validationlayers, or leave out --validation");
+  }
+  if (result == VK_ERROR_INCOMPATIBLE_DRIVER) return absl::FailedPreconditionError(kNoDriver);
+  CANDELA_VK(result);
+  return instance;
+}
+
+absl::StatusOr<std::vector<PhysicalDevice>> physical_devices(VkInstance instance) {
+  uint32_t count = 0;
+  CANDELA_VK(vkEnumeratePhysicalDevices(instance, &count, nullptr));
+  std::vector<VkPhysicalDevice> handles(count);
+  CANDELA_VK(vkEnumeratePhysicalDevices(instance, &count, handles.data()));
+  if (handles.empty()) return absl::FailedPreconditionError(kNoDriver);
+  std::vector<PhysicalDevice> devices;
+  for (VkPhysicalDevice handle : handles) {
+    devices.push_back(describe(handle, static_cast<uint32_t>(devices.size())));
+  }
+  return devices;
+}
+
+absl::StatusOr<PhysicalDevice> select_device(const std::vector<PhysicalDevice>& devices,
+                                             const std::string& selector) {
+  const PhysicalDevice* best = nullptr;
+  uint32_t index = 0;
+  const bool by_index = absl::SimpleAtoi(selector, &index);
+  const std::string wanted = absl::AsciiStrToLower(selector);
+  for (const PhysicalDevice& device : devices) {
+    const DeviceSummary& summary = device.summary;
+    const bool matches = selector.empty() ? summary.unusable.empty()
+                         : by_index       ? summary.index == index
+                                          : absl::StrContains(absl::AsciiStrToLower(summary.name), wanted);
+    if (matches && (best == nullptr || rank(device.type) < rank(best->type))) best = &device;
+  }
+  if (best != nullptr && best->summary.unusable.empty()) return *best;
+
+  const std::string there = absl::StrJoin(devices, "; ", [](std::string* out, const PhysicalDevice& device) {
+    const DeviceSummary& summary = device.summary;
+    absl::StrAppend(out, summary.index, ": ", summary.name, " (", summary.type, ")",
+                    summary.unusable.empty() ? "" : ", unusable: " + summary.unusable);
+  });
+  if (selector.empty()) return absl::NotFoundError("no Vulkan device can be used: " + there);
+  return absl::NotFoundError(absl::StrFormat(
+      "device \"%s\" %s; there are: %s", selector,
+      best == nullptr ? "matches nothing" : "cannot be used: " + best->summary.unusable, there));
+}
+
+}  // namespace candela

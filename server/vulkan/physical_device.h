@@ -1,0 +1,34 @@
+// What a physical device is and whether it can render. Internal to server/vulkan.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <optional>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+
+struct PhysicalDevice {
+  VkPhysicalDevice handle = VK_NULL_HANDLE;
+  VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
+  uint32_t queue_family = 0;
+  uint32_t timestamp_bits = 0;
+  double timestamp_period_ns = 0.0;
+  uint32_t memory_types[3] = {};  // by MemoryUse
+  DeviceSummary summary;
+};
+
+// An instance of Vulkan 1.2, with validation where asked for.
+absl::StatusOr<VkInstance> create_instance(bool validation);
+
+// Every device of the instance, in the driver's order, usable or not.
+absl::StatusOr<std::vector<PhysicalDevice>> physical_devices(VkInstance instance);
+
+// The one that `selector` means (DeviceOptions::selector).
+absl::StatusOr<PhysicalDevice> select_device(const std::vector<PhysicalDevice>& devices,
+                                             const std::string& selector);
+
+}  // namespace candela

@@ -1,0 +1,58 @@
+#include "server/vulkan/pipeline.h"
+
+#include "absl/cleanup/cleanup.h"
+#include "server/vulkan/result.h"
+
+namespace candela {
+
+absl::StatusOr<PipelineCache> PipelineCache::create(const Device& device) {
+  PipelineCache cache;
+  cache.device_ = device.handle();
+  const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
+  VkPipelineLayoutCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+  info.pushConstantRangeCount = 1;
+  info.pPushConstantRanges = &range;
+  CANDELA_VK(vkCreatePipelineLayout(cache.device_, &info, nullptr, &cache.layout_));
+  return cache;
+}
+
+PipelineCache::PipelineCache(PipelineCache&& other) noexcept
+    : device_(other.device_),
+      layout_(std::exchange(other.layout_, VK_NULL_HANDLE)),
+      pipelines_(std::exchange(other.pipelines_, {})) {}
+
+PipelineCache::~PipelineCache() {
+  for (const auto& [key, pipeline] : pipelines_) vkDestroyPipeline(device_, pipeline, nullptr);
+  if (layout_ != VK_NULL_HANDLE) vkDestroyPipelineLayout(device_, layout_, nullptr);
+}
+
+absl::StatusOr<VkPipeline> PipelineCache::get(std::span<const uint32_t> spirv, const Constants& constants) {
+  VkPipeline& pipeline = pipelines_[{spirv.data(), constants}];
+  if (pipeline != VK_NULL_HANDLE) return pipeline;
+
+  VkShaderModuleCreateInfo module_info{};
+  module_info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+  module_info.codeSize = spirv.size_bytes();
+  module_info.pCode = spirv.data();
+  VkShaderModule module = VK_NULL_HANDLE;
+  CANDELA_VK(vkCreateShaderModule(device_, &module_info, nullptr, &module));
+  const absl::Cleanup destroy = [&] { vkDestroyShaderModule(device_, module, nullptr); };
+
+  std::vector<VkSpecializationMapEntry> entries;
+  for (uint32_t i = 0; i < constants.size(); ++i) entries.push_back({i, i * 4, 4});
+  const VkSpecializationInfo specialisation{static_cast<uint32_t>(entries.size()), entries.data(),
+                                            constants.size() * 4, constants.data()};
+  VkComputePipelineCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+  info.stage.module = module;
+  info.stage.pName = "main";
+  info.stage.pSpecializationInfo = &specialisation;
+  info.layout = layout_;
+  CANDELA_VK(vkCreateComputePipelines(device_, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
+  return pipeline;
+}
+
+}  // namespace candela

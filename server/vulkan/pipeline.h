@@ -1,0 +1,44 @@
+// Compute pipelines of one device, made when they are first asked for.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+
+// The specialisation constants of a shader, in the order of their ids from 0.
+using Constants = std::vector<uint32_t>;
+
+// One thread at a time. The device outlives it. Shaders take all their parameters as push constants, of at
+// most kPushBytes, and reach buffers by address: there are no descriptors.
+class PipelineCache {
+ public:
+  static constexpr uint32_t kPushBytes = 128;
+
+  static absl::StatusOr<PipelineCache> create(const Device& device);
+  PipelineCache(PipelineCache&& other) noexcept;
+  PipelineCache& operator=(PipelineCache&&) = delete;
+  ~PipelineCache();
+
+  // The pipeline of this SPIR-V, which must stay where it is, with these constants.
+  absl::StatusOr<VkPipeline> get(std::span<const uint32_t> spirv, const Constants& constants);
+
+  VkPipelineLayout layout() const { return layout_; }
+
+ private:
+  PipelineCache() = default;
+
+  VkDevice device_ = VK_NULL_HANDLE;
+  VkPipelineLayout layout_ = VK_NULL_HANDLE;
+  std::map<std::pair<const uint32_t*, Constants>, VkPipeline> pipelines_;
+};
+
+}  // namespace candela

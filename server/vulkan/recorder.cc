@@ -1,0 +1,144 @@
+#include "server/vulkan/recorder.h"
+
+#include <utility>
+
+#include "server/vulkan/pipeline.h"
+#include "server/vulkan/result.h"
+
+namespace candela {
+
+namespace {
+
+constexpr uint64_t kTimeoutNs = 60'000'000'000;
+
+}  // namespace
+
+absl::StatusOr<Recorder> Recorder::create(const Device& device) {
+  Recorder r;
+  r.device_ = &device;
+  VkCommandPoolCreateInfo pool{};
+  pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+  pool.queueFamilyIndex = device.queue_family();
+  CANDELA_VK(vkCreateCommandPool(device.handle(), &pool, nullptr, &r.pool_));
+  VkCommandBufferAllocateInfo commands{};
+  commands.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
+  commands.commandPool = r.pool_;
+  commands.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
+  commands.commandBufferCount = 1;
+  CANDELA_VK(vkAllocateCommandBuffers(device.handle(), &commands, &r.commands_));
+  VkFenceCreateInfo fence{};
+  fence.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+  CANDELA_VK(vkCreateFence(device.handle(), &fence, nullptr, &r.fence_));
+  if (device.timestamp_mask() != 0) {
+    VkQueryPoolCreateInfo queries{};
+    queries.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+    queries.queryType = VK_QUERY_TYPE_TIMESTAMP;
+    queries.queryCount = kMaxMarks + 1;
+    CANDELA_VK(vkCreateQueryPool(device.handle(), &queries, nullptr, &r.queries_));
+  }
+  return r;
+}
+
+Recorder::Recorder(Recorder&& other) noexcept
+    : device_(other.device_),
+      pool_(std::exchange(other.pool_, VK_NULL_HANDLE)),
+      commands_(other.commands_),
+      fence_(std::exchange(other.fence_, VK_NULL_HANDLE)),
+      queries_(std::exchange(other.queries_, VK_NULL_HANDLE)) {}
+
+Recorder::~Recorder() {
+  if (queries_ != VK_NULL_HANDLE) vkDestroyQueryPool(device_->handle(), queries_, nullptr);
+  if (fence_ != VK_NULL_HANDLE) vkDestroyFence(device_->handle(), fence_, nullptr);
+  if (pool_ != VK_NULL_HANDLE) vkDestroyCommandPool(device_->handle(), pool_, nullptr);
+}
+
+absl::Status Recorder::begin() {
+  marks_.clear();
+  ticks_.clear();
+  CANDELA_VK(vkResetCommandPool(device_->handle(), pool_, 0));
+  VkCommandBufferBeginInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+  info.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
+  CANDELA_VK(vkBeginCommandBuffer(commands_, &info));
+  if (queries_ != VK_NULL_HANDLE) vkCmdResetQueryPool(commands_, queries_, 0, kMaxMarks + 1);
+  return absl::OkStatus();
+}
+
+void Recorder::mark(const char* name) {
+  if (queries_ == VK_NULL_HANDLE || marks_.size() == kMaxMarks) return;
+  vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries_,
+                      static_cast<uint32_t>(marks_.size()));
+  marks_.push_back(name);
+}
+
+void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, const void* push, uint32_t push_bytes,
+                        uint32_t groups_x, uint32_t groups_y) {
+  vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+  vkCmdPushConstants(commands_, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes, push);
+  vkCmdDispatch(commands_, groups_x, groups_y, 1);
+}
+
+void Recorder::fill_zero(const Buffer& buffer) {
+  vkCmdFillBuffer(commands_, buffer.handle(), 0, VK_WHOLE_SIZE, 0);
+}
+
+void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) {
+  const VkBufferCopy region{0, 0, bytes};
+  vkCmdCopyBuffer(commands_, from.handle(), to.handle(), 1, &region);
+}
+
+void Recorder::barrier() {
+  VkMemoryBarrier barrier{};
+  barrier.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER;
+  barrier.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
+  barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT |
+                          VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
+  constexpr VkPipelineStageFlags kStages =
+      VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+  vkCmdPipelineBarrier(commands_, kStages, kStages, 0, 1, &barrier, 0, nullptr, 0, nullptr);
+}
+
+void Recorder::barrier_to_host() {
+  VkMemoryBarrier barrier{};
+  barrier.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER;
+  barrier.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
+  barrier.dstAccessMask = VK_ACCESS_HOST_READ_BIT;
+  vkCmdPipelineBarrier(commands_, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT,
+                       VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier, 0, nullptr, 0, nullptr);
+}
+
+absl::Status Recorder::submit_and_wait() {
+  if (queries_ != VK_NULL_HANDLE) {
+    vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries_,
+                        static_cast<uint32_t>(marks_.size()));
+  }
+  CANDELA_VK(vkEndCommandBuffer(commands_));
+  VkSubmitInfo submit{};
+  submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
+  submit.commandBufferCount = 1;
+  submit.pCommandBuffers = &commands_;
+  CANDELA_VK(vkResetFences(device_->handle(), 1, &fence_));
+  CANDELA_VK(vkQueueSubmit(device_->queue(), 1, &submit, fence_));
+  const VkResult waited = vkWaitForFences(device_->handle(), 1, &fence_, VK_TRUE, kTimeoutNs);
+  if (waited == VK_TIMEOUT) return absl::UnavailableError("the device did not finish a frame within 60 s");
+  CANDELA_VK(waited);
+  if (queries_ != VK_NULL_HANDLE) {
+    ticks_.resize(marks_.size() + 1);
+    CANDELA_VK(vkGetQueryPoolResults(device_->handle(), queries_, 0, static_cast<uint32_t>(ticks_.size()),
+                                     ticks_.size() * 8, ticks_.data(), 8,
+                                     VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
+  }
+  return absl::OkStatus();
+}
+
+std::vector<Recorder::Timing> Recorder::timings() const {
+  std::vector<Timing> timings;
+  for (size_t i = 0; i + 1 < ticks_.size(); ++i) {
+    const uint64_t ticks = (ticks_[i + 1] - ticks_[i]) & device_->timestamp_mask();
+    timings.push_back(
+        {marks_[i], static_cast<uint64_t>(static_cast<double>(ticks) * device_->timestamp_period_ns())});
+  }
+  return timings;
+}
+
+}  // namespace candela

@@ -1,0 +1,65 @@
+// Records one command buffer at a time, submits it and waits.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/vulkan/buffer.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+
+// begin(); any of the recording calls; submit_and_wait(). One thread at a time. The device outlives it.
+class Recorder {
+ public:
+  // A span of device time and what was done in it.
+  struct Timing {
+    const char* name;
+    uint64_t ns;
+  };
+
+  static absl::StatusOr<Recorder> create(const Device& device);
+  Recorder(Recorder&& other) noexcept;
+  Recorder& operator=(Recorder&&) = delete;
+  ~Recorder();
+
+  absl::Status begin();
+
+  // What is recorded from here to the next mark or the end counts as `name`, a string that lives on.
+  void mark(const char* name);
+
+  void dispatch(VkPipeline pipeline, VkPipelineLayout layout, const void* push, uint32_t push_bytes,
+                uint32_t groups_x, uint32_t groups_y);
+  void fill_zero(const Buffer& buffer);
+  void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
+
+  // All that was recorded before is finished and visible to all that comes after, on the device.
+  void barrier();
+  // The same for the host, once the submission has finished.
+  void barrier_to_host();
+
+  // Blocks until the device is done. UNAVAILABLE when the device is lost or takes over 60 s.
+  absl::Status submit_and_wait();
+
+  // Of the last submission, in order. Empty where the device has no timestamps.
+  std::vector<Timing> timings() const;
+
+ private:
+  static constexpr uint32_t kMaxMarks = 64;
+  Recorder() = default;
+
+  const Device* device_ = nullptr;
+  VkCommandPool pool_ = VK_NULL_HANDLE;
+  VkCommandBuffer commands_ = VK_NULL_HANDLE;
+  VkFence fence_ = VK_NULL_HANDLE;
+  VkQueryPool queries_ = VK_NULL_HANDLE;
+  std::vector<const char*> marks_;
+  std::vector<uint64_t> ticks_;  // one more than marks_
+};
+
+}  // namespace candela

@@ -1,0 +1,63 @@
+// Bloom, level n+1 to level n: adds the tent-filtered coarser level in place (pipeline.md section 4.1).
+//
+// In: B_{n+1} (from), D_n (to). Out: B_n = D_n + U_n(B_{n+1}) (to).
+// Method: (1 2 1)/4 over bilinear samples at x -+ 0.25 is a 4-tap filter along each axis: for even texels
+// (1 5 7 3)/16 from x - 2 on, for odd ones (3 7 5 1)/16 from x - 1 on. An invocation makes two columns and
+// walks down BLOOM_ROWS row pairs, keeping the filtered rows that the next pair shares.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+
+layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
+layout(push_constant) uniform Push { BloomParams p; };
+
+// A coarse row filtered along x, at the even and the odd fine column.
+struct Row {
+  vec3 even;
+  vec3 odd;
+};
+
+Row filtered_row(Level from, uint x, int y) {
+  uint row = uint(clamp(y, 0, int(p.from_height) - 1)) * p.from_width;
+  vec3 t[5];
+  [[unroll]] for (int i = 0; i < 5; ++i)
+    t[i] = load(from, row + uint(clamp(int(x) - 2 + i, 0, int(p.from_width) - 1)));
+  return Row(0.0625 * t[0] + 0.3125 * t[1] + 0.4375 * t[2] + 0.1875 * t[3],
+             0.1875 * t[1] + 0.4375 * t[2] + 0.3125 * t[3] + 0.0625 * t[4]);
+}
+
+void add(Level to, uint x, uint y, vec3 c) {
+  uint at = y * p.to_width + x;
+  store(to, at, load(to, at) + c);
+}
+
+void main() {
+  uint x = gl_GlobalInvocationID.x;
+  uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
+  uint row_pairs = (p.to_height + 1u) / 2u;
+  if (2u * x >= p.to_width || first_row >= row_pairs) return;
+  Level from = Level(uvec2(p.from_lo, p.from_hi));
+  Level to = Level(uvec2(p.to_lo, p.to_hi));
+
+  Row a = filtered_row(from, x, int(first_row) - 2);
+  Row b = filtered_row(from, x, int(first_row) - 1);
+  Row c = filtered_row(from, x, int(first_row));
+  Row d = filtered_row(from, x, int(first_row) + 1);
+  bool odd_column = 2u * x + 1u < p.to_width;
+  uint rows_end = min(first_row + BLOOM_ROWS, row_pairs);
+  for (uint y = first_row; y < rows_end; ++y) {
+    Row e = filtered_row(from, x, int(y) + 2);
+    add(to, 2u * x, 2u * y, 0.0625 * a.even + 0.3125 * b.even + 0.4375 * c.even + 0.1875 * d.even);
+    if (odd_column)
+      add(to, 2u * x + 1u, 2u * y, 0.0625 * a.odd + 0.3125 * b.odd + 0.4375 * c.odd + 0.1875 * d.odd);
+    if (2u * y + 1u < p.to_height) {
+      add(to, 2u * x, 2u * y + 1u, 0.1875 * b.even + 0.4375 * c.even + 0.3125 * d.even + 0.0625 * e.even);
+      if (odd_column)
+        add(to, 2u * x + 1u, 2u * y + 1u, 0.1875 * b.odd + 0.4375 * c.odd + 0.3125 * d.odd + 0.0625 * e.odd);
+    }
+    a = b;
+    b = c;
+    c = d;
+    d = e;
+  }
+}

@@ -1,0 +1,44 @@
+// Twin of bloom_up.comp: the 3x3 tent over bilinear samples, added to the finer level; and the whole chain.
+#include <algorithm>
+#include <cmath>
+
+#include "shaders/bilinear.h"
+#include "shaders/reference.h"
+
+namespace candela::reference {
+
+Level bloom_up(const Level& fine, const Level& coarse) {
+  static constexpr double kTent[3] = {1.0, 2.0, 1.0};
+  Level out = fine;
+  for (uint32_t y = 0; y < fine.height; ++y) {
+    for (uint32_t x = 0; x < fine.width; ++x) {
+      Rgb& b = out.texels[size_t{y} * fine.width + x];
+      const double u = (x + 0.5) / 2.0 - 0.5;
+      const double v = (y + 0.5) / 2.0 - 0.5;
+      for (int j = -1; j <= 1; ++j) {
+        for (int i = -1; i <= 1; ++i) {
+          const Rgb s = bilinear(coarse, u + i, v + j);
+          for (int n = 0; n < 3; ++n) b[n] += kTent[i + 1] * kTent[j + 1] / 16.0 * s[n];
+        }
+      }
+    }
+  }
+  return out;
+}
+
+Level bloom(const Scene& scene, const BloomParams& params, uint32_t* level_count) {
+  std::vector<Level> levels = {bright_pass(scene, params)};
+  // The next level exists while its short side has two texels.
+  while (levels.size() < params.levels && std::min(levels.back().width, levels.back().height) > 2) {
+    levels.push_back(bloom_down(levels.back()));
+  }
+  *level_count = static_cast<uint32_t>(levels.size());
+  while (levels.size() > 1) {
+    const Level coarse = std::move(levels.back());
+    levels.pop_back();
+    levels.back() = bloom_up(levels.back(), coarse);
+  }
+  return std::move(levels.front());
+}
+
+}  // namespace candela::reference

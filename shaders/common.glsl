@@ -1,0 +1,54 @@
+// What the passes share: buffers by address, texel formats, ingest of one texel, luminance, log2.
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_control_flow_attributes : require
+
+#include "params.h"
+
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Words4 { uvec4 v; };
+layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords4 { uvec4 v; };
+
+// A bloom texel: three floats, tight.
+struct Rgb {
+  float r, g, b;
+};
+layout(buffer_reference, std430, buffer_reference_align = 4) buffer Level { Rgb v; };
+
+vec3 load(Level level, uint index) {
+  Rgb t = level[index].v;
+  return vec3(t.r, t.g, t.b);
+}
+
+void store(Level level, uint index, vec3 c) { level[index].v = Rgb(c.r, c.g, c.b); }
+
+// Rec.709 luminance, in the order that pipeline.md section 7 fixes, so that every device gets the same bits.
+float luminance(vec3 c) {
+  precise float l = (0.2126 * c.r + 0.7152 * c.g) + 0.0722 * c.b;
+  return l;
+}
+
+// Rounds to the nearest half, ties to even, and stays a float. |x| <= 65504.
+float round_to_half(float x) {
+  uint bits = floatBitsToUint(x);
+  uint magnitude = bits & 0x7fffffffu;
+  uint rounded;
+  if (magnitude < 0x38800000u) {  // below 2^-14 halves are multiples of 2^-24, a float's step in [0.5, 1)
+    precise float shifted = uintBitsToFloat(magnitude) + 0.5;
+    precise float back = shifted - 0.5;
+    rounded = floatBitsToUint(back);
+  } else {
+    rounded = (magnitude + 0x0fffu + ((magnitude >> 13) & 1u)) & 0xffffe000u;
+  }
+  return uintBitsToFloat(rounded | (bits & 0x80000000u));
+}
+
+vec4 round_to_half(vec4 c) {
+  return vec4(round_to_half(c.r), round_to_half(c.g), round_to_half(c.b), round_to_half(c.a));
+}
+
+bool is_nan(float x) { return (floatBitsToUint(x) & 0x7fffffffu) > 0x7f800000u; }
+bool is_infinite(float x) { return (floatBitsToUint(x) & 0x7fffffffu) == 0x7f800000u; }
+
+float scrub(float x) { return is_nan(x) ? 0.0 : clamp(x, -MAX_SCENE_VALUE, MAX_SCENE_VALUE); }
+vec4 scrub(vec4 c) { return vec4(scrub(c.r), scrub(c.g), scrub(c.b), scrub(c.a)); }

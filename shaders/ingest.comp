@@ -1,0 +1,145 @@
+// Phase A: reads the frame once; meters it and makes bloom level 0.
+//
+// In: the wire's pixels. Out: bloom level 0 (where BLOOM), and one TileRecord a tile.
+// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier,
+// and adds its sums to the tile's record once. Every sum is of integers, so no order of execution shows.
+// log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
+// everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: pipeline.md section 4.1.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#include "common.glsl"
+
+layout(local_size_x = INGEST_GROUP_X, local_size_y = INGEST_GROUP_Y) in;
+layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
+layout(constant_id = 1) const bool MATRIX = false;
+layout(constant_id = 2) const bool BLOOM = true;
+layout(constant_id = 3) const bool FIREFLY_WEIGHTS = true;
+
+layout(push_constant) uniform Push { IngestParams p; };
+#include "input.glsl"
+
+layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
+
+// (log2(max(l, MIN_METERED_LUMINANCE)) + LOG2_BIAS) in fixed point.
+uint fixed_log2(float l) {
+  uint bits = floatBitsToUint(max(l, MIN_METERED_LUMINANCE));
+  precise float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
+  precise float q = -0.025691079 * t + 0.121002205;
+  q = q * t + -0.276540697;
+  q = q * t + 0.45652163;
+  q = q * t + -0.71779108;
+  q = q * t + 1.44249535;
+  q = q * t + 1.8456825e-06;
+  precise float scaled = q * float(1u << LOG2_FRACTION_BITS) + 0.5;
+  return (((bits >> 23) + LOG2_BIAS - 127u) << LOG2_FRACTION_BITS) + uint(scaled);
+}
+
+// Bright-passed level-0 texel from its 2x2 block.
+vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
+  vec3 mean;
+  if (FIREFLY_WEIGHTS) {
+    vec4 k = 1.0 / (1.0 + vec4(luminance(a), luminance(b), luminance(c), luminance(d)));
+    mean = (k.x * a + k.y * b + k.z * c + k.w * d) / (k.x + k.y + k.z + k.w);
+  } else {
+    mean = 0.25 * (a + b + c + d);
+  }
+  float l = luminance(mean);
+  float over = l - p.threshold;
+  float soft = clamp(over + p.knee, 0.0, 2.0 * p.knee);
+  float q = p.knee > 0.0 ? soft * soft / (4.0 * p.knee) : 0.0;
+  return mean * (max(max(q, over), 0.0) / max(l, 1e-4));
+}
+
+// What one invocation has seen.
+uint log2_sum = 0u;
+float max_luminance = 0.0;
+float min_luminance = MAX_SCENE_VALUE;
+uint bright_texels = 0u;
+uint nan_components = 0u;
+uint infinite_components = 0u;
+uint negative_components = 0u;
+uint first_bad_texel = 0xffffffffu;
+
+void count_bad(vec4 wire, uint x, uint y) {
+  [[unroll]] for (uint i = 0u; i < 3u; ++i) {
+    nan_components += uint(is_nan(wire[i]));
+    infinite_components += uint(is_infinite(wire[i]));
+    negative_components += uint(wire[i] < 0.0);
+    if (is_nan(wire[i]) || is_infinite(wire[i])) first_bad_texel = min(first_bad_texel, y * p.frame.width + x);
+  }
+}
+
+bool may_be_bad(vec4 wire) {
+  uvec3 bits = floatBitsToUint(wire.rgb);
+  uvec3 magnitudes = bits & 0x7fffffffu;
+  return ((bits.r | bits.g | bits.b) >> 31) != 0u || max(max(magnitudes.r, magnitudes.g), magnitudes.b) >= 0x7f800000u;
+}
+
+// One row of a group: counts, meters, and gives the scene texels, negatives cut to 0.
+Group meter_row(uint x, uint y) {
+  Group g = load_wire(p.frame, x, y);
+  bool bad = may_be_bad(g.texel[0]) || may_be_bad(g.texel[1]) || may_be_bad(g.texel[2]) || may_be_bad(g.texel[3]);
+  [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
+    if (x + i < p.frame.width) {
+      if (bad) count_bad(g.texel[i], x + i, y);
+      g.texel[i] = ingest(p.frame, g.texel[i]);
+      float l = scene_luminance(g.texel[i].rgb);
+      log2_sum += fixed_log2(l);
+      max_luminance = max(max_luminance, l);
+      min_luminance = min(min_luminance, l);
+      g.texel[i].rgb = max(g.texel[i].rgb, 0.0);
+    } else {
+      g.texel[i] = g.texel[i == 0u ? 0u : i - 1u];
+    }
+  }
+  return g;
+}
+
+void main() {
+  uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
+  uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
+  if (x < p.frame.width) {
+    Level level = Level(uvec2(p.level_lo, p.level_hi));
+    uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
+    for (uint y = first_row; y < rows_end; y += 2u) {
+      Group top = meter_row(x, y);
+      Group bottom = top;
+      if (y + 1u < p.frame.height) bottom = meter_row(x, y + 1u);
+      if (BLOOM) {
+        uint at = (y / 2u) * p.level_width + x / 2u;
+        [[unroll]] for (uint i = 0u; i < GROUP_TEXELS / 2u; ++i) {
+          if (x / 2u + i < p.level_width) {
+            vec3 d = bright_pass(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
+                                 bottom.texel[2u * i + 1u].rgb);
+            bright_texels += uint(max(max(d.r, d.g), d.b) > 0.0);
+            store(level, at + i, d);
+          }
+        }
+      }
+    }
+  }
+
+  // An invocation's sum is below 2^25 * 64 texels = 2^31; its two halves, summed over a tile's 64 invocations,
+  // stay below 2^22. The host adds the tiles up in 64 bits: 2^28 texels of 25 bits.
+  Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
+  uint tile = gl_WorkGroupID.y * p.tiles_x + gl_WorkGroupID.x;
+  uint low = subgroupAdd(log2_sum & 0xffffu);
+  uint high = subgroupAdd(log2_sum >> 16);
+  uint brightest = floatBitsToUint(subgroupMax(max_luminance));
+  uint darkest = ~floatBitsToUint(subgroupMin(min_luminance));
+  uint bright = subgroupAdd(bright_texels);
+  if (subgroupElect()) {
+    atomicAdd(tiles[tile].v.log2_sum_low, low);
+    atomicAdd(tiles[tile].v.log2_sum_high, high);
+    atomicMax(tiles[tile].v.max_luminance_bits, brightest);
+    atomicMax(tiles[tile].v.min_luminance_bits_inverted, darkest);
+    if (bright != 0u) atomicAdd(tiles[tile].v.bright_texels, bright);
+  }
+  if (nan_components + infinite_components + negative_components != 0u) {
+    atomicAdd(tiles[tile].v.nan_components, nan_components);
+    atomicAdd(tiles[tile].v.infinite_components, infinite_components);
+    atomicAdd(tiles[tile].v.negative_components, negative_components);
+    atomicMax(tiles[tile].v.first_bad_texel_inverted, ~first_bad_texel);
+  }
+}

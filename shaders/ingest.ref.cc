@@ -1,0 +1,123 @@
+// Twin of ingest.comp: ingest, metering and bloom level 0.
+#include <half.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "shaders/reference.h"
+
+namespace candela::reference {
+
+namespace {
+
+constexpr double kHalfMax = 65504.0;
+
+std::array<float, 4> unpack(const std::byte* texel, uint pixels) {
+  if (pixels == shader::PIXELS_RGBA32F) {
+    std::array<float, 4> c;
+    std::memcpy(c.data(), texel, sizeof c);
+    return c;
+  }
+  if (pixels == shader::PIXELS_RGBA16F) {
+    std::array<uint16_t, 4> bits;
+    std::memcpy(bits.data(), texel, sizeof bits);
+    std::array<float, 4> c;
+    for (int i = 0; i < 4; ++i) c[i] = imath_half_to_float(bits[i]);
+    return c;
+  }
+  uint32_t word;
+  std::memcpy(&word, texel, sizeof word);
+  const int exponent = static_cast<int>(word >> 27) - 15 - 9;
+  std::array<float, 4> c;
+  for (int i = 0; i < 3; ++i) c[i] = static_cast<float>(std::ldexp((word >> (9 * i)) & 511, exponent));
+  c[3] = 1.0f;
+  return c;
+}
+
+float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -65504.0f, 65504.0f); }
+
+// The nearest half; finite input within +-65504 stays finite.
+float to_half(float x) { return imath_half_to_float(imath_float_to_half(x)); }
+
+double luminance(double r, double g, double b) { return 0.2126 * r + 0.7152 * g + 0.0722 * b; }
+
+}  // namespace
+
+Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, uint pixels,
+             const std::optional<Matrix>& matrix, BadCounts* counts) {
+  const size_t texel_bytes = pixels == shader::PIXELS_RGBA32F ? 16 : pixels == shader::PIXELS_RGBA16F ? 8 : 4;
+  Scene scene{width, height, {}};
+  scene.texels.resize(size_t{width} * height);
+  *counts = {};
+  for (size_t i = 0; i < scene.texels.size(); ++i) {
+    std::array<float, 4> c = unpack(wire.data() + i * texel_bytes, pixels);
+    for (int k = 0; k < 3; ++k) {
+      if (std::isnan(c[k])) ++counts->nan;
+      if (std::isinf(c[k])) ++counts->infinite;
+      if (c[k] < 0.0f) ++counts->negative;
+      if (!std::isfinite(c[k]) && !counts->first_bad_texel) counts->first_bad_texel = i;
+    }
+    for (float& v : c) v = scrub(v);
+    if (matrix) {
+      // The stored scene is defined in float32, so that both twins work on the same pixels.
+      const Matrix& m = *matrix;
+      const std::array<float, 3> in = {c[0], c[1], c[2]};
+      for (int k = 0; k < 3; ++k) {
+        c[k] =
+            std::clamp((m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2], -65504.0f, 65504.0f);
+      }
+    }
+    for (float& v : c) v = to_half(v);
+    scene.texels[i] = c;
+  }
+  return scene;
+}
+
+Meter meter(const Scene& scene) {
+  Meter m{0.0, kHalfMax, 0.0};
+  double sum = 0.0;
+  double lost = 0.0;  // Kahan: the truth should not depend on 2^28 roundings
+  for (const auto& c : scene.texels) {
+    const double l = std::max(0.0, luminance(c[0], c[1], c[2]));
+    m.min_luminance = std::min(m.min_luminance, l);
+    m.max_luminance = std::max(m.max_luminance, l);
+    const double term = std::log2(std::max(l, 1e-4)) - lost;
+    const double next = sum + term;
+    lost = (next - sum) - term;
+    sum = next;
+  }
+  m.mean_log2_luminance = sum / static_cast<double>(scene.texels.size());
+  return m;
+}
+
+Level bright_pass(const Scene& scene, const BloomParams& params) {
+  Level level{(scene.width + 1) / 2, (scene.height + 1) / 2, {}};
+  level.texels.resize(size_t{level.width} * level.height);
+  const double knee = params.softness * params.threshold;
+  for (uint32_t y = 0; y < level.height; ++y) {
+    for (uint32_t x = 0; x < level.width; ++x) {
+      Rgb sum{};
+      double weights = 0.0;
+      for (int j = 0; j < 2; ++j) {
+        for (int i = 0; i < 2; ++i) {
+          const auto& s = scene.at(2 * int64_t{x} + i, 2 * int64_t{y} + j);
+          const Rgb c = {std::max(0.0f, s[0]), std::max(0.0f, s[1]), std::max(0.0f, s[2])};
+          const double k = params.firefly_weights ? 1.0 / (1.0 + luminance(c[0], c[1], c[2])) : 1.0;
+          for (int n = 0; n < 3; ++n) sum[n] += k * c[n];
+          weights += k;
+        }
+      }
+      Rgb& d = level.texels[size_t{y} * level.width + x];
+      for (int n = 0; n < 3; ++n) d[n] = sum[n] / weights;
+      const double l = luminance(d[0], d[1], d[2]);
+      const double soft = std::clamp(l - params.threshold + knee, 0.0, 2.0 * knee);
+      const double q = knee > 0.0 ? soft * soft / (4.0 * knee) : 0.0;
+      const double gain = std::max({q, l - params.threshold, 0.0}) / std::max(l, 1e-4);
+      for (int n = 0; n < 3; ++n) d[n] *= gain;
+    }
+  }
+  return level;
+}
+
+}  // namespace candela::reference

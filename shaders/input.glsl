@@ -1,0 +1,53 @@
+// The wire's pixels as scene pixels (pipeline.md section 1). No scene texture is stored: the two passes that
+// read the frame ingest it alike, texel by texel, in arithmetic that gives the same bits both times.
+//
+// The including shader declares `constant_id`s PIXELS and MATRIX.
+
+struct Group {
+  vec4 texel[GROUP_TEXELS];
+};
+
+vec4 unpack_half4(uvec2 words) { return vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)); }
+
+// E5B9G9R9: 9-bit mantissas, an exponent with bias 15, no hidden bit. Exact in float.
+vec4 unpack_rgb9e5(uint word) {
+  float scale = uintBitsToFloat(((word >> 27) + 103u) << 23);  // 2^(e - 15 - 9)
+  return vec4(vec3(word & 0x1ffu, (word >> 9) & 0x1ffu, (word >> 18) & 0x1ffu) * scale, 1.0);
+}
+
+// GROUP_TEXELS wire texels of row y, starting at texel x (a multiple of GROUP_TEXELS), as they came. Those
+// beyond the width are padding of no meaning.
+Group load_wire(InputParams frame, uint x, uint y) {
+  Words4 words = Words4(uvec2(frame.input_lo, frame.input_hi));
+  uint at = y * frame.input_pitch + x;
+  Group g;
+  if (PIXELS == PIXELS_RGBA16F) {
+    uvec4 a = words[at / 2u].v;
+    uvec4 b = words[at / 2u + 1u].v;
+    g.texel[0] = unpack_half4(a.xy);
+    g.texel[1] = unpack_half4(a.zw);
+    g.texel[2] = unpack_half4(b.xy);
+    g.texel[3] = unpack_half4(b.zw);
+  } else if (PIXELS == PIXELS_RGBA32F) {
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = uintBitsToFloat(words[at + i].v);
+  } else {
+    uvec4 a = words[at / 4u].v;
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = unpack_rgb9e5(a[i]);
+  }
+  return g;
+}
+
+// A wire texel as a scene texel: scrub, primaries, clamp, round to half.
+vec4 ingest(InputParams frame, vec4 wire) {
+  vec4 c = scrub(wire);
+  if (MATRIX) {
+    precise float r = (frame.m00 * c.r + frame.m01 * c.g) + frame.m02 * c.b;
+    precise float g = (frame.m10 * c.r + frame.m11 * c.g) + frame.m12 * c.b;
+    precise float b = (frame.m20 * c.r + frame.m21 * c.g) + frame.m22 * c.b;
+    c = clamp(vec4(r, g, b, c.a), -MAX_SCENE_VALUE, MAX_SCENE_VALUE);
+  }
+  return PIXELS == PIXELS_RGBA32F || MATRIX ? round_to_half(c) : c;
+}
+
+// The luminance that is metered and reported.
+float scene_luminance(vec3 scene) { return max(luminance(scene), 0.0); }

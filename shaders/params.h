@@ -1,0 +1,105 @@
+// What the host tells the shaders: one file, included by GLSL and by C++. Only 4-byte scalars, so that both
+// lay the structs out alike; an address is two words, low first. Sizes are in texels.
+#ifdef __cplusplus
+#pragma once
+#include <cstdint>
+namespace candela::shader {
+using uint = uint32_t;
+#define CANDELA_CONST(type) inline constexpr type
+#else
+#define CANDELA_CONST(type) const type
+#endif
+
+// Values of specialisation constants. Formats, curves and transfers carry the wire's numbers.
+CANDELA_CONST(uint) PIXELS_RGBA16F = 1u;
+CANDELA_CONST(uint) PIXELS_RGBA32F = 2u;
+CANDELA_CONST(uint) PIXELS_RGB9E5 = 3u;
+CANDELA_CONST(uint) OUTPUT_RGBA8 = 1u;
+CANDELA_CONST(uint) OUTPUT_RGBA16 = 2u;
+CANDELA_CONST(uint) OUTPUT_RGBA16F = 3u;
+CANDELA_CONST(uint) CURVE_LINEAR = 1u;
+CANDELA_CONST(uint) CURVE_REINHARD = 2u;
+CANDELA_CONST(uint) CURVE_ACES_NARKOWICZ = 3u;
+CANDELA_CONST(uint) CURVE_ACES_HILL = 4u;
+CANDELA_CONST(uint) TRANSFER_SRGB = 1u;
+CANDELA_CONST(uint) TRANSFER_GAMMA22 = 2u;
+CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
+
+// An invocation of a full-size pass handles GROUP_TEXELS texels of a row at a time; input and output rows are
+// padded to whole groups.
+CANDELA_CONST(uint) GROUP_TEXELS = 4u;
+// A tile is what one work group of `ingest` reads: TILE_TEXELS squared texels of the frame.
+CANDELA_CONST(uint) TILE_TEXELS = 64u;
+// Rows that one invocation walks down, and the work group's shape in invocations.
+CANDELA_CONST(uint) INGEST_ROWS = 16u;
+CANDELA_CONST(uint) INGEST_GROUP_X = 16u;
+CANDELA_CONST(uint) INGEST_GROUP_Y = 4u;
+CANDELA_CONST(uint) BLOOM_ROWS = 8u;
+CANDELA_CONST(uint) BLOOM_GROUP_X = 32u;
+CANDELA_CONST(uint) BLOOM_GROUP_Y = 1u;
+CANDELA_CONST(uint) RESOLVE_ROWS = 16u;
+CANDELA_CONST(uint) RESOLVE_GROUP_X = 16u;
+CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
+
+// Luminance is metered no darker than this.
+CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
+// Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, never negative.
+CANDELA_CONST(uint) LOG2_BIAS = 14u;
+CANDELA_CONST(uint) LOG2_FRACTION_BITS = 20u;
+CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
+// An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
+CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
+
+// Input texels to scene texels; shared by the two passes that read the frame.
+struct InputParams {
+  uint input_lo, input_hi;
+  uint width, height;
+  uint input_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
+  // Input primaries to Rec.709, row by row; used where the specialisation says so.
+  float m00, m01, m02, m10, m11, m12, m20, m21, m22;
+};
+
+struct IngestParams {
+  InputParams frame;
+  uint level_lo, level_hi;  // bloom level 0, written
+  uint tiles_lo, tiles_hi;  // TileRecord per tile, added to; zero before
+  uint level_width, level_height;
+  uint tiles_x;
+  float threshold;
+  float knee;  // softness * threshold
+};
+
+struct BloomParams {
+  uint from_lo, from_hi;  // the level read
+  uint to_lo, to_hi;      // the level written
+  uint from_width, from_height;
+  uint to_width, to_height;
+};
+
+struct ResolveParams {
+  InputParams frame;
+  uint bloom_lo, bloom_hi;  // B_0
+  uint output_lo, output_hi;
+  uint level_width, level_height;
+  uint output_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
+  float exposure;     // E * prescale
+  float bloom_scale;  // intensity / number of levels
+};
+
+// What one tile of the frame adds up to. All-zero is empty: minima are kept as the maximum of the complement.
+struct TileRecord {
+  uint log2_sum_low;  // sums of the low 16 and of the remaining bits of each invocation's fixed-point sum
+  uint log2_sum_high;
+  uint max_luminance_bits;
+  uint min_luminance_bits_inverted;
+  uint nan_components;
+  uint infinite_components;
+  uint negative_components;
+  uint bright_texels;             // of bloom level 0
+  uint first_bad_texel_inverted;  // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
+};
+
+#ifdef __cplusplus
+}  // namespace candela::shader
+#endif
+#undef CANDELA_CONST

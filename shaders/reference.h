@@ -1,0 +1,94 @@
+// The truth: every pass again in float64, straight loops over whole images, no tricks.
+//
+// x.comp and x.ref.cc stand side by side and share parameters, never formulas, so that each is evidence for
+// the other. Written from the mathematics in docs/pipeline.md. Needs about 60 bytes a pixel.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "shaders/params.h"
+
+namespace candela::reference {
+
+using shader::uint;
+using Rgb = std::array<double, 3>;
+using Matrix = std::array<float, 9>;  // row by row
+
+// Texels row by row. The scene's texels are halves (or what rounds to them), so floats hold them exactly.
+struct Scene {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  std::vector<std::array<float, 4>> texels;
+
+  // The texel at (x, y), clamped to the edge.
+  const std::array<float, 4>& at(int64_t x, int64_t y) const;
+};
+
+struct Level {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  std::vector<Rgb> texels;
+
+  const Rgb& at(int64_t x, int64_t y) const;
+};
+
+// R, G and B components on the wire.
+struct BadCounts {
+  uint64_t nan = 0;
+  uint64_t infinite = 0;
+  uint64_t negative = 0;
+  // y * width + x of the first texel with a NaN or an Inf in R, G or B.
+  std::optional<uint64_t> first_bad_texel;
+};
+
+struct Meter {
+  double mean_log2_luminance = 0.0;
+  double min_luminance = 0.0;
+  double max_luminance = 0.0;
+};
+
+struct BloomParams {
+  double threshold = 1.0;
+  double softness = 0.5;
+  uint32_t levels = 5;
+  bool firefly_weights = true;
+};
+
+struct ResolveParams {
+  double exposure = 1.0;         // E * prescale
+  double bloom_intensity = 0.0;  // 0: no bloom
+  uint curve = shader::CURVE_ACES_HILL;
+  uint transfer = shader::TRANSFER_SRGB;
+  bool encode = true;  // false: display-linear light, as RGBA16F output has it
+};
+
+// Wire bytes (tight rows, PIXELS_* format) to scene pixels. `matrix`: input primaries to Rec.709.
+Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, uint pixels,
+             const std::optional<Matrix>& matrix, BadCounts* counts);
+
+Meter meter(const Scene& scene);
+
+// D_0, negatives of the scene cut.
+Level bright_pass(const Scene& scene, const BloomParams& params);
+// D_{n+1} from D_n.
+Level bloom_down(const Level& level);
+// B_n = D_n + U_n(B_{n+1}).
+Level bloom_up(const Level& fine, const Level& coarse);
+// B_0 of a scene: the whole chain; *level_count is the N that it used.
+Level bloom(const Scene& scene, const BloomParams& params, uint32_t* level_count);
+
+// The display value of every texel, before quantising: RGB as ResolveParams says, alpha as it is.
+// `bloom` is B_0, and may be empty where the intensity is 0.
+std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloom, uint32_t level_count,
+                                           const ResolveParams& params);
+
+// One channel of the curve for a grey: the display-linear value of curve(x, x, x).
+Rgb tone_curve(uint curve, const Rgb& x);
+double transfer(uint transfer, double y);
+
+}  // namespace candela::reference

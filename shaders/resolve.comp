@@ -1,0 +1,167 @@
+// Phase B's last pass: reads the frame a second time and makes the image.
+//
+// In: the wire's pixels, B_0 (where BLOOM). Out: the image in OUTPUT's format.
+// Method: pipeline.md sections 4.1 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
+// quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
+// that the next pair shares stay in registers, filtered along x.
+// Sources of the curves: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002;
+// K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016; S. Hill's fit of the ACES RRT and ODT, published in
+// M. Pettineo's BakingLab. sRGB: IEC 61966-2-1.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+
+layout(local_size_x = RESOLVE_GROUP_X, local_size_y = RESOLVE_GROUP_Y) in;
+layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
+layout(constant_id = 1) const bool MATRIX = false;
+layout(constant_id = 2) const bool BLOOM = true;
+layout(constant_id = 3) const uint CURVE = CURVE_ACES_HILL;
+layout(constant_id = 4) const uint TRANSFER = TRANSFER_SRGB;
+layout(constant_id = 5) const uint OUTPUT = OUTPUT_RGBA8;
+
+layout(push_constant) uniform Push { ResolveParams p; };
+#include "input.glsl"
+
+// The fitted curve of the ACES RRT and ODT, in the fit's own primaries.
+vec3 rrt_and_odt(vec3 v) {
+  return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
+}
+
+vec3 curve(vec3 x) {
+  vec3 y;
+  if (CURVE == CURVE_REINHARD) {
+    y = x / (1.0 + x);
+  } else if (CURVE == CURVE_ACES_NARKOWICZ) {
+    y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
+  } else if (CURVE == CURVE_ACES_HILL) {
+    vec3 v = rrt_and_odt(vec3(0.59719 * x.r + 0.35458 * x.g + 0.04823 * x.b,
+                              0.07600 * x.r + 0.90834 * x.g + 0.01566 * x.b,
+                              0.02840 * x.r + 0.13383 * x.g + 0.83777 * x.b));
+    y = vec3(1.60475 * v.r - 0.53108 * v.g - 0.07367 * v.b, -0.10208 * v.r + 1.10813 * v.g - 0.00605 * v.b,
+             -0.00327 * v.r - 0.07276 * v.g + 1.07602 * v.b);
+  } else {
+    y = x;
+  }
+  return clamp(y, 0.0, 1.0);
+}
+
+// The exact curve's power x^(1/2.4) as a polynomial in x^(1/4): at most 0.0004 codes from the truth.
+vec3 srgb(vec3 x) {
+  vec3 s = sqrt(sqrt(x));
+  vec3 high = s * 0.0682976916 - 0.318761885;
+  high = high * s + 0.657726109;
+  high = high * s - 0.853387356;
+  high = high * s + 1.36610663;
+  high = high * s + 0.139563262;
+  high = high * s - 0.0595430359;
+  return mix(high, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
+}
+
+// x^(1/2.2) by minimax polynomials for log2 and exp2: drivers' pow may be less exact than an 8-bit code needs.
+float gamma22(float x) {
+  if (x < 1e-30) return 0.0;
+  uint bits = floatBitsToUint(x);
+  float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
+  float q = -0.0780621469 + 0.015125365 * t;
+  q = q * t + 0.192089558;
+  q = q * t - 0.324253947;
+  q = q * t + 0.472897917;
+  q = q * t - 0.720453024;
+  q = q * t + 1.44265628;
+  q = q * t + 2.77289104e-07;
+  float e = (float(int(bits >> 23) - 127) + q) / 2.2;
+  float whole = floor(e);
+  float f = e - whole;
+  float r = 0.00894282945 + 0.00189646112 * f;
+  r = r * f + 0.0558662452;
+  r = r * f + 0.240139708;
+  r = r * f + 0.693154752;
+  r = r * f + 0.999999881;
+  return r * uintBitsToFloat(uint(int(whole) + 127) << 23);
+}
+
+vec3 encode(vec3 y) {
+  if (TRANSFER == TRANSFER_SRGB) return srgb(y);
+  if (TRANSFER == TRANSFER_GAMMA22) return vec3(gamma22(y.r), gamma22(y.g), gamma22(y.b));
+  return y;
+}
+
+vec4 image_texel(vec4 wire, vec3 bloom) {
+  vec4 scene = ingest(p.frame, wire);
+  vec3 x = BLOOM ? scene.rgb + p.bloom_scale * bloom : scene.rgb;
+  vec3 y = curve(min(max(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE));
+  return vec4(OUTPUT == OUTPUT_RGBA16F ? y : encode(y), scene.a);
+}
+
+uvec4 quantise(vec4 c, float codes) { return uvec4(clamp(c, 0.0, 1.0) * codes + 0.5); }
+
+uvec2 pack16(uvec4 v) { return v.xz | (v.yw << 16); }
+
+uvec2 pack_texel(vec4 c) {
+  if (OUTPUT == OUTPUT_RGBA16) return pack16(quantise(c, 65535.0));
+  c = round_to_half(c);
+  return uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba));
+}
+
+void write(uint x, uint y, Group g) {
+  OutWords4 words = OutWords4(uvec2(p.output_lo, p.output_hi));
+  uint at = y * p.output_pitch + x;
+  if (OUTPUT == OUTPUT_RGBA8) {
+    uvec4 v;
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
+      uvec4 q = quantise(g.texel[i], 255.0);
+      v[i] = q.r | (q.g << 8) | (q.b << 16) | (q.a << 24);
+    }
+    words[at / 4u].v = v;
+  } else {
+    words[at / 2u].v = uvec4(pack_texel(g.texel[0]), pack_texel(g.texel[1]));
+    words[at / 2u + 1u].v = uvec4(pack_texel(g.texel[2]), pack_texel(g.texel[3]));
+  }
+}
+
+// A row of B_0, sampled along x at the four columns of a group.
+struct BloomRow {
+  vec3 c[GROUP_TEXELS];
+};
+
+BloomRow bloom_row(uint x, int y) {
+  BloomRow row;
+  if (BLOOM) {
+    Level level = Level(uvec2(p.bloom_lo, p.bloom_hi));
+    uint at = uint(clamp(y, 0, int(p.level_height) - 1)) * p.level_width;
+    int first = int(x / 2u) - 1;
+    vec3 t[4];
+    [[unroll]] for (int i = 0; i < 4; ++i)
+      t[i] = load(level, at + uint(clamp(first + i, 0, int(p.level_width) - 1)));
+    row.c[0] = 0.25 * t[0] + 0.75 * t[1];
+    row.c[1] = 0.75 * t[1] + 0.25 * t[2];
+    row.c[2] = 0.25 * t[1] + 0.75 * t[2];
+    row.c[3] = 0.75 * t[2] + 0.25 * t[3];
+  }
+  return row;
+}
+
+void resolve_row(uint x, uint y, BloomRow far, BloomRow near) {
+  Group g = load_wire(p.frame, x, y);
+  [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
+    g.texel[i] = image_texel(g.texel[i], 0.25 * far.c[i] + 0.75 * near.c[i]);
+  }
+  write(x, y, g);
+}
+
+void main() {
+  uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
+  uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
+  if (x >= p.frame.width || first_row >= p.frame.height) return;
+
+  BloomRow above = bloom_row(x, int(first_row / 2u) - 1);
+  BloomRow here = bloom_row(x, int(first_row / 2u));
+  uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
+  for (uint y = first_row; y < rows_end; y += 2u) {
+    BloomRow below = bloom_row(x, int(y / 2u) + 1);
+    resolve_row(x, y, above, here);
+    if (y + 1u < p.frame.height) resolve_row(x, y + 1u, below, here);
+    above = here;
+    here = below;
+  }
+}

@@ -1,0 +1,63 @@
+#include "tests/support/device_fixture.h"
+
+#include <cstring>
+
+namespace candela::testing {
+
+namespace {
+
+struct Shared {
+  std::unique_ptr<Device> device;
+  std::unique_ptr<TexturePool> pool;
+  std::unique_ptr<Renderer> renderer;
+};
+
+// Destroyed at exit, after the last test.
+Shared& shared() {
+  static Shared instance;
+  return instance;
+}
+
+#ifdef CANDELA_VALIDATION
+constexpr bool kValidation = true;
+#else
+constexpr bool kValidation = false;
+#endif
+
+}  // namespace
+
+void DeviceTest::SetUpTestSuite() {
+  if (shared().renderer) return;
+  auto device = Device::create({.selector = "", .validation = kValidation});
+  ASSERT_TRUE(device.ok()) << device.status();
+  shared().device = *std::move(device);
+  shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30);
+  auto renderer = Renderer::create(*shared().device, *shared().pool);
+  ASSERT_TRUE(renderer.ok()) << renderer.status();
+  shared().renderer = *std::move(renderer);
+}
+
+void DeviceTest::SetUp() { messages_before_ = device().validation_messages(); }
+
+void DeviceTest::TearDown() {
+  EXPECT_EQ(device().validation_messages(), messages_before_) << "the validation layers had something to say";
+}
+
+Device& DeviceTest::device() { return *shared().device; }
+TexturePool& DeviceTest::pool() { return *shared().pool; }
+Renderer& DeviceTest::renderer() { return *shared().renderer; }
+
+absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const Settings& settings) {
+  if (absl::Status status = check_settings(settings); !status.ok()) return status;
+  absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, settings);
+  if (!memory.ok()) return memory.status();
+  for (uint32_t y = 0; y < frame.desc.height; ++y) {
+    std::memcpy(memory->input_row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
+                frame.desc.row_bytes());
+  }
+  absl::StatusOr<FrameReport> report = renderer().render(*memory, settings);
+  if (!report.ok()) return report.status();
+  return Rendered{*std::move(memory), *std::move(report)};
+}
+
+}  // namespace candela::testing

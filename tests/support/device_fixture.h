@@ -1,0 +1,36 @@
+// One device for all the device tests of a process.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "server/render/renderer.h"
+#include "tests/support/scenes.h"
+
+namespace candela::testing {
+
+// Device, pool and renderer, made once. In a build with CANDELA_VALIDATION the validation layers are on, and
+// every test fails that causes a message.
+class DeviceTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite();
+  void SetUp() override;
+  void TearDown() override;
+
+  static Device& device();
+  static TexturePool& pool();
+  static Renderer& renderer();
+
+  struct Rendered {
+    FrameMemory memory;
+    FrameReport report;
+  };
+  // Uploads and renders; fails the test on an error.
+  static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings);
+
+ private:
+  uint64_t messages_before_ = 0;
+};
+
+}  // namespace candela::testing
