@@ -31,10 +31,18 @@ struct Config {
       absl::Seconds(30);  // how long frames in flight may take once the server stops
 };
 
+// Inclusive.
+inline constexpr v1::Range<uint64_t> kMemoryBudgetBytes{uint64_t{1} << 20, uint64_t{1} << 40};
+inline constexpr v1::Range<uint64_t> kMaxFrameBytes{4, uint64_t{1} << 32};
+inline constexpr v1::Range<uint32_t> kMaxDimension{1, v1::kMaxDimension};
+inline constexpr v1::Range<uint32_t> kMaxCalls{1, 4096};
+inline constexpr v1::Range<absl::Duration> kIdleTimeout{absl::Milliseconds(10), absl::Hours(24)};
+inline constexpr v1::Range<absl::Duration> kDrainTimeout{absl::ZeroDuration(), absl::Hours(1)};
+
 // INVALID_ARGUMENT naming the option, its value and its range.
 absl::Status check_config(const Config& config);
 
-// One call of candelad.
+// What candelad was asked to do.
 struct Invocation {
   Config config;
   LogOptions log;

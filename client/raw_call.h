@@ -1,0 +1,47 @@
+// One gRPC call of raw messages, driven by the thread that has it.
+#pragma once
+
+#include <grpcpp/channel.h>
+#include <grpcpp/client_context.h>
+#include <grpcpp/completion_queue.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include <memory>
+#include <string>
+
+#include "absl/time/time.h"
+
+namespace candela {
+
+// Every member waits until it is done. False: the call is over, and finish() says why.
+class RawCall {
+ public:
+  // `method` as "/package.Service/Method".
+  RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, absl::Time deadline);
+  // Cancels a call that was not finished.
+  ~RawCall();
+  RawCall(const RawCall&) = delete;
+  RawCall& operator=(const RawCall&) = delete;
+
+  bool write(const grpc::ByteBuffer& message);
+  bool half_close();
+  bool read(grpc::ByteBuffer& message);
+  // Once, after the last read.
+  grpc::Status finish();
+
+  // Whether the server was reached: a message went out to it.
+  bool connected() const { return connected_; }
+
+ private:
+  bool wait();
+
+  grpc::ClientContext context_;
+  grpc::CompletionQueue queue_;
+  std::unique_ptr<grpc::GenericClientAsyncReaderWriter> stream_;
+  bool started_ = false;
+  bool connected_ = false;
+  bool finished_ = false;
+};
+
+}  // namespace candela

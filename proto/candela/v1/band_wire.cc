@@ -1,0 +1,109 @@
+#include "proto/candela/v1/band_wire.h"
+
+#include <google/protobuf/wire_format_lite.h>
+#include <grpcpp/support/proto_buffer_reader.h>
+
+#include <array>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela::v1 {
+namespace {
+
+using google::protobuf::internal::WireFormatLite;
+using google::protobuf::io::CodedInputStream;
+using google::protobuf::io::CodedOutputStream;
+
+constexpr uint32_t tag(uint32_t field, uint32_t wire_type) { return field << 3 | wire_type; }
+constexpr uint32_t kVarint = 0;
+constexpr uint32_t kLengthDelimited = 2;
+
+// RenderRequest and RenderResponse
+constexpr uint32_t kOtherPart = tag(1, kLengthDelimited);
+constexpr uint32_t kBand = tag(2, kLengthDelimited);
+// Band
+constexpr uint32_t kFirstRow = tag(1, kVarint);
+constexpr uint32_t kPixels = tag(2, kLengthDelimited);
+
+absl::Status malformed() {
+  return absl::InvalidArgumentError(
+      "message is not what render.proto says: its bytes are damaged or cut short");
+}
+
+// The length of a length-delimited field that lies wholly within the message around it.
+bool read_length(CodedInputStream& input, int& length) {
+  return input.ReadVarintSizeAsInt(&length) && length <= input.BytesUntilLimit();
+}
+
+absl::Status read_fields(CodedInputStream& input, uint32_t& first_row, TakePixels take) {
+  while (const uint32_t field = input.ReadTag()) {
+    if (field == kFirstRow) {
+      if (!input.ReadVarint32(&first_row)) return malformed();
+    } else if (field == kPixels) {
+      int length = 0;
+      if (!read_length(input, length)) return malformed();
+      if (static_cast<uint64_t>(length) > kMaxBandBytes) {
+        return absl::InvalidArgumentError(absl::StrFormat(
+            "band holds %d bytes and may hold at most %d; send fewer rows in a band", length, kMaxBandBytes));
+      }
+      if (length == 0) continue;
+      if (absl::Status status = take(input, static_cast<uint64_t>(length)); !status.ok()) return status;
+    } else if (!WireFormatLite::SkipField(&input, field)) {
+      return malformed();
+    }
+  }
+  return input.ConsumedEntireMessage() ? absl::OkStatus() : malformed();
+}
+
+}  // namespace
+
+grpc::ByteBuffer make_band(uint32_t first_row, grpc::Slice pixels) {
+  const auto bytes = static_cast<uint32_t>(pixels.size());
+  size_t band_bytes = 1 + CodedOutputStream::VarintSize32(bytes) + bytes;
+  if (first_row != 0) band_bytes += 1 + CodedOutputStream::VarintSize32(first_row);
+
+  std::array<uint8_t, 4 + 3 * 5> head;
+  uint8_t* end = CodedOutputStream::WriteTagToArray(kBand, head.data());
+  end = CodedOutputStream::WriteVarint32ToArray(static_cast<uint32_t>(band_bytes), end);
+  if (first_row != 0) {
+    end = CodedOutputStream::WriteTagToArray(kFirstRow, end);
+    end = CodedOutputStream::WriteVarint32ToArray(first_row, end);
+  }
+  end = CodedOutputStream::WriteTagToArray(kPixels, end);
+  end = CodedOutputStream::WriteVarint32ToArray(bytes, end);
+
+  const std::array<grpc::Slice, 2> slices{grpc::Slice(head.data(), static_cast<size_t>(end - head.data())),
+                                          std::move(pixels)};
+  return grpc::ByteBuffer(slices.data(), slices.size());
+}
+
+absl::StatusOr<uint32_t> read_band(grpc::ByteBuffer& message, TakePixels take) {
+  grpc::ProtoBufferReader slices(&message);
+  CodedInputStream input(&slices);
+  input.PushLimit(static_cast<int>(message.Length()));
+
+  // A oneof: its last member counts, and members of one kind that follow each other are merged.
+  bool is_band = false;
+  uint32_t first_row = 0;
+  while (const uint32_t field = input.ReadTag()) {
+    if (field == kBand) {
+      if (!is_band) first_row = 0;
+      is_band = true;
+      int length = 0;
+      if (!read_length(input, length)) return malformed();
+      const auto outer = input.PushLimit(length);
+      if (absl::Status status = read_fields(input, first_row, take); !status.ok()) return status;
+      input.PopLimit(outer);
+      continue;
+    }
+    if (field == kOtherPart) is_band = false;
+    if (!WireFormatLite::SkipField(&input, field)) return malformed();
+  }
+  if (!input.ConsumedEntireMessage()) return malformed();
+  if (!is_band) return absl::InvalidArgumentError("message holds no band where one is due");
+  return first_row;
+}
+
+}  // namespace candela::v1

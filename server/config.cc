@@ -1,0 +1,45 @@
+#include "server/config.h"
+
+#include "absl/strings/str_format.h"
+#include "server/listen_address.h"
+#include "server/units.h"
+
+namespace candela {
+namespace {
+
+absl::Status check_bytes(const char* option, uint64_t value, v1::Range<uint64_t> range) {
+  if (value >= range.min && value <= range.max) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat("%s is %s; it must be %s .. %s", option,
+                                                    format_bytes(value), format_bytes(range.min),
+                                                    format_bytes(range.max)));
+}
+
+absl::Status check_number(const char* option, uint32_t value, v1::Range<uint32_t> range) {
+  if (value >= range.min && value <= range.max) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s is %d; it must be %d .. %d", option, value, range.min, range.max));
+}
+
+absl::Status check_duration(const char* option, absl::Duration value, v1::Range<absl::Duration> range) {
+  if (value >= range.min && value <= range.max) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s is %s; it must be %s .. %s", option, absl::FormatDuration(value),
+                      absl::FormatDuration(range.min), absl::FormatDuration(range.max)));
+}
+
+}  // namespace
+
+absl::Status check_config(const Config& config) {
+  absl::Status status = check_bytes("memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes);
+  status.Update(check_bytes("max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes));
+  status.Update(check_number("max-dimension", config.max_dimension, kMaxDimension));
+  status.Update(check_number("max-calls", config.max_calls, kMaxCalls));
+  status.Update(check_duration("idle-timeout", config.idle_timeout, kIdleTimeout));
+  status.Update(check_duration("drain-timeout", config.drain_timeout, kDrainTimeout));
+  for (const std::string& address : config.listen) {
+    status.Update(check_listen_address(address, config.insecure));
+  }
+  return status;
+}
+
+}  // namespace candela

@@ -1,0 +1,49 @@
+#include "server/listen_address.h"
+
+#include <cstdint>
+
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+
+namespace candela {
+namespace {
+
+constexpr uint32_t kMaxPort = 65535;
+
+bool is_loopback(absl::string_view host) {
+  return host == "localhost" || host == "::1" || absl::StartsWith(host, "127.");
+}
+
+absl::Status bad_shape(const std::string& address) {
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "listen address '%s' is neither HOST:PORT (port 0 .. %d) nor unix:PATH", address, kMaxPort));
+}
+
+}  // namespace
+
+absl::Status check_listen_address(const std::string& address, bool insecure) {
+  if (absl::StartsWith(address, "unix:")) return address.size() > 5 ? absl::OkStatus() : bad_shape(address);
+
+  const size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0) return bad_shape(address);
+  absl::string_view host = absl::string_view(address).substr(0, colon);
+  uint32_t port = 0;
+  if (!absl::SimpleAtoi(address.substr(colon + 1), &port) || port > kMaxPort) return bad_shape(address);
+  const bool bracketed = absl::ConsumePrefix(&host, "[") && absl::ConsumeSuffix(&host, "]");
+  if (host.empty() || (!bracketed && host.find_first_of("[]:/") != absl::string_view::npos))
+    return bad_shape(address);
+
+  if (!insecure && !is_loopback(host)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("'%s' is reachable from other machines and this server has no TLS; listen on "
+                        "127.0.0.1 behind a proxy, or "
+                        "accept that anyone there can connect and read with --insecure",
+                        address));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace candela

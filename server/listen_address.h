@@ -1,0 +1,15 @@
+// Where a server may listen.
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+
+namespace candela {
+
+// `address` is "HOST:PORT", with an IPv6 host in brackets, or "unix:PATH". INVALID_ARGUMENT for any other
+// shape, and, unless `insecure`, for a host beyond loopback: there is no TLS, so anyone there could connect
+// and read.
+absl::Status check_listen_address(const std::string& address, bool insecure);
+
+}  // namespace candela

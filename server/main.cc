@@ -1,0 +1,116 @@
+// candelad: the daemon.
+#include <pthread.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/synchronization/notification.h"
+#include "server/base/driver_environment.h"
+#include "server/base/log.h"
+#include "server/config.h"
+#include "server/rpc/grpc_log.h"
+#include "server/server.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+namespace {
+
+constexpr int kFailed = 1;
+constexpr int kUsage = 2;
+// How much longer than its drain timeout a server may take to stop before the process is ended.
+constexpr absl::Duration kStopGrace = absl::Seconds(10);
+
+// SIGTERM and SIGINT on a thread of their own: the first asks the server to drain; the second, or a server
+// that does not stop in time, ends the process.
+class Signals {
+ public:
+  // Before any other thread is started: they inherit that both signals are blocked.
+  explicit Signals(absl::Duration stop_within) : stop_within_(stop_within) {
+    sigemptyset(&set_);
+    sigaddset(&set_, SIGTERM);
+    sigaddset(&set_, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &set_, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);
+    thread_ = std::thread([this] { run(); });
+  }
+  ~Signals() {
+    finished_.Notify();
+    pthread_kill(thread_.native_handle(), SIGTERM);
+    thread_.join();
+  }
+
+  void wait_for_stop() { stop_.WaitForNotification(); }
+
+ private:
+  void run() {
+    int signal = 0;
+    sigwait(&set_, &signal);
+    if (finished_.HasBeenNotified()) return;
+    log_event(LogLevel::kInfo, "draining", {{"signal", signal == SIGINT ? "SIGINT" : "SIGTERM"}});
+    stop_.Notify();
+    const timespec limit = absl::ToTimespec(stop_within_);
+    const int second = sigtimedwait(&set_, nullptr, &limit);
+    if (finished_.HasBeenNotified()) return;
+    log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
+    _exit(kFailed);
+  }
+
+  const absl::Duration stop_within_;
+  sigset_t set_;
+  absl::Notification stop_;
+  absl::Notification finished_;
+  std::thread thread_;
+};
+
+int fail(const absl::Status& status, int code) {
+  absl::FPrintF(stderr, "candelad: %s\n", status.message());
+  return code;
+}
+
+int print_devices() {
+  prepare_driver_environment();
+  const absl::StatusOr<std::vector<DeviceSummary>> devices = list_devices();
+  if (!devices.ok()) return fail(devices.status(), kFailed);
+  for (const DeviceSummary& device : *devices) {
+    absl::PrintF("%d  %s  (%s, %s, Vulkan %s)%s\n", device.index, device.name, device.type, device.driver,
+                 device.api_version,
+                 device.unusable.empty() ? "" : absl::StrCat("  unusable: ", device.unusable));
+  }
+  return 0;
+}
+
+int serve(const Invocation& invocation) {
+  Signals signals(invocation.config.drain_timeout + kStopGrace);
+  start_logging(invocation.log);
+  send_grpc_messages_to_log();
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(invocation.config);
+  if (!server.ok()) return fail(server.status(), kFailed);
+  const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
+  absl::PrintF("listening on %s\n", addresses);
+  std::fflush(stdout);
+  log_event(LogLevel::kInfo, "serving", {{"address", addresses}, {"device", (*server)->device_name()}});
+  signals.wait_for_stop();
+  (*server)->drain_and_stop();
+  log_event(LogLevel::kInfo, "stopped");
+  return 0;
+}
+
+int run(int argc, char** argv) {
+  const absl::StatusOr<Invocation> invocation = parse_invocation(argc, argv);
+  if (!invocation.ok()) return fail(invocation.status(), kUsage);
+  if (!invocation->text.empty()) {
+    std::fputs(invocation->text.c_str(), stdout);
+    return 0;
+  }
+  return invocation->list_devices ? print_devices() : serve(*invocation);
+}
+
+}  // namespace
+}  // namespace candela
+
+int main(int argc, char** argv) { return candela::run(argc, argv); }

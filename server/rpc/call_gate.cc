@@ -1,0 +1,34 @@
+#include "server/rpc/call_gate.h"
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+
+absl::Status CallGate::enter() {
+  absl::MutexLock lock(&mutex_);
+  if (closed_) return absl::UnavailableError("server is draining and takes no new calls; use another one");
+  if (calls_ >= max_calls_) {
+    return absl::UnavailableError(
+        absl::StrFormat("server has %d calls, as many as it takes at once; try again soon", calls_));
+  }
+  ++calls_;
+  return absl::OkStatus();
+}
+
+void CallGate::leave() {
+  absl::MutexLock lock(&mutex_);
+  --calls_;
+}
+
+void CallGate::close() {
+  absl::MutexLock lock(&mutex_);
+  closed_ = true;
+}
+
+bool CallGate::wait_until_empty(absl::Duration timeout) {
+  absl::MutexLock lock(&mutex_);
+  const auto empty = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return calls_ == 0; };
+  return mutex_.AwaitWithTimeout(absl::Condition(&empty), timeout);
+}
+
+}  // namespace candela

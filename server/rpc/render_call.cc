@@ -1,0 +1,158 @@
+#include "server/rpc/render_call.h"
+
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "server/base/log.h"
+#include "server/rpc/status.h"
+
+namespace candela {
+
+RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& backend) {
+  std::shared_ptr<RenderCall> call(new RenderCall(context, backend));
+  call->self_ = call;
+  absl::MutexLock lock(&call->mutex_);
+  call->enter();
+  return call.get();
+}
+
+RenderCall::RenderCall(grpc::CallbackServerContext* context, Backend& backend)
+    : context_(*context), backend_(backend), last_progress_(absl::Now()) {}
+
+void RenderCall::enter() {
+  if (absl::Status status = backend_.gate.enter(); !status.ok()) return finish(status);
+  inside_ = true;
+  watch_idle(backend_.idle_timeout);
+  StartRead(&incoming_);
+}
+
+void RenderCall::OnReadDone(bool ok) {
+  absl::MutexLock lock(&mutex_);
+  if (state_ == State::kFinished) return;
+  last_progress_ = absl::Now();
+  absl::Status status;
+  if (state_ == State::kStart) {
+    status = ok ? take_start() : absl::InvalidArgumentError("call was half-closed before its start message");
+  } else {
+    status = ok ? take_band() : enqueue();
+  }
+  if (!status.ok()) return finish(status);
+  if (ok) StartRead(&incoming_);
+}
+
+absl::Status RenderCall::take_start() {
+  absl::StatusOr<RenderStart> start = read_render_start(incoming_, backend_.limits);
+  incoming_.Clear();
+  if (!start.ok()) return start.status();
+  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start->desc, start->settings);
+  if (!memory.ok()) return memory.status();
+  frame_ = std::make_shared<Frame>(Frame{backend_.renderer, *std::move(memory), start->settings});
+  bands_.emplace(start->desc, start->row_stride_bytes);
+  start_ = *std::move(start);
+  state_ = State::kBands;
+  return absl::OkStatus();
+}
+
+absl::Status RenderCall::take_band() {
+  FrameMemory& memory = frame_->memory;
+  absl::Status status = bands_->read(incoming_, [&memory](uint32_t y) { return memory.input_row(y); });
+  incoming_.Clear();
+  return status;
+}
+
+absl::Status RenderCall::enqueue() {
+  // A client that vanished looks like one that half-closed.
+  if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
+  if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
+  FrameJob job;
+  job.frame = frame_;
+  job.deadline = absl::FromChrono(context_.deadline());
+  job.done = [self = self_](absl::StatusOr<RenderedFrame> rendered) {
+    self->on_rendered(std::move(rendered));
+  };
+  absl::StatusOr<Ticket> ticket = backend_.loop.submit(std::move(job));
+  if (!ticket.ok()) return ticket.status();
+  ticket_ = *ticket;
+  state_ = State::kQueued;
+  return absl::OkStatus();
+}
+
+void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
+  if (rendered.ok()) ++backend_.frames_rendered;
+  absl::MutexLock lock(&mutex_);
+  if (state_ == State::kFinished) return;
+  if (!rendered.ok()) return finish(rendered.status());
+  state_ = State::kSending;
+  last_progress_ = absl::Now();
+  result_.emplace(frame_, result_header(*frame_, start_->sequence, *rendered, backend_.device));
+  send_next();
+}
+
+void RenderCall::OnWriteDone(bool ok) {
+  absl::MutexLock lock(&mutex_);
+  if (state_ == State::kFinished) return;
+  if (!ok) return finish(absl::CancelledError("client went away before it had its result"));
+  last_progress_ = absl::Now();
+  send_next();
+}
+
+void RenderCall::send_next() {
+  if (!result_->next(outgoing_)) return finish(absl::OkStatus());
+  StartWrite(&outgoing_);
+}
+
+void RenderCall::OnCancel() {
+  absl::MutexLock lock(&mutex_);
+  if (state_ == State::kFinished) return;
+  // A frame that is being rendered already finishes, is discarded, and only then gives its memory back.
+  if (state_ == State::kQueued) backend_.loop.cancel(ticket_);
+  finish(absl::CancelledError("call was cancelled"));
+}
+
+void RenderCall::finish(const absl::Status& status) {
+  state_ = State::kFinished;
+  log_event(LogLevel::kInfo, "render call ended",
+            {{"peer", context_.peer()},
+             {"sequence", start_ ? start_->sequence : 0},
+             {"status", absl::StatusCodeToString(status.code())},
+             {"message", status.message()}});
+  result_.reset();
+  frame_.reset();
+  Finish(to_grpc(status));
+}
+
+void RenderCall::OnDone() {
+  std::shared_ptr<RenderCall> self;  // outlives the lock
+  bool inside = false;
+  {
+    absl::MutexLock lock(&mutex_);
+    idle_alarm_.reset();
+    inside = inside_;
+    self = std::move(self_);
+  }
+  if (inside) backend_.gate.leave();
+}
+
+void RenderCall::watch_idle(absl::Duration wait) {
+  // A fresh alarm each time: one that has fired is still inside its callback when it would be set again.
+  idle_alarm_ = std::make_unique<grpc::Alarm>();
+  idle_alarm_->Set(absl::ToChronoTime(absl::Now() + wait), [weak = weak_from_this()](bool expired) {
+    if (!expired) return;
+    if (std::shared_ptr<RenderCall> call = weak.lock()) call->on_idle();
+  });
+}
+
+void RenderCall::on_idle() {
+  absl::MutexLock lock(&mutex_);
+  if (state_ == State::kFinished) return;
+  if (state_ == State::kQueued) return watch_idle(backend_.idle_timeout);  // it waits for us
+  const absl::Duration idle = absl::Now() - last_progress_;
+  if (idle < backend_.idle_timeout) return watch_idle(backend_.idle_timeout - idle);
+  // A write that nobody reads never ends by itself, and no status could follow it.
+  if (state_ == State::kSending) return context_.TryCancel();
+  finish(absl::DeadlineExceededError(
+      absl::StrFormat("nothing arrived for %s, this server's idle timeout; send the frame without pauses",
+                      absl::FormatDuration(backend_.idle_timeout))));
+}
+
+}  // namespace candela

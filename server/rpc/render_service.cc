@@ -1,0 +1,35 @@
+#include "server/rpc/render_service.h"
+
+#include <utility>
+
+#include "server/rpc/render_call.h"
+
+namespace candela {
+
+RenderService::RenderService(Backend& backend, const TexturePool& pool, v1::GetServerInfoResponse info)
+    : backend_(backend), pool_(pool), info_(std::move(info)), started_(absl::Now()) {}
+
+grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Render(
+    grpc::CallbackServerContext* context) {
+  return RenderCall::begin(context, backend_);
+}
+
+grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerContext* context,
+                                                       const v1::GetServerInfoRequest*,
+                                                       v1::GetServerInfoResponse* response) {
+  *response = info_;
+  const PoolCounters counters = pool_.counters();
+  v1::PoolInfo& pool = *response->mutable_pool();
+  pool.set_hits(counters.hits);
+  pool.set_misses(counters.misses);
+  pool.set_bytes_in_use(counters.bytes_in_use);
+  pool.set_bytes_idle(counters.bytes_idle);
+  pool.set_bytes_peak(counters.bytes_peak);
+  response->set_uptime_seconds(static_cast<uint64_t>(absl::ToInt64Seconds(absl::Now() - started_)));
+  response->set_frames_rendered(backend_.frames_rendered);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(grpc::Status::OK);
+  return reactor;
+}
+
+}  // namespace candela

@@ -1,0 +1,127 @@
+#include "server/rpc/render_start.h"
+
+#include <grpcpp/support/proto_buffer_reader.h>
+
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+namespace {
+
+// Room for every field with its longest value; more is not a start message.
+constexpr size_t kMaxStartBytes = 64 << 10;
+constexpr uint64_t kMaxRowPaddingBytes = 4096;
+
+// `value` as `Ours`, whose values are those of the message's enum; 0 is the default that `field` has already.
+template <typename Ours, typename Theirs>
+absl::Status set_enum(const char* name, Theirs value, bool known, Ours& field) {
+  if (!known) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s is %d, which this server does not know; GetServerInfo lists what it does", name,
+                        static_cast<int>(value)));
+  }
+  if (static_cast<int>(value) != 0) field = static_cast<Ours>(value);
+  return absl::OkStatus();
+}
+
+absl::Status read_enums(const v1::Settings& message, Settings& settings) {
+  const v1::Exposure::Mode mode = message.exposure().mode();
+  absl::Status status =
+      set_enum("exposure.mode", mode, v1::Exposure::Mode_IsValid(mode), settings.exposure.mode);
+  status.Update(set_enum("curve", message.curve(), v1::ToneCurve_IsValid(message.curve()), settings.curve));
+  status.Update(
+      set_enum("transfer", message.transfer(), v1::Transfer_IsValid(message.transfer()), settings.transfer));
+  status.Update(set_enum("output_format", message.output_format(),
+                         v1::OutputFormat_IsValid(message.output_format()), settings.output_format));
+  status.Update(set_enum("bad_values", message.bad_values(), v1::BadValues_IsValid(message.bad_values()),
+                         settings.bad_values));
+  return status;
+}
+
+absl::StatusOr<FrameDesc> frame_from(const v1::FrameHeader& header) {
+  if (header.format() == v1::PIXEL_FORMAT_UNSPECIFIED || !v1::PixelFormat_IsValid(header.format())) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.format is %d; it must be one of RGBA16F (1), RGBA32F (2) and RGB9E5 (3)",
+                        static_cast<int>(header.format())));
+  }
+  return FrameDesc{header.width(), header.height(), static_cast<PixelFormat>(header.format())};
+}
+
+// `desc` has passed check_frame, so that no product here leaves 64 bits.
+absl::StatusOr<uint64_t> row_stride(const v1::FrameHeader& header, const FrameDesc& desc) {
+  const uint64_t tight = desc.row_bytes();
+  const uint64_t stride = header.row_stride_bytes() == 0 ? tight : header.row_stride_bytes();
+  if (stride < tight || stride > tight + kMaxRowPaddingBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.row_stride_bytes is %d; rows of %d pixels need %d and may take at most %d",
+                        stride, desc.width, tight, tight + kMaxRowPaddingBytes));
+  }
+  if (header.total_bytes() != 0 && header.total_bytes() != stride * desc.height) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.total_bytes is %d; %d rows of %d bytes are %d (or leave it 0)",
+                        header.total_bytes(), desc.height, stride, stride * desc.height));
+  }
+  return stride;
+}
+
+}  // namespace
+
+absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
+  Settings settings;
+  if (absl::Status status = read_enums(message, settings); !status.ok()) return status;
+
+  const v1::Exposure& exposure = message.exposure();
+  if (exposure.has_manual_ev()) settings.exposure.manual_ev = exposure.manual_ev();
+  if (exposure.has_compensation_ev()) settings.exposure.compensation_ev = exposure.compensation_ev();
+  if (exposure.has_key()) settings.exposure.key = exposure.key();
+  if (exposure.has_min_exposure()) settings.exposure.min_exposure = exposure.min_exposure();
+  if (exposure.has_max_exposure()) settings.exposure.max_exposure = exposure.max_exposure();
+
+  const v1::Bloom& bloom = message.bloom();
+  if (bloom.has_intensity()) settings.bloom.intensity = bloom.intensity();
+  if (bloom.has_threshold()) settings.bloom.threshold = bloom.threshold();
+  if (bloom.has_softness()) settings.bloom.softness = bloom.softness();
+  if (bloom.has_levels()) settings.bloom.levels = bloom.levels();
+  if (bloom.has_firefly_weights()) settings.bloom.firefly_weights = bloom.firefly_weights();
+
+  if (message.has_prescale()) settings.prescale = message.prescale();
+  if (!message.tier().empty()) settings.tier = message.tier();
+  if (message.has_input_chromaticities()) {
+    const v1::Chromaticities& c = message.input_chromaticities();
+    settings.input_chromaticities = Chromaticities{
+        {c.red_x(), c.red_y(), c.green_x(), c.green_y(), c.blue_x(), c.blue_y(), c.white_x(), c.white_y()}};
+  }
+  if (absl::Status status = check_settings(settings); !status.ok()) return status;
+  return settings;
+}
+
+absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits) {
+  if (message.Length() > kMaxStartBytes) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "first message is %d bytes and a start message has at most %d; send `start`, then bands",
+        message.Length(), kMaxStartBytes));
+  }
+  v1::RenderRequest request;
+  grpc::ProtoBufferReader slices(&message);
+  if (!request.ParseFromZeroCopyStream(&slices)) {
+    return absl::InvalidArgumentError(
+        "first message is not what render.proto says: its bytes are damaged or cut short");
+  }
+  if (!request.has_start()) {
+    return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
+  }
+  const v1::RenderStart& start = request.start();
+
+  absl::StatusOr<FrameDesc> desc = frame_from(start.frame());
+  if (!desc.ok()) return desc.status();
+  if (absl::Status status = check_frame(*desc, limits); !status.ok()) return status;
+  const absl::StatusOr<uint64_t> stride = row_stride(start.frame(), *desc);
+  if (!stride.ok()) return stride.status();
+  absl::StatusOr<Settings> settings = settings_from(start.settings());
+  if (!settings.ok()) return settings.status();
+  return RenderStart{*desc, start.frame().sequence(), *stride, *std::move(settings)};
+}
+
+}  // namespace candela

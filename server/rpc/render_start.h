@@ -1,0 +1,30 @@
+// The first message of a Render call: what will come, and what is wanted of it.
+#pragma once
+
+#include <grpcpp/support/byte_buffer.h>
+
+#include <cstdint>
+
+#include "absl/status/statusor.h"
+#include "candela/v1/render.pb.h"
+#include "server/render/frame.h"
+#include "server/render/settings.h"
+
+namespace candela {
+
+struct RenderStart {
+  FrameDesc desc;
+  uint64_t sequence = 0;
+  uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
+  Settings settings;
+};
+
+// Reads and checks everything that can be checked before a pixel is there: check_frame, check_settings, the
+// row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED; takes no memory for the frame.
+absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits);
+
+// Absent fields take their defaults. INVALID_ARGUMENT for an enum's value that this server does not know, and
+// as check_settings.
+absl::StatusOr<Settings> settings_from(const v1::Settings& message);
+
+}  // namespace candela

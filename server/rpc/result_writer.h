@@ -1,0 +1,39 @@
+// The messages of a result: a header, then the image in bands.
+#pragma once
+
+#include <grpcpp/support/byte_buffer.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "candela/v1/render.pb.h"
+#include "server/stream/frame_queue.h"
+
+namespace candela {
+
+// `device` is the device's own name.
+v1::ResultHeader result_header(const Frame& frame, uint64_t sequence, const RenderedFrame& rendered,
+                               const std::string& device);
+
+// One thread at a time.
+class ResultWriter {
+ public:
+  // `frame` has been rendered.
+  ResultWriter(std::shared_ptr<const Frame> frame, const v1::ResultHeader& header);
+
+  // The next message; false when there is none. Bands point into the frame's memory where its rows follow
+  // each other, and hold on to the frame until gRPC, or a client in this process, has let go of the message.
+  bool next(grpc::ByteBuffer& message);
+
+ private:
+  grpc::Slice rows(uint32_t first, uint32_t count) const;
+
+  const std::shared_ptr<const Frame> frame_;
+  const uint64_t row_bytes_;
+  grpc::ByteBuffer header_;
+  bool header_sent_ = false;
+  uint32_t next_row_ = 0;
+};
+
+}  // namespace candela

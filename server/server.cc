@@ -1,0 +1,189 @@
+#include "server/server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "server/base/driver_environment.h"
+#include "server/render/renderer.h"
+#include "server/render/self_test.h"
+#include "server/render/texture_pool.h"
+#include "server/render/tiers.h"
+#include "server/rpc/backend.h"
+#include "server/rpc/render_service.h"
+#include "server/stream/render_loop.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+namespace {
+
+// What a frame's memory lives on.
+struct Engine {
+  Engine(std::unique_ptr<Device> d, uint64_t budget_bytes)
+      : device(std::move(d)), pool(*device, budget_bytes) {}
+
+  std::unique_ptr<Device> device;
+  TexturePool pool;
+  std::unique_ptr<Renderer> renderer;
+};
+
+absl::StatusOr<std::shared_ptr<Engine>> start_engine(const Config& config) {
+  absl::StatusOr<std::unique_ptr<Device>> device =
+      Device::create({.selector = config.device, .validation = config.validation});
+  if (!device.ok()) return device.status();
+  auto engine = std::make_shared<Engine>(*std::move(device), config.memory_budget_bytes);
+  absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::create(*engine->device, engine->pool);
+  if (!renderer.ok()) return renderer.status();
+  engine->renderer = *std::move(renderer);
+  if (absl::Status status = self_test(*engine->renderer); !status.ok()) return status;
+  return engine;
+}
+
+FrameLimits limits_of(const Config& config, const DeviceSummary& device) {
+  return {config.max_dimension, std::min(config.max_frame_bytes, device.max_allocation_bytes)};
+}
+
+v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary& device) {
+  v1::GetServerInfoResponse info;
+  info.set_version(CANDELA_VERSION);
+  v1::DeviceInfo& about = *info.mutable_device();
+  about.set_name(device.name);
+  about.set_type(device.type);
+  about.set_driver(device.driver);
+  about.set_api_version(device.api_version);
+  about.set_unified_memory(device.unified_memory);
+  for (int i = 1; v1::PixelFormat_IsValid(i); ++i) info.add_formats(static_cast<v1::PixelFormat>(i));
+  for (int i = 1; v1::OutputFormat_IsValid(i); ++i) info.add_output_formats(static_cast<v1::OutputFormat>(i));
+  for (int i = 1; v1::ToneCurve_IsValid(i); ++i) info.add_curves(static_cast<v1::ToneCurve>(i));
+  for (int i = 1; v1::Transfer_IsValid(i); ++i) info.add_transfers(static_cast<v1::Transfer>(i));
+  for (const Tier& tier : tiers()) {
+    v1::Tier& row = *info.add_tiers();
+    row.set_name(tier.name);
+    row.set_summary(tier.summary);
+  }
+  const FrameLimits limits = limits_of(config, device);
+  info.mutable_limits()->set_max_frame_bytes(limits.max_frame_bytes);
+  info.mutable_limits()->set_max_dimension(limits.max_dimension);
+  info.mutable_limits()->set_max_band_bytes(v1::kMaxBandBytes);
+  info.mutable_limits()->set_memory_budget_bytes(config.memory_budget_bytes);
+  return info;
+}
+
+// Without a listening port the address keeps its port; with port 0 it gets the one that was taken.
+std::string with_port(const std::string& address, int port) {
+  if (absl::StartsWith(address, "unix:")) return address;
+  return absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
+}
+
+}  // namespace
+
+struct Server::Parts {
+  explicit Parts(const Config& c) : config(c) {}
+
+  absl::Status listen();
+  void stop();
+
+  const Config config;
+  std::shared_ptr<Engine> engine;
+  std::string device_name;
+  std::unique_ptr<RenderLoop> loop;
+  std::unique_ptr<Backend> backend;
+  std::unique_ptr<RenderService> service;
+  std::unique_ptr<grpc::Server> grpc;
+  std::vector<std::string> addresses;
+};
+
+absl::Status Server::Parts::listen() {
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder builder;
+  builder.RegisterService(service.get());
+  builder.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
+  builder.SetMaxSendMessageSize(static_cast<int>(v1::kMaxMessageBytes));
+  // A compressed message could unfold to far more than the limit.
+  builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
+  builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  // Two servers on one port would share its calls between them unasked.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  std::vector<int> ports(config.listen.size(), 0);
+  for (size_t i = 0; i < ports.size(); ++i) {
+    builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+  }
+  grpc = builder.BuildAndStart();
+  for (size_t i = 0; i < ports.size(); ++i) {
+    if (grpc == nullptr || ports[i] == 0) {
+      return absl::UnavailableError(
+          absl::StrFormat("cannot listen on %s: it is in use or not an address of this machine; stop what "
+                          "listens there or pass "
+                          "another --listen",
+                          config.listen[i]));
+    }
+    addresses.push_back(with_port(config.listen[i], ports[i]));
+  }
+  if (grpc == nullptr) return absl::InternalError("gRPC did not start");
+  return absl::OkStatus();
+}
+
+void Server::Parts::stop() {
+  if (grpc == nullptr) return;
+  backend->gate.close();
+  grpc->Shutdown(std::chrono::system_clock::now());
+  grpc->Wait();
+  loop->stop();
+  grpc.reset();
+}
+
+absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
+  if (absl::Status status = check_config(config); !status.ok()) return status;
+  prepare_driver_environment();
+  absl::StatusOr<std::shared_ptr<Engine>> engine = start_engine(config);
+  if (!engine.ok()) return engine.status();
+
+  auto parts = std::make_unique<Parts>(config);
+  parts->engine = *std::move(engine);
+  const DeviceSummary& device = parts->engine->device->summary();
+  parts->device_name = device.name;
+  const std::shared_ptr<Renderer> renderer(parts->engine, parts->engine->renderer.get());
+  parts->loop = std::make_unique<RenderLoop>(
+      [renderer](FrameMemory& memory, const Settings& settings) {
+        return renderer->render(memory, settings);
+      },
+      config.max_calls);
+  parts->backend.reset(new Backend{.renderer = renderer,
+                                   .loop = *parts->loop,
+                                   .limits = limits_of(config, device),
+                                   .idle_timeout = config.idle_timeout,
+                                   .device = device.name,
+                                   .gate = CallGate(config.max_calls)});
+  parts->service =
+      std::make_unique<RenderService>(*parts->backend, parts->engine->pool, server_info(config, device));
+  if (absl::Status status = parts->listen(); !status.ok()) return status;
+  parts->grpc->GetHealthCheckService()->SetServingStatus(v1::RenderService::service_full_name(), true);
+  return std::unique_ptr<Server>(new Server(std::move(parts)));
+}
+
+Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+Server::~Server() { parts_->stop(); }
+
+std::shared_ptr<grpc::Channel> Server::in_process_channel() { return parts_->grpc->InProcessChannel({}); }
+
+const std::vector<std::string>& Server::addresses() const { return parts_->addresses; }
+
+const std::string& Server::device_name() const { return parts_->device_name; }
+
+void Server::drain_and_stop() {
+  if (parts_->grpc == nullptr) return;
+  parts_->grpc->GetHealthCheckService()->Shutdown();
+  parts_->backend->gate.close();
+  parts_->backend->gate.wait_until_empty(parts_->config.drain_timeout);
+  parts_->stop();
+}
+
+}  // namespace candela
