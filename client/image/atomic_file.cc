@@ -49,10 +49,20 @@ AtomicFile::~AtomicFile() {
   if (!temporary_.empty()) unlink(temporary_.c_str());
 }
 
+bool AtomicFile::write(const void* bytes, size_t count) {
+  if (error_ == 0 && std::fwrite(bytes, 1, count, file_.get()) != count) error_ = errno;
+  return error_ == 0;
+}
+
+bool AtomicFile::seek(uint64_t position) {
+  if (error_ == 0 && std::fseek(file_.get(), static_cast<long>(position), SEEK_SET) != 0) error_ = errno;
+  return error_ == 0;
+}
+
 absl::Status AtomicFile::commit() {
-  const bool failed = std::ferror(file_.get()) != 0;
-  errno = 0;
-  if (std::fclose(file_.release()) != 0 || failed) return cannot_write(path_, errno != 0 ? errno : EIO);
+  if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
+  if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
+  if (error_ != 0) return cannot_write(path_, error_);
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return cannot_write(path_, errno);
   temporary_.clear();
   return absl::OkStatus();

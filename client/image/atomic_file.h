@@ -1,6 +1,8 @@
 // A file that appears whole or not at all.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -21,13 +23,20 @@ class AtomicFile {
   AtomicFile(AtomicFile&& other) noexcept
       : path_(std::move(other.path_)),
         temporary_(std::exchange(other.temporary_, {})),
-        file_(std::move(other.file_)) {}
+        file_(std::move(other.file_)),
+        error_(other.error_) {}
   ~AtomicFile();
 
-  std::FILE* stream() { return file_.get(); }
   const std::string& path() const { return path_; }
 
-  // Fails, naming the system's reason, when any write so far or the renaming did.
+  // Each is false once any of them has failed; commit() then gives the reason.
+  bool write(const void* bytes, size_t count);
+  bool seek(uint64_t position);
+  bool failed() const { return error_ != 0; }
+
+  uint64_t position() const { return static_cast<uint64_t>(std::ftell(file_.get())); }
+
+  // To be called once. Fails, naming the system's reason, when any write so far or the renaming did.
   absl::Status commit();
 
  private:
@@ -40,6 +49,7 @@ class AtomicFile {
   std::string path_;
   std::string temporary_;  // "" once there is nothing to remove
   std::unique_ptr<std::FILE, Close> file_;
+  int error_ = 0;  // errno of the first failure
 };
 
 // "PATH: cannot write: REASON", of errno's value.

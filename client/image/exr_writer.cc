@@ -19,18 +19,16 @@ namespace {
 // OpenEXR's stream over ours, which already is the hidden file.
 class Stream : public Imf::OStream {
  public:
-  explicit Stream(AtomicFile& file) : Imf::OStream(file.path().c_str()), file_(file.stream()) {}
-  void write(const char* bytes, int count) override {
-    if (std::fwrite(bytes, 1, static_cast<size_t>(count), file_) != static_cast<size_t>(count)) fail();
-  }
-  uint64_t tellp() override { return static_cast<uint64_t>(std::ftell(file_)); }
-  void seekp(uint64_t position) override {
-    if (std::fseek(file_, static_cast<long>(position), SEEK_SET) != 0) fail();
-  }
+  explicit Stream(AtomicFile& file) : Imf::OStream(file.path().c_str()), file_(file) {}
+  void write(const char* bytes, int count) override { check(file_.write(bytes, static_cast<size_t>(count))); }
+  uint64_t tellp() override { return file_.position(); }
+  void seekp(uint64_t position) override { check(file_.seek(position)); }
 
  private:
-  [[noreturn]] static void fail() { throw std::runtime_error("the file takes no more bytes"); }
-  std::FILE* file_;
+  static void check(bool done) {
+    if (!done) throw std::runtime_error("write failed");
+  }
+  AtomicFile& file_;
 };
 
 Imf::Chromaticities chromaticities_of(const Image& image) {
@@ -66,7 +64,7 @@ absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&
     output.setFrameBuffer(frame);
     output.writePixels(static_cast<int>(image.height));
   } catch (const std::exception& error) {
-    if (std::ferror(file.stream()) != 0) return absl::OkStatus();  // commit() has the system's reason
+    if (file.failed()) return absl::OkStatus();  // commit() has the system's reason
     return absl::InternalError(
         absl::StrFormat("%s: cannot encode the OpenEXR file: %s", file.path(), error.what()));
   }

@@ -7,6 +7,7 @@
 // clang-format on
 
 #include <csetjmp>
+#include <cstdlib>
 
 #include "absl/strings/str_format.h"
 #include "client/image/writers.h"
@@ -28,14 +29,19 @@ struct Failure {
 
 void on_message(j_common_ptr) {}
 
+struct Encoded {
+  unsigned char* bytes = nullptr;  // from malloc
+  unsigned long size = 0;
+};
+
 // Nothing in here has a destructor: libjpeg leaves it by longjmp. False on failure.
-bool encode(jpeg_compress_struct& codec, Failure& failure, std::FILE* file, const Image& image, int quality) {
+bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const Image& image, int quality) {
   codec.err = jpeg_std_error(&failure.manager);
   failure.manager.error_exit = on_error;
   failure.manager.output_message = on_message;
   if (setjmp(failure.leave) != 0) return false;
   jpeg_create_compress(&codec);
-  jpeg_stdio_dest(&codec, file);
+  jpeg_mem_dest(&codec, &out.bytes, &out.size);
   codec.image_width = image.width;
   codec.image_height = image.height;
   codec.input_components = 4;
@@ -73,13 +79,18 @@ absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions
   }
   jpeg_compress_struct codec{};
   Failure failure;
-  const bool written = encode(codec, failure, file.stream(), image, options.jpeg_quality);
+  Encoded encoded;
+  const bool whole = encode(codec, failure, encoded, image, options.jpeg_quality);
   jpeg_destroy_compress(&codec);
-  if (!written && std::ferror(file.stream()) == 0) {
+  if (!whole) {
+    // After a failure libjpeg may have freed these bytes already (it grows them); the rare leak is the lesser
+    // evil.
     return absl::InternalError(absl::StrFormat("%s: cannot encode the JPEG: %s", file.path(), failure.text));
   }
+  file.write(encoded.bytes, encoded.size);  // commit() looks for failures
+  std::free(encoded.bytes);
   if (image.has_alpha) notes.push_back("alpha dropped: .jpg has none");
-  return absl::OkStatus();  // commit() has the system's reason where the stream failed
+  return absl::OkStatus();
 }
 
 }  // namespace candela

@@ -14,7 +14,8 @@ absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: a PFM file is written from rgba16f or rgba32f, not %s", file.path(), name(image.format)));
   }
-  std::fprintf(file.stream(), "PF\n%u %u\n-1.0\n", image.width, image.height);
+  const std::string header = absl::StrFormat("PF\n%d %d\n-1.0\n", image.width, image.height);
+  file.write(header.data(), header.size());
   std::vector<float> row(size_t{3} * image.width);
   for (uint32_t y = image.height; y-- > 0;) {
     const std::byte* from = image.pixels.data() + y * image.row_bytes();
@@ -27,7 +28,7 @@ absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&
       std::memcpy(bits, from + 8 * x, sizeof bits);
       for (size_t c = 0; c < 3; ++c) row[3 * x + c] = imath_half_to_float(bits[c]);
     }
-    std::fwrite(row.data(), sizeof(float), row.size(), file.stream());  // commit() looks for failures
+    file.write(row.data(), row.size() * sizeof(float));  // commit() looks for failures
   }
   if (image.has_alpha) notes.push_back("alpha dropped: .pfm has none");
   if (image.pixel_aspect != 1.0) {

@@ -22,14 +22,20 @@ struct Failure {
   png_longjmp(png, 1);
 }
 
+void on_write(png_structp png, png_bytep bytes, size_t count) {
+  if (!static_cast<AtomicFile*>(png_get_io_ptr(png))->write(bytes, count)) png_error(png, "write failed");
+}
+
+void on_flush(png_structp) {}
+
 void on_warning(png_structp, png_const_charp) {}
 
 // Nothing in here has a destructor: libpng leaves it by longjmp. False on failure.
-bool encode(png_structp png, png_infop info, std::FILE* file, const Image& image, bool alpha,
+bool encode(png_structp png, png_infop info, AtomicFile& file, const Image& image, bool alpha,
             EncodedTransfer transfer) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   const bool wide = image.format == ImageFormat::kRgba16;
-  png_init_io(png, file);
+  png_set_write_fn(png, &file, on_write, on_flush);
   png_set_IHDR(png, info, image.width, image.height, wide ? 16 : 8,
                alpha ? PNG_COLOR_TYPE_RGBA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
@@ -74,10 +80,9 @@ absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions&
   Failure failure;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &failure, on_error, on_warning);
   png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
-  const bool written = info != nullptr && encode(png, info, file.stream(), image, alpha, options.transfer);
+  const bool written = info != nullptr && encode(png, info, file, image, alpha, options.transfer);
   png_destroy_write_struct(&png, &info);
-  if (written) return absl::OkStatus();
-  if (std::ferror(file.stream()) != 0) return absl::OkStatus();  // commit() has the system's reason
+  if (written || file.failed()) return absl::OkStatus();  // commit() has the system's reason
   return absl::InternalError(absl::StrFormat("%s: cannot encode the PNG: %s", file.path(),
                                              failure.text[0] ? failure.text : "no memory"));
 }

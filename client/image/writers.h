@@ -1,5 +1,5 @@
 // What write_image hands an image to once it knows the kind of the file. Internal to client/image. Each
-// writes to the stream, adds what the user should hear to `notes`, and fails naming the file; a format it
+// writes to the file, adds what the user should hear to `notes`, and fails naming the file; a format it
 // cannot write is INVALID_ARGUMENT.
 #pragma once
 

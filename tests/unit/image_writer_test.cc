@@ -1,0 +1,285 @@
+#include <gtest/gtest.h>
+#include <png.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstring>
+
+#include "tests/unit/image_support.h"
+
+// jpeglib.h wants FILE and size_t declared before it.
+#include <cstdio>
+// clang-format off
+#include <jpeglib.h>
+// clang-format on
+
+namespace candela {
+namespace {
+
+Image test_image(uint32_t width, uint32_t height, ImageFormat format, bool alpha) {
+  Image image = *make_image(width, height, format);
+  image.has_alpha = alpha;
+  const size_t components = size_t{4} * width * height;
+  for (size_t i = 0; i < components; ++i) {
+    const bool is_alpha = i % 4 == 3;
+    std::byte* at = image.pixels.data() + i * bytes_per_pixel(format) / 4;
+    const auto byte = static_cast<uint8_t>(i * 37);
+    const auto code = static_cast<uint16_t>(is_alpha ? 40000 : i * 7919);
+    const auto half = static_cast<uint16_t>(0x3000 + i * 13 % 0x1000);
+    const auto value = static_cast<float>(i) * 1.25f;
+    if (format == ImageFormat::kRgba8) std::memcpy(at, &byte, 1);
+    if (format == ImageFormat::kRgba16) std::memcpy(at, &code, 2);
+    if (format == ImageFormat::kRgba16f) std::memcpy(at, &half, 2);
+    if (format == ImageFormat::kRgba32f) std::memcpy(at, &value, 4);
+  }
+  return image;
+}
+
+struct Png {
+  uint32_t width = 0, height = 0;
+  int depth = 0, channels = 0, srgb = 0;
+  double gamma = 0;
+  uint32_t density_x = 0, density_y = 0;
+  std::vector<uint8_t> rows;  // 16 bit: big endian
+
+  int code(uint32_t x, uint32_t y, int c) const {
+    const size_t i = (size_t{y} * width + x) * channels + c;
+    return depth == 8 ? rows[i] : rows[2 * i] * 256 + rows[2 * i + 1];
+  }
+};
+
+Png read_png(const std::string& path) {
+  Png out;
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(png);
+  png_init_io(png, file);
+  png_read_info(png, info);
+  out.width = png_get_image_width(png, info);
+  out.height = png_get_image_height(png, info);
+  out.depth = png_get_bit_depth(png, info);
+  out.channels = png_get_channels(png, info);
+  int intent = 0, unit = 0;
+  out.srgb = png_get_sRGB(png, info, &intent) != 0;
+  png_get_gAMA(png, info, &out.gamma);
+  png_get_pHYs(png, info, &out.density_x, &out.density_y, &unit);
+  const size_t row_bytes = png_get_rowbytes(png, info);
+  out.rows.resize(row_bytes * out.height);
+  for (uint32_t y = 0; y < out.height; ++y) png_read_row(png, &out.rows[y * row_bytes], nullptr);
+  png_read_end(png, info);
+  png_destroy_read_struct(&png, &info, nullptr);
+  std::fclose(file);
+  return out;
+}
+
+class ImageWriter : public ::testing::Test {
+ protected:
+  TemporaryFolder folder_;
+
+  std::vector<std::string> write(const std::string& name, const Image& image,
+                                 const WriteOptions& options = {}) {
+    auto notes = write_image(folder_.path(name), image, options);
+    EXPECT_TRUE(notes.ok()) << notes.status();
+    return notes.ok() ? *notes : std::vector<std::string>{};
+  }
+};
+
+TEST_F(ImageWriter, StoresCodesInPngAsTheyAre) {
+  for (const auto format : {ImageFormat::kRgba8, ImageFormat::kRgba16}) {
+    for (const bool alpha : {false, true}) {
+      const Image image = test_image(13, 7, format, alpha);
+      EXPECT_TRUE(write("out.png", image).empty());
+      const Png png = read_png(folder_.path("out.png"));
+      ASSERT_EQ(png.width, 13u);
+      ASSERT_EQ(png.height, 7u);
+      ASSERT_EQ(png.depth, format == ImageFormat::kRgba8 ? 8 : 16);
+      ASSERT_EQ(png.channels, alpha ? 4 : 3);
+      for (uint32_t y = 0; y < 7; ++y) {
+        for (uint32_t x = 0; x < 13; ++x) {
+          for (int c = 0; c < png.channels; ++c) ASSERT_EQ(png.code(x, y, c), component(image, x, y, c));
+        }
+      }
+      EXPECT_EQ(png.density_x, 0u);
+    }
+  }
+}
+
+TEST_F(ImageWriter, SaysInAPngHowItIsEncodedAndWhatShapeItsPixelsHave) {
+  Image image = test_image(2, 2, ImageFormat::kRgba8, false);
+  image.pixel_aspect = 1.5;
+  write("out.png", image);
+  Png png = read_png(folder_.path("out.png"));
+  EXPECT_TRUE(png.srgb);
+  EXPECT_EQ(png.density_x, 2u);  // a wide pixel: fewer of them to the metre
+  EXPECT_EQ(png.density_y, 3u);
+  write("out.png", image, {.transfer = EncodedTransfer::kGamma22});
+  png = read_png(folder_.path("out.png"));
+  EXPECT_FALSE(png.srgb);
+  EXPECT_NEAR(png.gamma, 1 / 2.2, 1e-4);
+  write("out.png", image, {.transfer = EncodedTransfer::kLinear});
+  EXPECT_NEAR(read_png(folder_.path("out.png")).gamma, 1.0, 1e-4);
+}
+
+TEST_F(ImageWriter, DropsAnAlphaThatWouldHideTheWholePicture) {
+  Image image = test_image(5, 5, ImageFormat::kRgba8, true);
+  for (size_t i = 3; i < image.pixels.size(); i += 4) image.pixels.data()[i] = std::byte{0};
+  EXPECT_EQ(write("out.png", image).size(), 1u);
+  EXPECT_EQ(read_png(folder_.path("out.png")).channels, 3);
+  const Image empty = [] {
+    Image zeros = *make_image(5, 5, ImageFormat::kRgba8);
+    zeros.has_alpha = true;
+    return zeros;
+  }();
+  EXPECT_TRUE(write("out.png", empty).empty());
+  EXPECT_EQ(read_png(folder_.path("out.png")).channels, 4);
+}
+
+TEST_F(ImageWriter, WritesJpegAtFullChromaWithItsAspect) {
+  Image image = *make_image(16, 16, ImageFormat::kRgba8);
+  for (size_t i = 0; i < image.pixels.size(); ++i) {
+    const bool red = i / 4 % 2 == 0;  // stripes one pixel wide, which subsampled chroma would blend
+    image.pixels.data()[i] = std::byte{static_cast<uint8_t>(i % 4 == (red ? 0 : 2) ? 220 : 30)};
+  }
+  image.has_alpha = true;
+  image.pixel_aspect = 0.5;
+  EXPECT_EQ(write("out.JPG", image, {.jpeg_quality = 98}),
+            std::vector<std::string>{"alpha dropped: .jpg has none"});
+
+  std::FILE* file = std::fopen(folder_.path("out.JPG").c_str(), "rb");
+  ASSERT_NE(file, nullptr);
+  jpeg_decompress_struct codec{};
+  jpeg_error_mgr errors{};
+  codec.err = jpeg_std_error(&errors);
+  jpeg_create_decompress(&codec);
+  jpeg_stdio_src(&codec, file);
+  jpeg_read_header(&codec, TRUE);
+  EXPECT_EQ(codec.density_unit, 0);
+  EXPECT_EQ(codec.X_density, 2);
+  EXPECT_EQ(codec.Y_density, 1);
+  jpeg_start_decompress(&codec);
+  ASSERT_EQ(codec.output_width, 16u);
+  std::vector<uint8_t> row(16 * 3);
+  uint8_t* rows[] = {row.data()};
+  jpeg_read_scanlines(&codec, rows, 1);
+  for (int x = 0; x < 16; ++x) {
+    EXPECT_NEAR(row[3 * x], x % 2 == 0 ? 220 : 30, 12) << x;
+    EXPECT_NEAR(row[3 * x + 2], x % 2 == 0 ? 30 : 220, 12) << x;
+  }
+  jpeg_abort_decompress(&codec);
+  jpeg_destroy_decompress(&codec);
+  std::fclose(file);
+}
+
+TEST_F(ImageWriter, RoundTripsOpenExrBitForBit) {
+  for (const auto format : {ImageFormat::kRgba16f, ImageFormat::kRgba32f}) {
+    for (const bool alpha : {false, true}) {
+      Image image = test_image(33, 19, format, alpha);
+      image.pixel_aspect = 2;
+      for (size_t x = 0; !alpha && x < 33 * 19; ++x) {
+        const uint16_t half_one = 0x3c00;
+        const float one = 1;
+        std::byte* at = image.pixels.data() + x * bytes_per_pixel(format) + 3 * bytes_per_pixel(format) / 4;
+        if (format == ImageFormat::kRgba16f) std::memcpy(at, &half_one, 2);
+        if (format == ImageFormat::kRgba32f) std::memcpy(at, &one, 4);
+      }
+      EXPECT_TRUE(write("out.exr", image).empty());
+      const auto back = read_image(folder_.path("out.exr"));
+      ASSERT_TRUE(back.ok()) << back.status();
+      EXPECT_TRUE(same_pixels(image, *back));
+      EXPECT_EQ(back->has_alpha, alpha);
+      EXPECT_EQ(back->pixel_aspect, 2);
+      EXPECT_FALSE(back->chromaticities.has_value());
+    }
+  }
+}
+
+TEST_F(ImageWriter, RoundTripsPfmAndSaysWhatItLost) {
+  for (const auto format : {ImageFormat::kRgba16f, ImageFormat::kRgba32f}) {
+    Image image = test_image(5, 4, format, true);
+    image.pixel_aspect = 2;
+    EXPECT_EQ(write("out.pfm", image).size(), 2u);
+    const auto back = read_image(folder_.path("out.pfm"));
+    ASSERT_TRUE(back.ok()) << back.status();
+    for (uint32_t y = 0; y < 4; ++y) {
+      for (uint32_t x = 0; x < 5; ++x) {
+        for (int c = 0; c < 3; ++c) ASSERT_EQ(component(*back, x, y, c), component(image, x, y, c));
+      }
+    }
+  }
+}
+
+TEST_F(ImageWriter, ListsTheExtensionsForAnUnknownOne) {
+  for (const char* name : {"out.tiff", "out", "png", ".png", "out.png.bak"}) {
+    const absl::Status status = output_kind(name).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_NE(status.message().find(".png, .jpg, .jpeg, .exr or .pfm"), absl::string_view::npos) << status;
+  }
+  EXPECT_EQ(*output_kind("a.b/out.JPEG"), OutputKind::kJpeg);
+  EXPECT_EQ(*output_kind("out.Png"), OutputKind::kPng);
+}
+
+TEST_F(ImageWriter, RefusesAFormatThatTheFileCannotHold) {
+  const Image halves = test_image(2, 2, ImageFormat::kRgba16f, false),
+              codes = test_image(2, 2, ImageFormat::kRgba16, false);
+  EXPECT_FALSE(write_image(folder_.path("a.png"), halves).ok());
+  EXPECT_FALSE(write_image(folder_.path("a.jpg"), codes).ok());
+  EXPECT_FALSE(write_image(folder_.path("a.exr"), codes).ok());
+  EXPECT_FALSE(write_image(folder_.path("a.pfm"), codes).ok());
+  EXPECT_FALSE(
+      write_image(folder_.path("a.jpg"), test_image(2, 2, ImageFormat::kRgba8, false), {.jpeg_quality = 0})
+          .ok());
+  EXPECT_FALSE(write_image(folder_.path("a.png"), Image{}).ok());
+  EXPECT_TRUE(folder_.list().empty());
+}
+
+TEST_F(ImageWriter, NamesThePathAndTheReasonOfAnUnwritableOne) {
+  const Image image = test_image(2, 2, ImageFormat::kRgba8, false);
+  const auto error = [&](const std::string& path) {
+    EXPECT_EQ(check_output_path(path).status(), write_image(path, image).status());
+    return std::string(check_output_path(path).status().message());
+  };
+  EXPECT_EQ(error(folder_.path("none/out.png")),
+            folder_.path("none/out.png") + ": cannot write: No such file or directory");
+  ASSERT_EQ(mkdir(folder_.path("folder.png").c_str(), 0700), 0);
+  EXPECT_NE(error(folder_.path("folder.png")).find("Is a directory"), std::string::npos);
+  if (geteuid() != 0) {  // root may write anywhere
+    ASSERT_EQ(mkdir(folder_.path("closed").c_str(), 0500), 0);
+    EXPECT_NE(error(folder_.path("closed/out.png")).find("Permission denied"), std::string::npos);
+    write_file(folder_.path("kept.png"), "old");
+    chmod(folder_.path("kept.png").c_str(), 0400);
+    EXPECT_NE(error(folder_.path("kept.png")).find("Permission denied"), std::string::npos);
+  }
+}
+
+TEST_F(ImageWriter, LeavesTheOldFileWhenTheDiskIsFull) {
+  // A limit on the file's size stands in for the full disk.
+  rlimit old{};
+  getrlimit(RLIMIT_FSIZE, &old);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  for (const char* name : {"out.png", "out.jpg", "out.exr", "out.pfm"}) {
+    const bool codes = *output_kind(name) <= OutputKind::kJpeg;
+    const Image image = test_image(700, 500, codes ? ImageFormat::kRgba8 : ImageFormat::kRgba16f, false);
+    write_file(folder_.path(name), "old");
+    rlimit small = old;
+    small.rlim_cur = 4096;
+    setrlimit(RLIMIT_FSIZE, &small);
+    const absl::Status status = write_image(folder_.path(name), image).status();
+    setrlimit(RLIMIT_FSIZE, &old);
+    EXPECT_EQ(std::string(status.message()), folder_.path(name) + ": cannot write: File too large");
+    EXPECT_EQ(read_file(folder_.path(name)), "old");
+  }
+  std::signal(SIGXFSZ, handler);
+  EXPECT_EQ(folder_.list().size(), 4u);
+}
+
+TEST_F(ImageWriter, ReplacesTheOldFileAndLeavesNothingBeside) {
+  write_file(folder_.path("out.png"), "old");
+  write("out.png", test_image(3, 3, ImageFormat::kRgba8, false));
+  EXPECT_EQ(folder_.list(), std::vector<std::string>{"out.png"});
+  EXPECT_EQ(read_png(folder_.path("out.png")).width, 3u);
+}
+
+}  // namespace
+}  // namespace candela

@@ -1,0 +1,94 @@
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstring>
+
+#include "tests/unit/image_support.h"
+
+namespace candela {
+namespace {
+
+std::string floats(std::initializer_list<float> values, bool swap = false) {
+  std::string text;
+  for (float v : values) {
+    char bytes[4];
+    std::memcpy(bytes, &v, 4);
+    if (swap) std::reverse(bytes, bytes + 4);
+    text.append(bytes, 4);
+  }
+  return text;
+}
+
+class PfmReader : public ::testing::Test {
+ protected:
+  TemporaryFolder folder_;
+  const std::string path_ = folder_.path("in.pfm");
+
+  absl::StatusOr<Image> read(const std::string& bytes) {
+    write_file(path_, bytes);
+    return read_image(path_);
+  }
+};
+
+TEST_F(PfmReader, ReadsRowsFromTheBottomInEitherByteOrder) {
+  for (const bool swap : {false, true}) {
+    const auto image =
+        read((swap ? "PF\n1 2\n1.0\n" : "PF\n1 2\n-1.0\n") + floats({1, 2, 3, -4, 5e30f, 6}, swap));
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->format, ImageFormat::kRgba32f);
+    EXPECT_TRUE(image->notes.empty());
+    EXPECT_EQ(component(*image, 0, 1, 0), 1);
+    EXPECT_EQ(component(*image, 0, 1, 2), 3);
+    EXPECT_EQ(component(*image, 0, 0, 0), -4);
+    EXPECT_EQ(component(*image, 0, 0, 1), 5e30f);
+    EXPECT_EQ(component(*image, 0, 0, 3), 1);
+  }
+}
+
+TEST_F(PfmReader, SpreadsGreyAndMultipliesTheScaleIn) {
+  const auto image = read("Pf 2 1 -2.5\n" + floats({1, 4}));
+  ASSERT_TRUE(image.ok()) << image.status();
+  for (int c = 0; c < 3; ++c) EXPECT_EQ(component(*image, 1, 0, c), 10);
+  EXPECT_EQ(image->notes, std::vector<std::string>{"PFM scale 2.5 multiplied in"});
+}
+
+TEST_F(PfmReader, RefusesWhatIsNotWholeOrHasNoSense) {
+  const auto error = [&](const std::string& bytes) { return std::string(read(bytes).status().message()); };
+  EXPECT_NE(error("PF\n2 2\n-1\n" + std::string(47, 'x')).find("1 of 48 bytes"), std::string::npos);
+  EXPECT_NE(error("PF\n8000 8000\n-1\n").find("truncated"), std::string::npos);
+  for (const char* header : {"PF", "PF\n", "PF\n1 1\n", "PF\nx 1\n-1\n", "PFM\n1 1\n-1\n", "PF\n1 1\n-1"}) {
+    EXPECT_NE(error(header).find("PFM header"), std::string::npos) << header;
+  }
+  for (const char* header : {"PF\n1 1\n0\n", "PF\n1 1\nnan\n", "PF\n1 1\ninf\n"}) {
+    EXPECT_NE(error(header + std::string(12, 'x')).find("scale"), std::string::npos) << header;
+  }
+  EXPECT_NE(error("PF\n-1 1\n-1\n").find("at least 1x1"), std::string::npos);
+  EXPECT_EQ(read("PF\n40000 40000\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(read("PF\n4294967297 4294967297\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
+}
+
+TEST(ReadImage, SaysWhatIsWrongWithThePath) {
+  TemporaryFolder folder;
+  const auto error = [](const std::string& path) { return read_image(path).status(); };
+  EXPECT_EQ(error(folder.path("missing.exr")).code(), absl::StatusCode::kNotFound);
+  EXPECT_NE(error(folder.path("missing.exr")).message().find("missing.exr: cannot read: No such file"),
+            absl::string_view::npos)
+      << error(folder.path("missing.exr"));
+  EXPECT_NE(error(folder.path("")).message().find("is a folder"), absl::string_view::npos);
+  write_file(folder.path("empty.exr"), "");
+  EXPECT_NE(error(folder.path("empty.exr")).message().find("the file is empty"), absl::string_view::npos);
+  write_file(folder.path("text.exr"), "hello");
+  EXPECT_NE(error(folder.path("text.exr")).message().find("is not an OpenEXR, Radiance or PFM file"),
+            absl::string_view::npos);
+  ASSERT_EQ(mkfifo(folder.path("pipe.hdr").c_str(), 0600), 0);
+  EXPECT_NE(error(folder.path("pipe.hdr")).message().find("is not a regular file"), absl::string_view::npos);
+}
+
+TEST(ReadImage, GoesByContentNotByName) {
+  TemporaryFolder folder;
+  write_file(folder.path("really.exr"), "PF\n1 1\n-1\n" + floats({1, 2, 3}));
+  EXPECT_TRUE(read_image(folder.path("really.exr")).ok());
+}
+
+}  // namespace
+}  // namespace candela
