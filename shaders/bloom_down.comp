@@ -12,6 +12,7 @@
 #include "common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
+layout(set = 0, binding = 0) uniform textureBuffer from;
 layout(push_constant) uniform Push { BloomParams p; };
 
 struct RowSums {
@@ -19,11 +20,11 @@ struct RowSums {
   vec3 odd;
 };
 
-RowSums row_sums(Level from, uint x, int y) {
-  uint row = uint(clamp(y, 0, int(p.from_height) - 1)) * p.from_width;
+RowSums row_sums(uint x, int y) {
+  int row = clamp(y, 0, int(p.from_height) - 1) * int(p.from_width);
   vec3 t[6];
   [[unroll]] for (int i = 0; i < 6; ++i)
-    t[i] = load(from, row + uint(clamp(int(2u * x) - 2 + i, 0, int(p.from_width) - 1)));
+    t[i] = texelFetch(from, row + clamp(int(2u * x) - 2 + i, 0, int(p.from_width) - 1)).rgb;
   vec3 middle = t[2] + t[3];
   return RowSums(t[0] + t[1] + 2.0 * middle + t[4] + t[5], t[1] + middle + t[4]);
 }
@@ -32,25 +33,24 @@ void main() {
   uint x = gl_GlobalInvocationID.x;
   uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
   if (x >= p.to_width || first_row >= p.to_height) return;
-  Level from = Level(uvec2(p.from_lo, p.from_hi));
-  Level to = Level(uvec2(p.to_lo, p.to_hi));
+  OutLevel to = OutLevel(uvec2(p.to_lo, p.to_hi));
 
   int y2 = 2 * int(first_row);
-  RowSums above = row_sums(from, x, y2 - 2);
-  RowSums last = row_sums(from, x, y2 - 1);
+  RowSums above = row_sums(x, y2 - 2);
+  RowSums last = row_sums(x, y2 - 1);
   vec3 even_before = above.even + last.even;
   vec3 odd_before = last.odd;
-  RowSums a = row_sums(from, x, y2);
-  RowSums b = row_sums(from, x, y2 + 1);
+  RowSums a = row_sums(x, y2);
+  RowSums b = row_sums(x, y2 + 1);
   uint rows_end = min(first_row + BLOOM_ROWS, p.to_height);
   for (uint y = first_row; y < rows_end; ++y) {
-    RowSums c = row_sums(from, x, 2 * int(y) + 2);
-    RowSums d = row_sums(from, x, 2 * int(y) + 3);
+    RowSums c = row_sums(x, 2 * int(y) + 2);
+    RowSums d = row_sums(x, 2 * int(y) + 3);
     vec3 even_here = a.even + b.even;
     vec3 even_after = c.even + d.even;
     vec3 even = even_before + 2.0 * even_here + even_after;
     vec3 odd = odd_before + a.odd + b.odd + c.odd;
-    store(to, y * p.to_width + x, (0.03125 * 0.25) * even + (0.125 * 0.25) * odd);
+    to[y * p.to_width + x].v = vec4((0.03125 * 0.25) * even + (0.125 * 0.25) * odd, 0.0);
     even_before = even_here;
     odd_before = b.odd;
     a = c;

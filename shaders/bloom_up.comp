@@ -9,6 +9,9 @@
 #include "common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
+layout(set = 0, binding = 0) uniform textureBuffer from;
+// The same texture as `p.to`; an invocation reads only what it writes itself, and before it does.
+layout(set = 0, binding = 1) uniform textureBuffer to_before;
 layout(push_constant) uniform Push { BloomParams p; };
 
 // A coarse row filtered along x, at the even and the odd fine column.
@@ -17,18 +20,18 @@ struct Row {
   vec3 odd;
 };
 
-Row filtered_row(Level from, uint x, int y) {
-  uint row = uint(clamp(y, 0, int(p.from_height) - 1)) * p.from_width;
+Row filtered_row(uint x, int y) {
+  int row = clamp(y, 0, int(p.from_height) - 1) * int(p.from_width);
   vec3 t[5];
   [[unroll]] for (int i = 0; i < 5; ++i)
-    t[i] = load(from, row + uint(clamp(int(x) - 2 + i, 0, int(p.from_width) - 1)));
+    t[i] = texelFetch(from, row + clamp(int(x) - 2 + i, 0, int(p.from_width) - 1)).rgb;
   return Row(0.0625 * t[0] + 0.3125 * t[1] + 0.4375 * t[2] + 0.1875 * t[3],
              0.1875 * t[1] + 0.4375 * t[2] + 0.3125 * t[3] + 0.0625 * t[4]);
 }
 
-void add(Level to, uint x, uint y, vec3 c) {
+void add(OutLevel to, uint x, uint y, vec3 c) {
   uint at = y * p.to_width + x;
-  store(to, at, load(to, at) + c);
+  to[at].v = vec4(texelFetch(to_before, int(at)).rgb + c, 0.0);
 }
 
 void main() {
@@ -36,17 +39,16 @@ void main() {
   uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
   uint row_pairs = (p.to_height + 1u) / 2u;
   if (2u * x >= p.to_width || first_row >= row_pairs) return;
-  Level from = Level(uvec2(p.from_lo, p.from_hi));
-  Level to = Level(uvec2(p.to_lo, p.to_hi));
+  OutLevel to = OutLevel(uvec2(p.to_lo, p.to_hi));
 
-  Row a = filtered_row(from, x, int(first_row) - 2);
-  Row b = filtered_row(from, x, int(first_row) - 1);
-  Row c = filtered_row(from, x, int(first_row));
-  Row d = filtered_row(from, x, int(first_row) + 1);
+  Row a = filtered_row(x, int(first_row) - 2);
+  Row b = filtered_row(x, int(first_row) - 1);
+  Row c = filtered_row(x, int(first_row));
+  Row d = filtered_row(x, int(first_row) + 1);
   bool odd_column = 2u * x + 1u < p.to_width;
   uint rows_end = min(first_row + BLOOM_ROWS, row_pairs);
   for (uint y = first_row; y < rows_end; ++y) {
-    Row e = filtered_row(from, x, int(y) + 2);
+    Row e = filtered_row(x, int(y) + 2);
     add(to, 2u * x, 2u * y, 0.0625 * a.even + 0.3125 * b.even + 0.4375 * c.even + 0.1875 * d.even);
     if (odd_column)
       add(to, 2u * x + 1u, 2u * y, 0.0625 * a.odd + 0.3125 * b.odd + 0.4375 * c.odd + 0.1875 * d.odd);

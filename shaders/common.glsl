@@ -1,4 +1,5 @@
-// What the passes share: buffers by address, texel formats, ingest of one texel, luminance, log2.
+// What the passes share. Textures are read through texel buffers, which the software device gathers well, and
+// written by address.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require
@@ -6,21 +7,8 @@
 
 #include "params.h"
 
-layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Words4 { uvec4 v; };
-layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords4 { uvec4 v; };
-
-// A bloom texel: three floats, tight.
-struct Rgb {
-  float r, g, b;
-};
-layout(buffer_reference, std430, buffer_reference_align = 4) buffer Level { Rgb v; };
-
-vec3 load(Level level, uint index) {
-  Rgb t = level[index].v;
-  return vec3(t.r, t.g, t.b);
-}
-
-void store(Level level, uint index, vec3 c) { level[index].v = Rgb(c.r, c.g, c.b); }
+layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords { uvec4 v; };
+layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutLevel { vec4 v; };
 
 // Rec.709 luminance, in the order that pipeline.md section 7 fixes, so that every device gets the same bits.
 float luminance(vec3 c) {

@@ -4,7 +4,8 @@
 // Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier,
 // and adds its sums to the tile's record once. Every sum is of integers, so no order of execution shows.
 // log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
-// everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: pipeline.md section 4.1.
+// everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: docs/pipeline.md section 4.1.
+// A frame is first read without SCRUB; only one that turns out to need it is read again with it, and counted.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -13,8 +14,9 @@
 layout(local_size_x = INGEST_GROUP_X, local_size_y = INGEST_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
 layout(constant_id = 1) const bool MATRIX = false;
-layout(constant_id = 2) const bool BLOOM = true;
-layout(constant_id = 3) const bool FIREFLY_WEIGHTS = true;
+layout(constant_id = 2) const bool SCRUB = false;
+layout(constant_id = 3) const bool BLOOM = true;
+layout(constant_id = 4) const bool FIREFLY_WEIGHTS = true;
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "input.glsl"
@@ -40,7 +42,7 @@ vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
   vec3 mean;
   if (FIREFLY_WEIGHTS) {
     vec4 k = 1.0 / (1.0 + vec4(luminance(a), luminance(b), luminance(c), luminance(d)));
-    mean = (k.x * a + k.y * b + k.z * c + k.w * d) / (k.x + k.y + k.z + k.w);
+    mean = (k.x * a + k.y * b + k.z * c + k.w * d) * (1.0 / (k.x + k.y + k.z + k.w));
   } else {
     mean = 0.25 * (a + b + c + d);
   }
@@ -55,65 +57,73 @@ vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
 uint log2_sum = 0u;
 float max_luminance = 0.0;
 float min_luminance = MAX_SCENE_VALUE;
+uint max_magnitude = 0u;
+uint negative_components = 0u;
 uint bright_texels = 0u;
 uint nan_components = 0u;
 uint infinite_components = 0u;
-uint negative_components = 0u;
 uint first_bad_texel = 0xffffffffu;
 
-void count_bad(vec4 wire, uint x, uint y) {
+void count_bad(vec4 wire, uint counted, uint texel) {
   [[unroll]] for (uint i = 0u; i < 3u; ++i) {
-    nan_components += uint(is_nan(wire[i]));
-    infinite_components += uint(is_infinite(wire[i]));
-    negative_components += uint(wire[i] < 0.0);
-    if (is_nan(wire[i]) || is_infinite(wire[i])) first_bad_texel = min(first_bad_texel, y * p.frame.width + x);
+    nan_components += uint(is_nan(wire[i])) & counted;
+    infinite_components += uint(is_infinite(wire[i])) & counted;
   }
+  bool bad = is_nan(wire.r + wire.g + wire.b) || is_infinite(wire.r) || is_infinite(wire.g) || is_infinite(wire.b);
+  if (bad && counted != 0u) first_bad_texel = min(first_bad_texel, texel);
 }
 
-bool may_be_bad(vec4 wire) {
-  uvec3 bits = floatBitsToUint(wire.rgb);
-  uvec3 magnitudes = bits & 0x7fffffffu;
-  return ((bits.r | bits.g | bits.b) >> 31) != 0u || max(max(magnitudes.r, magnitudes.g), magnitudes.b) >= 0x7f800000u;
-}
-
-// One row of a group: counts, meters, and gives the scene texels, negatives cut to 0.
-Group meter_row(uint x, uint y) {
+// One row of a group: counts and meters the texels whose bit is set in `counted` (all ones or none), and gives all
+// of them as scene texels, negatives cut to 0.
+Group meter_row(uint x, uint y, uvec4 counted) {
   Group g = load_wire(p.frame, x, y);
-  bool bad = may_be_bad(g.texel[0]) || may_be_bad(g.texel[1]) || may_be_bad(g.texel[2]) || may_be_bad(g.texel[3]);
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
-    if (x + i < p.frame.width) {
-      if (bad) count_bad(g.texel[i], x + i, y);
-      g.texel[i] = ingest(p.frame, g.texel[i]);
-      float l = scene_luminance(g.texel[i].rgb);
-      log2_sum += fixed_log2(l);
-      max_luminance = max(max_luminance, l);
-      min_luminance = min(min_luminance, l);
-      g.texel[i].rgb = max(g.texel[i].rgb, 0.0);
-    } else {
-      g.texel[i] = g.texel[i == 0u ? 0u : i - 1u];
-    }
+    vec4 wire = g.texel[i];
+    uvec4 magnitude = floatBitsToUint(wire) & 0x7fffffffu;
+    max_magnitude =
+        max(max_magnitude, max(max(magnitude.r, magnitude.g), max(magnitude.b, magnitude.a)) & counted[i]);
+    negative_components += (uint(wire.r < 0.0) + uint(wire.g < 0.0) + uint(wire.b < 0.0)) & counted[i];
+    if (SCRUB) count_bad(wire, counted[i], y * p.frame.width + x + i);
+
+    vec3 scene = ingest(p.frame, wire).rgb;
+    float l = scene_luminance(scene);
+    log2_sum += fixed_log2(l) & counted[i];
+    uint bits = floatBitsToUint(l);
+    max_luminance = max(max_luminance, uintBitsToFloat(bits & counted[i]));
+    min_luminance = min(min_luminance, uintBitsToFloat(bits | (~counted[i] & 0x7f7fffffu)));
+    g.texel[i].rgb = max(scene, 0.0);
   }
   return g;
+}
+
+// Texels beyond the right edge repeat the last one.
+void clamp_to_edge(inout Group g, uint x) {
+  [[unroll]] for (uint i = 1u; i < GROUP_TEXELS; ++i) {
+    if (x + i >= p.frame.width) g.texel[i] = g.texel[i - 1u];
+  }
 }
 
 void main() {
   uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
   uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
   if (x < p.frame.width) {
-    Level level = Level(uvec2(p.level_lo, p.level_hi));
+    OutLevel level = OutLevel(uvec2(p.level_lo, p.level_hi));
+    uvec4 inside = uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width))) * 0xffffffffu;
     uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
     for (uint y = first_row; y < rows_end; y += 2u) {
-      Group top = meter_row(x, y);
-      Group bottom = top;
-      if (y + 1u < p.frame.height) bottom = meter_row(x, y + 1u);
+      Group top = meter_row(x, y, inside);
+      bool pair = y + 1u < p.frame.height;
+      Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u));
       if (BLOOM) {
+        clamp_to_edge(top, x);
+        clamp_to_edge(bottom, x);
         uint at = (y / 2u) * p.level_width + x / 2u;
         [[unroll]] for (uint i = 0u; i < GROUP_TEXELS / 2u; ++i) {
+          vec3 d = bright_pass(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
+                               bottom.texel[2u * i + 1u].rgb);
           if (x / 2u + i < p.level_width) {
-            vec3 d = bright_pass(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
-                                 bottom.texel[2u * i + 1u].rgb);
             bright_texels += uint(max(max(d.r, d.g), d.b) > 0.0);
-            store(level, at + i, d);
+            level[at + i].v = vec4(d, 0.0);
           }
         }
       }
@@ -128,18 +138,21 @@ void main() {
   uint high = subgroupAdd(log2_sum >> 16);
   uint brightest = floatBitsToUint(subgroupMax(max_luminance));
   uint darkest = ~floatBitsToUint(subgroupMin(min_luminance));
+  uint magnitude = subgroupMax(max_magnitude);
+  uint negative = subgroupAdd(negative_components);
   uint bright = subgroupAdd(bright_texels);
   if (subgroupElect()) {
     atomicAdd(tiles[tile].v.log2_sum_low, low);
     atomicAdd(tiles[tile].v.log2_sum_high, high);
     atomicMax(tiles[tile].v.max_luminance_bits, brightest);
     atomicMax(tiles[tile].v.min_luminance_bits_inverted, darkest);
+    atomicMax(tiles[tile].v.max_magnitude_bits, magnitude);
+    if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
     if (bright != 0u) atomicAdd(tiles[tile].v.bright_texels, bright);
   }
-  if (nan_components + infinite_components + negative_components != 0u) {
+  if (SCRUB) {
     atomicAdd(tiles[tile].v.nan_components, nan_components);
     atomicAdd(tiles[tile].v.infinite_components, infinite_components);
-    atomicAdd(tiles[tile].v.negative_components, negative_components);
     atomicMax(tiles[tile].v.first_bad_texel_inverted, ~first_bad_texel);
   }
 }

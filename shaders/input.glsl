@@ -1,7 +1,11 @@
 // The wire's pixels as scene pixels (pipeline.md section 1). No scene texture is stored: the two passes that
 // read the frame ingest it alike, texel by texel, in arithmetic that gives the same bits both times.
 //
-// The including shader declares `constant_id`s PIXELS and MATRIX.
+// The including shader declares the constants PIXELS, MATRIX and SCRUB. Without SCRUB every component is known
+// to be finite and within +-65504.
+
+// Four words a texel of the view, whatever the pixels.
+layout(set = 0, binding = 0) uniform utextureBuffer wire_words;
 
 struct Group {
   vec4 texel[GROUP_TEXELS];
@@ -18,20 +22,19 @@ vec4 unpack_rgb9e5(uint word) {
 // GROUP_TEXELS wire texels of row y, starting at texel x (a multiple of GROUP_TEXELS), as they came. Those
 // beyond the width are padding of no meaning.
 Group load_wire(InputParams frame, uint x, uint y) {
-  Words4 words = Words4(uvec2(frame.input_lo, frame.input_hi));
   uint at = y * frame.input_pitch + x;
   Group g;
   if (PIXELS == PIXELS_RGBA16F) {
-    uvec4 a = words[at / 2u].v;
-    uvec4 b = words[at / 2u + 1u].v;
+    uvec4 a = texelFetch(wire_words, int(at / 2u));
+    uvec4 b = texelFetch(wire_words, int(at / 2u + 1u));
     g.texel[0] = unpack_half4(a.xy);
     g.texel[1] = unpack_half4(a.zw);
     g.texel[2] = unpack_half4(b.xy);
     g.texel[3] = unpack_half4(b.zw);
   } else if (PIXELS == PIXELS_RGBA32F) {
-    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = uintBitsToFloat(words[at + i].v);
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = uintBitsToFloat(texelFetch(wire_words, int(at + i)));
   } else {
-    uvec4 a = words[at / 4u].v;
+    uvec4 a = texelFetch(wire_words, int(at / 4u));
     [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = unpack_rgb9e5(a[i]);
   }
   return g;
@@ -39,7 +42,7 @@ Group load_wire(InputParams frame, uint x, uint y) {
 
 // A wire texel as a scene texel: scrub, primaries, clamp, round to half.
 vec4 ingest(InputParams frame, vec4 wire) {
-  vec4 c = scrub(wire);
+  vec4 c = SCRUB ? scrub(wire) : wire;
   if (MATRIX) {
     precise float r = (frame.m00 * c.r + frame.m01 * c.g) + frame.m02 * c.b;
     precise float g = (frame.m10 * c.r + frame.m11 * c.g) + frame.m12 * c.b;

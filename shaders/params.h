@@ -52,7 +52,6 @@ CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 
 // Input texels to scene texels; shared by the two passes that read the frame.
 struct InputParams {
-  uint input_lo, input_hi;
   uint width, height;
   uint input_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
   // Input primaries to Rec.709, row by row; used where the specialisation says so.
@@ -70,15 +69,13 @@ struct IngestParams {
 };
 
 struct BloomParams {
-  uint from_lo, from_hi;  // the level read
-  uint to_lo, to_hi;      // the level written
+  uint to_lo, to_hi;  // the level written
   uint from_width, from_height;
   uint to_width, to_height;
 };
 
 struct ResolveParams {
   InputParams frame;
-  uint bloom_lo, bloom_hi;  // B_0
   uint output_lo, output_hi;
   uint level_width, level_height;
   uint output_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
@@ -92,10 +89,12 @@ struct TileRecord {
   uint log2_sum_high;
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
+  uint max_magnitude_bits;  // of R, G, B and A on the wire; above MAX_SCENE_VALUE's something needs the scrub
+  uint negative_components;
+  uint bright_texels;  // of bloom level 0
+  // Counted only with the scrub.
   uint nan_components;
   uint infinite_components;
-  uint negative_components;
-  uint bright_texels;             // of bloom level 0
   uint first_bad_texel_inverted;  // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
 };
 

@@ -14,11 +14,13 @@
 layout(local_size_x = RESOLVE_GROUP_X, local_size_y = RESOLVE_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
 layout(constant_id = 1) const bool MATRIX = false;
-layout(constant_id = 2) const bool BLOOM = true;
-layout(constant_id = 3) const uint CURVE = CURVE_ACES_HILL;
-layout(constant_id = 4) const uint TRANSFER = TRANSFER_SRGB;
-layout(constant_id = 5) const uint OUTPUT = OUTPUT_RGBA8;
+layout(constant_id = 2) const bool SCRUB = false;
+layout(constant_id = 3) const bool BLOOM = true;
+layout(constant_id = 4) const uint CURVE = CURVE_ACES_HILL;
+layout(constant_id = 5) const uint TRANSFER = TRANSFER_SRGB;
+layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
 
+layout(set = 0, binding = 1) uniform textureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "input.glsl"
 
@@ -86,9 +88,9 @@ vec3 encode(vec3 y) {
   return y;
 }
 
-vec4 image_texel(vec4 wire, vec3 bloom) {
+vec4 image_texel(vec4 wire, vec3 light) {
   vec4 scene = ingest(p.frame, wire);
-  vec3 x = BLOOM ? scene.rgb + p.bloom_scale * bloom : scene.rgb;
+  vec3 x = BLOOM ? scene.rgb + p.bloom_scale * light : scene.rgb;
   vec3 y = curve(min(max(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE));
   return vec4(OUTPUT == OUTPUT_RGBA16F ? y : encode(y), scene.a);
 }
@@ -104,7 +106,7 @@ uvec2 pack_texel(vec4 c) {
 }
 
 void write(uint x, uint y, Group g) {
-  OutWords4 words = OutWords4(uvec2(p.output_lo, p.output_hi));
+  OutWords words = OutWords(uvec2(p.output_lo, p.output_hi));
   uint at = y * p.output_pitch + x;
   if (OUTPUT == OUTPUT_RGBA8) {
     uvec4 v;
@@ -127,12 +129,11 @@ struct BloomRow {
 BloomRow bloom_row(uint x, int y) {
   BloomRow row;
   if (BLOOM) {
-    Level level = Level(uvec2(p.bloom_lo, p.bloom_hi));
-    uint at = uint(clamp(y, 0, int(p.level_height) - 1)) * p.level_width;
+    int at = clamp(y, 0, int(p.level_height) - 1) * int(p.level_width);
     int first = int(x / 2u) - 1;
     vec3 t[4];
     [[unroll]] for (int i = 0; i < 4; ++i)
-      t[i] = load(level, at + uint(clamp(first + i, 0, int(p.level_width) - 1)));
+      t[i] = texelFetch(bloom, at + clamp(first + i, 0, int(p.level_width) - 1)).rgb;
     row.c[0] = 0.25 * t[0] + 0.75 * t[1];
     row.c[1] = 0.75 * t[1] + 0.25 * t[2];
     row.c[2] = 0.25 * t[1] + 0.75 * t[2];

@@ -26,11 +26,12 @@ constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(
 
 template <typename Params>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
-                      const Constants& constants, const Params& params, uint32_t groups_x,
-                      uint32_t groups_y) {
+                      const Constants& constants, std::initializer_list<VkBufferView> reads,
+                      const Params& params, uint32_t groups_x, uint32_t groups_y) {
   const absl::StatusOr<VkPipeline> pipeline = pipelines.get(spirv, constants);
   if (!pipeline.ok()) return pipeline.status();
-  recorder.dispatch(*pipeline, pipelines.layout(), &params, sizeof params, groups_x, groups_y);
+  recorder.dispatch(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, &params, sizeof params,
+                    groups_x, groups_y);
   return absl::OkStatus();
 }
 
@@ -51,9 +52,10 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
   params.tiles_x = parts.tiles_x;
   params.threshold = bloom.threshold;
   params.knee = bloom.softness * bloom.threshold;
-  return dispatch(pipelines, recorder, k_ingest_spirv,
-                  {static_cast<uint32_t>(parts.desc.format), context.matrix, level, bloom.firefly_weights},
-                  params, parts.tiles_x, parts.tiles_y);
+  const Constants constants = {static_cast<uint32_t>(parts.desc.format), context.matrix, context.scrub, level,
+                               bloom.firefly_weights};
+  return dispatch(pipelines, recorder, k_ingest_spirv, constants, {parts.input.buffer().view()}, params,
+                  parts.tiles_x, parts.tiles_y);
 }
 
 // From level `from` to level `to`; an invocation makes `columns` columns and BLOOM_ROWS * columns rows of
@@ -61,18 +63,16 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
 absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
                           std::span<const uint32_t> spirv, uint32_t from, uint32_t to, uint32_t columns) {
   const FrameMemory::Parts& parts = context.parts;
-  const VkDeviceAddress from_address = parts.levels[from].buffer().address();
   const VkDeviceAddress to_address = parts.levels[to].buffer().address();
   shader::BloomParams params{};
-  params.from_lo = low(from_address);
-  params.from_hi = high(from_address);
   params.to_lo = low(to_address);
   params.to_hi = high(to_address);
   params.from_width = parts.level_sizes[from].width;
   params.from_height = parts.level_sizes[from].height;
   params.to_width = parts.level_sizes[to].width;
   params.to_height = parts.level_sizes[to].height;
-  return dispatch(pipelines, recorder, spirv, {}, params,
+  return dispatch(pipelines, recorder, spirv, {},
+                  {parts.levels[from].buffer().view(), parts.levels[to].buffer().view()}, params,
                   groups(params.to_width, columns * shader::BLOOM_GROUP_X),
                   groups(params.to_height, columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
 }
@@ -87,28 +87,30 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
   params.output_pitch = parts.pitch;
   // 2^46 is beyond where any curve still rises for a half's smallest step; it keeps the arithmetic finite.
   params.exposure = static_cast<float>(std::min(context.exposure, 0x1p46));
+  // A binding that the shader does not use still has to hold something.
+  VkBufferView bloom = parts.input.buffer().view();
   if (context.bloom) {
-    const VkDeviceAddress bloom_address = parts.levels[0].buffer().address();
-    params.bloom_lo = low(bloom_address);
-    params.bloom_hi = high(bloom_address);
+    bloom = parts.levels[0].buffer().view();
     params.level_width = parts.level_sizes[0].width;
     params.level_height = parts.level_sizes[0].height;
     params.bloom_scale = context.settings.bloom.intensity / static_cast<float>(parts.levels.size());
   }
-  return dispatch(
-      pipelines, recorder, k_resolve_spirv,
-      {static_cast<uint32_t>(parts.desc.format), context.matrix, context.bloom,
-       static_cast<uint32_t>(context.settings.curve), static_cast<uint32_t>(context.settings.transfer),
-       static_cast<uint32_t>(parts.output_format)},
-      params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
-      groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
+  const Constants constants = {static_cast<uint32_t>(parts.desc.format),
+                               context.matrix,
+                               context.scrub,
+                               context.bloom,
+                               static_cast<uint32_t>(context.settings.curve),
+                               static_cast<uint32_t>(context.settings.transfer),
+                               static_cast<uint32_t>(parts.output_format)};
+  return dispatch(pipelines, recorder, k_resolve_spirv, constants, {parts.input.buffer().view(), bloom},
+                  params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
+                  groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
 }
 
 }  // namespace
 
 PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings) {
   PassContext context{parts, settings, {}};
-  const VkDeviceAddress address = parts.input.buffer().address();
   std::array<float, 9> m = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   if (settings.input_chromaticities) {
     // check_settings has seen to it that there is one.
@@ -118,20 +120,8 @@ PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settin
       context.matrix = true;
     }
   }
-  context.input = {low(address),
-                   high(address),
-                   parts.desc.width,
-                   parts.desc.height,
-                   parts.pitch,
-                   m[0],
-                   m[1],
-                   m[2],
-                   m[3],
-                   m[4],
-                   m[5],
-                   m[6],
-                   m[7],
-                   m[8]};
+  context.input = {
+      parts.desc.width, parts.desc.height, parts.pitch, m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]};
   return context;
 }
 

@@ -16,6 +16,7 @@ struct PassContext {
   const Settings& settings;
   shader::InputParams input;  // of the frame; carries the primaries' matrix
   bool matrix = false;        // the matrix is not the identity
+  bool scrub = false;         // some component is not finite or beyond +-65504
   bool bloom = false;         // resolve: add it
   double exposure = 1.0;      // resolve: E * prescale
 };

@@ -30,11 +30,17 @@ const char* name(Pass pass) {
   return "unknown";
 }
 
-Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, const Settings& settings, const Tier& tier) {
+Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, const Settings& settings,
+                const Tier& tier) {
   Plan plan;
   plan.steps.push_back({Pass::kIngest});
   plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height, name(desc.format),
                                        settings.bloom.intensity > 0 ? ", bloom level 0" : ""));
+
+  if (scrubbed) {
+    plan.steps.push_back({Pass::kIngest});
+    plan.words.push_back("ingest again with the scrub: some components are not finite or beyond +-65504");
+  }
 
   if (settings.bloom.intensity == 0) {
     plan.words.push_back("no bloom: its intensity is 0");

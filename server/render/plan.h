@@ -45,7 +45,8 @@ struct Plan {
   std::vector<std::string> words;  // the same for people, with the reasons
 };
 
-// Pure: the same arguments give the same plan.
-Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, const Settings& settings, const Tier& tier);
+// Pure: the same arguments give the same plan. `scrubbed`: the frame had to be read again with the scrub.
+Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, const Settings& settings,
+                const Tier& tier);
 
 }  // namespace candela

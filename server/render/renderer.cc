@@ -19,6 +19,7 @@ namespace {
 // What the tiles add up to, before it is turned into statistics.
 struct TileSums {
   FrameStats stats;
+  bool needs_scrub = false;               // some component on the wire is not finite or beyond +-65504
   uint32_t first_bad_texel = UINT32_MAX;  // y * width + x; UINT32_MAX: none
 };
 
@@ -29,6 +30,7 @@ TileSums sum_tiles(const FrameMemory::Parts& parts) {
   uint64_t fixed_log2 = 0;
   uint32_t darkest_inverted = 0;
   uint32_t brightest = 0;
+  uint32_t magnitude = 0;
   const size_t count = size_t{parts.tiles_x} * parts.tiles_y;
   for (size_t i = 0; i < count; ++i) {
     shader::TileRecord tile;
@@ -36,6 +38,7 @@ TileSums sum_tiles(const FrameMemory::Parts& parts) {
     fixed_log2 += tile.log2_sum_low + (uint64_t{tile.log2_sum_high} << 16);
     brightest = std::max(brightest, tile.max_luminance_bits);
     darkest_inverted = std::max(darkest_inverted, tile.min_luminance_bits_inverted);
+    magnitude = std::max(magnitude, tile.max_magnitude_bits);
     stats.nan_components += tile.nan_components;
     stats.infinite_components += tile.infinite_components;
     stats.negative_components += tile.negative_components;
@@ -48,6 +51,7 @@ TileSums sum_tiles(const FrameMemory::Parts& parts) {
       shader::LOG2_BIAS;
   stats.max_luminance = std::bit_cast<float>(brightest);
   stats.min_luminance = std::bit_cast<float>(~darkest_inverted);
+  sums.needs_scrub = magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
   return sums;
 }
 
@@ -72,16 +76,17 @@ struct Renderer::Impl {
   PipelineCache pipelines;
   Recorder recorder;
 
-  // Phase A: everything that one read of the frame can tell.
-  absl::Status measure(const PassContext& context);
+  // Phase A: everything that one read of the frame can tell. Adds its times to *stages.
+  absl::StatusOr<TileSums> measure(const PassContext& context, bool upload, std::vector<StageTime>* stages);
   // Phase B: what the plan says.
   absl::Status draw(const PassContext& context, const Plan& plan);
 };
 
-absl::Status Renderer::Impl::measure(const PassContext& context) {
+absl::StatusOr<TileSums> Renderer::Impl::measure(const PassContext& context, bool upload,
+                                                 std::vector<StageTime>* stages) {
   const FrameMemory::Parts& parts = context.parts;
   if (absl::Status status = recorder.begin(); !status.ok()) return status;
-  if (parts.upload) {
+  if (upload && parts.upload) {
     recorder.mark("upload");
     recorder.copy(parts.upload.buffer(), parts.input.buffer(), parts.input.buffer().bytes());
   }
@@ -95,7 +100,9 @@ absl::Status Renderer::Impl::measure(const PassContext& context) {
     recorder.copy(parts.tiles.buffer(), parts.tiles_readback.buffer(), parts.tiles.buffer().bytes());
   }
   recorder.barrier_to_host();
-  return recorder.submit_and_wait();
+  if (absl::Status status = recorder.submit_and_wait(); !status.ok()) return status;
+  add_timings(recorder, stages);
+  return sum_tiles(parts);
 }
 
 absl::Status Renderer::Impl::draw(const PassContext& context, const Plan& plan) {
@@ -139,23 +146,25 @@ absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Sett
 absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings) {
   const FrameMemory::Parts& parts = *memory.parts_;
   PassContext context = pass_context(parts, settings);
-  if (absl::Status status = impl_->measure(context); !status.ok()) return status;
-
   FrameReport report;
-  add_timings(impl_->recorder, &report.stages);
-  const TileSums sums = sum_tiles(parts);
-  report.stats = sums.stats;
-  if (settings.bad_values == BadValues::kReject && sums.first_bad_texel != UINT32_MAX) {
+  absl::StatusOr<TileSums> sums = impl_->measure(context, /*upload=*/true, &report.stages);
+  if (sums.ok() && sums->needs_scrub) {
+    context.scrub = true;
+    sums = impl_->measure(context, /*upload=*/false, &report.stages);
+  }
+  if (!sums.ok()) return sums.status();
+  report.stats = sums->stats;
+  if (settings.bad_values == BadValues::kReject && sums->first_bad_texel != UINT32_MAX) {
     return absl::InvalidArgumentError(
         absl::StrFormat("the pixel at x %d, y %d is not finite (%d NaN and %d infinite components in all); "
                         "repair the frame or use "
                         "bad_values SCRUB",
-                        sums.first_bad_texel % parts.desc.width, sums.first_bad_texel / parts.desc.width,
+                        sums->first_bad_texel % parts.desc.width, sums->first_bad_texel / parts.desc.width,
                         report.stats.nan_components, report.stats.infinite_components));
   }
   report.target = exposure_target(settings.exposure, report.stats.mean_log2_luminance);
   report.exposure = report.target;  // a single image takes its target at once
-  report.plan = plan_frame(parts.desc, report.stats, settings, *find_tier(settings.tier));
+  report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, *find_tier(settings.tier));
 
   context.bloom = report.plan.bloom;
   context.exposure = report.exposure * settings.prescale;

@@ -1,4 +1,4 @@
-// How a frame is to be rendered. The defaults are pipeline.md's; ranges are in proto/candela/v1/limits.h.
+// How a frame is to be rendered. Ranges and defaults are in proto/candela/v1/limits.h.
 #pragma once
 
 #include <array>
@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "proto/candela/v1/limits.h"
 #include "server/render/frame.h"
 
 namespace candela {
@@ -22,19 +23,19 @@ const char* name(Transfer transfer);  // "srgb"
 
 struct ExposureSettings {
   ExposureMode mode = ExposureMode::kAuto;
-  double manual_ev = 0.0;
-  double compensation_ev = 0.0;
-  double key = 0.18;
-  double min_exposure = 1.0 / 64;
-  double max_exposure = 64.0;
+  double manual_ev = v1::kDefaultManualEv;
+  double compensation_ev = v1::kDefaultCompensationEv;
+  double key = v1::kDefaultKey;
+  double min_exposure = v1::kDefaultMinExposure;
+  double max_exposure = v1::kDefaultMaxExposure;
 };
 
 struct BloomSettings {
-  float intensity = 0.05f;  // 0 is no bloom
-  float threshold = 1.0f;   // scene luminance, before exposure
-  float softness = 0.5f;    // knee as a fraction of the threshold
-  uint32_t levels = 5;
-  bool firefly_weights = true;
+  float intensity = v1::kDefaultBloomIntensity;  // 0 is no bloom
+  float threshold = v1::kDefaultBloomThreshold;  // scene luminance, before exposure
+  float softness = v1::kDefaultBloomSoftness;    // knee as a fraction of the threshold
+  uint32_t levels = v1::kDefaultBloomLevels;
+  bool firefly_weights = v1::kDefaultFireflyWeights;
 };
 
 // CIE 1931 xy of the red, green and blue primaries and of white.
@@ -46,11 +47,11 @@ struct Settings {
   ExposureSettings exposure;
   BloomSettings bloom;
   ToneCurve curve = ToneCurve::kAcesHill;
-  double prescale = 1.0;
+  double prescale = v1::kDefaultPrescale;
   Transfer transfer = Transfer::kSrgb;
   OutputFormat output_format = OutputFormat::kRgba8;
   BadValues bad_values = BadValues::kScrub;
-  std::string tier = "standard";
+  std::string tier = v1::kDefaultTier;
   std::optional<Chromaticities> input_chromaticities;  // absent: Rec.709, D65
 };
 

@@ -1,7 +1,7 @@
 // The HDR, bloom-mip and output textures of all frames, reused from frame to frame.
 //
-// A texture here is a row-linear block of texels in a storage buffer: on the software device a buffer load
-// costs half of what an image load does, and on a device with unified memory the buffer is the wire's own.
+// A texture here is a row-linear block of texels in a buffer: on the software device that is far cheaper to
+// read and write than an image, and on a device with unified memory the buffer is the wire's own.
 #pragma once
 
 #include <cstddef>
@@ -23,6 +23,7 @@ struct TextureKey {
   uint32_t height = 0;
   uint32_t texel_bytes = 0;
   MemoryUse use = MemoryUse::kDevice;
+  VkFormat view = VK_FORMAT_UNDEFINED;  // that shaders read it in
 
   auto operator<=>(const TextureKey&) const = default;
 };

@@ -6,7 +6,7 @@
 
 namespace candela {
 
-absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use) {
+absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use, VkFormat view) {
   Buffer b;
   b.device_ = device.handle();
   b.bytes_ = bytes;
@@ -15,7 +15,8 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
   info.size = bytes;
   info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
-               VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+               VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+               VK_BUFFER_USAGE_TRANSFER_DST_BIT;
   CANDELA_VK(vkCreateBuffer(b.device_, &info, nullptr, &b.buffer_));
 
   VkMemoryRequirements requirements;
@@ -35,6 +36,14 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
     CANDELA_VK(vkMapMemory(b.device_, b.memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
     b.mapped_ = static_cast<std::byte*>(mapped);
   }
+  if (view != VK_FORMAT_UNDEFINED) {
+    VkBufferViewCreateInfo view_info{};
+    view_info.sType = VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO;
+    view_info.buffer = b.buffer_;
+    view_info.format = view;
+    view_info.range = VK_WHOLE_SIZE;
+    CANDELA_VK(vkCreateBufferView(b.device_, &view_info, nullptr, &b.view_));
+  }
   VkBufferDeviceAddressInfo address{};
   address.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
   address.buffer = b.buffer_;
@@ -48,6 +57,7 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
   std::swap(device_, other.device_);
   std::swap(buffer_, other.buffer_);
   std::swap(memory_, other.memory_);
+  std::swap(view_, other.view_);
   std::swap(address_, other.address_);
   std::swap(bytes_, other.bytes_);
   std::swap(mapped_, other.mapped_);
@@ -55,6 +65,7 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
 }
 
 Buffer::~Buffer() {
+  if (view_ != VK_NULL_HANDLE) vkDestroyBufferView(device_, view_, nullptr);
   if (buffer_ != VK_NULL_HANDLE) vkDestroyBuffer(device_, buffer_, nullptr);
   if (memory_ != VK_NULL_HANDLE) vkFreeMemory(device_, memory_, nullptr);
 }

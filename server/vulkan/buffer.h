@@ -1,4 +1,4 @@
-// A storage buffer with its memory, reached by shaders through its address.
+// A buffer with its memory: shaders write it by its address and read it as a texel buffer.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -14,8 +14,9 @@ namespace candela {
 // Movable; frees its memory. Use from one thread at a time. The device outlives it.
 class Buffer {
  public:
-  // RESOURCE_EXHAUSTED when the device has no memory for it. `bytes` > 0.
-  static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use);
+  // RESOURCE_EXHAUSTED when the device has no memory for it. `bytes` > 0. `view` is the format that shaders
+  // read it in, or VK_FORMAT_UNDEFINED where none does.
+  static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use, VkFormat view);
 
   Buffer() = default;
   Buffer(Buffer&& other) noexcept;
@@ -24,6 +25,7 @@ class Buffer {
 
   VkBuffer handle() const { return buffer_; }
   VkDeviceAddress address() const { return address_; }
+  VkBufferView view() const { return view_; }
   uint64_t bytes() const { return bytes_; }
   // Host view, or null where the memory cannot be mapped: kDevice on a device without unified memory.
   std::byte* mapped() const { return mapped_; }
@@ -32,6 +34,7 @@ class Buffer {
   VkDevice device_ = VK_NULL_HANDLE;
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkBufferView view_ = VK_NULL_HANDLE;
   VkDeviceAddress address_ = 0;
   uint64_t bytes_ = 0;
   std::byte* mapped_ = nullptr;

@@ -79,9 +79,14 @@ absl::Status Device::open(const DeviceOptions& options) {
   VkDeviceCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   info.pNext = &features;
+  const char* const extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
+  info.enabledExtensionCount = 1;
+  info.ppEnabledExtensionNames = &extension;
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queue;
   CANDELA_VK(vkCreateDevice(chosen->handle, &info, nullptr, &device_));
+  push_descriptors_ = reinterpret_cast<PFN_vkCmdPushDescriptorSetKHR>(
+      vkGetDeviceProcAddr(device_, "vkCmdPushDescriptorSetKHR"));
   vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
   return absl::OkStatus();
 }

@@ -24,12 +24,12 @@ struct DeviceOptions {
 struct DeviceSummary {
   uint32_t index = 0;
   std::string name;
-  std::string type;             // "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other"
-  std::string driver;           // name and version
-  std::string api_version;      // "1.3.230"
-  bool unified_memory = false;  // device memory is mapped and cached: no staging copies
-  uint64_t max_allocation_bytes = 0;
-  std::string unusable;  // why it cannot render; empty when it can
+  std::string type;                   // "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other"
+  std::string driver;                 // name and version
+  std::string api_version;            // "1.3.230"
+  bool unified_memory = false;        // device memory is mapped and cached: no staging copies
+  uint64_t max_allocation_bytes = 0;  // of one texture
+  std::string unusable;               // why it cannot render; empty when it can
 };
 
 // FAILED_PRECONDITION when there is no Vulkan driver, naming the package and the variable that are wanted.
@@ -60,6 +60,7 @@ class Device {
   double timestamp_period_ns() const { return timestamp_period_ns_; }
   // Valid bits of a timestamp, as a mask; 0 where the queue has no timestamps.
   uint64_t timestamp_mask() const { return timestamp_mask_; }
+  PFN_vkCmdPushDescriptorSetKHR push_descriptors() const { return push_descriptors_; }
   // Index of the memory type for `use`.
   uint32_t memory_type(MemoryUse use) const { return memory_types_[static_cast<uint32_t>(use)]; }
 
@@ -74,6 +75,7 @@ class Device {
   VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
   VkDevice device_ = VK_NULL_HANDLE;
   VkQueue queue_ = VK_NULL_HANDLE;
+  PFN_vkCmdPushDescriptorSetKHR push_descriptors_ = nullptr;
   uint32_t queue_family_ = 0;
   double timestamp_period_ns_ = 0.0;
   uint64_t timestamp_mask_ = 0;

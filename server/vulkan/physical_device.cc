@@ -97,7 +97,15 @@ std::string missing_feature(VkPhysicalDevice handle) {
   features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
   features.pNext = &features12;
   vkGetPhysicalDeviceFeatures2(handle, &features);
-  return features12.bufferDeviceAddress ? "" : "no bufferDeviceAddress";
+  if (!features12.bufferDeviceAddress) return "no bufferDeviceAddress";
+  uint32_t count = 0;
+  vkEnumerateDeviceExtensionProperties(handle, nullptr, &count, nullptr);
+  std::vector<VkExtensionProperties> extensions(count);
+  vkEnumerateDeviceExtensionProperties(handle, nullptr, &count, extensions.data());
+  const bool push = std::any_of(extensions.begin(), extensions.end(), [](const VkExtensionProperties& e) {
+    return std::strcmp(e.extensionName, VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME) == 0;
+  });
+  return push ? "" : "no " VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
 }
 
 PhysicalDevice describe(VkPhysicalDevice handle, uint32_t index) {
@@ -133,7 +141,9 @@ PhysicalDevice describe(VkPhysicalDevice handle, uint32_t index) {
   properties.pNext = &driver;
   vkGetPhysicalDeviceProperties2(handle, &properties);
   summary.driver = absl::StrCat(driver.driverName, " ", driver.driverInfo);
-  summary.max_allocation_bytes = maintenance.maxMemoryAllocationSize;
+  // Textures are read as texel buffers of 16 bytes a texel.
+  summary.max_allocation_bytes = std::min<uint64_t>(maintenance.maxMemoryAllocationSize,
+                                                    uint64_t{base.limits.maxTexelBufferElements} * 16);
 
   summary.unusable = missing_feature(handle);
   constexpr VkSubgroupFeatureFlags kSubgroup =

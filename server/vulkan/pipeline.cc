@@ -8,9 +8,21 @@ namespace candela {
 absl::StatusOr<PipelineCache> PipelineCache::create(const Device& device) {
   PipelineCache cache;
   cache.device_ = device.handle();
+  VkDescriptorSetLayoutBinding bindings[kReads] = {};
+  for (uint32_t i = 0; i < kReads; ++i) {
+    bindings[i] = {i, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
+  }
+  VkDescriptorSetLayoutCreateInfo set_info{};
+  set_info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
+  set_info.flags = VK_DESCRIPTOR_SET_LAYOUT_CREATE_PUSH_DESCRIPTOR_BIT_KHR;
+  set_info.bindingCount = kReads;
+  set_info.pBindings = bindings;
+  CANDELA_VK(vkCreateDescriptorSetLayout(cache.device_, &set_info, nullptr, &cache.set_layout_));
   const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};
   VkPipelineLayoutCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+  info.setLayoutCount = 1;
+  info.pSetLayouts = &cache.set_layout_;
   info.pushConstantRangeCount = 1;
   info.pPushConstantRanges = &range;
   CANDELA_VK(vkCreatePipelineLayout(cache.device_, &info, nullptr, &cache.layout_));
@@ -19,12 +31,14 @@ absl::StatusOr<PipelineCache> PipelineCache::create(const Device& device) {
 
 PipelineCache::PipelineCache(PipelineCache&& other) noexcept
     : device_(other.device_),
+      set_layout_(std::exchange(other.set_layout_, VK_NULL_HANDLE)),
       layout_(std::exchange(other.layout_, VK_NULL_HANDLE)),
       pipelines_(std::exchange(other.pipelines_, {})) {}
 
 PipelineCache::~PipelineCache() {
   for (const auto& [key, pipeline] : pipelines_) vkDestroyPipeline(device_, pipeline, nullptr);
   if (layout_ != VK_NULL_HANDLE) vkDestroyPipelineLayout(device_, layout_, nullptr);
+  if (set_layout_ != VK_NULL_HANDLE) vkDestroyDescriptorSetLayout(device_, set_layout_, nullptr);
 }
 
 absl::StatusOr<VkPipeline> PipelineCache::get(std::span<const uint32_t> spirv, const Constants& constants) {

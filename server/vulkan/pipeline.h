@@ -17,11 +17,13 @@ namespace candela {
 // The specialisation constants of a shader, in the order of their ids from 0.
 using Constants = std::vector<uint32_t>;
 
-// One thread at a time. The device outlives it. Shaders take all their parameters as push constants, of at
-// most kPushBytes, and reach buffers by address: there are no descriptors.
+// One thread at a time. The device outlives it. All shaders have one layout: push constants of at most
+// kPushBytes, and up to kReads texel buffers to read, as bindings 0.. of set 0, pushed as well. They write by
+// address.
 class PipelineCache {
  public:
   static constexpr uint32_t kPushBytes = 128;
+  static constexpr uint32_t kReads = 2;
 
   static absl::StatusOr<PipelineCache> create(const Device& device);
   PipelineCache(PipelineCache&& other) noexcept;
@@ -37,6 +39,7 @@ class PipelineCache {
   PipelineCache() = default;
 
   VkDevice device_ = VK_NULL_HANDLE;
+  VkDescriptorSetLayout set_layout_ = VK_NULL_HANDLE;
   VkPipelineLayout layout_ = VK_NULL_HANDLE;
   std::map<std::pair<const uint32_t*, Constants>, VkPipeline> pipelines_;
 };

@@ -71,9 +71,19 @@ void Recorder::mark(const char* name) {
   marks_.push_back(name);
 }
 
-void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, const void* push, uint32_t push_bytes,
-                        uint32_t groups_x, uint32_t groups_y) {
+void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
+                        const void* push, uint32_t push_bytes, uint32_t groups_x, uint32_t groups_y) {
   vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+  VkWriteDescriptorSet writes[PipelineCache::kReads] = {};
+  for (uint32_t i = 0; i < reads.size(); ++i) {
+    writes[i].sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+    writes[i].dstBinding = i;
+    writes[i].descriptorCount = 1;
+    writes[i].descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
+    writes[i].pTexelBufferView = &reads[i];
+  }
+  device_->push_descriptors()(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0,
+                              static_cast<uint32_t>(reads.size()), writes);
   vkCmdPushConstants(commands_, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes, push);
   vkCmdDispatch(commands_, groups_x, groups_y, 1);
 }

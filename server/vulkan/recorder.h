@@ -4,8 +4,7 @@
 #include <vulkan/vulkan.h>
 
 #include <cstdint>
-#include <map>
-#include <string>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -33,8 +32,9 @@ class Recorder {
   // What is recorded from here to the next mark or the end counts as `name`, a string that lives on.
   void mark(const char* name);
 
-  void dispatch(VkPipeline pipeline, VkPipelineLayout layout, const void* push, uint32_t push_bytes,
-                uint32_t groups_x, uint32_t groups_y);
+  // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads.
+  void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
+                const void* push, uint32_t push_bytes, uint32_t groups_x, uint32_t groups_y);
   void fill_zero(const Buffer& buffer);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
 
