@@ -21,6 +21,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "client/image/exr_channels.h"
+#include "client/image/exr_header.h"
 #include "client/image/exr_windows.h"
 #include "client/image/readers.h"
 
@@ -29,7 +30,7 @@ namespace {
 
 // OpenEXR decodes whole chunks (some rows, or a tile) of all channels, several at once; a header may ask for
 // chunks of any size.
-constexpr int64_t kMaxChunkBytes = 128 << 20;
+constexpr int64_t kMaxChunkBytes = 256 << 20;
 
 struct Part {
   int index = 0;
@@ -180,7 +181,9 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
 
 }  // namespace
 
-absl::StatusOr<Image> read_exr(const std::string& path, const ImageLimits& limits) {
+absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits) {
+  if (absl::Status status = check_exr_header(opened); !status.ok()) return status;
+  const std::string& path = opened.path();
   try {
     Imf::MultiPartInputFile file(path.c_str());
     return read_open_file(path, file, limits);

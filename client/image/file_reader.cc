@@ -47,6 +47,12 @@ bool FileReader::read(std::span<std::byte> out) {
   return count == out.size();
 }
 
+bool FileReader::skip(uint64_t count) {
+  if (count > remaining()) return false;
+  position_ += count;
+  return std::fseek(file_.get(), static_cast<long>(position_), SEEK_SET) == 0;
+}
+
 bool FileReader::read_line(std::string& line, size_t max_length) {
   line.clear();
   for (int byte = get(); byte >= 0; byte = get()) {

@@ -32,6 +32,9 @@ class FileReader {
   // Fills `out`; false when the file ends (or stops being readable) before it is full.
   bool read(std::span<std::byte> out);
 
+  // Passes over bytes; false when the file has fewer.
+  bool skip(uint64_t count);
+
   // Takes the next line without its newline; false when it ends or passes `max_length` before one.
   bool read_line(std::string& line, size_t max_length);
 

@@ -56,7 +56,7 @@ absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& lim
   absl::StatusOr<FileReader> file = FileReader::open(path);
   if (!file.ok()) return file.status();
   const std::string magic = file->peek(4);
-  if (magic == "\x76\x2f\x31\x01") return read_exr(path, limits);
+  if (magic == "\x76\x2f\x31\x01") return read_exr(*file, limits);
   if (magic.starts_with("#?")) return read_radiance(*file, limits);
   if (magic.starts_with("PF") || magic.starts_with("Pf")) return read_pfm(*file, limits);
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", path));

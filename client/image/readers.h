@@ -13,7 +13,7 @@
 
 namespace candela {
 
-absl::StatusOr<Image> read_exr(const std::string& path, const ImageLimits& limits);
+absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits);
 absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits);
 absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits);
 

@@ -5,6 +5,7 @@
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
+#include <OpenEXR/ImfPreviewImage.h>
 #include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfTileDescription.h>
@@ -336,7 +337,7 @@ TEST_F(ExrReader, ChecksTheLimitsFromTheHeaderAlone) {
   EXPECT_TRUE(refuses(small, {V2i(-30, -30), V2i(30, 30)}));
   EXPECT_TRUE(refuses({V2i(-1000000000, 0), V2i(1000000000, 0)}, small));
 
-  write_tiles(path_, Imf::Header(8, 8), Imf::TileDescription(4096, 8192), rgb_channels(), 0);
+  write_tiles(path_, Imf::Header(8, 8), Imf::TileDescription(8192, 8192), rgb_channels(), 0);
   EXPECT_NE(error().find("smaller tiles"), std::string::npos) << error();
 }
 
@@ -356,6 +357,36 @@ TEST_F(ExrReader, RefusesAFileCutAnywhere) {
     write_file(path_, bytes.substr(0, bytes.size() - 1));
     EXPECT_EQ(error().find("INVALID_ARGUMENT: " + path_), 0u) << error();
   }
+}
+
+TEST_F(ExrReader, TakesNoMemoryForAttributesThatAreNotThere) {
+  Imf::Header header(4, 4);
+  Imf::addComments(header, "fifteen letters");
+  Imf::addMultiView(header, {"left", "right"});
+  header.setPreviewImage(Imf::PreviewImage(2, 3));
+  write_scan_lines(path_, header, rgb_channels());
+  const std::string whole = read_file(path_);
+  expect_picture(read(), header.displayWindow(), header.dataWindow());
+
+  // Byte `at` after the text `after`, which ends with an attribute's type, set to 0x5b: a gigabyte and a half
+  // when it is the highest one of a size.
+  const auto refused = [&](const std::string& after, size_t at) {
+    std::string bytes = whole;
+    bytes[bytes.find(after) + after.size() + at] = 0x5b;
+    write_file(path_, bytes);
+    return error();
+  };
+  using namespace std::string_literals;
+  EXPECT_NE(refused("comments\0string\0"s, 3).find("attribute comments claims 1526726671 bytes"),
+            std::string::npos);
+  EXPECT_NE(refused("preview\0preview\0"s, 4 + 1).find("attribute preview is not of the 32 bytes"),
+            std::string::npos);
+  EXPECT_NE(refused("multiView\0stringvector\0"s, 4 + 3).find("attribute multiView is not of"),
+            std::string::npos);
+  EXPECT_NE(refused("dataWindow\0box2i\0"s, 0).find("attribute dataWindow is not of the 91 bytes"),
+            std::string::npos);
+  EXPECT_NE(refused("channels\0chlist\0"s, 0).find("attribute channels is not of the 91 bytes"),
+            std::string::npos);
 }
 
 TEST_F(ExrReader, SurvivesAnyDamage) {
