@@ -12,7 +12,7 @@
 #include "common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
-layout(set = 0, binding = 0) uniform textureBuffer from;
+layout(set = 0, binding = 0) uniform utextureBuffer from;
 layout(push_constant) uniform Push { BloomParams p; };
 
 struct RowSums {
@@ -24,7 +24,7 @@ RowSums row_sums(uint x, int y) {
   int row = clamp(y, 0, int(p.from_height) - 1) * int(p.from_width);
   vec3 t[6];
   [[unroll]] for (int i = 0; i < 6; ++i)
-    t[i] = texelFetch(from, row + clamp(int(2u * x) - 2 + i, 0, int(p.from_width) - 1)).rgb;
+    t[i] = fetch_rgb(from, row + clamp(int(2u * x) - 2 + i, 0, int(p.from_width) - 1));
   vec3 middle = t[2] + t[3];
   return RowSums(t[0] + t[1] + 2.0 * middle + t[4] + t[5], t[1] + middle + t[4]);
 }

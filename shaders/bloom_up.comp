@@ -9,9 +9,9 @@
 #include "common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
-layout(set = 0, binding = 0) uniform textureBuffer from;
+layout(set = 0, binding = 0) uniform utextureBuffer from;
 // The same texture as `p.to`; an invocation reads only what it writes itself, and before it does.
-layout(set = 0, binding = 1) uniform textureBuffer to_before;
+layout(set = 0, binding = 1) uniform utextureBuffer to_before;
 layout(push_constant) uniform Push { BloomParams p; };
 
 // A coarse row filtered along x, at the even and the odd fine column.
@@ -24,14 +24,14 @@ Row filtered_row(uint x, int y) {
   int row = clamp(y, 0, int(p.from_height) - 1) * int(p.from_width);
   vec3 t[5];
   [[unroll]] for (int i = 0; i < 5; ++i)
-    t[i] = texelFetch(from, row + clamp(int(x) - 2 + i, 0, int(p.from_width) - 1)).rgb;
+    t[i] = fetch_rgb(from, row + clamp(int(x) - 2 + i, 0, int(p.from_width) - 1));
   return Row(0.0625 * t[0] + 0.3125 * t[1] + 0.4375 * t[2] + 0.1875 * t[3],
              0.1875 * t[1] + 0.4375 * t[2] + 0.3125 * t[3] + 0.0625 * t[4]);
 }
 
 void add(OutLevel to, uint x, uint y, vec3 c) {
   uint at = y * p.to_width + x;
-  to[at].v = vec4(texelFetch(to_before, int(at)).rgb + c, 0.0);
+  to[at].v = vec4(fetch_rgb(to_before, int(at)) + c, 0.0);
 }
 
 void main() {

@@ -10,6 +10,9 @@
 layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords { uvec4 v; };
 layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutLevel { vec4 v; };
 
+// A texel of a bloom level.
+vec3 fetch_rgb(utextureBuffer level, int index) { return uintBitsToFloat(texelFetch(level, index).rgb); }
+
 // Rec.709 luminance, in the order that pipeline.md section 7 fixes, so that every device gets the same bits.
 float luminance(vec3 c) {
   precise float l = (0.2126 * c.r + 0.7152 * c.g) + 0.0722 * c.b;

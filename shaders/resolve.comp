@@ -20,7 +20,7 @@ layout(constant_id = 4) const uint CURVE = CURVE_ACES_HILL;
 layout(constant_id = 5) const uint TRANSFER = TRANSFER_SRGB;
 layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
 
-layout(set = 0, binding = 1) uniform textureBuffer bloom;
+layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "input.glsl"
 
@@ -133,7 +133,7 @@ BloomRow bloom_row(uint x, int y) {
     int first = int(x / 2u) - 1;
     vec3 t[4];
     [[unroll]] for (int i = 0; i < 4; ++i)
-      t[i] = texelFetch(bloom, at + clamp(first + i, 0, int(p.level_width) - 1)).rgb;
+      t[i] = fetch_rgb(bloom, at + clamp(first + i, 0, int(p.level_width) - 1));
     row.c[0] = 0.25 * t[0] + 0.75 * t[1];
     row.c[1] = 0.75 * t[1] + 0.25 * t[2];
     row.c[2] = 0.25 * t[1] + 0.75 * t[2];

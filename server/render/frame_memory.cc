@@ -24,8 +24,7 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     TexturePool::Lease* lease;
     TextureKey key;
   };
-  const TextureKey input = {parts->pitch, desc.height, bytes_per_pixel(desc.format), MemoryUse::kDevice,
-                            VK_FORMAT_R32G32B32A32_UINT};
+  const TextureKey input = {parts->pitch, desc.height, bytes_per_pixel(desc.format), MemoryUse::kDevice};
   const TextureKey output = {parts->pitch, desc.height, bytes_per_pixel(settings.output_format),
                              MemoryUse::kDevice};
   const TextureKey tiles = {parts->tiles_x, parts->tiles_y, sizeof(shader::TileRecord), MemoryUse::kDevice};
@@ -33,7 +32,6 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
   if (!unified_memory) {
     const auto staged = [](TextureKey key, MemoryUse use) {
       key.use = use;
-      key.view = VK_FORMAT_UNDEFINED;
       return key;
     };
     wanted.push_back({&parts->upload, staged(input, MemoryUse::kUpload)});
@@ -45,9 +43,7 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     parts->levels.resize(parts->level_sizes.size());
     for (size_t i = 0; i < parts->levels.size(); ++i) {
       const LevelSize& size = parts->level_sizes[i];
-      wanted.push_back(
-          {&parts->levels[i],
-           {size.width, size.height, 4 * sizeof(float), MemoryUse::kDevice, VK_FORMAT_R32G32B32A32_SFLOAT}});
+      wanted.push_back({&parts->levels[i], {size.width, size.height, 4 * sizeof(float), MemoryUse::kDevice}});
     }
   }
   for (const Wanted& w : wanted) {

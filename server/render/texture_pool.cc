@@ -58,7 +58,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
     counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
   }
   given_up.clear();
-  absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use, key.view);
+  absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
   if (!buffer.ok()) {
     const std::lock_guard lock(mutex_);
     counters_.bytes_in_use -= bytes;

@@ -23,7 +23,6 @@ struct TextureKey {
   uint32_t height = 0;
   uint32_t texel_bytes = 0;
   MemoryUse use = MemoryUse::kDevice;
-  VkFormat view = VK_FORMAT_UNDEFINED;  // that shaders read it in
 
   auto operator<=>(const TextureKey&) const = default;
 };

@@ -6,7 +6,7 @@
 
 namespace candela {
 
-absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use, VkFormat view) {
+absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use) {
   Buffer b;
   b.device_ = device.handle();
   b.bytes_ = bytes;
@@ -36,11 +36,11 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
     CANDELA_VK(vkMapMemory(b.device_, b.memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
     b.mapped_ = static_cast<std::byte*>(mapped);
   }
-  if (view != VK_FORMAT_UNDEFINED) {
+  if (use == MemoryUse::kDevice) {
     VkBufferViewCreateInfo view_info{};
     view_info.sType = VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO;
     view_info.buffer = b.buffer_;
-    view_info.format = view;
+    view_info.format = VK_FORMAT_R32G32B32A32_UINT;
     view_info.range = VK_WHOLE_SIZE;
     CANDELA_VK(vkCreateBufferView(b.device_, &view_info, nullptr, &b.view_));
   }

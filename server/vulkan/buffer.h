@@ -14,9 +14,8 @@ namespace candela {
 // Movable; frees its memory. Use from one thread at a time. The device outlives it.
 class Buffer {
  public:
-  // RESOURCE_EXHAUSTED when the device has no memory for it. `bytes` > 0. `view` is the format that shaders
-  // read it in, or VK_FORMAT_UNDEFINED where none does.
-  static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use, VkFormat view);
+  // RESOURCE_EXHAUSTED when the device has no memory for it. `bytes` is at least 16.
+  static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use);
 
   Buffer() = default;
   Buffer(Buffer&& other) noexcept;
@@ -25,6 +24,7 @@ class Buffer {
 
   VkBuffer handle() const { return buffer_; }
   VkDeviceAddress address() const { return address_; }
+  // The texel buffer of kDevice memory, four 32-bit words a texel.
   VkBufferView view() const { return view_; }
   uint64_t bytes() const { return bytes_; }
   // Host view, or null where the memory cannot be mapped: kDevice on a device without unified memory.

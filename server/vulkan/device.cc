@@ -76,12 +76,15 @@ absl::Status Device::open(const DeviceOptions& options) {
   VkPhysicalDeviceVulkan12Features features{};
   features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
   features.bufferDeviceAddress = VK_TRUE;
+  VkPhysicalDeviceFeatures base_features{};
+  base_features.shaderInt64 = VK_TRUE;  // arithmetic on addresses
   VkDeviceCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   info.pNext = &features;
   const char* const extension = VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME;
   info.enabledExtensionCount = 1;
   info.ppEnabledExtensionNames = &extension;
+  info.pEnabledFeatures = &base_features;
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queue;
   CANDELA_VK(vkCreateDevice(chosen->handle, &info, nullptr, &device_));

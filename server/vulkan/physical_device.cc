@@ -98,6 +98,7 @@ std::string missing_feature(VkPhysicalDevice handle) {
   features.pNext = &features12;
   vkGetPhysicalDeviceFeatures2(handle, &features);
   if (!features12.bufferDeviceAddress) return "no bufferDeviceAddress";
+  if (!features.features.shaderInt64) return "no shaderInt64";
   uint32_t count = 0;
   vkEnumerateDeviceExtensionProperties(handle, nullptr, &count, nullptr);
   std::vector<VkExtensionProperties> extensions(count);
