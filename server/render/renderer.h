@@ -34,7 +34,9 @@ class FrameMemory {
   std::span<const std::byte> output_row(uint32_t y) const;
   bool output_contiguous() const;
 
-  struct Parts;  // of server/render
+  struct Parts;
+  // The textures themselves, for server/render and its tests.
+  const Parts& parts() const { return *parts_; }
 
  private:
   friend class Renderer;

@@ -1,0 +1,258 @@
+// What must hold of every frame, whatever is in it.
+#include <gtest/gtest.h>
+#include <half.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "shaders/reference.h"
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class Properties : public DeviceTest {
+ protected:
+  static std::vector<std::byte> image(const FrameMemory& memory) {
+    std::vector<std::byte> bytes;
+    for (uint32_t y = 0; y < memory.desc().height; ++y) {
+      const auto row = memory.output_row(y);
+      bytes.insert(bytes.end(), row.begin(), row.end());
+    }
+    return bytes;
+  }
+
+  static Rendered must_render(const WireFrame& frame, const Settings& settings = {}) {
+    auto rendered = render(frame, settings);
+    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    return *std::move(rendered);
+  }
+};
+
+// A uniform frame's mean is its one value's logarithm, however many texels are summed: a texel lost, doubled
+// or taken from the padding would show, and so would a sum that overflows.
+TEST_F(Properties, MeterCountsEveryTexelOnceAtEverySize) {
+  for (uint32_t height = 1; height <= 67; ++height) {
+    for (uint32_t width = 1; width <= 67; ++width) {
+      // Texel (0, 0) differs, so that its weight shows as well.
+      const auto texel = [](uint32_t x, uint32_t y) -> Texel {
+        const float v = x == 0 && y == 0 ? 1024.0f : 0.25f;
+        return {v, v, v, 1};
+      };
+      const Rendered r = must_render(make_frame(width, height, PixelFormat::kRgba16f, texel));
+      const double mean = -2.0 + 12.0 / (width * height);
+      ASSERT_NEAR(r.report.stats.mean_log2_luminance, mean, 2e-5) << width << "x" << height;
+      ASSERT_FLOAT_EQ(r.report.stats.min_luminance, width * height == 1 ? 1024.0f : 0.25f);
+      ASSERT_FLOAT_EQ(r.report.stats.max_luminance, 1024.0f);
+    }
+  }
+}
+
+TEST_F(Properties, MeterDoesNotOverflowOnLargeUniformFrames) {
+  for (float v : {0.0f, 0.18f, 65504.0f}) {
+    const Rendered r = must_render(flat(1920, 1080, {v, v, v, 1}));
+    // The wire carries halves; black is metered at the floor.
+    const double half = imath_half_to_float(imath_float_to_half(v));
+    EXPECT_NEAR(r.report.stats.mean_log2_luminance, std::log2(std::max(half, 1e-4)), 2e-5) << v;
+  }
+}
+
+TEST_F(Properties, MeterSeesTheLastColumnsAndRows) {
+  // floor(W / 8) tiles would miss these.
+  const WireFrame frame = make_frame(1921, 1081, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
+    const float v = x == 1920 || y == 1080 ? 8.0f : 0.125f;
+    return {v, v, v, 1};
+  });
+  const double edge = 1921.0 + 1081.0 - 1.0;
+  const double expected = -3.0 + 6.0 * edge / (1921.0 * 1081.0);
+  EXPECT_NEAR(must_render(frame).report.stats.mean_log2_luminance, expected, 2e-5);
+}
+
+TEST_F(Properties, FlatFieldStaysFlatAtEverySize) {
+  Settings settings;
+  settings.bloom.intensity = 0.5f;
+  settings.output_format = OutputFormat::kRgba16;
+  for (uint32_t height = 1; height <= 67; height += height < 9 || height > 60 ? 1 : 13) {
+    for (uint32_t width = 1; width <= 67; ++width) {
+      const Rendered r = must_render(flat(width, height, {3, 2, 1.5f, 1}), settings);
+      const auto first = r.memory.output_row(0);
+      for (uint32_t y = 0; y < height; ++y) {
+        const auto row = r.memory.output_row(y);
+        for (uint32_t x = 0; x < width; ++x) {
+          for (size_t k = 0; k < 3; ++k) {
+            uint16_t a;
+            uint16_t b;
+            std::memcpy(&a, &first[2 * k], 2);
+            std::memcpy(&b, &row[8 * x + 2 * k], 2);
+            ASSERT_LE(std::abs(a - b), 1) << width << "x" << height << " at " << x << ", " << y;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_F(Properties, SameInputGivesTheSameBits) {
+  const WireFrame frame = natural(641, 479);
+  const Rendered first = must_render(frame);
+  for (int run = 0; run < 5; ++run) {
+    const Rendered again = must_render(frame);
+    EXPECT_EQ(image(first.memory), image(again.memory));
+    EXPECT_EQ(first.report.stats.mean_log2_luminance, again.report.stats.mean_log2_luminance);
+  }
+}
+
+TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
+  // Everything is below the threshold and its knee, so the dense run adds zeros. The last texel decides.
+  const auto scene = [](float last) {
+    return make_frame(333, 257, PixelFormat::kRgba16f, [=](uint32_t x, uint32_t y) -> Texel {
+      const float v = x == 332 && y == 256 ? last : 0.4f * noise(x, y, 0);
+      return {v, v, 0.5f * v, 1};
+    });
+  };
+  Settings with;
+  with.exposure.mode = ExposureMode::kManual;
+  Settings without = with;
+  without.bloom.intensity = 0;
+  const Rendered skipped = must_render(scene(0.1f), with);
+  EXPECT_FALSE(skipped.report.plan.bloom);
+  EXPECT_EQ(image(skipped.memory), image(must_render(scene(0.1f), without).memory));
+  EXPECT_TRUE(must_render(scene(30.0f), with).report.plan.bloom);
+}
+
+TEST_F(Properties, OneBadPixelChangesNoOtherPixelsIngest) {
+  Settings settings;
+  settings.exposure.mode = ExposureMode::kManual;
+  settings.bloom.intensity = 0;
+  const auto scene = [](float bad) {
+    return make_frame(131, 67, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
+      if (x == 70 && y == 33) return {bad, bad, bad, 1};
+      return {noise(x, y, 0), noise(x, y, 1), noise(x, y, 2), 1};
+    });
+  };
+  const std::vector<std::byte> clean = image(must_render(scene(0.5f), settings).memory);
+  for (float bad : {NAN, INFINITY, -INFINITY, 1e30f, -1e30f}) {
+    std::vector<std::byte> damaged = image(must_render(scene(bad), settings).memory);
+    const size_t at = 4 * (33 * 131 + 70);
+    std::memcpy(&damaged[at], &clean[at], 4);
+    EXPECT_EQ(damaged, clean) << bad;
+  }
+}
+
+TEST_F(Properties, NaNNeverReachesTheNextFrame) {
+  const WireFrame good = natural(131, 67);
+  const Rendered before = must_render(good);
+  must_render(flat(131, 67, {NAN, NAN, NAN, NAN}));
+  const Rendered after = must_render(good);
+  EXPECT_EQ(image(before.memory), image(after.memory));
+  EXPECT_EQ(before.report.exposure, after.report.exposure);
+}
+
+TEST_F(Properties, ABadPixelCountsAsBlackOrBrightest) {
+  const auto scene = [](float v) {
+    return make_frame(40, 30, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
+      const float c = x == 3 && y == 29 ? v : 0.5f;
+      return {c, c, c, 1};
+    });
+  };
+  EXPECT_EQ(must_render(scene(NAN)).report.exposure, must_render(scene(0)).report.exposure);
+  EXPECT_EQ(must_render(scene(-INFINITY)).report.exposure, must_render(scene(-65504)).report.exposure);
+  EXPECT_EQ(must_render(scene(INFINITY)).report.exposure, must_render(scene(65504)).report.exposure);
+}
+
+TEST_F(Properties, RejectNamesTheFirstBadPixel) {
+  Settings settings;
+  settings.bad_values = BadValues::kReject;
+  const WireFrame frame = make_frame(200, 150, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
+    const bool bad = (x == 199 && y == 70) || (x == 0 && y == 71) || (x == 64 && y == 149);
+    return {1, bad ? INFINITY : 1, bad ? NAN : 1, 1};
+  });
+  const auto rendered = render(frame, settings);
+  ASSERT_EQ(rendered.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(std::string(rendered.status().message()).find("x 199, y 70"), std::string::npos)
+      << rendered.status();
+  EXPECT_NE(std::string(rendered.status().message()).find("3 NaN and 3 infinite"), std::string::npos);
+}
+
+TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
+  Settings settings;
+  settings.bad_values = BadValues::kReject;
+  EXPECT_TRUE(render(flat(9, 9, {1e30f, -1e30f, 1, NAN}, PixelFormat::kRgba32f), settings).ok());
+}
+
+TEST_F(Properties, AlphaPassesThrough) {
+  const WireFrame frame = make_frame(257, 3, PixelFormat::kRgba32f, [](uint32_t x, uint32_t) -> Texel {
+    return {100, 0, 1, static_cast<float>(x) / 255.0f};
+  });
+  const Rendered r = must_render(frame);
+  for (uint32_t x = 0; x < 257; ++x) {
+    // Alpha is rounded to half on the way, which can move it across half a code.
+    EXPECT_NEAR(std::to_integer<int>(r.memory.output_row(1)[4 * x + 3]), std::min(x, 255u), 0.51) << x;
+  }
+}
+
+TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
+  Settings settings;
+  settings.exposure.mode = ExposureMode::kManual;
+  settings.bloom.intensity = 0;
+  settings.curve = ToneCurve::kLinear;
+  settings.output_format = OutputFormat::kRgba16f;
+  // Every half in [0, 1], subnormal ones among them, must come back as it is: ingest is exact.
+  const uint32_t count = 0x3c00 + 1;
+  WireFrame frame{{count, 1, PixelFormat::kRgba16f}, {}};
+  frame.pixels.resize(frame.desc.bytes());
+  for (uint32_t i = 0; i < count; ++i) {
+    const std::array<uint16_t, 4> texel = {static_cast<uint16_t>(i), static_cast<uint16_t>(i),
+                                           static_cast<uint16_t>(i), static_cast<uint16_t>(i)};
+    std::memcpy(&frame.pixels[size_t{i} * 8], texel.data(), 8);
+  }
+  EXPECT_EQ(image(must_render(frame, settings).memory), frame.pixels);
+}
+
+TEST_F(Properties, Frame8KPasses) {
+  const WireFrame frame = flat(7680, 4320, {0.18f, 0.18f, 0.18f, 1});
+  Settings settings;
+  settings.bloom.threshold = 0.01f;  // all of it is bright
+  const Rendered r = must_render(frame, settings);
+  EXPECT_TRUE(r.report.plan.bloom);
+  EXPECT_NEAR(r.report.stats.mean_log2_luminance, std::log2(imath_half_to_float(imath_float_to_half(0.18f))),
+              2e-5);
+  const uint8_t code = std::to_integer<uint8_t>(r.memory.output_row(0)[0]);
+  for (uint32_t y = 0; y < 4320; y += 7) {
+    const auto row = r.memory.output_row(y);
+    for (uint32_t x = 0; x < 7680; ++x)
+      ASSERT_EQ(std::to_integer<uint8_t>(row[4 * x]), code) << x << ", " << y;
+  }
+}
+
+TEST_F(Properties, EveryHardCaseIsFiniteUpToTheLargestExposure) {
+  for (const HardCase& hard : hard_cases(67, 35)) {
+    for (double ev : {-40.0, 0.0, 40.0}) {
+      for (ToneCurve curve :
+           {ToneCurve::kLinear, ToneCurve::kReinhard, ToneCurve::kAcesNarkowicz, ToneCurve::kAcesHill}) {
+        Settings settings;
+        settings.exposure.mode = ExposureMode::kManual;
+        settings.exposure.manual_ev = ev;
+        settings.prescale = ev > 0 ? 0x1p40 : 1.0;
+        settings.bloom.intensity = 10;
+        settings.curve = curve;
+        settings.output_format = OutputFormat::kRgba16f;
+        const Rendered r = must_render(make_frame(67, 35, PixelFormat::kRgba32f, hard.texel), settings);
+        for (uint32_t y = 0; y < 35; ++y) {
+          const auto row = r.memory.output_row(y);
+          for (size_t i = 0; i < 67 * 4; ++i) {
+            uint16_t bits;
+            std::memcpy(&bits, &row[2 * i], 2);
+            ASSERT_LT(bits & 0x7fff, 0x7c00) << hard.name << " at 2^" << ev;
+            if (i % 4 != 3) {
+              ASSERT_LE(bits, 0x3c00) << hard.name << " at 2^" << ev;
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace candela::testing

@@ -1,0 +1,88 @@
+// shaders/params.h means the same to GLSL and to C++: the structs' offsets as SPIR-V has them.
+#include "shaders/params.h"
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstring>
+#include <map>
+#include <span>
+#include <string>
+
+#include "shaders/bloom_down.spv.h"
+#include "shaders/bloom_up.spv.h"
+#include "shaders/ingest.spv.h"
+#include "shaders/resolve.spv.h"
+
+namespace candela {
+namespace {
+
+// Member name to byte offset, of one struct.
+using Offsets = std::map<std::string, uint32_t>;
+
+std::string text(std::span<const uint32_t> words) {
+  const std::string bytes(reinterpret_cast<const char*>(words.data()), words.size_bytes());
+  return bytes.c_str();
+}
+
+// Struct name to offsets, of the structs that SPIR-V decorates (one name can stand for several types; those
+// without offsets are copies inside functions).
+std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
+  constexpr uint32_t kOpName = 5;
+  constexpr uint32_t kOpMemberName = 6;
+  constexpr uint32_t kOpMemberDecorate = 72;
+  constexpr uint32_t kDecorationOffset = 35;
+  std::map<uint32_t, std::string> names;
+  std::map<uint32_t, std::map<uint32_t, std::string>> members;
+  std::map<std::string, Offsets> found;
+  for (size_t at = 5; at < spirv.size(); at += spirv[at] >> 16) {
+    const std::span<const uint32_t> op = spirv.subspan(at, spirv[at] >> 16);
+    const uint32_t code = op[0] & 0xffff;
+    if (code == kOpName) names[op[1]] = text(op.subspan(2));
+    if (code == kOpMemberName) members[op[1]][op[2]] = text(op.subspan(3));
+    if (code == kOpMemberDecorate && op[3] == kDecorationOffset)
+      found[names[op[1]]][members[op[1]][op[2]]] = op[4];
+  }
+  return found;
+}
+
+#define EXPECT_OFFSET(all, Struct, member)                            \
+  ASSERT_TRUE(all[#Struct].contains(#member)) << #Struct "." #member; \
+  EXPECT_EQ(all[#Struct][#member], offsetof(shader::Struct, member)) << #Struct "." #member
+
+TEST(Params, OffsetsAreThoseOfTheSpirv) {
+  auto ingest = structs(k_ingest_spirv);
+  EXPECT_EQ(ingest["IngestParams"].size(), 10u);
+  EXPECT_OFFSET(ingest, InputParams, width);
+  EXPECT_OFFSET(ingest, InputParams, input_pitch);
+  EXPECT_OFFSET(ingest, InputParams, m00);
+  EXPECT_OFFSET(ingest, InputParams, m22);
+  EXPECT_OFFSET(ingest, IngestParams, frame);
+  EXPECT_OFFSET(ingest, IngestParams, level_lo);
+  EXPECT_OFFSET(ingest, IngestParams, tiles_hi);
+  EXPECT_OFFSET(ingest, IngestParams, tiles_x);
+  EXPECT_OFFSET(ingest, IngestParams, knee);
+  EXPECT_OFFSET(ingest, TileRecord, log2_sum_low);
+  EXPECT_OFFSET(ingest, TileRecord, max_magnitude_bits);
+  EXPECT_OFFSET(ingest, TileRecord, bright_texels);
+  EXPECT_OFFSET(ingest, TileRecord, first_bad_texel_inverted);
+  EXPECT_EQ(ingest["TileRecord"].size() * 4, sizeof(shader::TileRecord));
+
+  for (const std::span<const uint32_t> spirv :
+       {std::span<const uint32_t>(k_bloom_down_spirv), std::span<const uint32_t>(k_bloom_up_spirv)}) {
+    auto bloom = structs(spirv);
+    EXPECT_EQ(bloom["BloomParams"].size() * 4, sizeof(shader::BloomParams));
+    EXPECT_OFFSET(bloom, BloomParams, to_lo);
+    EXPECT_OFFSET(bloom, BloomParams, to_height);
+  }
+
+  auto resolve = structs(k_resolve_spirv);
+  EXPECT_OFFSET(resolve, ResolveParams, frame);
+  EXPECT_OFFSET(resolve, ResolveParams, output_lo);
+  EXPECT_OFFSET(resolve, ResolveParams, output_pitch);
+  EXPECT_OFFSET(resolve, ResolveParams, exposure);
+  EXPECT_OFFSET(resolve, ResolveParams, bloom_scale);
+}
+
+}  // namespace
+}  // namespace candela
