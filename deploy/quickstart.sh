@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# From nothing to pictures: installs what is missing, builds, starts candelad, sends it HDR frames.
+#
+#   deploy/quickstart.sh                  renders a procedural scene
+#   deploy/quickstart.sh FILE...          renders your OpenEXR, Radiance or PFM files
+#
+# PNGs go into out/. Needs Debian 12, and root or sudo where packages are missing. A second run takes seconds.
+set -euo pipefail
+root=$(cd "$(dirname "$0")/.." && pwd)
+
+# Files are named from where the user stands.
+frames=()
+for file in "$@"; do frames+=("$(realpath -m -- "$file")"); done
+
+cd "$root"
+deploy/install-packages.sh build run
+deploy/build.sh release -DCANDELA_TESTS=OFF
+candela=build/release/bin/candela
+
+mkdir -p out
+if [ ${#frames[@]} -eq 0 ]; then
+  "$candela" sample out/sample.exr --size 1920x1080
+  frames=("$root/out/sample.exr")
+fi
+
+scratch=$(mktemp -d)
+socket=unix:$scratch/candelad.sock
+build/release/bin/candelad --listen "$socket" >"$scratch/log" 2>&1 &
+daemon=$!
+trap 'kill "$daemon" 2>/dev/null || true; wait "$daemon" 2>/dev/null || true; rm -rf "$scratch"' EXIT
+
+# Wait until it serves; it says why when it cannot.
+for _ in $(seq 300); do
+  "$candela" health --server "$socket" >/dev/null 2>&1 && break
+  kill -0 "$daemon" 2>/dev/null || break
+  sleep 0.1
+done
+if ! "$candela" health --server "$socket" >/dev/null 2>&1; then
+  cat "$scratch/log" >&2
+  echo "candelad did not start" >&2
+  exit 1
+fi
+
+passed=0
+failed=0
+for frame in "${frames[@]}"; do
+  name=$(basename -- "$frame")
+  if "$candela" render "$frame" "out/${name%.*}.png" --server "$socket"; then
+    passed=$((passed + 1))
+  else
+    failed=$((failed + 1))
+  fi
+done
+kill -TERM "$daemon"
+wait "$daemon" || { echo "candelad did not stop cleanly" >&2; failed=$((failed + 1)); }
+
+echo
+echo "$passed rendered, $failed failed; pictures are in $root/out"
+[ "$failed" -eq 0 ]
