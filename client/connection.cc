@@ -68,6 +68,10 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& address, b
       return absl::UnavailableError(
           absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
                           address, message, address));
+    case grpc::CANCELLED:
+      // This side never cancels: gRPC does, on a server that stops.
+      return absl::UnavailableError(absl::StrFormat(
+          "the server at %s stopped before it had answered; try again or use another one", address));
     case grpc::UNIMPLEMENTED:
       return absl::UnimplementedError(
           absl::StrFormat("%s does not speak candela.v1: %s; is it a candelad?", address, message));

@@ -14,7 +14,8 @@ namespace {
 constexpr uint32_t kMaxPort = 65535;
 
 bool is_loopback(absl::string_view host) {
-  return host == "localhost" || host == "::1" || absl::StartsWith(host, "127.");
+  const bool all_digits = host.find_first_not_of("0123456789.") == absl::string_view::npos;
+  return host == "localhost" || host == "::1" || (all_digits && absl::StartsWith(host, "127."));
 }
 
 absl::Status bad_shape(const std::string& address) {

@@ -10,6 +10,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "server/base/driver_environment.h"
 #include "server/render/renderer.h"
 #include "server/render/self_test.h"
@@ -22,6 +23,9 @@
 
 namespace candela {
 namespace {
+
+// For calls that were refused at the last moment to hear so; only those that watch health take it all.
+constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
 
 // What a frame's memory lives on.
 struct Engine {
@@ -75,7 +79,7 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
   return info;
 }
 
-// Without a listening port the address keeps its port; with port 0 it gets the one that was taken.
+// The address with the port that was taken, which matters for port 0.
 std::string with_port(const std::string& address, int port) {
   if (absl::StartsWith(address, "unix:")) return address;
   return absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
@@ -87,7 +91,8 @@ struct Server::Parts {
   explicit Parts(const Config& c) : config(c) {}
 
   absl::Status listen();
-  void stop();
+  // Calls that still run after `grace` are cancelled.
+  void stop(absl::Duration grace);
 
   const Config config;
   std::shared_ptr<Engine> engine;
@@ -130,10 +135,10 @@ absl::Status Server::Parts::listen() {
   return absl::OkStatus();
 }
 
-void Server::Parts::stop() {
+void Server::Parts::stop(absl::Duration grace) {
   if (grpc == nullptr) return;
   backend->gate.close();
-  grpc->Shutdown(std::chrono::system_clock::now());
+  grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
   grpc->Wait();
   loop->stop();
   grpc.reset();
@@ -170,7 +175,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
 
 Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
-Server::~Server() { parts_->stop(); }
+Server::~Server() { parts_->stop(absl::ZeroDuration()); }
 
 std::shared_ptr<grpc::Channel> Server::in_process_channel() { return parts_->grpc->InProcessChannel({}); }
 
@@ -182,8 +187,8 @@ void Server::drain_and_stop() {
   if (parts_->grpc == nullptr) return;
   parts_->grpc->GetHealthCheckService()->Shutdown();
   parts_->backend->gate.close();
-  parts_->backend->gate.wait_until_empty(parts_->config.drain_timeout);
-  parts_->stop();
+  const bool drained = parts_->backend->gate.wait_until_empty(parts_->config.drain_timeout);
+  parts_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }
 
 }  // namespace candela

@@ -48,7 +48,6 @@ absl::Status read_fields(CodedInputStream& input, uint32_t& first_row, TakePixel
         return absl::InvalidArgumentError(absl::StrFormat(
             "band holds %d bytes and may hold at most %d; send fewer rows in a band", length, kMaxBandBytes));
       }
-      if (length == 0) continue;
       if (absl::Status status = take(input, static_cast<uint64_t>(length)); !status.ok()) return status;
     } else if (!WireFormatLite::SkipField(&input, field)) {
       return malformed();
@@ -89,8 +88,11 @@ absl::StatusOr<uint32_t> read_band(grpc::ByteBuffer& message, TakePixels take) {
   uint32_t first_row = 0;
   while (const uint32_t field = input.ReadTag()) {
     if (field == kBand) {
-      if (!is_band) first_row = 0;
-      is_band = true;
+      if (!is_band) {
+        is_band = true;
+        first_row = 0;
+        if (absl::Status status = take(input, 0); !status.ok()) return status;
+      }
       int length = 0;
       if (!read_length(input, length)) return malformed();
       const auto outer = input.PushLimit(length);

@@ -17,8 +17,9 @@ namespace candela::v1 {
 // not empty.
 grpc::ByteBuffer make_band(uint32_t first_row, grpc::Slice pixels);
 
-// Takes the `bytes` (1 .. kMaxBandBytes) pixel bytes that come next from `input`, all of them, or fails. As
-// in protobuf the last of several `pixels` fields counts, so it may be called again: it then starts anew.
+// Takes the `bytes` (0 .. kMaxBandBytes) pixel bytes that come next from `input`, all of them, or fails.
+// Called with 0 first and then for each `pixels` field: as in protobuf the last one counts, so each call
+// starts anew.
 using TakePixels =
     absl::FunctionRef<absl::Status(google::protobuf::io::CodedInputStream& input, uint64_t bytes)>;
 

@@ -1,0 +1,164 @@
+// Frames and bands that are refused.
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "client/raw_call.h"
+#include "tests/service/service_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class BadFrames : public ServiceTest {
+ protected:
+  // The call's status after the requests, half-closed.
+  static grpc::Status send(const std::vector<v1::RenderRequest>& requests) {
+    grpc::ClientContext context;
+    const auto stub = v1::RenderService::NewStub(channel());
+    const auto stream = stub->Render(&context);
+    for (const v1::RenderRequest& request : requests) {
+      if (!stream->Write(request)) break;
+    }
+    stream->WritesDone();
+    v1::RenderResponse response;
+    while (stream->Read(&response)) {
+    }
+    return stream->Finish();
+  }
+  static void expect_refused(const std::vector<v1::RenderRequest>& requests, const std::string& words) {
+    const grpc::Status status = send(requests);
+    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << status.error_message();
+    EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
+  }
+
+  const WireFrame frame_ = natural(10, 8);
+};
+INSTANTIATE_TEST_SUITE_P(Transport, BadFrames, ::testing::Bool(), transport_name);
+
+TEST_P(BadFrames, BandsThatDoNotTileTheFrameAreRefused) {
+  const v1::RenderRequest start = start_of(frame_);
+  const auto band = [this](uint32_t row, uint32_t rows) { return band_of(frame_, row, rows); };
+  expect_refused({start}, "0 of 8 rows");
+  expect_refused({start, band(0, 7)}, "7 of 8 rows");
+  expect_refused({start, band(0, 4), band(3, 4)}, "row 4 is next");
+  expect_refused({start, band(0, 3), band(4, 4)}, "row 3 is next");
+  expect_refused({start, band(4, 4), band(0, 4)}, "row 0 is next");
+  expect_refused({start, band(0, 8), band(0, 1)}, "only 8");
+  v1::RenderRequest part = band(0, 2);
+  part.mutable_band()->mutable_pixels()->pop_back();
+  expect_refused({start, part}, "whole number of rows");
+  part.mutable_band()->clear_pixels();
+  expect_refused({start, part}, "no pixels");
+  v1::RenderRequest large = band(0, 1);
+  large.mutable_band()->mutable_pixels()->resize(v1::kMaxBandBytes + 80, 'x');
+  expect_refused({start, large}, "at most 2097152");
+}
+
+TEST_P(BadFrames, MessagesOutOfPlaceAreRefused) {
+  const v1::RenderRequest start = start_of(frame_);
+  expect_refused({}, "before its start");
+  expect_refused({band_of(frame_, 0, 8)}, "no `start`");
+  expect_refused({v1::RenderRequest()}, "no `start`");
+  expect_refused({start, start}, "no band");
+  expect_refused({start, v1::RenderRequest()}, "no band");
+}
+
+TEST_P(BadFrames, GarbageIsRefusedWherever) {
+  for (bool after_start : {false, true}) {
+    for (const std::string& bytes : {std::string("\xff\xff\xff\xff"), std::string(1000, '\x12'),
+                                     std::string(10, '\0'), std::string("\x12\x05\x12\xff\xff\xff\x7f")}) {
+      RawCall call(channel(), "/candela.v1.RenderService/Render", absl::Now() + absl::Seconds(20));
+      const grpc::Slice start(start_of(frame_).SerializeAsString());
+      if (after_start) call.write(grpc::ByteBuffer(&start, 1));
+      const grpc::Slice slice(bytes);
+      call.write(grpc::ByteBuffer(&slice, 1));
+      grpc::ByteBuffer answer;
+      EXPECT_FALSE(call.read(answer));
+      EXPECT_EQ(call.finish().error_code(), grpc::INVALID_ARGUMENT);
+    }
+  }
+}
+
+TEST_P(BadFrames, AMessageOverTheLimitIsRefused) {
+  v1::RenderRequest huge = band_of(frame_, 0, 1);
+  huge.mutable_band()->mutable_pixels()->resize(v1::kMaxMessageBytes + 1, 'x');
+  EXPECT_EQ(send({start_of(frame_), huge}).error_code(), grpc::RESOURCE_EXHAUSTED);
+}
+
+TEST_P(BadFrames, AFrameBeyondTheLimitsIsRefusedByItsHeaderBeforeAnyMemory) {
+  ASSERT_TRUE(wait_until_idle(connection()));
+  const v1::PoolInfo before = pool();
+  struct Size {
+    uint32_t width;
+    uint32_t height;
+    grpc::StatusCode code;
+  };
+  for (const Size& size : {Size{0, 8, grpc::INVALID_ARGUMENT}, Size{8, 0, grpc::INVALID_ARGUMENT},
+                           Size{16385, 1, grpc::RESOURCE_EXHAUSTED}, Size{1, 16385, grpc::RESOURCE_EXHAUSTED},
+                           Size{4096, 2049, grpc::RESOURCE_EXHAUSTED},  // a row over the suite's 64 MiB
+                           Size{0xffffffff, 0xffffffff, grpc::RESOURCE_EXHAUSTED},
+                           Size{65536, 65536, grpc::RESOURCE_EXHAUSTED}}) {
+    v1::RenderRequest start = start_of(frame_);
+    start.mutable_start()->mutable_frame()->set_width(size.width);
+    start.mutable_start()->mutable_frame()->set_height(size.height);
+    // No half-close and no band: the header alone gets the answer.
+    RawCall call(channel(), "/candela.v1.RenderService/Render", absl::Now() + absl::Seconds(20));
+    const grpc::Slice bytes(start.SerializeAsString());
+    call.write(grpc::ByteBuffer(&bytes, 1));
+    grpc::ByteBuffer answer;
+    EXPECT_FALSE(call.read(answer));
+    EXPECT_EQ(call.finish().error_code(), size.code) << size.width << "x" << size.height;
+  }
+  const v1::PoolInfo after = pool();
+  EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());  // not a hit, a miss or a byte
+}
+
+// 56 MB in 27 bands: what was refused by its header must not be sent to its end.
+TEST_P(BadFrames, TheClientHearsARefusalBeforeItHasSentTheFrame) {
+  const FrameDesc desc{16384, 430, PixelFormat::kRgba16f};
+  const std::vector<std::byte> pixels(desc.bytes());
+  v1::Settings settings;
+  settings.set_tier("splendid");
+  const absl::Time start = absl::Now();
+  const absl::Status status =
+      connection().render(settings, {desc.width, desc.height, v1::PIXEL_FORMAT_RGBA16F, pixels}).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("splendid"), std::string::npos) << status;
+  EXPECT_LT(absl::Now() - start, absl::Seconds(5));
+}
+
+TEST_P(BadFrames, UnknownEnumsAndNonFiniteSettingsAreRefusedByName) {
+  v1::RenderRequest start = start_of(frame_);
+  start.mutable_start()->mutable_settings()->set_curve(static_cast<v1::ToneCurve>(99));
+  expect_refused({start}, "curve is 99");
+  start = start_of(frame_);
+  start.mutable_start()->mutable_settings()->set_prescale(std::numeric_limits<double>::quiet_NaN());
+  expect_refused({start}, "prescale");
+  start = start_of(frame_);
+  start.mutable_start()->mutable_settings()->set_tier(std::string(60000, 'x'));
+  EXPECT_EQ(send({start}).error_code(), grpc::INVALID_ARGUMENT);  // and its message still fits the headers
+}
+
+TEST_P(BadFrames, AFrameThatTheMemoryBudgetCannotHoldIsRefused) {
+  WireFrame large;
+  large.desc = {4096, 1000, PixelFormat::kRgba32f};  // within 64 MiB; five at once are not within 256
+  std::vector<std::unique_ptr<RawCall>> held;
+  for (int i = 0; i < 6; ++i) {
+    auto call = std::make_unique<RawCall>(channel(), "/candela.v1.RenderService/Render",
+                                          absl::Now() + absl::Seconds(20));
+    const grpc::Slice bytes(start_of(large).SerializeAsString());
+    call->write(grpc::ByteBuffer(&bytes, 1));
+    absl::SleepFor(absl::Milliseconds(50));
+    held.push_back(std::move(call));
+  }
+  EXPECT_LE(pool().bytes_in_use(), uint64_t{256} << 20);
+  grpc::ByteBuffer answer;
+  EXPECT_FALSE(held.back()->read(answer));
+  EXPECT_EQ(held.back()->finish().error_code(), grpc::RESOURCE_EXHAUSTED);
+  held.clear();
+  EXPECT_TRUE(wait_until_idle(connection()));
+}
+
+}  // namespace
+}  // namespace candela::testing

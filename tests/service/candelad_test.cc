@@ -1,0 +1,145 @@
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "client/connection.h"
+#include "client/raw_call.h"
+#include "tests/service/daemon.h"
+#include "tests/support/scenes.h"
+
+namespace candela::testing {
+namespace {
+
+FrameView view(const WireFrame& frame) {
+  return {frame.desc.width, frame.desc.height, static_cast<v1::PixelFormat>(frame.desc.format), frame.pixels,
+          0};
+}
+
+TEST(Candelad, RendersOverTcpAndEndsWithZeroOnSigterm) {
+  Daemon daemon({"--listen", "127.0.0.1:0"});
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  const absl::StatusOr<Connection> connection = Connection::open(address);
+  ASSERT_TRUE(connection.ok());
+  EXPECT_TRUE(connection->health().ok());
+  const absl::StatusOr<RenderResult> result = connection->render({}, view(natural(33, 9)));
+  EXPECT_TRUE(result.ok()) << result.status();
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
+}
+
+TEST(Candelad, RendersOverAUnixSocket) {
+  const std::string address =
+      "unix:" + ::testing::TempDir() + "candelad_" + std::to_string(getpid()) + ".sock";
+  Daemon daemon({"--listen", address});
+  ASSERT_EQ(daemon.wait_until_listening(), address) << daemon.errors();
+  const absl::StatusOr<RenderResult> result = Connection::open(address)->render({}, view(natural(5, 5)));
+  EXPECT_TRUE(result.ok()) << result.status();
+  daemon.signal(SIGINT);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
+}
+
+// Every call either is whole or is told UNAVAILABLE; none is torn.
+TEST(Candelad, SigtermUnderLoadEndsWithZeroAndTearsNoFrame) {
+  Daemon daemon({"--listen", "127.0.0.1:0"});
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  std::atomic<int> rendered = 0;
+  std::vector<std::thread> clients;
+  for (uint32_t c = 0; c < 4; ++c) {
+    clients.emplace_back([&, c] {
+      const Connection connection = *Connection::open(address);
+      const WireFrame frame = natural(320 + c, 240);
+      absl::Status status;
+      while (status.ok()) {
+        status = connection.render({}, view(frame)).status();
+        if (status.ok()) ++rendered;
+      }
+      EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+      EXPECT_EQ(std::string(status.message()).find("lost the server"), std::string::npos) << status;
+    });
+  }
+  while (rendered < 8) absl::SleepFor(absl::Milliseconds(5));
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
+  for (std::thread& client : clients) client.join();
+}
+
+TEST(Candelad, ASecondSignalEndsItAtOnce) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--drain-timeout", "1h", "--idle-timeout", "1h"});
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  // A call that never ends keeps it draining.
+  RawCall stuck(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()),
+                "/candela.v1.RenderService/Render", absl::InfiniteFuture());
+  v1::RenderRequest start;
+  start.mutable_start()->mutable_frame()->set_width(1);
+  start.mutable_start()->mutable_frame()->set_height(1);
+  start.mutable_start()->mutable_frame()->set_format(v1::PIXEL_FORMAT_RGBA16F);
+  const grpc::Slice bytes(start.SerializeAsString());
+  ASSERT_TRUE(stuck.write(grpc::ByteBuffer(&bytes, 1)));
+  const Connection connection = *Connection::open(address);
+  while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(5));
+  daemon.signal(SIGTERM);
+  while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 1) << daemon.errors();
+}
+
+TEST(Candelad, AnAddressInUseEndsWithOneLineThatSaysSo) {
+  Daemon first({"--listen", "127.0.0.1:0"});
+  const std::string address = first.wait_until_listening();
+  ASSERT_NE(address, "");
+  Daemon second({"--listen", address});
+  EXPECT_EQ(second.wait(), 1);
+  const std::string errors = second.errors();
+  EXPECT_EQ(errors.rfind("candelad: cannot listen on " + address, 0), 0u) << errors;
+  EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+}
+
+TEST(Candelad, BadOptionsEndWithTwoAndOneLine) {
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"--listen", "0.0.0.0:1"}, {"--max-calls", "0"}, {"--nonsense"}, {"--config", "/no/such/file"}}) {
+    Daemon daemon(arguments);
+    EXPECT_EQ(daemon.wait(), 2);
+    const std::string errors = daemon.errors();
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+  }
+}
+
+TEST(Candelad, AnUnknownDeviceEndsWithOneAndNamesThoseThereAre) {
+  Daemon daemon({"--device", "no such device"});
+  EXPECT_EQ(daemon.wait(), 1);
+  EXPECT_NE(daemon.errors().find("no such device"), std::string::npos) << daemon.errors();
+}
+
+TEST(Candelad, JsonLogsAreOneObjectALine) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--log-json"});
+  const std::string address = daemon.wait_until_listening();
+  v1::Settings settings;
+  settings.set_tier("\"quoted\"\nand more");
+  EXPECT_FALSE(Connection::open(address)->render(settings, view(natural(2, 2))).ok());
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0);
+  std::istringstream lines(daemon.errors());
+  int count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    const nlohmann::json event = nlohmann::json::parse(line, nullptr, false);
+    ASSERT_TRUE(event.is_object()) << line;
+    EXPECT_TRUE(event.contains("time") && event.contains("level") && event.contains("event")) << line;
+  }
+  EXPECT_GE(count, 4);  // serving, the call, draining, stopped
+}
+
+}  // namespace
+}  // namespace candela::testing

@@ -1,0 +1,105 @@
+// What a server says about itself.
+#include <grpcpp/support/byte_buffer.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "client/raw_call.h"
+#include "tests/service/service_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class Discovery : public ServiceTest {
+ protected:
+  // One request and one answer of a method, as bytes.
+  static absl::StatusOr<std::string> ask(const std::string& method, const std::string& request) {
+    RawCall call(channel(), method, absl::Now() + absl::Seconds(20));
+    const grpc::Slice slice(request);
+    grpc::ByteBuffer answer;
+    const bool answered = call.write(grpc::ByteBuffer(&slice, 1)) && call.half_close() && call.read(answer);
+    const grpc::Status status = call.finish();
+    if (!status.ok())
+      return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+    std::string bytes;
+    std::vector<grpc::Slice> slices;
+    if (answered && answer.Dump(&slices).ok()) {
+      for (const grpc::Slice& part : slices) bytes.append(part.begin(), part.end());
+    }
+    return bytes;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Transport, Discovery, ::testing::Bool(), transport_name);
+
+TEST_P(Discovery, HealthAnswersForTheServerAndForTheService) {
+  EXPECT_TRUE(connection().health().ok());
+  const std::string serving("\x08\x01", 2);
+  const std::string service = v1::RenderService::service_full_name();
+  EXPECT_EQ(ask("/grpc.health.v1.Health/Check", "").value(), serving);
+  EXPECT_EQ(ask("/grpc.health.v1.Health/Check",
+                "\x0a" + std::string(1, static_cast<char>(service.size())) + service)
+                .value(),
+            serving);
+  EXPECT_TRUE(absl::IsNotFound(ask("/grpc.health.v1.Health/Check", "\x0a\x04nope").status()));
+}
+
+TEST_P(Discovery, ReflectionListsTheService) {
+  // ServerReflectionRequest { list_services: "" }
+  const absl::StatusOr<std::string> answer =
+      ask("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x00", 2));
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  EXPECT_NE(answer->find("candela.v1.RenderService"), std::string::npos);
+}
+
+TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
+  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
+  ASSERT_TRUE(info.ok()) << info.status();
+  EXPECT_FALSE(info->version().empty());
+  EXPECT_EQ(info->device().name(), server().device_name());
+  EXPECT_FALSE(info->device().type().empty());
+  EXPECT_EQ(info->formats_size(), 3);
+  EXPECT_EQ(info->output_formats_size(), 3);
+  EXPECT_EQ(info->curves_size(), 4);
+  EXPECT_EQ(info->transfers_size(), 3);
+  EXPECT_EQ(info->limits().max_frame_bytes(), uint64_t{64} << 20);
+  EXPECT_EQ(info->limits().max_dimension(), v1::kMaxDimension);
+  EXPECT_EQ(info->limits().max_band_bytes(), v1::kMaxBandBytes);
+  EXPECT_EQ(info->limits().memory_budget_bytes(), uint64_t{256} << 20);
+  ASSERT_GT(info->tiers_size(), 0);
+  std::set<std::string> tiers;
+  for (const v1::Tier& tier : info->tiers()) tiers.insert(tier.name());
+  EXPECT_TRUE(tiers.count("standard"));
+}
+
+TEST_P(Discovery, FramesRenderedAreCounted) {
+  const uint64_t before = connection().server_info()->frames_rendered();
+  ASSERT_TRUE(connection().render({}, view(natural(3, 3))).ok());
+  EXPECT_EQ(connection().server_info()->frames_rendered(), before + 1);
+}
+
+TEST_P(Discovery, AnUnknownMethodIsUnimplemented) {
+  EXPECT_TRUE(absl::IsUnimplemented(ask("/candela.v1.RenderService/Nothing", "").status()));
+}
+
+TEST(UnreachableServer, TheErrorNamesTheAddressAndTheWayOut) {
+  const absl::StatusOr<Connection> connection = Connection::open("127.0.0.1:1");
+  ASSERT_TRUE(connection.ok());
+  for (const absl::Status& status : {connection->health(), connection->server_info().status(),
+                                     connection->render({}, view(natural(2, 2))).status()}) {
+    EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+    const std::string message(status.message());
+    EXPECT_EQ(message.rfind("cannot reach 127.0.0.1:1: ", 0), 0u) << message;
+    EXPECT_NE(message.find("candelad --listen 127.0.0.1:1 or leave out --server"), std::string::npos)
+        << message;
+  }
+}
+
+TEST(UnreachableServer, AnAddressOfAnotherShapeIsRefused) {
+  for (const char* bad : {"", "localhost", "http://localhost:1", "localhost:0", "localhost:99999", "unix:"}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(Connection::open(bad).status())) << bad;
+  }
+}
+
+}  // namespace
+}  // namespace candela::testing

@@ -1,0 +1,181 @@
+// Frames that are as they should be.
+#include <grpcpp/support/byte_buffer.h>
+
+#include <cstring>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/service/service_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class Render : public ServiceTest {};
+INSTANTIATE_TEST_SUITE_P(Transport, Render, ::testing::Bool(), transport_name);
+
+// The contract as any client would use it: generated classes, no code of ours. A row stride when `padding` >
+// 0.
+struct Plain {
+  grpc::Status status;
+  v1::ResultHeader header;
+  std::string pixels;
+};
+Plain render_plainly(const std::shared_ptr<grpc::Channel>& channel, const WireFrame& frame,
+                     uint32_t rows_a_band, const v1::Settings& settings = {}, uint32_t padding = 0) {
+  Plain plain;
+  grpc::ClientContext context;
+  const auto stub = v1::RenderService::NewStub(channel);
+  const auto stream = stub->Render(&context);
+  v1::RenderRequest start = start_of(frame);
+  *start.mutable_start()->mutable_settings() = settings;
+  const uint64_t row_bytes = frame.desc.row_bytes();
+  if (padding > 0)
+    start.mutable_start()->mutable_frame()->set_row_stride_bytes(static_cast<uint32_t>(row_bytes + padding));
+  stream->Write(start);
+  for (uint32_t y = 0; y < frame.desc.height; y += rows_a_band) {
+    v1::RenderRequest request;
+    request.mutable_band()->set_first_row(y);
+    for (uint32_t row = y; row < std::min(frame.desc.height, y + rows_a_band); ++row) {
+      request.mutable_band()->mutable_pixels()->append(
+          reinterpret_cast<const char*>(frame.pixels.data() + row * row_bytes), row_bytes);
+      request.mutable_band()->mutable_pixels()->append(padding, '\xee');
+    }
+    stream->Write(request);
+  }
+  stream->WritesDone();
+  v1::RenderResponse response;
+  if (stream->Read(&response)) {
+    EXPECT_TRUE(response.has_header());
+    plain.header = response.header();
+  }
+  uint64_t rows = 0;
+  while (stream->Read(&response)) {
+    EXPECT_TRUE(response.has_band());
+    EXPECT_EQ(response.band().first_row(), rows);
+    EXPECT_LE(response.band().pixels().size(), v1::kMaxBandBytes);
+    rows += response.band().pixels().size() * frame.desc.height /
+            (uint64_t{frame.desc.width} * frame.desc.height *
+             (plain.header.format() == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
+    plain.pixels += response.band().pixels();
+  }
+  plain.status = stream->Finish();
+  return plain;
+}
+
+std::string text(std::span<const std::byte> bytes) {
+  return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+}
+
+TEST_P(Render, OddSizesEvenSizesAndManyBandsComeBackWhole) {
+  struct Size {
+    uint32_t width;
+    uint32_t height;
+  };
+  // Widths that are and are not multiples of the texel group; the last two need several bands each way.
+  for (const Size& size :
+       {Size{1, 1}, Size{1, 7}, Size{3, 5}, Size{64, 64}, Size{257, 31}, Size{1024, 700}, Size{1023, 700}}) {
+    const WireFrame frame = natural(size.width, size.height);
+    const absl::StatusOr<RenderResult> ours = connection().render({}, view(frame, 77));
+    ASSERT_TRUE(ours.ok()) << ours.status();
+    EXPECT_EQ(ours->header.sequence(), 77u);
+    EXPECT_EQ(ours->bytes, uint64_t{size.width} * size.height * 4);
+    const Plain plain = render_plainly(channel(), frame, 13);
+    ASSERT_TRUE(plain.status.ok()) << plain.status.error_message();
+    EXPECT_EQ(text(ours->pixels()), plain.pixels) << size.width << "x" << size.height;
+  }
+}
+
+TEST_P(Render, EveryFormatInAndOut) {
+  for (PixelFormat in : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
+    const WireFrame frame = natural(37, 21, in);
+    for (v1::OutputFormat out :
+         {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
+      v1::Settings settings;
+      settings.set_output_format(out);
+      const absl::StatusOr<RenderResult> result = connection().render(settings, view(frame));
+      ASSERT_TRUE(result.ok()) << result.status();
+      EXPECT_EQ(result->header.format(), out);
+      EXPECT_EQ(result->bytes, 37u * 21 * (out == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
+    }
+  }
+}
+
+TEST_P(Render, RowPaddingChangesNothing) {
+  const WireFrame frame = natural(31, 17);
+  const Plain tight = render_plainly(channel(), frame, 4);
+  const Plain padded = render_plainly(channel(), frame, 4, {}, 12);
+  ASSERT_TRUE(tight.status.ok() && padded.status.ok()) << padded.status.error_message();
+  EXPECT_EQ(tight.pixels, padded.pixels);
+}
+
+TEST_P(Render, TheHeaderSaysWhatWasDone) {
+  v1::Settings settings;
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_exposure()->set_manual_ev(1);
+  settings.set_prescale(2);
+  const absl::StatusOr<RenderResult> result =
+      connection().render(settings, view(flat(8, 8, {0.5f, 0.5f, 0.5f, 1.0f}), 3));
+  ASSERT_TRUE(result.ok()) << result.status();
+  const v1::ResultHeader& header = result->header;
+  EXPECT_EQ(header.sequence(), 3u);
+  EXPECT_EQ(header.width(), 8u);
+  EXPECT_EQ(header.exposure(), 2.0);
+  EXPECT_EQ(header.prescale(), 2.0);
+  EXPECT_NEAR(header.statistics().max_luminance(), 0.5, 1e-3);
+  EXPECT_NEAR(header.statistics().mean_log2_luminance(), -1, 1e-3);
+  EXPECT_EQ(header.tier(), "standard");
+  EXPECT_EQ(header.device(), server().device_name());
+  EXPECT_GT(header.plan_size(), 0);
+  ASSERT_GT(header.stages_size(), 1);
+  EXPECT_EQ(header.stages(0).name(), "queue");
+}
+
+TEST_P(Render, ABadPixelUnderRejectIsRefusedByName) {
+  WireFrame frame = flat(8, 8, {1, 1, 1, 1});
+  const uint16_t infinity = 0x7c00;
+  std::memcpy(frame.pixels.data() + 8 * (8 * 2 + 5), &infinity, sizeof(infinity));
+  v1::Settings settings;
+  settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  const absl::Status status = connection().render(settings, view(frame)).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+}
+
+TEST_P(Render, AHundredCallsLeaveNothingInUseAndHitThePool) {
+  const WireFrame frame = natural(64, 48);
+  ASSERT_TRUE(connection().render({}, view(frame)).ok());
+  ASSERT_TRUE(wait_until_idle(connection()));
+  const v1::PoolInfo before = pool();
+  for (uint64_t i = 0; i < 100; ++i) {
+    const absl::StatusOr<RenderResult> result = connection().render({}, view(frame, i));
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_EQ(result->header.sequence(), i);
+  }
+  ASSERT_TRUE(wait_until_idle(connection()));
+  const v1::PoolInfo after = pool();
+  EXPECT_EQ(after.bytes_in_use(), 0u);
+  EXPECT_GE(after.hits(), before.hits() + 100);
+  EXPECT_LE(after.misses(), before.misses() + 8);  // a frame may begin before the last one's bands have left
+}
+
+TEST_P(Render, ManyClientsAtOnceEachGetTheirOwnImage) {
+  std::vector<std::thread> clients;
+  for (uint32_t c = 0; c < 6; ++c) {
+    clients.emplace_back([c] {
+      const WireFrame frame = natural(40 + c, 30);
+      const Connection own = connection();
+      std::string first;
+      for (int i = 0; i < 10; ++i) {
+        const absl::StatusOr<RenderResult> result = own.render({}, view(frame, c));
+        ASSERT_TRUE(result.ok()) << result.status();
+        ASSERT_EQ(result->header.width(), 40 + c);
+        if (i == 0) first = text(result->pixels());
+        ASSERT_EQ(text(result->pixels()), first);
+      }
+    });
+  }
+  for (std::thread& client : clients) client.join();
+}
+
+}  // namespace
+}  // namespace candela::testing

@@ -1,0 +1,87 @@
+#include "tests/service/service_fixture.h"
+
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include "absl/time/clock.h"
+
+namespace candela::testing {
+
+std::unique_ptr<Server> ServiceTest::server_;
+
+Config test_config() {
+  Config config;
+  config.listen = {"127.0.0.1:0"};
+  config.memory_budget_bytes = uint64_t{256} << 20;
+  config.max_frame_bytes = uint64_t{64} << 20;
+  config.max_calls = 8;
+  config.idle_timeout = absl::Milliseconds(800);
+#ifdef CANDELA_VALIDATION
+  config.validation = true;
+#endif
+  return config;
+}
+
+std::unique_ptr<Server> start_server(const Config& config) {
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
+  EXPECT_TRUE(server.ok()) << server.status();
+  return server.ok() ? *std::move(server) : nullptr;
+}
+
+v1::PixelFormat wire_format(PixelFormat format) { return static_cast<v1::PixelFormat>(format); }
+
+FrameView view(const WireFrame& frame, uint64_t sequence) {
+  return {frame.desc.width, frame.desc.height, wire_format(frame.desc.format), frame.pixels, sequence};
+}
+
+v1::RenderRequest start_of(const WireFrame& frame) {
+  v1::RenderRequest request;
+  v1::FrameHeader& header = *request.mutable_start()->mutable_frame();
+  header.set_width(frame.desc.width);
+  header.set_height(frame.desc.height);
+  header.set_format(wire_format(frame.desc.format));
+  return request;
+}
+
+v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t rows) {
+  v1::RenderRequest request;
+  request.mutable_band()->set_first_row(first_row);
+  request.mutable_band()->set_pixels(frame.pixels.data() + first_row * frame.desc.row_bytes(),
+                                     rows * frame.desc.row_bytes());
+  return request;
+}
+
+bool wait_until_idle(const Connection& connection) {
+  const absl::Time limit = absl::Now() + absl::Seconds(10);
+  while (absl::Now() < limit) {
+    const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
+    if (info.ok() && info->pool().bytes_in_use() == 0) return true;
+    absl::SleepFor(absl::Milliseconds(5));
+  }
+  return false;
+}
+
+void ServiceTest::SetUpTestSuite() { server_ = start_server(test_config()); }
+
+void ServiceTest::TearDownTestSuite() { server_.reset(); }
+
+void ServiceTest::TearDown() {
+  EXPECT_TRUE(wait_until_idle(connection())) << "a frame's memory was not given back";
+}
+
+std::shared_ptr<grpc::Channel> ServiceTest::channel() {
+  if (GetParam()) return server_->in_process_channel();
+  return grpc::CreateChannel(server_->addresses().at(0), grpc::InsecureChannelCredentials());
+}
+
+v1::PoolInfo ServiceTest::pool() {
+  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
+  EXPECT_TRUE(info.ok()) << info.status();
+  return info.ok() ? info->pool() : v1::PoolInfo();
+}
+
+std::string transport_name(const ::testing::TestParamInfo<bool>& info) {
+  return info.param ? "InProcess" : "Tcp";
+}
+
+}  // namespace candela::testing

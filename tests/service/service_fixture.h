@@ -1,0 +1,49 @@
+// A server for the tests of a suite, and clients to it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "candela/v1/render.grpc.pb.h"
+#include "client/connection.h"
+#include "server/server.h"
+#include "tests/support/scenes.h"
+
+namespace candela::testing {
+
+// Limits small enough to run into. Listens on a free port of 127.0.0.1.
+Config test_config();
+
+std::unique_ptr<Server> start_server(const Config& config);
+
+// What a test asks of a frame's wire form.
+v1::PixelFormat wire_format(PixelFormat format);
+FrameView view(const WireFrame& frame, uint64_t sequence = 0);
+v1::RenderRequest start_of(const WireFrame& frame);
+v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t rows);
+
+// Waits until no frame holds memory; false after 10 s.
+bool wait_until_idle(const Connection& connection);
+
+// Every test runs over the in-process channel and over TCP, against one server for the suite.
+class ServiceTest : public ::testing::TestWithParam<bool> {
+ protected:
+  static void SetUpTestSuite();
+  static void TearDownTestSuite();
+  void TearDown() override;
+
+  static std::shared_ptr<grpc::Channel> channel();
+  static Connection connection() { return Connection(channel()); }
+  static v1::PoolInfo pool();
+
+  static Server& server() { return *server_; }
+
+ private:
+  static std::unique_ptr<Server> server_;
+};
+
+std::string transport_name(const ::testing::TestParamInfo<bool>& info);
+
+}  // namespace candela::testing

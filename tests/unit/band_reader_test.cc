@@ -1,0 +1,69 @@
+#include "server/rpc/band_reader.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "proto/candela/v1/band_wire.h"
+
+namespace candela {
+namespace {
+
+// A frame of 3 x 5 RGB9E5 pixels, rows of 12 bytes, held as a server would.
+class BandReaderTest : public ::testing::Test {
+ protected:
+  static constexpr FrameDesc kDesc{3, 5, PixelFormat::kRgb9e5};
+  static constexpr uint64_t kStride = 16;
+
+  absl::Status read(uint32_t first_row, const std::string& pixels) {
+    grpc::ByteBuffer message = v1::make_band(first_row, grpc::Slice(pixels));
+    return reader_.read(message, [this](uint32_t y) {
+      return std::span(reinterpret_cast<std::byte*>(rows_.at(y).data()), rows_.at(y).size());
+    });
+  }
+  static std::string rows(int count, char fill = 'p') {
+    std::string bytes;
+    for (int i = 0; i < count; ++i) bytes += std::string(kDesc.row_bytes(), fill) + "padd";
+    return bytes;
+  }
+
+  BandReader reader_{kDesc, kStride};
+  std::vector<std::string> rows_ = std::vector<std::string>(5, std::string(12, '.'));
+};
+
+TEST_F(BandReaderTest, RowsGoToTheirPlacesWithoutTheirPadding) {
+  ASSERT_TRUE(read(0, rows(2, 'a')).ok());
+  EXPECT_FALSE(reader_.check_complete().ok());
+  ASSERT_TRUE(read(2, rows(3, 'b')).ok());
+  EXPECT_TRUE(reader_.check_complete().ok());
+  EXPECT_EQ(rows_[1], std::string(12, 'a'));
+  EXPECT_EQ(rows_[2], std::string(12, 'b'));
+  EXPECT_EQ(rows_[4], std::string(12, 'b'));
+}
+
+TEST_F(BandReaderTest, RefusesPartsOfRows) {
+  EXPECT_TRUE(absl::IsInvalidArgument(read(0, rows(1) + "x")));
+  EXPECT_TRUE(absl::IsInvalidArgument(read(0, std::string(12, 'x'))));  // a tight row where rows are padded
+  EXPECT_EQ(rows_[0], std::string(12, '.'));
+}
+
+TEST_F(BandReaderTest, RefusesBandsOutOfOrderOverlappingOrWithAGap) {
+  EXPECT_TRUE(absl::IsInvalidArgument(read(1, rows(1))));
+  ASSERT_TRUE(read(0, rows(2)).ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(read(1, rows(1))));
+  EXPECT_TRUE(absl::IsInvalidArgument(read(3, rows(1))));
+  EXPECT_TRUE(absl::IsInvalidArgument(read(0, rows(1))));
+}
+
+TEST_F(BandReaderTest, RefusesMoreRowsThanTheFrameHasWithoutWritingThem) {
+  EXPECT_TRUE(absl::IsInvalidArgument(read(0, rows(6))));
+  EXPECT_EQ(rows_[0], std::string(12, '.'));
+  ASSERT_TRUE(read(0, rows(5)).ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(read(5, rows(1))));
+}
+
+TEST_F(BandReaderTest, RefusesABandWithoutPixels) { EXPECT_TRUE(absl::IsInvalidArgument(read(0, ""))); }
+
+}  // namespace
+}  // namespace candela

@@ -1,0 +1,197 @@
+// The hand-written band codec against the generated classes, which are the contract.
+#include "proto/candela/v1/band_wire.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "candela/v1/render.pb.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela::v1 {
+namespace {
+
+std::string bytes_of(const grpc::ByteBuffer& buffer) {
+  std::vector<grpc::Slice> slices;
+  EXPECT_TRUE(buffer.Dump(&slices).ok());
+  std::string bytes;
+  for (const grpc::Slice& slice : slices)
+    bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+  return bytes;
+}
+
+// As gRPC delivers it: in slices of no particular size.
+grpc::ByteBuffer buffer_of(const std::string& bytes, size_t slice_bytes) {
+  std::vector<grpc::Slice> slices;
+  for (size_t at = 0; at < bytes.size(); at += slice_bytes)
+    slices.emplace_back(bytes.substr(at, slice_bytes));
+  return grpc::ByteBuffer(slices.data(), slices.size());
+}
+
+struct Read {
+  uint32_t first_row = 0;
+  std::string pixels;
+};
+
+absl::StatusOr<Read> read(const std::string& bytes, size_t slice_bytes = 7) {
+  grpc::ByteBuffer buffer = buffer_of(bytes, slice_bytes);
+  Read result;
+  const absl::StatusOr<uint32_t> first_row =
+      read_band(buffer, [&](google::protobuf::io::CodedInputStream& input, uint64_t size) -> absl::Status {
+        if (!input.ReadString(&result.pixels, static_cast<int>(size))) return absl::DataLossError("short");
+        return absl::OkStatus();
+      });
+  if (!first_row.ok()) return first_row.status();
+  result.first_row = *first_row;
+  return result;
+}
+
+std::string pattern(size_t size) {
+  std::string bytes(size, '\0');
+  for (size_t i = 0; i < size; ++i) bytes[i] = static_cast<char>(i * 131 + 7);
+  return bytes;
+}
+
+RenderRequest request(uint32_t first_row, const std::string& pixels) {
+  RenderRequest message;
+  message.mutable_band()->set_first_row(first_row);
+  message.mutable_band()->set_pixels(pixels);
+  return message;
+}
+
+TEST(BandWire, BytesAreExactlyTheGeneratedClasses) {
+  for (uint32_t first_row : {0u, 1u, 127u, 128u, 16383u, 0xffffffffu}) {
+    for (size_t size : {size_t{1}, size_t{127}, size_t{128}, size_t{16384}, size_t{kMaxBandBytes}}) {
+      const std::string pixels = pattern(size);
+      RenderResponse response;
+      response.mutable_band()->set_first_row(first_row);
+      response.mutable_band()->set_pixels(pixels);
+      const std::string ours = bytes_of(make_band(first_row, grpc::Slice(pixels)));
+      EXPECT_EQ(ours, response.SerializeAsString()) << first_row << " " << size;
+      EXPECT_EQ(ours, request(first_row, pixels).SerializeAsString());
+    }
+  }
+}
+
+TEST(BandWire, ReadsTheGeneratedClassesBytesInSlicesOfAnySize) {
+  const std::string pixels = pattern(1000);
+  for (size_t slice_bytes : {1, 2, 3, 64, 5000}) {
+    const absl::StatusOr<Read> band = read(request(300, pixels).SerializeAsString(), slice_bytes);
+    ASSERT_TRUE(band.ok()) << band.status();
+    EXPECT_EQ(band->first_row, 300u);
+    EXPECT_EQ(band->pixels, pixels);
+  }
+}
+
+TEST(BandWire, SkipsUnknownFieldsOfEveryWireType) {
+  // Field 9: varint, fixed64, length-delimited, a group with a field inside, fixed32.
+  const std::string unknown(
+      "\x48\x96\x01\x49"
+      "12345678"
+      "\x4a\x03"
+      "abc"
+      "\x4b\x50\x01\x4c\x4d"
+      "1234",
+      26);
+  const std::string band = unknown +
+                           std::string(
+                               "\x12\x02"
+                               "hi",
+                               4) +
+                           unknown;
+  std::string message = unknown + "\x12";
+  message += static_cast<char>(band.size());
+  message += band + unknown;
+  RenderRequest generated;
+  ASSERT_TRUE(generated.ParseFromString(message));
+  ASSERT_EQ(generated.band().pixels(), "hi");
+  const absl::StatusOr<Read> ours = read(message);
+  ASSERT_TRUE(ours.ok()) << ours.status();
+  EXPECT_EQ(ours->pixels, "hi");
+}
+
+TEST(BandWire, FieldsMayComeInAnyOrderAndTheLastOneCounts) {
+  // pixels "abc", first_row 5, pixels "de", first_row 6
+  const std::string message(
+      "\x12\x0d\x12\x03"
+      "abc"
+      "\x08\x05\x12\x02"
+      "de"
+      "\x08\x06",
+      15);
+  const absl::StatusOr<Read> band = read(message);
+  ASSERT_TRUE(band.ok()) << band.status();
+  EXPECT_EQ(band->first_row, 6u);
+  EXPECT_EQ(band->pixels, "de");
+}
+
+TEST(BandWire, AnEmptyLaterFieldOrPartEmptiesTheEarlierOne) {
+  const std::string band = request(3, "abc").SerializeAsString();
+  EXPECT_EQ(read(band + std::string("\x12\x02\x12\x00", 4))->pixels, "");
+  const absl::StatusOr<Read> replaced = read(band + std::string("\x0a\x00\x12\x00", 4));
+  ASSERT_TRUE(replaced.ok()) << replaced.status();
+  EXPECT_EQ(replaced->pixels, "");
+  EXPECT_EQ(replaced->first_row, 0u);
+}
+
+TEST(BandWire, RefusesAMessageWhoseLastPartIsNotABand) {
+  RenderRequest start;
+  start.mutable_start()->mutable_frame()->set_width(1);
+  EXPECT_TRUE(absl::IsInvalidArgument(read(start.SerializeAsString()).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(
+      read(request(0, "abc").SerializeAsString() + start.SerializeAsString()).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(read("").status()));
+}
+
+TEST(BandWire, RefusesABandOverTwoMebibytesBeforeItTakesAPixel) {
+  const std::string message = request(0, pattern(kMaxBandBytes + 1)).SerializeAsString();
+  grpc::ByteBuffer buffer = buffer_of(message, 1 << 16);
+  bool taken = false;
+  const absl::StatusOr<uint32_t> band =
+      read_band(buffer, [&](google::protobuf::io::CodedInputStream&, uint64_t bytes) -> absl::Status {
+        taken |= bytes > 0;
+        return absl::OkStatus();
+      });
+  EXPECT_TRUE(absl::IsInvalidArgument(band.status())) << band.status();
+  EXPECT_FALSE(taken);
+}
+
+TEST(BandWire, EveryTruncationIsRefused) {
+  const std::string message = request(300, pattern(200)).SerializeAsString();
+  for (size_t size = 0; size < message.size(); ++size) {
+    EXPECT_TRUE(absl::IsInvalidArgument(read(message.substr(0, size)).status())) << size;
+  }
+}
+
+// Whatever the bytes, it accepts what the generated class accepts and sees the same in it. A RenderStart's
+// inside is not looked at, so only messages without one are compared.
+TEST(BandWire, AgreesWithTheGeneratedClassOnDamagedMessages) {
+  std::mt19937 random(1);
+  int accepted = 0;
+  for (int i = 0; i < 50000; ++i) {
+    std::string message = request(random() % 1000, pattern(1 + random() % 40)).SerializeAsString();
+    if (random() % 4 == 0) message += request(random() % 3, pattern(1 + random() % 5)).SerializeAsString();
+    for (int hits = 1 + static_cast<int>(random() % 3); hits > 0; --hits) {
+      message[random() % std::min<size_t>(message.size(), 12)] = static_cast<char>(random());
+    }
+    const absl::StatusOr<Read> ours = read(message, 1 + random() % 9);
+    RenderRequest generated;
+    const bool parsed = generated.ParseFromString(message);
+    if (parsed && generated.has_band()) {
+      ASSERT_TRUE(ours.ok()) << ours.status() << "\n" << generated.ShortDebugString();
+      ASSERT_EQ(ours->first_row, generated.band().first_row());
+      ASSERT_EQ(ours->pixels, generated.band().pixels());
+      ++accepted;
+    } else if (message.find('\x0a') == std::string::npos) {
+      ASSERT_FALSE(ours.ok());
+    }
+  }
+  EXPECT_GT(accepted, 1000);
+}
+
+}  // namespace
+}  // namespace candela::v1

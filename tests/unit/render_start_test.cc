@@ -1,0 +1,178 @@
+#include "server/rpc/render_start.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+namespace {
+
+constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
+
+v1::RenderRequest request(uint32_t width, uint32_t height,
+                          v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F) {
+  v1::RenderRequest message;
+  v1::FrameHeader& frame = *message.mutable_start()->mutable_frame();
+  frame.set_sequence(42);
+  frame.set_width(width);
+  frame.set_height(height);
+  frame.set_format(format);
+  return message;
+}
+
+absl::StatusOr<RenderStart> read(const v1::RenderRequest& message, const FrameLimits& limits = kLimits) {
+  const grpc::Slice bytes(message.SerializeAsString());
+  grpc::ByteBuffer buffer(&bytes, 1);
+  return read_render_start(buffer, limits);
+}
+
+absl::StatusCode code(const v1::RenderRequest& message) { return read(message).status().code(); }
+
+TEST(RenderStart, AbsentSettingsTakeTheDefaults) {
+  const absl::StatusOr<RenderStart> start = read(request(5, 3));
+  ASSERT_TRUE(start.ok()) << start.status();
+  EXPECT_EQ(start->sequence, 42u);
+  EXPECT_EQ(start->desc.width, 5u);
+  EXPECT_EQ(start->desc.height, 3u);
+  EXPECT_EQ(start->row_stride_bytes, 40u);
+  EXPECT_EQ(start->settings.exposure.mode, ExposureMode::kAuto);
+  EXPECT_EQ(start->settings.exposure.key, 0.18);
+  EXPECT_EQ(start->settings.bloom.intensity, 0.05f);
+  EXPECT_EQ(start->settings.bloom.levels, 5u);
+  EXPECT_TRUE(start->settings.bloom.firefly_weights);
+  EXPECT_EQ(start->settings.curve, ToneCurve::kAcesHill);
+  EXPECT_EQ(start->settings.output_format, OutputFormat::kRgba8);
+  EXPECT_EQ(start->settings.tier, "standard");
+  EXPECT_FALSE(start->settings.input_chromaticities);
+}
+
+TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
+  v1::RenderRequest message = request(1, 1);
+  v1::Settings& settings = *message.mutable_start()->mutable_settings();
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_exposure()->set_manual_ev(-2.5);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.mutable_bloom()->set_firefly_weights(false);
+  settings.set_curve(v1::TONE_CURVE_REINHARD);
+  settings.set_transfer(v1::TRANSFER_LINEAR);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  settings.set_prescale(1.5);
+  const absl::StatusOr<RenderStart> start = read(message);
+  ASSERT_TRUE(start.ok()) << start.status();
+  EXPECT_EQ(start->settings.exposure.mode, ExposureMode::kManual);
+  EXPECT_EQ(start->settings.exposure.manual_ev, -2.5);
+  EXPECT_EQ(start->settings.bloom.intensity, 0.0f);
+  EXPECT_FALSE(start->settings.bloom.firefly_weights);
+  EXPECT_EQ(start->settings.curve, ToneCurve::kReinhard);
+  EXPECT_EQ(start->settings.transfer, Transfer::kLinear);
+  EXPECT_EQ(start->settings.output_format, OutputFormat::kRgba16f);
+  EXPECT_EQ(start->settings.bad_values, BadValues::kReject);
+  EXPECT_EQ(start->settings.prescale, 1.5);
+}
+
+TEST(RenderStart, RefusesEmptyAndOversizedFrames) {
+  EXPECT_EQ(code(request(0, 1)), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(request(1, 0)), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(request(16384, 1)), absl::StatusCode::kOk);
+  EXPECT_EQ(code(request(16385, 1)), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(code(request(1, 16385)), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(code(request(16384, 4096)), absl::StatusCode::kOk);  // 512 MiB exactly
+  EXPECT_EQ(code(request(16384, 4097)), absl::StatusCode::kResourceExhausted);
+}
+
+TEST(RenderStart, SizesWhoseProductsLeave32BitsDoNotWrap) {
+  // 65536 x 65536 x 8 is 0 in 32 bits, 2^32-1 squared times 16 more than 64 bits hold.
+  for (uint32_t side : {65536u, 0x80000000u, 0xffffffffu}) {
+    for (v1::PixelFormat format :
+         {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
+      EXPECT_EQ(code(request(side, side, format)), absl::StatusCode::kResourceExhausted) << side;
+    }
+  }
+}
+
+TEST(RenderStart, RowStrideIsBetweenTheTightRowAnd4096BytesMore) {
+  v1::RenderRequest message = request(10, 4);
+  v1::FrameHeader& frame = *message.mutable_start()->mutable_frame();
+  for (const auto& [stride, good] : {std::pair(79u, false), std::pair(80u, true), std::pair(83u, true),
+                                     std::pair(80u + 4096, true), std::pair(81u + 4096, false)}) {
+    frame.set_row_stride_bytes(stride);
+    EXPECT_EQ(read(message).ok(), good) << stride;
+  }
+  frame.set_row_stride_bytes(100);
+  frame.set_total_bytes(400);
+  EXPECT_TRUE(read(message).ok());
+  for (uint64_t total : {uint64_t{320}, uint64_t{401}, ~uint64_t{0}}) {
+    frame.set_total_bytes(total);
+    EXPECT_EQ(code(message), absl::StatusCode::kInvalidArgument) << total;
+  }
+}
+
+TEST(RenderStart, RefusesUnknownEnumValuesByName) {
+  const auto refused = [](const char* field, const std::function<void(v1::RenderStart&)>& set) {
+    v1::RenderRequest message = request(1, 1);
+    set(*message.mutable_start());
+    const absl::Status status = read(message).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << field;
+    EXPECT_NE(std::string(status.message()).find(field), std::string::npos) << status;
+  };
+  using Start = v1::RenderStart;
+  refused("frame.format", [](Start& s) { s.mutable_frame()->set_format(v1::PIXEL_FORMAT_UNSPECIFIED); });
+  refused("frame.format", [](Start& s) { s.mutable_frame()->set_format(static_cast<v1::PixelFormat>(99)); });
+  refused("exposure.mode", [](Start& s) {
+    s.mutable_settings()->mutable_exposure()->set_mode(static_cast<v1::Exposure::Mode>(9));
+  });
+  refused("curve", [](Start& s) { s.mutable_settings()->set_curve(static_cast<v1::ToneCurve>(-1)); });
+  refused("transfer", [](Start& s) { s.mutable_settings()->set_transfer(static_cast<v1::Transfer>(77)); });
+  refused("output_format",
+          [](Start& s) { s.mutable_settings()->set_output_format(static_cast<v1::OutputFormat>(4)); });
+  refused("bad_values",
+          [](Start& s) { s.mutable_settings()->set_bad_values(static_cast<v1::BadValues>(3)); });
+  refused("tier", [](Start& s) { s.mutable_settings()->set_tier("splendid"); });
+}
+
+TEST(RenderStart, RefusesNonFiniteAndOutOfRangeSettings) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (double bad : {std::nan(""), kInf, -kInf, 1e300, -1e300}) {
+    const auto refused = [bad](const std::function<void(v1::Settings&, double)>& set) {
+      v1::RenderRequest message = request(1, 1);
+      set(*message.mutable_start()->mutable_settings(), bad);
+      EXPECT_EQ(code(message), absl::StatusCode::kInvalidArgument) << message.ShortDebugString();
+    };
+    refused([](v1::Settings& s, double v) { s.mutable_exposure()->set_manual_ev(v); });
+    refused([](v1::Settings& s, double v) { s.mutable_exposure()->set_compensation_ev(v); });
+    refused([](v1::Settings& s, double v) { s.mutable_exposure()->set_key(v); });
+    refused([](v1::Settings& s, double v) { s.mutable_exposure()->set_min_exposure(v); });
+    refused([](v1::Settings& s, double v) { s.mutable_exposure()->set_max_exposure(v); });
+    refused([](v1::Settings& s, double v) { s.mutable_bloom()->set_intensity(static_cast<float>(v)); });
+    refused([](v1::Settings& s, double v) { s.mutable_bloom()->set_threshold(static_cast<float>(v)); });
+    refused([](v1::Settings& s, double v) { s.mutable_bloom()->set_softness(static_cast<float>(v)); });
+    refused([](v1::Settings& s, double v) { s.set_prescale(v); });
+    refused([](v1::Settings& s, double v) {
+      s.mutable_input_chromaticities()->set_red_x(static_cast<float>(v));
+    });
+  }
+}
+
+TEST(RenderStart, RefusesWhatIsNotAStart) {
+  const auto refused = [](const std::string& bytes) {
+    const grpc::Slice slice(bytes);
+    grpc::ByteBuffer buffer(&slice, 1);
+    EXPECT_TRUE(absl::IsInvalidArgument(read_render_start(buffer, kLimits).status()));
+  };
+  refused("");
+  refused("\xff\xff\xff\xff");
+  refused(std::string(65537, '\0'));
+  v1::RenderRequest band;
+  band.mutable_band()->set_pixels("12345678");
+  refused(band.SerializeAsString());
+  const std::string whole = request(1, 1).SerializeAsString();
+  refused(whole.substr(0, whole.size() - 1));
+}
+
+}  // namespace
+}  // namespace candela
