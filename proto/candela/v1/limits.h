@@ -7,10 +7,10 @@
 namespace candela::v1 {
 
 // Sizes on the wire.
-inline constexpr uint64_t kMaxBandBytes = 2u << 20;     // pixels in one band
-inline constexpr uint64_t kMaxMessageBytes = 4u << 20;  // one gRPC message, either way
-inline constexpr uint32_t kMaxDimension = 16384;        // width or height of a frame, in pixels
-inline constexpr uint64_t kDefaultMaxFrameBytes = 1u << 29;  // one frame on the wire, unless the server says otherwise
+inline constexpr uint64_t kMaxBandBytes = 2u << 20;          // pixels in one band
+inline constexpr uint64_t kMaxMessageBytes = 4u << 20;       // one gRPC message, either way
+inline constexpr uint32_t kMaxDimension = 16384;             // width or height of a frame, in pixels
+inline constexpr uint64_t kDefaultMaxFrameBytes = 1u << 29;  // one frame, unless the server says otherwise
 
 template <typename T>
 struct Range {
@@ -18,15 +18,28 @@ struct Range {
   T max;
 };
 
-// Settings.
-inline constexpr Range<double> kManualEv{-40.0, 40.0};         // EV
-inline constexpr Range<double> kCompensationEv{-40.0, 40.0};   // EV
-inline constexpr Range<double> kKey{1e-6, 1e6};                // scene-linear
+// Settings: what each may be, and what it is where the message leaves it out.
+inline constexpr Range<double> kManualEv{-40.0, 40.0};           // EV
+inline constexpr Range<double> kCompensationEv{-40.0, 40.0};     // EV
+inline constexpr Range<double> kKey{1e-6, 1e6};                  // scene-linear
 inline constexpr Range<double> kExposureLimit{0x1p-40, 0x1p40};  // factor; min_exposure <= max_exposure
-inline constexpr Range<double> kPrescale{0x1p-40, 0x1p40};     // factor
-inline constexpr Range<double> kBloomIntensity{0.0, 10.0};     // factor; 0 is no bloom
-inline constexpr Range<double> kBloomThreshold{0.0, 65504.0};  // scene-linear luminance, before exposure
-inline constexpr Range<double> kBloomSoftness{0.0, 1.0};       // knee as a fraction of the threshold
+inline constexpr Range<double> kPrescale{0x1p-40, 0x1p40};       // factor
+inline constexpr Range<double> kBloomIntensity{0.0, 10.0};       // factor; 0 is no bloom
+inline constexpr Range<double> kBloomThreshold{0.0, 65504.0};    // scene-linear luminance, before exposure
+inline constexpr Range<double> kBloomSoftness{0.0, 1.0};         // knee as a fraction of the threshold
 inline constexpr Range<uint32_t> kBloomLevels{1, 16};
+
+inline constexpr double kDefaultManualEv = 0.0;
+inline constexpr double kDefaultCompensationEv = 0.0;
+inline constexpr double kDefaultKey = 0.18;
+inline constexpr double kDefaultMinExposure = 1.0 / 64;
+inline constexpr double kDefaultMaxExposure = 64.0;
+inline constexpr double kDefaultPrescale = 1.0;
+inline constexpr float kDefaultBloomIntensity = 0.05f;
+inline constexpr float kDefaultBloomThreshold = 1.0f;
+inline constexpr float kDefaultBloomSoftness = 0.5f;
+inline constexpr uint32_t kDefaultBloomLevels = 5;
+inline constexpr bool kDefaultFireflyWeights = true;
+inline constexpr char kDefaultTier[] = "standard";
 
 }  // namespace candela::v1
