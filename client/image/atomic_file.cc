@@ -25,28 +25,23 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
   if (access(path.c_str(), F_OK) == 0 && access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
   const size_t slash = path.rfind('/') + 1;
   for (int attempts = 0; attempts < 100; ++attempts) {
-    std::string temporary = absl::StrFormat("%s.%s.%d-%d.part", path.substr(0, slash),
-                                            path.substr(slash, 200), getpid(), counter++);
+    const std::string name = absl::StrFormat("%s.%s.%d-%d.part", path.substr(0, slash),
+                                             path.substr(slash, 200), getpid(), counter++);
     // As a plain file would be made, so that the umask decides who may read it.
-    const int descriptor = open(temporary.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    const int descriptor = open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor < 0 && errno == EEXIST) continue;
     if (descriptor < 0) return cannot_write(path, errno);
+    TemporaryPath temporary(name);
     std::FILE* file = fdopen(descriptor, "wb");
     if (file == nullptr) {
       const int error = errno;
       close(descriptor);
-      unlink(temporary.c_str());
       return cannot_write(path, error);
     }
     setvbuf(file, nullptr, _IOFBF, 1 << 16);
     return AtomicFile(path, std::move(temporary), file);
   }
   return cannot_write(path, EEXIST);
-}
-
-AtomicFile::~AtomicFile() {
-  file_.reset();
-  if (!temporary_.empty()) unlink(temporary_.c_str());
 }
 
 bool AtomicFile::write(const void* bytes, size_t count) {
@@ -63,8 +58,8 @@ absl::Status AtomicFile::commit() {
   if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
   if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
   if (error_ != 0) return cannot_write(path_, error_);
-  if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return cannot_write(path_, errno);
-  temporary_.clear();
+  if (std::rename(temporary_.path().c_str(), path_.c_str()) != 0) return cannot_write(path_, errno);
+  temporary_.let_go();
   return absl::OkStatus();
 }
 

@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/image/temporary_path.h"
 
 namespace candela {
 
@@ -22,10 +23,9 @@ class AtomicFile {
 
   AtomicFile(AtomicFile&& other) noexcept
       : path_(std::move(other.path_)),
-        temporary_(std::exchange(other.temporary_, {})),
+        temporary_(std::move(other.temporary_)),
         file_(std::move(other.file_)),
         error_(other.error_) {}
-  ~AtomicFile();
 
   const std::string& path() const { return path_; }
 
@@ -43,11 +43,11 @@ class AtomicFile {
   struct Close {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
-  AtomicFile(std::string path, std::string temporary, std::FILE* file)
+  AtomicFile(std::string path, TemporaryPath temporary, std::FILE* file)
       : path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
 
   std::string path_;
-  std::string temporary_;  // "" once there is nothing to remove
+  TemporaryPath temporary_;
   std::unique_ptr<std::FILE, Close> file_;
   int error_ = 0;  // errno of the first failure
 };
