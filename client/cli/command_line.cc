@@ -1,0 +1,200 @@
+// The command line's grammar: subcommands, help, and what to say to words that are not in it.
+#include <CLI/CLI.hpp>
+
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/option_kinds.h"
+#include "client/cli/options.h"
+#include "client/cli/render_options.h"
+#include "client/cli/usage.h"
+
+#ifndef CANDELA_VERSION
+#error "the build sets CANDELA_VERSION"
+#endif
+
+namespace candela {
+namespace {
+
+constexpr char kExamples[] =
+    "Examples:\n"
+    "  candela sample scene.exr              make a picture to try things on\n"
+    "  candela render scene.exr scene.png    render it here, without a server\n"
+    "  candela info                          say what this machine renders on\n"
+    "`candela COMMAND --help` says everything about a command.";
+
+constexpr char kRenderExamples[] =
+    "Examples:\n"
+    "  candela render in.exr out.png\n"
+    "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
+    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -\n"
+    "X is a plain factor, L a linear luminance in the image's own scale, EV a power of two.";
+
+constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
+
+struct Arguments {
+  RenderArguments render;
+  SampleOptions sample;
+  InfoOptions info;
+  HealthOptions health;
+};
+
+absl::Status set_size(SampleOptions& sample, const std::string& text) {
+  const std::vector<std::string> parts = absl::StrSplit(text, 'x');
+  uint32_t width = 0, height = 0;
+  const auto fits = [](uint32_t pixels) { return pixels >= 1 && pixels <= v1::kMaxDimension; };
+  if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &width) || !absl::SimpleAtoi(parts[1], &height) ||
+      !fits(width) || !fits(height)) {
+    return usage_error(absl::StrFormat("--size is \"%s\"; it must be WIDTHxHEIGHT, 1x1 .. %dx%d", text,
+                                       v1::kMaxDimension, v1::kMaxDimension));
+  }
+  sample.width = width;
+  sample.height = height;
+  return absl::OkStatus();
+}
+
+void add_sample(CLI::App& app, SampleOptions& sample) {
+  app.add_option("OUT", sample.output, "File to write: .exr or .pfm")->required()->option_text(" ");
+  add_text(app, "Options", "--size", "WIDTHxHEIGHT",
+           absl::StrFormat("Pixels; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension, v1::kMaxDimension,
+                           sample.width, sample.height),
+           [&sample](const std::string& text) { return set_size(sample, text); });
+  app.add_flag("--quiet,-q", sample.quiet, "Print nothing but errors");
+}
+
+void add_health(CLI::App& app, HealthOptions& health) {
+  add_text(app, "Options", "--server", "ADDRESS", "The candelad to ask, HOST:PORT or unix:PATH",
+           [&health](const std::string& address) {
+             health.address = address;
+             return absl::OkStatus();
+           })
+      ->required();
+  add_number(app, "Options", "--timeout", "S", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
+             "Seconds to wait for its answer",
+             [&health](double seconds) { health.timeout = absl::Seconds(seconds); });
+}
+
+void define(CLI::App& app, Arguments& arguments) {
+  app.require_subcommand(0, 1);
+  app.get_formatter()->column_width(32);
+  app.set_help_flag("--help,-h", "Print this help and exit");
+  app.set_version_flag("--version", "candela " CANDELA_VERSION, "Print the version and exit");
+  CLI::App& render = *app.add_subcommand("render", "Renders an HDR image: exposure, bloom, tone curve.");
+  render.footer(kRenderExamples);
+  add_render_options(render, arguments.render);
+  add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene."), arguments.sample);
+  CLI::App& info = *app.add_subcommand("info", "Says what a server is and can do.");
+  add_json_option(info, "Output", "Write it as one line of JSON, - for stdout", arguments.info.json);
+  add_server_options(info, arguments.info.server);
+  add_health(*app.add_subcommand("health", "Asks a server whether it serves: exit 0 if so, else 1."),
+             arguments.health);
+  app.footer(kExamples);
+}
+
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+// Looks for words that are not in the grammar before CLI11 trips over what follows from them.
+absl::Status check_words(const CLI::App& app, const std::vector<std::string>& words) {
+  if (words.empty()) return absl::OkStatus();
+  const CLI::App* command = &app;
+  size_t at = 0;
+  if (!absl::StartsWith(words[0], "-")) {
+    const auto named = [&words](const CLI::App* known) { return known->check_name(words[0]); };
+    const std::vector<const CLI::App*> found = app.get_subcommands(named);
+    if (found.empty()) {
+      std::vector<std::string> names;
+      for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
+      return unknown_word("command", words[0], names);
+    }
+    command = found.front();
+    at = 1;
+  }
+  for (; at < words.size() && words[at] != "--"; ++at) {
+    if (!absl::StartsWith(words[at], "-") || words[at] == "-") continue;
+    const std::string name = words[at].substr(0, words[at].find('='));
+    const CLI::Option* option = command->get_option_no_throw(name);
+    if (option != nullptr) {
+      const bool value_follows = option->get_type_size() > 0 && name == words[at];
+      if (value_follows) ++at;
+      continue;
+    }
+    const std::string meant = nearest(name, option_names(*command));
+    return usage_error(absl::StrFormat("unknown option %s;%s see candela%s --help", name,
+                                       meant.empty() ? "" : absl::StrFormat(" did you mean %s?", meant),
+                                       command == &app ? "" : " " + command->get_name()));
+  }
+  return absl::OkStatus();
+}
+
+// CLI11 leaves two lines between sections.
+std::string help(const CLI::App& app) { return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}}); }
+
+absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
+  if (app.got_subcommand("render")) {
+    if (absl::Status status = finish_render_options(arguments.render); !status.ok()) return status;
+    return std::move(arguments.render.options);
+  }
+  if (app.got_subcommand("sample")) {
+    const absl::StatusOr<OutputKind> kind = output_kind(arguments.sample.output);
+    if (!kind.ok() || (*kind != OutputKind::kExr && *kind != OutputKind::kPfm)) {
+      return usage_error(
+          absl::StrFormat("%s: a scene is written as .exr or .pfm; `candela render` makes a .png of it",
+                          arguments.sample.output));
+    }
+    return arguments.sample;
+  }
+  if (app.got_subcommand("info")) {
+    if (absl::Status status = check_server_options(arguments.info.server); !status.ok()) return status;
+    return arguments.info;
+  }
+  if (app.got_subcommand("health")) return arguments.health;
+  return TextToPrint{help(app)};
+}
+
+// CLI11's own words, in one line.
+absl::Status refused(const CLI::App& app, const CLI::Error& error) {
+  const std::vector<CLI::App*> commands = app.get_subcommands();
+  std::string what = error.what();
+  what = what.substr(0, what.find('\n'));
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    what = what.substr(0, what.find(':')) + " needs a value";
+  }
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !commands.empty()) {
+    what = absl::StrFormat("\"%s\" is one argument too many", commands.front()->remaining().front());
+  }
+  return usage_error(absl::StrFormat("%s; see candela%s --help", what,
+                                     commands.empty() ? "" : " " + commands.front()->get_name()));
+}
+
+}  // namespace
+
+absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv) {
+  Arguments arguments;
+  CLI::App app("candela: renders HDR images to pictures for a display.\n", "candela");
+  define(app, arguments);
+  const std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  if (absl::Status status = check_words(app, words); !status.ok()) return status;
+  try {
+    app.parse(argc, argv);
+    return finish(app, arguments);
+  } catch (const CLI::CallForHelp&) {
+    return TextToPrint{help(app)};
+  } catch (const CLI::CallForVersion& version) {
+    return TextToPrint{absl::StrFormat("%s\n", version.what())};
+  } catch (const CLI::Error& error) {
+    return refused(app, error);
+  } catch (const OptionError& error) {
+    return error.status;
+  }
+}
+
+}  // namespace candela

@@ -1,0 +1,77 @@
+// candela: the command.
+#include <fcntl.h>
+#include <grpc/support/log.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <type_traits>
+
+#include "client/cli/commands.h"
+#include "client/cli/options.h"
+#include "client/cli/terminal.h"
+#include "client/cli/usage.h"
+#include "client/image/temporary_path.h"
+
+namespace candela {
+namespace {
+
+constexpr int kFailed = 1;
+constexpr int kUsage = 2;
+
+// A stream that the caller closed must not become the image file, with our messages in it.
+void open_closed_streams() {
+  int descriptor = open("/dev/null", O_RDWR);
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);
+  if (descriptor >= 0) close(descriptor);
+}
+
+void end_by_signal(int signal) {
+  TemporaryPath::remove_all();
+  std::raise(signal);
+}
+
+// Signals that end the command leave no hidden file behind, and end it still.
+void clean_up_on_signals() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction before {};
+    sigaction(signal, nullptr, &before);
+    if (before.sa_handler == SIG_IGN) continue;
+    struct sigaction action {};
+    action.sa_handler = end_by_signal;
+    action.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
+    sigaction(signal, &action, nullptr);
+  }
+}
+
+absl::Status run(const Invocation& invocation) {
+  return std::visit(
+      [](const auto& options) {
+        using Options = std::decay_t<decltype(options)>;
+        if constexpr (std::is_same_v<Options, TextToPrint>) return print(options.text);
+        if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options);
+        if constexpr (std::is_same_v<Options, SampleOptions>) return run_sample(options);
+        if constexpr (std::is_same_v<Options, InfoOptions>) return run_info(options);
+        if constexpr (std::is_same_v<Options, HealthOptions>) return run_health(options);
+      },
+      invocation);
+}
+
+int run(int argc, char** argv) {
+  open_closed_streams();
+  clean_up_on_signals();
+  // A closed pipe is an error of the write, not the end.
+  std::signal(SIGPIPE, SIG_IGN);
+  // What gRPC has to say also comes back as a status.
+  if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
+  const absl::StatusOr<Invocation> invocation = parse_command_line(argc, argv);
+  const absl::Status status = invocation.ok() ? run(*invocation) : invocation.status();
+  if (status.ok()) return 0;
+  print_error(status);
+  return is_usage_error(status) ? kUsage : kFailed;
+}
+
+}  // namespace
+}  // namespace candela
+
+int main(int argc, char** argv) { return candela::run(argc, argv); }

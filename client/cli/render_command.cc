@@ -1,0 +1,186 @@
+#include <OpenEXR/ImfThreading.h>
+
+#include <algorithm>
+#include <cstring>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/cli/commands.h"
+#include "client/cli/json_output.h"
+#include "client/cli/report.h"
+#include "client/cli/server_link.h"
+#include "client/cli/terminal.h"
+#include "client/image/image.h"
+
+namespace candela {
+namespace {
+
+// Far beyond the largest frame behind a full queue: it ends a wait for a server that will never answer.
+constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
+
+double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
+
+absl::StatusOr<Image> read_input(const std::string& path, const v1::Limits& limits) {
+  // A file does not say before it is read whether it comes as halves, which need half of the bytes.
+  const uint64_t most_pixels = limits.max_frame_bytes() / bytes_per_pixel(ImageFormat::kRgba16f);
+  absl::StatusOr<Image> image =
+      read_image(path, {.max_dimension = limits.max_dimension(), .max_pixels = most_pixels});
+  if (!image.ok() || image->bytes() <= limits.max_frame_bytes()) return image;
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "%s: %dx%d floats are %d bytes and the server takes at most %d; save it as half floats or smaller, or "
+      "start a candelad with a larger --max-frame-bytes and name it with --server",
+      path, image->width, image->height, image->bytes(), limits.max_frame_bytes()));
+}
+
+v1::Settings settings_for(const Image& image, const RenderOptions& options) {
+  v1::Settings settings = options.settings;
+  if (image.chromaticities) {
+    const std::array<float, 8>& xy = *image.chromaticities;
+    v1::Chromaticities& c = *settings.mutable_input_chromaticities();
+    c.set_red_x(xy[0]);
+    c.set_red_y(xy[1]);
+    c.set_green_x(xy[2]);
+    c.set_green_y(xy[3]);
+    c.set_blue_x(xy[4]);
+    c.set_blue_y(xy[5]);
+    c.set_white_x(xy[6]);
+    c.set_white_y(xy[7]);
+  }
+  return settings;
+}
+
+FrameView view_of(const Image& image) {
+  return {
+      .width = image.width,
+      .height = image.height,
+      .format = image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F,
+      .pixels = image.pixels.span()};
+}
+
+ImageFormat image_format(v1::OutputFormat format) {
+  return format == v1::OUTPUT_FORMAT_RGBA16F  ? ImageFormat::kRgba16f
+         : format == v1::OUTPUT_FORMAT_RGBA16 ? ImageFormat::kRgba16
+                                              : ImageFormat::kRgba8;
+}
+
+// A refusal speaks of the frame; the user thinks of a file.
+absl::Status name_file(const absl::Status& status, const std::string& path) {
+  if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return status;
+  return absl::Status(status.code(), absl::StrFormat("%s: %s", path, status.message()));
+}
+
+// One frame on its way from file to file.
+class Rendering {
+ public:
+  Rendering(const RenderOptions& options, Progress& progress)
+      : options_(options), progress_(progress), link_(options.server) {}
+
+  absl::StatusOr<RenderReport> run() {
+    report_.input = options_.input;
+    report_.output = options_.output;
+    report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL;
+    report_.notes = options_.notes;
+    absl::StatusOr<Image> image = read();
+    if (!image.ok()) return image.status();
+    absl::StatusOr<Image> picture = render(*std::move(image));
+    if (!picture.ok()) return picture.status();
+    if (absl::Status status = write(*picture); !status.ok()) return status;
+    report_.total_ms = ms_since(begin_);
+    return std::move(report_);
+  }
+
+ private:
+  absl::StatusOr<Image> read() {
+    progress_.show("reading " + options_.input);
+    const absl::StatusOr<v1::Limits> limits = link_.limits();
+    if (!limits.ok()) return limits.status();
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<Image> image = read_input(options_.input, *limits);
+    read_ms_ = ms_since(begin);
+    if (image.ok()) add_notes(std::exchange(image->notes, {}));
+    return image;
+  }
+
+  // Gives up the frame and the server's memory before it returns: only the picture remains.
+  absl::StatusOr<Image> render(Image frame) {
+    progress_.show("rendering " + options_.input);
+    const absl::StatusOr<const Connection*> server = link_.connection();
+    if (!server.ok()) return server.status();
+    if (absl::Status status = link_.check_tier(options_.settings.tier()); !status.ok()) return status;
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<RenderResult> result =
+        (*server)->render(settings_for(frame, options_), view_of(frame), begin + kRenderTimeout);
+    const double call_ms = ms_since(begin);
+    if (!result.ok()) return name_file(result.status(), options_.input);
+    frame.pixels = {};
+    link_.close();
+
+    report_.header = std::move(result->header);
+    add_stages(call_ms);
+    absl::StatusOr<Image> picture =
+        make_image(report_.header.width(), report_.header.height(), image_format(report_.header.format()));
+    if (!picture.ok()) return picture;
+    std::memcpy(picture->pixels.data(), result->data.get(), result->bytes);
+    picture->has_alpha = frame.has_alpha;
+    picture->pixel_aspect = frame.pixel_aspect;
+    return picture;
+  }
+
+  absl::Status write(const Image& picture) {
+    progress_.show("writing " + options_.output);
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<std::vector<std::string>> notes = write_image(options_.output, picture, options_.write);
+    if (!notes.ok()) return notes.status();
+    report_.stage_ms.emplace_back("write", ms_since(begin));
+    add_notes(*std::move(notes));
+    return absl::OkStatus();
+  }
+
+  void add_notes(std::vector<std::string> notes) {
+    std::move(notes.begin(), notes.end(), std::back_inserter(report_.notes));
+  }
+
+  void add_stages(double call_ms) {
+    if (link_.start_ms() > 0) report_.stage_ms.emplace_back("start", link_.start_ms());
+    report_.stage_ms.emplace_back("read", read_ms_);
+    double server_ms = 0;
+    for (const v1::StageTime& stage : report_.header.stages()) {
+      const double ms = static_cast<double>(stage.ns()) * 1e-6;
+      report_.stage_ms.emplace_back(stage.name(), ms);
+      server_ms += ms;
+    }
+    report_.stage_ms.emplace_back("other", std::max(0.0, call_ms - server_ms));
+  }
+
+  const absl::Time begin_ = absl::Now();
+  const RenderOptions& options_;
+  Progress& progress_;
+  ServerLink link_;
+  RenderReport report_;
+  double read_ms_ = 0;
+};
+
+}  // namespace
+
+absl::Status run_render(const RenderOptions& options) {
+  if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  Progress progress(!options.quiet);
+  Rendering rendering(options, progress);
+  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+  const absl::StatusOr<RenderReport> report = rendering.run();
+  progress.clear();
+  if (!report.ok()) return report.status();
+  if (!options.quiet) {
+    for (const std::string& note : report->notes) print_note(note);
+    if (!json->to_stdout()) {
+      if (absl::Status status = print(to_text(*report)); !status.ok()) return status;
+    }
+  }
+  return json->write(to_json(*report));
+}
+
+}  // namespace candela

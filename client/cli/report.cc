@@ -1,0 +1,92 @@
+#include "client/cli/report.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+
+namespace candela {
+namespace {
+
+constexpr char kLine[] = "  %-10s %s\n";
+
+std::string exposure_words(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  const std::string factor =
+      absl::StrFormat("%.4g (%+.2f EV)", header.exposure(), std::log2(header.exposure()));
+  const std::string prescale =
+      header.prescale() == 1 ? "" : absl::StrFormat(", times prescale %.4g", header.prescale());
+  if (!report.metered) return factor + ", as given" + prescale;
+  return absl::StrFormat("%s, metered: mean luminance 2^%.3f%s", factor,
+                         header.statistics().mean_log2_luminance(), prescale);
+}
+
+std::string bad_value_words(const v1::FrameStatistics& statistics) {
+  std::vector<std::string> words;
+  const auto add = [&words](uint64_t count, const char* what) {
+    if (count > 0) words.push_back(absl::StrFormat("%d %s", count, what));
+  };
+  add(statistics.nan_components(), "NaN");
+  add(statistics.infinite_components(), "infinite");
+  add(statistics.negative_components(), "negative");
+  return absl::StrJoin(words, ", ");
+}
+
+std::string time_words(const RenderReport& report) {
+  const auto stage = [](std::string* out, const std::pair<std::string, double>& s) {
+    absl::StrAppendFormat(out, "%s %.3g", s.first, s.second);
+  };
+  return absl::StrFormat("%.0f ms: %s", report.total_ms, absl::StrJoin(report.stage_ms, ", ", stage));
+}
+
+}  // namespace
+
+std::string to_text(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  const v1::FrameStatistics& statistics = header.statistics();
+  std::string text = absl::StrFormat("%s -> %s\n", report.input, report.output);
+  const auto line = [&text](const char* name, const std::string& words) {
+    absl::StrAppendFormat(&text, kLine, name, words);
+  };
+  line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
+  line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
+  line("exposure", exposure_words(report));
+  line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
+  const std::string bad = bad_value_words(statistics);
+  if (!bad.empty()) line("bad values", bad + " components");
+  for (int i = 0; i < header.plan_size(); ++i) line(i == 0 ? "plan" : "", header.plan(i));
+  line("time", time_words(report));
+  return text;
+}
+
+std::string to_json(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  const v1::FrameStatistics& statistics = header.statistics();
+  nlohmann::ordered_json stages = nlohmann::ordered_json::object();
+  for (const auto& [name, ms] : report.stage_ms) stages[name] = ms;
+  const nlohmann::ordered_json frame = {
+      {"input", report.input},
+      {"output", report.output},
+      {"size", {{"width", header.width()}, {"height", header.height()}}},
+      {"device", header.device()},
+      {"tier", header.tier()},
+      {"exposure", header.exposure()},
+      {"target", header.target()},
+      {"mean_log2_luminance", statistics.mean_log2_luminance()},
+      {"min_luminance", static_cast<double>(statistics.min_luminance())},
+      {"max_luminance", static_cast<double>(statistics.max_luminance())},
+      {"bad_values",
+       {{"nan", statistics.nan_components()},
+        {"inf", statistics.infinite_components()},
+        {"negative", statistics.negative_components()}}},
+      {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},
+      {"stage_ms", stages},
+      {"total_ms", report.total_ms},
+      {"notes", report.notes},
+  };
+  // A path need not be UTF-8.
+  return frame.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace candela

@@ -1,0 +1,33 @@
+// What `candela render` says about a frame, for people and for programs.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "candela/v1/render.pb.h"
+
+namespace candela {
+
+struct RenderReport {
+  std::string input;
+  std::string output;
+  v1::ResultHeader header;
+  bool metered = true;  // false: the exposure was given
+  // In the order of the work: start, read, the server's own, other, write. A server of our own starts while
+  // the image is read. `other` is what of the call is not in the server's stages: the frame's way there and
+  // back, and with a first frame the driver's compiling.
+  std::vector<std::pair<std::string, double>> stage_ms;
+  double total_ms = 0;  // from the beginning of the command to the written file
+  std::vector<std::string> notes;
+};
+
+// Some lines, each ended.
+std::string to_text(const RenderReport& report);
+
+// One object on one line: input, output, size {width, height}, device, tier, exposure, target,
+// mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, plan, stage_ms,
+// total_ms, notes. Numbers read back to the same bits.
+std::string to_json(const RenderReport& report);
+
+}  // namespace candela

@@ -1,0 +1,71 @@
+#include "client/cli/server_link.h"
+
+#include <utility>
+
+#include "client/cli/usage.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+
+ServerLink::ServerLink(const ServerChoice& choice) : choice_(choice) {
+  if (!choice_.address.empty()) return;
+  EmbeddedServer::prepare();
+  starting_ = std::async(std::launch::async, [this]() -> Started {
+    const absl::Time begin = absl::Now();
+    Started server = EmbeddedServer::start(choice_.device);
+    start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
+    return server;
+  });
+}
+
+absl::StatusOr<const Connection*> ServerLink::connection() {
+  if (connection_) return &*connection_;
+  if (!choice_.address.empty()) {
+    absl::StatusOr<Connection> opened = Connection::open(choice_.address);
+    if (!opened.ok()) return usage_error(std::string(opened.status().message()));
+    connection_ = *std::move(opened);
+    return &*connection_;
+  }
+  Started started = starting_.get();
+  if (!started.ok()) return started.status();
+  server_ = *std::move(started);
+  connection_.emplace(server_->channel());
+  return &*connection_;
+}
+
+absl::StatusOr<v1::Limits> ServerLink::limits() {
+  if (choice_.address.empty()) {
+    v1::Limits limits;
+    limits.set_max_dimension(v1::kMaxDimension);
+    limits.set_max_frame_bytes(v1::kDefaultMaxFrameBytes);
+    return limits;
+  }
+  const absl::StatusOr<const Connection*> server = connection();
+  if (!server.ok()) return server.status();
+  absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
+  if (!info.ok()) return info.status();
+  return info->limits();
+}
+
+absl::Status ServerLink::check_tier(const std::string& tier) {
+  if (tier.empty()) return absl::OkStatus();
+  const absl::StatusOr<const Connection*> server = connection();
+  if (!server.ok()) return server.status();
+  const absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
+  if (!info.ok()) return info.status();
+  std::vector<std::string> names;
+  for (const v1::Tier& known : info->tiers()) {
+    if (known.name() == tier) return absl::OkStatus();
+    names.push_back(known.name());
+  }
+  return unknown_word("tier", tier, names);
+}
+
+void ServerLink::close() {
+  if (starting_.valid()) starting_.wait();
+  starting_ = {};
+  connection_.reset();
+  server_.reset();
+}
+
+}  // namespace candela

@@ -1,0 +1,55 @@
+#include "client/cli/terminal.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+namespace {
+
+// A path or a server may hold line ends and a terminal's commands.
+std::string one_line(absl::string_view text) {
+  std::string line(text);
+  std::replace_if(
+      line.begin(), line.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+  return line;
+}
+
+}  // namespace
+
+void print_error(const absl::Status& status) {
+  absl::FPrintF(stderr, "candela: error: %s\n", one_line(status.message()));
+}
+
+void print_note(const std::string& note) { absl::FPrintF(stderr, "note: %s\n", one_line(note)); }
+
+absl::Status print(const std::string& text) {
+  errno = 0;
+  if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) {
+    return absl::OkStatus();
+  }
+  if (errno == EPIPE) return absl::OkStatus();
+  return absl::ErrnoToStatus(errno, "cannot write to stdout");
+}
+
+Progress::Progress(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) == 1) {}
+
+void Progress::show(const std::string& what) {
+  if (!shown_) return;
+  absl::FPrintF(stderr, "\r\033[K%s ...", one_line(what));
+  std::fflush(stderr);
+  line_ = true;
+}
+
+void Progress::clear() {
+  if (!line_) return;
+  std::fputs("\r\033[K", stderr);
+  std::fflush(stderr);
+  line_ = false;
+}
+
+}  // namespace candela
