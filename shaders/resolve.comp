@@ -47,15 +47,16 @@ vec3 curve(vec3 x) {
   return clamp(y, 0.0, 1.0);
 }
 
-// The exact curve's power x^(1/2.4) as a polynomial in x^(1/4): at most 0.0004 codes from the truth.
+// The exact curve's power x^(1/2.4) as a polynomial in x^(1/4): at most 0.0001 codes from the truth.
 vec3 srgb(vec3 x) {
   vec3 s = sqrt(sqrt(x));
-  vec3 high = s * 0.0682976916 - 0.318761885;
-  high = high * s + 0.657726109;
-  high = high * s - 0.853387356;
-  high = high * s + 1.36610663;
-  high = high * s + 0.139563262;
-  high = high * s - 0.0595430359;
+  vec3 high = s * -0.0763354301 + 0.395272791;
+  high = high * s - 0.899455428;
+  high = high * s + 1.21019661;
+  high = high * s - 1.15650499;
+  high = high * s + 1.46173096;
+  high = high * s + 0.123538949;
+  high = high * s - 0.0584438555;
   return mix(high, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
 }
 

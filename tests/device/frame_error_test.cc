@@ -1,11 +1,9 @@
 // The whole frame against the float64 reference: docs/pipeline.md section 6.
+#include "tests/support/frame_error.h"
+
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstdio>
-
-#include "server/render/verify.h"
-#include "tests/support/device_fixture.h"
 
 namespace candela::testing {
 namespace {
@@ -19,45 +17,7 @@ constexpr Size kSizes[] = {{1, 1},     {1, 7},     {2, 2},     {3, 5},     {4, 4
                            {17, 31},   {64, 64},   {65, 63},   {67, 67},   {127, 129},  {200, 1},
                            {333, 517}, {641, 359}, {16384, 1}, {1, 16384}, {1280, 720}, {1919, 1081}};
 
-class FrameError : public DeviceTest {
- protected:
-  // Renders in RGBA16 to measure codes and in RGBA8 to count components, and holds both to section 6.
-  static void check(const WireFrame& frame, Settings settings, const std::string& what) {
-    settings.output_format = OutputFormat::kRgba16;
-    auto fine = render(frame, settings);
-    ASSERT_TRUE(fine.ok()) << what << ": " << fine.status();
-    const ReferenceFrame truth = render_reference(frame.desc, frame.pixels, settings, fine->report.exposure);
-    const Difference codes = compare(fine->memory, settings, truth);
-    const double ev = std::abs(fine->report.stats.mean_log2_luminance - truth.meter.mean_log2_luminance);
-    settings.output_format = OutputFormat::kRgba8;
-    auto coarse = render(frame, settings);
-    ASSERT_TRUE(coarse.ok()) << what << ": " << coarse.status();
-    const Difference counts = compare(coarse->memory, settings, truth);
-
-    std::printf("%-44s %9.5f %9.5f %9.6f %8.4f%% %9.2e\n", what.c_str(), codes.max_codes, codes.p999_codes,
-                codes.mean_codes,
-                100.0 * static_cast<double>(counts.differing) / static_cast<double>(counts.components), ev);
-    EXPECT_LE(ev, 2e-5) << what;
-    EXPECT_LE(codes.max_codes, 0.5) << what << " worst at " << codes.worst_x << ", " << codes.worst_y;
-    EXPECT_LE(codes.p999_codes, 0.05) << what;
-    EXPECT_LE(counts.max_difference, 1) << what;
-    // 0.1 %, or one component of a frame too small for a percentage.
-    EXPECT_LE(static_cast<double>(counts.differing),
-              std::max(1.0, 1e-3 * static_cast<double>(counts.components)))
-        << what;
-    EXPECT_EQ(fine->report.stats.nan_components, truth.bad.nan) << what;
-    EXPECT_EQ(fine->report.stats.infinite_components, truth.bad.infinite) << what;
-    EXPECT_EQ(fine->report.stats.negative_components, truth.bad.negative) << what;
-    EXPECT_NEAR(fine->report.stats.max_luminance, truth.meter.max_luminance, 1e-6 * truth.meter.max_luminance)
-        << what;
-    EXPECT_NEAR(fine->report.stats.min_luminance, truth.meter.min_luminance, 1e-6 * truth.meter.max_luminance)
-        << what;
-  }
-
-  static void print_header(const char* what) {
-    std::printf("%-44s %9s %9s %9s %9s %9s\n", what, "max", "p99.9", "mean", "differ", "EV");
-  }
-};
+using FrameError = FrameErrorTest;
 
 TEST_F(FrameError, IsWithinItsBoundAtEverySize) {
   print_header("natural scene, codes against the reference");
