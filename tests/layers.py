@@ -1,0 +1,37 @@
+#!/usr/bin/env python3
+"""Fails when an include climbs: a folder may include only itself and what stands above it here."""
+import pathlib
+import re
+import sys
+
+SERVER = ["server/base", "server/vulkan", "server/render", "server/stream", "server/rpc", "server"]
+ALLOWED = {"proto": [], "shaders": [], "client/image": [], "client": ["client/image", "proto"],
+           "client/cli": ["client", "client/image", "proto"]}
+for depth, folder in enumerate(SERVER):
+    ALLOWED[folder] = ["proto", "shaders"] + SERVER[:depth]
+# The one door from the client into the server.
+DOORS = {"client/cli/embedded_server.cc": ["server", "server/base"]}
+
+root = pathlib.Path(__file__).resolve().parent.parent
+
+
+def layer(path: str) -> str:
+    """The longest known folder that holds this file."""
+    return max((folder for folder in ALLOWED if path.startswith(folder + "/")), key=len, default="")
+
+
+climbs = []
+for top in ("proto", "shaders", "server", "client"):
+    for source in sorted((root / top).rglob("*")):
+        if source.suffix not in (".h", ".cc"):
+            continue
+        name = source.relative_to(root).as_posix()
+        own = layer(name)
+        allowed = [own] + ALLOWED[own] + DOORS.get(name, [])
+        for line, text in enumerate(source.read_text().splitlines(), 1):
+            found = re.match(r'#include "((?:proto|shaders|server|client)/[^"]+)"', text)
+            if found and not found[1].endswith(".spv.h") and layer(found[1]) not in allowed:
+                climbs.append(f"{name}:{line} includes {found[1]}, which {own} may not")
+
+print("\n".join(climbs) or "no include climbs")
+sys.exit(bool(climbs))
