@@ -122,11 +122,15 @@ TEST_P(CallLife, AClientThatKeepsSendingIsNotIdle) {
 }
 
 TEST_P(CallLife, AClientThatDoesNotReadItsResultIsCutOffToo) {
-  const WireFrame frame = natural(2048, 1024);  // 8 MiB of result: more than flow control lets go unread
+  const WireFrame frame = natural(2048, 1024);
+  v1::RenderRequest start = start_of(frame);
+  // 16 MiB of result: more than flow control lets go unread.
+  start.mutable_start()->mutable_settings()->set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
   OpenCall call(channel());
-  call.stream->Write(start_of(frame));
+  call.stream->Write(start);
   for (uint32_t y = 0; y < 1024; y += 128) call.stream->Write(band_of(frame, y, 128));
   call.stream->WritesDone();
+  ASSERT_TRUE(wait_until_in_use(connection()));
   EXPECT_TRUE(wait_until_idle(connection()));
   EXPECT_FALSE(call.finish().ok());
 }
