@@ -123,7 +123,7 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
     const std::string name = words[at].substr(0, words[at].find('='));
     const CLI::Option* option = command->get_option_no_throw(name);
     if (option != nullptr) {
-      const bool value_follows = option->get_type_size() > 0 && name == words[at];
+      const bool value_follows = option->get_items_expected_max() > 0 && name == words[at];
       if (value_follows) ++at;
       continue;
     }

@@ -2,7 +2,6 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/time/clock.h"
 #include "client/cli/commands.h"
 #include "client/cli/enum_words.h"
 #include "client/cli/json_output.h"
@@ -38,7 +37,8 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   const v1::DeviceInfo& device = info.device();
   const v1::Limits& limits = info.limits();
   const v1::PoolInfo& pool = info.pool();
-  std::string text = absl::StrFormat("candela %s, %s\n", info.version(), address);
+  std::string text =
+      absl::StrFormat("candela %s, %s\n", info.version(), address.empty() ? "in this process" : address);
   const auto line = [&text](const char* name, const std::string& value) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, value);
   };
@@ -102,14 +102,13 @@ absl::Status run_info(const InfoOptions& options) {
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   ServerLink link(options.server);
-  const absl::StatusOr<const Connection*> server = link.connection();
-  if (!server.ok()) return server.status();
-  const absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
+  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   if (!info.ok()) return info.status();
+  const std::string& address = options.server.address;
   if (!json->to_stdout()) {
-    if (absl::Status status = print(to_text(*info, (*server)->address())); !status.ok()) return status;
+    if (absl::Status status = print(to_text(*info, address)); !status.ok()) return status;
   }
-  return json->write(to_json(*info, (*server)->address()));
+  return json->write(to_json(*info, address));
 }
 
 }  // namespace candela

@@ -2,10 +2,18 @@
 
 #include <utility>
 
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "client/cli/usage.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
+namespace {
+
+// For what needs no rendering.
+constexpr absl::Duration kAnswerTimeout = absl::Seconds(10);
+
+}  // namespace
 
 ServerLink::ServerLink(const ServerChoice& choice) : choice_(choice) {
   if (!choice_.address.empty()) return;
@@ -33,6 +41,17 @@ absl::StatusOr<const Connection*> ServerLink::connection() {
   return &*connection_;
 }
 
+absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
+  const absl::StatusOr<const Connection*> server = connection();
+  if (!server.ok()) return server.status();
+  absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
+  if (!absl::IsDeadlineExceeded(info.status())) return info;
+  return absl::DeadlineExceededError(
+      absl::StrFormat("no answer from %s within %s: it hangs or is not a candelad; name another --server or "
+                      "none",
+                      (*server)->address(), absl::FormatDuration(kAnswerTimeout)));
+}
+
 absl::StatusOr<v1::Limits> ServerLink::limits() {
   if (choice_.address.empty()) {
     v1::Limits limits;
@@ -40,21 +59,17 @@ absl::StatusOr<v1::Limits> ServerLink::limits() {
     limits.set_max_frame_bytes(v1::kDefaultMaxFrameBytes);
     return limits;
   }
-  const absl::StatusOr<const Connection*> server = connection();
+  const absl::StatusOr<v1::GetServerInfoResponse> server = info();
   if (!server.ok()) return server.status();
-  absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
-  if (!info.ok()) return info.status();
-  return info->limits();
+  return server->limits();
 }
 
 absl::Status ServerLink::check_tier(const std::string& tier) {
   if (tier.empty()) return absl::OkStatus();
-  const absl::StatusOr<const Connection*> server = connection();
+  const absl::StatusOr<v1::GetServerInfoResponse> server = info();
   if (!server.ok()) return server.status();
-  const absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
-  if (!info.ok()) return info.status();
   std::vector<std::string> names;
-  for (const v1::Tier& known : info->tiers()) {
+  for (const v1::Tier& known : server->tiers()) {
     if (known.name() == tier) return absl::OkStatus();
     names.push_back(known.name());
   }

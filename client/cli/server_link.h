@@ -13,9 +13,6 @@
 
 namespace candela {
 
-// How long a server may take to answer what needs no rendering.
-inline constexpr absl::Duration kAnswerTimeout = absl::Seconds(10);
-
 // Used by one thread.
 class ServerLink {
  public:
@@ -27,6 +24,9 @@ class ServerLink {
 
   // Waits until a server of our own has started. Valid until close(). A malformed address is a usage error.
   absl::StatusOr<const Connection*> connection();
+
+  // What it is. Waits as connection() does, and then for a while.
+  absl::StatusOr<v1::GetServerInfoResponse> info();
 
   // What it accepts. A running server is asked; our own is not waited for.
   absl::StatusOr<v1::Limits> limits();

@@ -1,0 +1,184 @@
+// Wrong uses and failures: exit codes, one line that says what is wrong and what would be right, and nothing
+// left behind.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+
+#include "tests/cli/command.h"
+#include "tests/cli/files.h"
+
+namespace candela {
+namespace {
+
+void expect_error(const Outcome& outcome, int code, const std::string& words) {
+  EXPECT_EQ(outcome.code, code) << outcome.err;
+  EXPECT_EQ(outcome.err.find("candela: error: "), 0u) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+}
+
+TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
+  const auto render = [](std::vector<std::string> options) {
+    options.insert(options.begin(), {"render", "in.exr", "out.png"});
+    return options;
+  };
+  struct Case {
+    std::vector<std::string> arguments;
+    std::string words;
+  };
+  for (const auto& [arguments, words] : std::vector<Case>{
+           {{"rendr", "a", "b"}, "unknown command \"rendr\"; did you mean render?"},
+           {{"bogus"}, "there are: render, sample, info, health"},
+           {{"--verson"}, "did you mean --version?"},
+           {{"render"}, "IN is required"},
+           {{"render", "in.exr"}, "OUT is required"},
+           {render({"more"}), "\"more\" is one argument too many"},
+           {render({"--exposre", "1"}), "unknown option --exposre; did you mean --exposure?"},
+           {{"render", "--exposre=1", "a"}, "did you mean --exposure?"},
+           {{"info", "--sever", "a:1"}, "did you mean --server?"},
+           {render({"-q", "--exposure", "-2", "-x"}), "unknown option -x"},
+           {render({"--curve"}), "--curve needs a value"},
+           {render({"--curve", "aces-hil"}),
+            "unknown curve \"aces-hil\"; did you mean aces-hill? There are: linear, reinhard, "
+            "aces-narkowicz, aces-hill"},
+           {render({"--curve", "filmic"}), "unknown curve \"filmic\"; there are: linear"},
+           {render({"--transfer", "sgrb"}), "did you mean srgb?"},
+           {render({"--bad-values", "rejct"}), "did you mean reject?"},
+           {render({"--exposure", "atuo"}), "did you mean auto?"},
+           {render({"--exposure", "41"}), "--exposure is 41; it must be -40 .. 40, or auto"},
+           {render({"--compensation", "-41"}), "--compensation is -41; it must be -40 .. 40"},
+           {render({"--key", "0"}), "--key is 0; it must be 1e-06 .. 1000000"},
+           {render({"--key", "nan"}), "not a number"},
+           {render({"--key", "0.18x"}), "\"0.18x\", which is not a number"},
+           {render({"--min-exposure", "100"}), "--min-exposure 100 is above --max-exposure 64"},
+           {render({"--bloom-intensity", "10.1"}), "it must be 0 .. 10"},
+           {render({"--bloom-threshold", "65505"}), "it must be 0 .. 65504"},
+           {render({"--bloom-softness", "-0.1"}), "it must be 0 .. 1"},
+           {render({"--bloom-levels", "2.5"}), "a whole number, 1 .. 16"},
+           {render({"--bloom-levels", "17"}), "1 .. 16"},
+           {render({"--bloom-firefly", "maybe"}), "it must be on or off"},
+           {render({"--prescale", "1e13"}), "2^-40 .. 2^40"},
+           {render({"--bits", "12"}), "it must be 8 or 16"},
+           {render({"--quality", "80"}), "--quality is for .jpg"},
+           {{"render", "in.exr", "out.jpg", "--bits", "16"}, "--bits 16 is for .png"},
+           {{"render", "in.exr", "out.jpg", "--quality", "0"}, "1 .. 100"},
+           {{"render", "in.exr", "out.gif"}, "use .png, .jpg, .jpeg, .exr or .pfm"},
+           {{"render", "in.exr", "out"}, "use .png, .jpg, .jpeg, .exr or .pfm"},
+           {render({"--server", "nowhere"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
+           {render({"--server", "a:1", "--device", "0"}), "give one of them"},
+           {{"sample", "scene.png"}, "written as .exr or .pfm"},
+           {{"sample", "scene.exr", "--size", "0x5"}, "1x1 .. 16384x16384"},
+           {{"sample", "scene.exr", "--size", "1920"}, "WIDTHxHEIGHT"},
+           {{"sample", "scene.exr", "--size", "16385x1"}, "1x1 .. 16384x16384"},
+           {{"health"}, "--server is required"},
+           {{"health", "--server", "a:1", "--timeout", "0"}, "0.001 .. 3600"}}) {
+    SCOPED_TRACE(::testing::PrintToString(arguments));
+    expect_error(candela(arguments), 2, words);
+  }
+}
+
+class Failure : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    write_small_exr(in_);
+    write_file(out_, "what was there before");
+  }
+  // However it fails, the old picture stays and nothing else appears.
+  void TearDown() override {
+    EXPECT_EQ(read_file(out_), "what was there before");
+    for (const std::string& name : folder_.list()) EXPECT_EQ(name.find(".part"), std::string::npos) << name;
+  }
+  std::string file(const std::string& name, const std::string& bytes) {
+    write_file(folder_.path(name), bytes);
+    return folder_.path(name);
+  }
+
+  const Folder folder_;
+  const std::string in_ = folder_.path("in.exr");
+  const std::string out_ = folder_.path("out.png");
+};
+
+TEST_F(Failure, InputsThatAreNoImageAreNamed) {
+  const std::string whole = read_file(in_);
+  std::string damaged = whole;
+  damaged.replace(whole.size() - 40, 40, 40, '\x55');
+  for (const auto& [path, words] : std::vector<std::pair<std::string, std::string>>{
+           {folder_.path("missing.exr"), "No such file"},
+           {folder_.path(""), "is a folder"},
+           {"/dev/zero", "not a regular file"},
+           {file("empty.exr", ""), "empty"},
+           {file("text.exr", "this is not an image at all\n"), "not an OpenEXR, Radiance or PFM file"},
+           {file("cut.exr", whole.substr(0, whole.size() / 2)), "OpenEXR"},
+           {file("magic.exr", whole.substr(0, 4)), "OpenEXR"},
+           {file("damaged.exr", damaged), "damaged"},
+           {file("cut.pfm", "PF\n10 10\n-1.0\nabc"), "cut.pfm"},
+           {file("huge.pfm", "PF\n20000 20000\n-1.0\n"), "at most 16384"}}) {
+    SCOPED_TRACE(path);
+    const Outcome outcome = candela({"render", path, out_});
+    expect_error(outcome, 1, words);
+    EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
+  }
+}
+
+TEST_F(Failure, ABadPixelUnderRejectIsNamed) {
+  std::string pfm = "PF\n2 1\n-1.0\n";
+  const float pixels[] = {1, 1, 1, 1, __builtin_nanf(""), 1};
+  pfm.append(reinterpret_cast<const char*>(pixels), sizeof pixels);
+  const std::string path = file("nan.pfm", pfm);
+  expect_error(candela({"render", path, out_, "--bad-values", "reject"}), 1, path);
+  const nlohmann::json scrubbed = candela_json({"render", path, folder_.path("other.png")});
+  EXPECT_EQ(scrubbed.at("bad_values").at("nan"), 1);
+}
+
+TEST_F(Failure, OutputsThatCannotBeWrittenAreKnownBeforeTheWork) {
+  expect_error(candela({"render", in_, folder_.path("no/folder/out.png")}), 1, "cannot write");
+  mkdir(folder_.path("a.png").c_str(), 0700);
+  expect_error(candela({"render", in_, folder_.path("a.png")}), 1, "Is a directory");
+  expect_error(candela({"render", in_, out_, "--json", folder_.path("no/frame.json")}), 1, "cannot write");
+  expect_error(candela({"sample", folder_.path("no/scene.exr")}), 1, "cannot write");
+}
+
+TEST_F(Failure, WhatStdoutCannotTakeIsAnError) {
+  expect_error(candela({"render", in_, folder_.path("other.png"), "-q", "--json", "/dev/full"}), 1,
+               "No space left");
+}
+
+TEST_F(Failure, UnknownDevicesAndTiersListWhatThereIs) {
+  expect_error(candela({"render", in_, out_, "--device", "no such device"}), 1, "there are: ");
+  expect_error(candela({"render", in_, out_, "--tier", "standrd"}), 2, "did you mean standard?");
+}
+
+TEST_F(Failure, AServerThatIsNotThereIsNamed) {
+  const std::string address = "unix:" + folder_.path("socket");
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{"render", in_, out_, "--server", address},
+                                             {"info", "--server", address},
+                                             {"health", "--server", address, "--timeout", "2"}}) {
+    expect_error(candela(arguments), 1, "cannot reach " + address);
+  }
+}
+
+TEST_F(Failure, ALineEndInANameDoesNotMakeTwoLines) {
+  expect_error(candela({"render", folder_.path("a\nb.exr"), out_}), 1, "a?b.exr");
+}
+
+TEST_F(Failure, ASignalLeavesNoHiddenFile) {
+  const std::string scene = folder_.path("scene.exr"), picture = folder_.path("picture.png");
+  ASSERT_EQ(candela({"sample", scene, "--size", "1200x900", "-q"}).code, 0);
+  const std::vector<std::string> arguments{"render", scene, picture,  "--bits",
+                                           "16",     "-q",  "--json", folder_.path("frame.json")};
+  for (const int ms : {20, 60, 100, 150, 200, 250, 300, 350, 400}) {
+    const Outcome outcome = candela_with_signal(arguments, ms % 100 == 0 ? SIGTERM : SIGINT, ms);
+    EXPECT_TRUE(outcome.code == 0 || outcome.code == 128 + SIGINT || outcome.code == 128 + SIGTERM);
+    for (const std::string& name : folder_.list()) {
+      EXPECT_EQ(name.find(".part"), std::string::npos) << name << " after " << ms << " ms";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace candela

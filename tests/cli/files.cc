@@ -1,0 +1,99 @@
+#include "tests/cli/files.h"
+
+#include <gtest/gtest.h>
+#include <half.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "client/image/image.h"
+
+namespace candela {
+namespace fs = std::filesystem;
+
+Folder::Folder() {
+  std::string root = (fs::temp_directory_path() / "candela-cli-XXXXXX").string();
+  if (mkdtemp(root.data()) == nullptr) std::abort();
+  root_ = root;
+}
+
+Folder::~Folder() {
+  std::error_code ignored;
+  fs::remove_all(root_, ignored);
+}
+
+std::vector<std::string> Folder::list() const {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(root_)) names.push_back(entry.path().filename());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+void write_file(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+}
+
+std::string read_file(const std::string& path) {
+  std::ostringstream bytes;
+  bytes << std::ifstream(path, std::ios::binary).rdbuf();
+  return bytes.str();
+}
+
+PngFacts png_facts(const std::string& path) {
+  const std::string file = read_file(path);
+  const auto word = [&file](size_t at) {
+    uint32_t value = 0;
+    for (size_t i = at; i < at + 4; ++i) value = value << 8 | static_cast<uint8_t>(file[i]);
+    return value;
+  };
+  PngFacts facts;
+  if (file.size() < 33 || file.compare(0, 8, "\x89PNG\r\n\x1a\n") != 0) return facts;
+  facts.width = word(16);
+  facts.height = word(20);
+  facts.bits = file[24];
+  facts.alpha = (file[25] & 4) != 0;
+  for (size_t at = 8; at + 12 <= file.size(); at += 12 + word(at)) {
+    // Pixels per unit: more of them across means narrower ones.
+    if (file.compare(at + 4, 4, "pHYs") == 0) facts.pixel_aspect = double(word(at + 12)) / word(at + 8);
+  }
+  return facts;
+}
+
+void write_small_exr(const std::string& path, bool alpha_and_aspect) {
+  Image image = *make_image(31, 17, ImageFormat::kRgba16f);
+  std::byte* to = image.pixels.data();
+  for (uint32_t y = 0; y < image.height; ++y) {
+    for (uint32_t x = 0; x < image.width; ++x, to += 8) {
+      const float light = x % 7 == 3 && y % 5 == 2 ? 40.0f : 0.02f * static_cast<float>(x + y);
+      const float alpha = alpha_and_aspect ? static_cast<float>(x % 3) / 2 : 1.0f;
+      const half pixel[] = {half(light), half(0.7f * light), half(0.2f), half(alpha)};
+      std::memcpy(to, pixel, sizeof pixel);
+    }
+  }
+  image.has_alpha = alpha_and_aspect;
+  if (alpha_and_aspect) image.pixel_aspect = 2;
+  const auto notes = write_image(path, image);
+  ASSERT_TRUE(notes.ok()) << notes.status();
+}
+
+std::string data_folder() {
+  const char* named = std::getenv("CANDELA_DATA");
+  const std::string folder = named != nullptr ? named : CANDELA_DATA_DEFAULT;
+  return fs::is_directory(folder) ? folder : "";
+}
+
+std::vector<std::string> data_files(const std::string& folder) {
+  std::vector<std::string> paths;
+  for (const auto& entry : fs::recursive_directory_iterator(data_folder() + "/" + folder)) {
+    const std::string extension = entry.path().extension();
+    if (extension == ".exr" || extension == ".hdr") paths.push_back(entry.path());
+  }
+  std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+}  // namespace candela

@@ -1,0 +1,111 @@
+// What the command says about its work: JSON, text, notes and information.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/cli/command.h"
+#include "tests/cli/files.h"
+
+namespace candela {
+namespace {
+
+using nlohmann::json;
+
+class Report : public ::testing::Test {
+ protected:
+  void SetUp() override { write_small_exr(in_); }
+
+  const Folder folder_;
+  const std::string in_ = folder_.path("in.exr");
+  const std::string out_ = folder_.path("out.png");
+};
+
+TEST_F(Report, JsonIsOneLineWithEveryKey) {
+  const Outcome outcome = candela({"render", in_, out_, "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.out.find('\n'), outcome.out.size() - 1);
+  const json frame = json::parse(outcome.out);
+  EXPECT_EQ(frame.at("input"), in_);
+  EXPECT_EQ(frame.at("output"), out_);
+  EXPECT_EQ(frame.at("size").at("width"), 31);
+  EXPECT_EQ(frame.at("size").at("height"), 17);
+  EXPECT_TRUE(frame.at("device").is_string());
+  EXPECT_EQ(frame.at("tier"), "standard");
+  EXPECT_EQ(frame.at("bad_values"), json({{"nan", 0}, {"inf", 0}, {"negative", 0}}));
+  EXPECT_GE(frame.at("plan").size(), 2u);
+  EXPECT_TRUE(frame.at("notes").empty());
+  const double exposure = frame.at("exposure"), target = frame.at("target");
+  const double mean = frame.at("mean_log2_luminance");
+  EXPECT_EQ(exposure, target);
+  EXPECT_NEAR(target, 0.18 / std::exp2(mean), 1e-12 * target);
+  EXPECT_LT(frame.at("min_luminance").get<double>(), std::exp2(mean));
+  EXPECT_GT(frame.at("max_luminance").get<double>(), 20);
+  for (const char* stage : {"start", "read", "queue", "ingest", "resolve", "other", "write"}) {
+    EXPECT_GE(frame.at("stage_ms").at(stage).get<double>(), 0) << stage;
+  }
+  EXPECT_GT(frame.at("total_ms").get<double>(), frame.at("stage_ms").at("write").get<double>());
+}
+
+TEST_F(Report, ManualExposureIsTwoToTheEv) {
+  EXPECT_EQ(candela_json({"render", in_, out_, "--exposure", "-3"}).at("exposure"), 0.125);
+  EXPECT_EQ(candela_json({"render", in_, out_, "--exposure=40"}).at("exposure"), 0x1p40);
+}
+
+TEST_F(Report, JsonGoesToAFileOrADeviceAndTheTextToStdout) {
+  const std::string path = folder_.path("frame.json");
+  write_file(path, "old");
+  const Outcome outcome = candela({"render", in_, out_, "--json", path});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("exposure"), std::string::npos);
+  EXPECT_EQ(json::parse(read_file(path)).at("output"), out_);
+  EXPECT_EQ(candela({"render", in_, out_, "--json", "/dev/null"}).code, 0);
+  EXPECT_EQ(folder_.list(), (std::vector<std::string>{"frame.json", "in.exr", "out.png"}));
+}
+
+TEST_F(Report, QuietSaysNothing) {
+  const Outcome outcome = candela({"render", in_, out_, "--quiet", "--transfer", "srgb"});
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_EQ(outcome.out + outcome.err, "");
+}
+
+TEST_F(Report, NotesGoToStderrAndIntoTheJson) {
+  write_small_exr(in_, true);
+  const Outcome outcome = candela({"render", in_, folder_.path("out.jpg"), "--json", "-"});
+  ASSERT_EQ(outcome.code, 0);
+  EXPECT_EQ(outcome.err.find("note: alpha dropped"), 0u) << outcome.err;
+  EXPECT_GE(json::parse(outcome.out).at("notes").size(), 1u);
+  const Outcome transfer = candela({"render", in_, folder_.path("out.exr"), "--transfer", "gamma22"});
+  EXPECT_NE(transfer.err.find("note: --transfer changes nothing"), std::string::npos) << transfer.err;
+}
+
+TEST_F(Report, APathThatIsNotUtf8StillMakesJson) {
+  const std::string odd = folder_.path("\xff.png");
+  EXPECT_TRUE(candela_json({"render", in_, odd}).is_object());
+}
+
+TEST_F(Report, InfoSaysWhatTheServerIs) {
+  const Outcome text = candela({"info"});
+  ASSERT_EQ(text.code, 0) << text.err;
+  const json info = candela_json({"info"});
+  for (const char* key : {"address", "version", "device", "formats", "output_formats", "curves", "transfers",
+                          "tiers", "limits", "pool", "uptime_seconds", "frames_rendered"}) {
+    EXPECT_TRUE(info.contains(key)) << key;
+  }
+  EXPECT_NE(text.out.find(info.at("device").at("name").get<std::string>()), std::string::npos);
+  EXPECT_EQ(candela_json({"render", in_, out_}).at("device"), info.at("device").at("name"));
+}
+
+TEST_F(Report, HelpAndVersion) {
+  EXPECT_EQ(candela({"--version"}).out.find("candela "), 0u);
+  EXPECT_EQ(candela({}).out, candela({"--help"}).out);
+  EXPECT_NE(candela({}).out.find("candela sample scene.exr"), std::string::npos);
+  const std::string help = candela({"render", "--help"}).out;
+  for (const char* words :
+       {"Exposure:", "Bloom:", "Tone:", "Output:", "Server:", "-40 .. 40", "0 .. 65504 (default 1)",
+        "linear, reinhard, aces-narkowicz, aces-hill", "1 .. 16 (default 5)", "2^-40 .. 2^40 (default 64)"}) {
+    EXPECT_NE(help.find(words), std::string::npos) << words;
+  }
+}
+
+}  // namespace
+}  // namespace candela

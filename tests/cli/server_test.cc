@@ -1,0 +1,76 @@
+// The command with a running candelad.
+#include <gtest/gtest.h>
+
+#include "tests/cli/command.h"
+#include "tests/cli/files.h"
+
+namespace candela {
+namespace {
+
+class WithServer : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    write_small_exr(in_);
+    out_ = folder_.path("out.png");
+  }
+  Folder folder_;
+  const std::string in_ = folder_.path("in.exr");
+  std::string out_;
+};
+
+TEST_F(WithServer, ItGivesTheBytesThatTheEmbeddedOneGives) {
+  const Daemon daemon;
+  ASSERT_NE(daemon.address(), "");
+  const std::string scene = folder_.path("scene.exr");
+  ASSERT_EQ(candela({"sample", scene, "--size", "641x359", "-q"}).code, 0);
+  for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+           {}, {"--bits", "16", "--curve", "reinhard"}, {"--exposure", "-3", "--bloom-intensity", "0.5"}}) {
+    std::vector<std::string> here{"render", scene, folder_.path("here.png")};
+    here.insert(here.end(), options.begin(), options.end());
+    std::vector<std::string> there = here;
+    there[2] = out_;
+    there.insert(there.end(), {"--server", daemon.address()});
+    ASSERT_EQ(candela(here).code, 0);
+    const Outcome outcome = candela(there);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_TRUE(read_file(folder_.path("here.png")) == read_file(out_));
+  }
+}
+
+TEST_F(WithServer, HealthAndInfoAnswer) {
+  Daemon daemon({"--listen", "unix:" + folder_.path("socket")});
+  ASSERT_EQ(daemon.address(), "unix:" + folder_.path("socket"));
+  const Outcome health = candela({"health", "--server", daemon.address()});
+  EXPECT_EQ(health.code, 0) << health.err;
+  EXPECT_EQ(health.out, "SERVING\n");
+  ASSERT_EQ(candela({"render", in_, out_, "--server", daemon.address()}).code, 0);
+  const nlohmann::json info = candela_json({"info", "--server", daemon.address()});
+  EXPECT_EQ(info.at("address"), daemon.address());
+  EXPECT_EQ(info.at("frames_rendered"), 1);
+  EXPECT_GT(info.at("pool").at("misses"), 0);
+  daemon.stop();
+  EXPECT_EQ(candela({"health", "--server", "unix:" + folder_.path("socket")}).code, 1);
+}
+
+TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
+  const Daemon daemon({"--max-dimension", "30"});
+  const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address()});
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("at most 30"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find(in_), std::string::npos) << outcome.err;
+  const Daemon small({"--max-frame-bytes", "1024"});
+  const Outcome bytes = candela({"render", in_, out_, "--server", small.address()});
+  EXPECT_EQ(bytes.code, 1);
+  EXPECT_NE(bytes.err.find(in_), std::string::npos) << bytes.err;
+  EXPECT_EQ(png_facts(out_).width, 0u);
+}
+
+TEST_F(WithServer, AnUnknownTierIsAWrongUseThatListsItsTiers) {
+  const Daemon daemon;
+  const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address(), "--tier", "standart"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_NE(outcome.err.find("did you mean standard?"), std::string::npos) << outcome.err;
+}
+
+}  // namespace
+}  // namespace candela
