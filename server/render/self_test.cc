@@ -1,4 +1,72 @@
 #include "server/render/self_test.h"
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "server/render/verify.h"
+
 namespace candela {
-absl::Status self_test(Renderer&) { return absl::OkStatus(); }
+
+namespace {
+
+// Odd on both sides, three tiles, with dark, bright and negative texels, and one that is not a number.
+constexpr FrameDesc kDesc = {131, 37, PixelFormat::kRgba32f};
+constexpr double kMaxCodes = 0.5;
+constexpr double kMaxEv = 2e-5;
+
+std::vector<std::byte> test_frame() {
+  std::vector<std::array<float, 4>> texels(size_t{kDesc.width} * kDesc.height);
+  for (uint32_t y = 0; y < kDesc.height; ++y) {
+    for (uint32_t x = 0; x < kDesc.width; ++x) {
+      const float light = std::exp2(static_cast<float>(x) / 8.0f - 10.0f);
+      const float tint = static_cast<float>(y) / static_cast<float>(kDesc.height);
+      texels[size_t{y} * kDesc.width + x] = {light, light * tint, light * (1 - tint) - 0.001f, tint};
+    }
+  }
+  texels[texels.size() / 2] = {NAN, 60000.0f, 1.0f, 1.0f};
+  std::vector<std::byte> wire(kDesc.bytes());
+  std::memcpy(wire.data(), texels.data(), wire.size());
+  return wire;
+}
+
+}  // namespace
+
+absl::Status hold_to_reference(const FrameMemory& memory, const FrameReport& report, const Settings& settings,
+                               std::span<const std::byte> wire) {
+  const ReferenceFrame reference = render_reference(memory.desc(), wire, settings, report.exposure);
+  const double ev = std::abs(report.stats.mean_log2_luminance - reference.meter.mean_log2_luminance);
+  const Difference difference = compare(memory, settings, reference);
+  const bool counts = report.stats.nan_components == reference.bad.nan &&
+                      report.stats.infinite_components == reference.bad.infinite &&
+                      report.stats.negative_components == reference.bad.negative;
+  if (ev <= kMaxEv && difference.max_codes <= kMaxCodes && counts) return absl::OkStatus();
+  return absl::InternalError(
+      absl::StrFormat("the frame is %g codes off the reference (at most %g is right), worst at x %d, y %d, "
+                      "its metering %g EV (at most "
+                      "%g), its counts of NaN, infinite and negative components are %s",
+                      difference.max_codes, kMaxCodes, difference.worst_x, difference.worst_y, ev, kMaxEv,
+                      counts ? "right" : "wrong"));
+}
+
+absl::Status self_test(Renderer& renderer) {
+  const std::vector<std::byte> wire = test_frame();
+  Settings settings;
+  settings.output_format = OutputFormat::kRgba16;
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(kDesc, settings);
+  if (!memory.ok()) return memory.status();
+  for (uint32_t y = 0; y < kDesc.height; ++y) {
+    std::memcpy(memory->input_row(y).data(), wire.data() + y * kDesc.row_bytes(), kDesc.row_bytes());
+  }
+  const absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
+  if (!report.ok()) return report.status();
+  const absl::Status held = hold_to_reference(*memory, *report, settings, wire);
+  if (held.ok()) return held;
+  return absl::InternalError(
+      absl::StrFormat("self-test: %s: this device or its driver computes wrongly; choose another --device",
+                      std::string(held.message())));
+}
+
 }  // namespace candela

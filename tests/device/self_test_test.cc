@@ -1,0 +1,47 @@
+// The self-test renders, passes on a device that is right, and would not pass a wrong image.
+#include "server/render/self_test.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+using SelfTest = DeviceTest;
+
+TEST_F(SelfTest, RendersAFrameAndPasses) {
+  const PoolCounters before = pool().counters();
+  EXPECT_TRUE(self_test(renderer()).ok()) << self_test(renderer());
+  const PoolCounters after = pool().counters();
+  EXPECT_GT(after.hits + after.misses, before.hits + before.misses);
+}
+
+TEST_F(SelfTest, SeesOneWrongPixel) {
+  WireFrame frame = natural(67, 35);
+  auto rendered = render(frame, {});
+  ASSERT_TRUE(rendered.ok()) << rendered.status();
+  EXPECT_TRUE(hold_to_reference(rendered->memory, rendered->report, {}, frame.pixels).ok());
+  // The device made something else of this texel than the reference will.
+  const size_t at = (20 * 67 + 5) * 8;
+  frame.pixels[at + 1] ^= std::byte{0x08};
+  const absl::Status status = hold_to_reference(rendered->memory, rendered->report, {}, frame.pixels);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
+}
+
+TEST_F(SelfTest, SeesWrongStatistics) {
+  const WireFrame frame = natural(67, 35);
+  auto rendered = render(frame, {});
+  ASSERT_TRUE(rendered.ok()) << rendered.status();
+  FrameReport metered_wrong = rendered->report;
+  metered_wrong.stats.mean_log2_luminance += 1e-4;
+  EXPECT_FALSE(hold_to_reference(rendered->memory, metered_wrong, {}, frame.pixels).ok());
+  FrameReport counted_wrong = rendered->report;
+  ++counted_wrong.stats.negative_components;
+  EXPECT_FALSE(hold_to_reference(rendered->memory, counted_wrong, {}, frame.pixels).ok());
+}
+
+}  // namespace
+}  // namespace candela::testing
