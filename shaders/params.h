@@ -21,6 +21,10 @@ CANDELA_CONST(uint) CURVE_LINEAR = 1u;
 CANDELA_CONST(uint) CURVE_REINHARD = 2u;
 CANDELA_CONST(uint) CURVE_ACES_NARKOWICZ = 3u;
 CANDELA_CONST(uint) CURVE_ACES_HILL = 4u;
+CANDELA_CONST(uint) CURVE_REINHARD_EXTENDED = 5u;
+CANDELA_CONST(uint) CURVE_HABLE = 6u;
+CANDELA_CONST(uint) CURVE_AGX = 7u;
+CANDELA_CONST(uint) CURVE_PBR_NEUTRAL = 8u;
 CANDELA_CONST(uint) TRANSFER_SRGB = 1u;
 CANDELA_CONST(uint) TRANSFER_GAMMA22 = 2u;
 CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
@@ -81,6 +85,7 @@ struct ResolveParams {
   uint output_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
   float exposure;     // E * prescale
   float bloom_scale;  // intensity / number of levels
+  float curve_white;  // of reinhard-extended
 };
 
 // What one tile of the frame adds up to. All-zero is empty: minima are kept as the maximum of the complement.

@@ -63,6 +63,7 @@ struct ResolveParams {
   double exposure = 1.0;         // E * prescale
   double bloom_intensity = 0.0;  // 0: no bloom
   uint curve = shader::CURVE_ACES_HILL;
+  double curve_white = 4.0;  // of reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
   bool encode = true;  // false: display-linear light, as RGBA16F output has it
 };
@@ -87,8 +88,8 @@ Level bloom(const Scene& scene, const BloomParams& params, uint32_t* level_count
 std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloom, uint32_t level_count,
                                            const ResolveParams& params);
 
-// One channel of the curve for a grey: the display-linear value of curve(x, x, x).
-Rgb tone_curve(uint curve, const Rgb& x);
+// Exposed scene light to display-linear light in [0, 1]. `white`: of reinhard-extended.
+Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);
 double transfer(uint transfer, double y);
 
 }  // namespace candela::reference

@@ -4,9 +4,6 @@
 // Method: pipeline.md sections 4.1 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
 // quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
 // that the next pair shares stay in registers, filtered along x.
-// Sources of the curves: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002;
-// K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016; S. Hill's fit of the ACES RRT and ODT, published in
-// M. Pettineo's BakingLab. sRGB: IEC 61966-2-1.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -23,76 +20,13 @@ layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "input.glsl"
-
-// The fitted curve of the ACES RRT and ODT, in the fit's own primaries.
-vec3 rrt_and_odt(vec3 v) {
-  return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
-}
-
-vec3 curve(vec3 x) {
-  vec3 y;
-  if (CURVE == CURVE_REINHARD) {
-    y = x / (1.0 + x);
-  } else if (CURVE == CURVE_ACES_NARKOWICZ) {
-    y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
-  } else if (CURVE == CURVE_ACES_HILL) {
-    vec3 v = rrt_and_odt(vec3(0.59719 * x.r + 0.35458 * x.g + 0.04823 * x.b,
-                              0.07600 * x.r + 0.90834 * x.g + 0.01566 * x.b,
-                              0.02840 * x.r + 0.13383 * x.g + 0.83777 * x.b));
-    y = vec3(1.60475 * v.r - 0.53108 * v.g - 0.07367 * v.b, -0.10208 * v.r + 1.10813 * v.g - 0.00605 * v.b,
-             -0.00327 * v.r - 0.07276 * v.g + 1.07602 * v.b);
-  } else {
-    y = x;
-  }
-  return clamp(y, 0.0, 1.0);
-}
-
-// The exact curve's power x^(1/2.4) as a polynomial in x^(1/4): at most 0.0001 codes from the truth.
-vec3 srgb(vec3 x) {
-  vec3 s = sqrt(sqrt(x));
-  vec3 high = s * -0.0763354301 + 0.395272791;
-  high = high * s - 0.899455428;
-  high = high * s + 1.21019661;
-  high = high * s - 1.15650499;
-  high = high * s + 1.46173096;
-  high = high * s + 0.123538949;
-  high = high * s - 0.0584438555;
-  return mix(high, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
-}
-
-// x^(1/2.2) by minimax polynomials for log2 and exp2: drivers' pow may be less exact than an 8-bit code needs.
-float gamma22(float x) {
-  if (x < 1e-30) return 0.0;
-  uint bits = floatBitsToUint(x);
-  float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
-  float q = -0.0780621469 + 0.015125365 * t;
-  q = q * t + 0.192089558;
-  q = q * t - 0.324253947;
-  q = q * t + 0.472897917;
-  q = q * t - 0.720453024;
-  q = q * t + 1.44265628;
-  q = q * t + 2.77289104e-07;
-  float e = (float(int(bits >> 23) - 127) + q) / 2.2;
-  float whole = floor(e);
-  float f = e - whole;
-  float r = 0.00894282945 + 0.00189646112 * f;
-  r = r * f + 0.0558662452;
-  r = r * f + 0.240139708;
-  r = r * f + 0.693154752;
-  r = r * f + 0.999999881;
-  return r * uintBitsToFloat(uint(int(whole) + 127) << 23);
-}
-
-vec3 encode(vec3 y) {
-  if (TRANSFER == TRANSFER_SRGB) return srgb(y);
-  if (TRANSFER == TRANSFER_GAMMA22) return vec3(gamma22(y.r), gamma22(y.g), gamma22(y.b));
-  return y;
-}
+#include "transfer.glsl"
+#include "curves.glsl"
 
 vec4 image_texel(vec4 wire, vec3 light) {
   vec4 scene = ingest(p.frame, wire);
   vec3 x = BLOOM ? scene.rgb + p.bloom_scale * light : scene.rgb;
-  vec3 y = curve(min(max(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE));
+  vec3 y = curve(min(max(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE), p.curve_white);
   return vec4(OUTPUT == OUTPUT_RGBA16F ? y : encode(y), scene.a);
 }
 

@@ -27,16 +27,94 @@ Rgb aces_hill(const Rgb& x) {
   return multiply(kOutput, v);
 }
 
+double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
+
+// Hable's published curve with its published letters.
+double hable(double x) {
+  constexpr double kA = 0.15;
+  constexpr double kB = 0.50;
+  constexpr double kC = 0.10;
+  constexpr double kD = 0.20;
+  constexpr double kE = 0.02;
+  constexpr double kF = 0.30;
+  const auto base = [&](double v) {
+    return (v * (kA * v + kC * kB) + kD * kE) / (v * (kA * v + kB) + kD * kF) - kE / kF;
+  };
+  return base(2.0 * x) / base(11.2);
+}
+
+// Sobotka's base curve: a hyperbolic toe and shoulder that leave (x, y) with `slope` and meet (0, 0) and (1,
+// 1).
+double agx_base(double v) {
+  constexpr double kX = 10.0 / 16.5;
+  constexpr double kY = 0.5;
+  constexpr double kSlope = 2.0;
+  const auto scale = [](double x, double y, double p) {
+    return std::pow(std::pow(kSlope * x, -p) * (std::pow(kSlope * x / y, p) - 1.0), -1.0 / p);
+  };
+  const bool toe = v < kX;
+  const double p = toe ? 3.0 : 3.25;
+  const double s = toe ? -scale(kX, kY, p) : scale(1.0 - kX, 1.0 - kY, p);
+  const double term = kSlope * (v - kX) / s;
+  return s * term / std::pow(1.0 + std::pow(term, p), 1.0 / p) + kY;
+}
+
+Rgb agx(const Rgb& x) {
+  static constexpr double kInset[3][3] = {{0.842479062253094, 0.0784335999999992, 0.0792237451477643},
+                                          {0.0423282422610123, 0.878468636469772, 0.0791661274605434},
+                                          {0.0423756549057051, 0.0784336, 0.879142973793104}};
+  Rgb y = multiply(kInset, x);
+  for (double& c : y) {
+    const double stops = std::log2(std::max(c, 1e-10));
+    c = std::clamp((stops + 12.47393) / (4.026069 + 12.47393), 0.0, 1.0);
+    c = std::pow(std::max(agx_base(c), 0.0), 2.2);
+  }
+  return y;
+}
+
+Rgb pbr_neutral(Rgb c) {
+  constexpr double kStart = 0.8 - 0.04;
+  constexpr double kDesaturation = 0.15;
+  const double least = std::min({c[0], c[1], c[2]});
+  const double offset = least < 0.08 ? least - 6.25 * least * least : 0.04;
+  for (double& v : c) v -= offset;
+  const double peak = std::max({c[0], c[1], c[2]});
+  if (peak < kStart) return c;
+  const double d = 1.0 - kStart;
+  const double new_peak = 1.0 - d * d / (peak + d - kStart);
+  const double g = 1.0 - 1.0 / (kDesaturation * (peak - new_peak) + 1.0);
+  for (double& v : c) v = (1.0 - g) * v * new_peak / peak + g * new_peak;
+  return c;
+}
+
 }  // namespace
 
-Rgb tone_curve(uint curve, const Rgb& x) {
+Rgb tone_curve(uint curve, const Rgb& x, double white) {
   Rgb y = x;
-  if (curve == shader::CURVE_REINHARD) {
-    for (double& c : y) c = c / (1.0 + c);
-  } else if (curve == shader::CURVE_ACES_NARKOWICZ) {
-    for (double& c : y) c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
-  } else if (curve == shader::CURVE_ACES_HILL) {
-    y = aces_hill(x);
+  switch (curve) {
+    case shader::CURVE_REINHARD:
+      for (double& c : y) c = c / (1.0 + c);
+      break;
+    case shader::CURVE_REINHARD_EXTENDED:
+      for (double& c : y) c *= (1.0 + luminance(x) / (white * white)) / (1.0 + luminance(x));
+      break;
+    case shader::CURVE_ACES_NARKOWICZ:
+      for (double& c : y) c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
+      break;
+    case shader::CURVE_ACES_HILL:
+      y = aces_hill(x);
+      break;
+    case shader::CURVE_HABLE:
+      for (double& c : y) c = hable(c);
+      break;
+    case shader::CURVE_AGX:
+      y = agx(x);
+      break;
+    case shader::CURVE_PBR_NEUTRAL:
+      y = pbr_neutral(x);
+      break;
+    default:
+      break;
   }
   for (double& c : y) c = std::clamp(c, 0.0, 1.0);
   return y;
@@ -62,7 +140,7 @@ std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloo
         for (int n = 0; n < 3; ++n) c[n] += params.bloom_intensity * b[n] / level_count;
       }
       for (double& v : c) v = params.exposure * std::max(v, 0.0);
-      c = tone_curve(params.curve, c);
+      c = tone_curve(params.curve, c, params.curve_white);
       for (int n = 0; n < 3; ++n) image[at][n] = params.encode ? transfer(params.transfer, c[n]) : c[n];
       image[at][3] = s[3];
     }

@@ -81,6 +81,9 @@ void add_bloom_options(CLI::App& app, v1::Bloom& bloom) {
 void add_tone_options(CLI::App& app, v1::Settings& settings) {
   add_enum<v1::ToneCurve>(app, kTone, "--curve", "curve", kDefaultCurve, "Tone curve",
                           [&settings](v1::ToneCurve curve) { settings.set_curve(curve); });
+  add_number(app, kTone, "--curve-white", "L", v1::kCurveWhite, v1::kDefaultCurveWhite,
+             "Exposed luminance that reinhard-extended maps to white",
+             [&settings](double white) { settings.set_curve_white(static_cast<float>(white)); });
   add_number(app, kTone, "--prescale", "X", v1::kPrescale, v1::kDefaultPrescale,
              "Factor between exposure and curve", [&settings](double x) { settings.set_prescale(x); });
   add_enum<v1::Transfer>(app, kTone, "--transfer", "transfer", kDefaultTransfer,

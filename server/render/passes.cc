@@ -87,6 +87,7 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
   params.output_pitch = parts.pitch;
   // 2^46 is beyond where any curve still rises for a half's smallest step; it keeps the arithmetic finite.
   params.exposure = static_cast<float>(std::min(context.exposure, 0x1p46));
+  params.curve_white = context.settings.curve_white;
   // A binding that the shader does not use still has to hold something.
   VkBufferView bloom = parts.input.buffer().view();
   if (context.bloom) {

@@ -33,6 +33,14 @@ const char* name(ToneCurve curve) {
       return "aces-narkowicz";
     case ToneCurve::kAcesHill:
       return "aces-hill";
+    case ToneCurve::kReinhardExtended:
+      return "reinhard-extended";
+    case ToneCurve::kHable:
+      return "hable";
+    case ToneCurve::kAgx:
+      return "agx";
+    case ToneCurve::kPbrNeutral:
+      return "pbr-neutral";
   }
   return "unknown";
 }
@@ -63,6 +71,7 @@ absl::Status check_settings(const Settings& settings) {
            in_range("bloom.softness", bloom.softness, v1::kBloomSoftness),
            in_range("bloom.levels", bloom.levels, v1::kBloomLevels),
            in_range("prescale", settings.prescale, v1::kPrescale),
+           in_range("curve_white", settings.curve_white, v1::kCurveWhite),
        }) {
     if (!status.ok()) return status;
   }

@@ -14,7 +14,16 @@ namespace candela {
 
 // Values are those of the enums of the same name in candela.v1.
 enum class ExposureMode : uint32_t { kAuto = 1, kManual = 2 };
-enum class ToneCurve : uint32_t { kLinear = 1, kReinhard = 2, kAcesNarkowicz = 3, kAcesHill = 4 };
+enum class ToneCurve : uint32_t {
+  kLinear = 1,
+  kReinhard = 2,
+  kAcesNarkowicz = 3,
+  kAcesHill = 4,
+  kReinhardExtended = 5,
+  kHable = 6,
+  kAgx = 7,
+  kPbrNeutral = 8
+};
 enum class Transfer : uint32_t { kSrgb = 1, kGamma22 = 2, kLinear = 3 };
 enum class BadValues : uint32_t { kScrub = 1, kReject = 2 };
 
@@ -47,6 +56,7 @@ struct Settings {
   ExposureSettings exposure;
   BloomSettings bloom;
   ToneCurve curve = ToneCurve::kAcesHill;
+  float curve_white = v1::kDefaultCurveWhite;  // exposed luminance that reinhard-extended maps to 1
   double prescale = v1::kDefaultPrescale;
   Transfer transfer = Transfer::kSrgb;
   OutputFormat output_format = OutputFormat::kRgba8;

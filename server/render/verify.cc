@@ -44,11 +44,14 @@ ReferenceFrame render_reference(const FrameDesc& desc, std::span<const std::byte
                               settings.bloom.firefly_weights},
                              &levels);
   }
-  frame.image =
-      reference::resolve(scene, bloom, levels,
-                         {std::min(exposure * settings.prescale, 0x1p46), settings.bloom.intensity,
-                          static_cast<uint32_t>(settings.curve), static_cast<uint32_t>(settings.transfer),
-                          settings.output_format != OutputFormat::kRgba16f});
+  reference::ResolveParams params;
+  params.exposure = std::min(exposure * settings.prescale, 0x1p46);
+  params.bloom_intensity = settings.bloom.intensity;
+  params.curve = static_cast<uint32_t>(settings.curve);
+  params.curve_white = settings.curve_white;
+  params.transfer = static_cast<uint32_t>(settings.transfer);
+  params.encode = settings.output_format != OutputFormat::kRgba16f;
+  frame.image = reference::resolve(scene, bloom, levels, params);
   return frame;
 }
 

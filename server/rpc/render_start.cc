@@ -86,6 +86,7 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   if (bloom.has_levels()) settings.bloom.levels = bloom.levels();
   if (bloom.has_firefly_weights()) settings.bloom.firefly_weights = bloom.firefly_weights();
 
+  if (message.has_curve_white()) settings.curve_white = message.curve_white();
   if (message.has_prescale()) settings.prescale = message.prescale();
   if (!message.tier().empty()) settings.tier = message.tier();
   if (message.has_input_chromaticities()) {

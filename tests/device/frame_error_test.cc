@@ -35,8 +35,7 @@ TEST_F(FrameError, IsWithinItsBoundAt4K) {
 TEST_F(FrameError, IsWithinItsBoundForEveryFormatCurveAndTransfer) {
   print_header("format, curve, transfer at 333x129");
   for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
-    for (ToneCurve curve :
-         {ToneCurve::kLinear, ToneCurve::kReinhard, ToneCurve::kAcesNarkowicz, ToneCurve::kAcesHill}) {
+    for (ToneCurve curve : kCurves) {
       for (Transfer transfer : {Transfer::kSrgb, Transfer::kGamma22, Transfer::kLinear}) {
         Settings settings;
         settings.curve = curve;

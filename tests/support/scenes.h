@@ -7,9 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "server/render/frame.h"
+#include "server/render/settings.h"
 
 namespace candela::testing {
+
+inline constexpr ToneCurve kCurves[] = {
+    ToneCurve::kLinear,           ToneCurve::kReinhard, ToneCurve::kAcesNarkowicz, ToneCurve::kAcesHill,
+    ToneCurve::kReinhardExtended, ToneCurve::kHable,    ToneCurve::kAgx,           ToneCurve::kPbrNeutral};
 
 using Texel = std::array<float, 4>;
 // The texel at (x, y).

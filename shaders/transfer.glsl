@@ -1,0 +1,50 @@
+// Display-linear light to display values (docs/pipeline.md section 5), and powers exact enough for it: drivers' pow
+// may be less exact than an 8-bit code needs. sRGB: IEC 61966-2-1. The including shader declares TRANSFER.
+
+// log2 of a normal x, by a minimax polynomial on the mantissa: 3e-7 from the truth.
+float exact_log2(float x) {
+  uint bits = floatBitsToUint(x);
+  float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
+  float q = -0.0780621469 + 0.015125365 * t;
+  q = q * t + 0.192089558;
+  q = q * t - 0.324253947;
+  q = q * t + 0.472897917;
+  q = q * t - 0.720453024;
+  q = q * t + 1.44265628;
+  q = q * t + 2.77289104e-07;
+  return float(int(bits >> 23) - 127) + q;
+}
+
+// 2^e for -126 <= e < 128: 1e-7 relative.
+float exact_exp2(float e) {
+  float whole = floor(e);
+  float f = e - whole;
+  float r = 0.00894282945 + 0.00189646112 * f;
+  r = r * f + 0.0558662452;
+  r = r * f + 0.240139708;
+  r = r * f + 0.693154752;
+  r = r * f + 0.999999881;
+  return r * uintBitsToFloat(uint(int(whole) + 127) << 23);
+}
+
+// x^e for x >= 0 and 0 < e; 0 below 1e-30.
+float power(float x, float e) { return x < 1e-30 ? 0.0 : exact_exp2(exact_log2(x) * e); }
+
+// The exact curve's power x^(1/2.4) as a polynomial in x^(1/4): at most 0.0001 codes from the truth.
+vec3 srgb(vec3 x) {
+  vec3 s = sqrt(sqrt(x));
+  vec3 high = s * -0.0763354301 + 0.395272791;
+  high = high * s - 0.899455428;
+  high = high * s + 1.21019661;
+  high = high * s - 1.15650499;
+  high = high * s + 1.46173096;
+  high = high * s + 0.123538949;
+  high = high * s - 0.0584438555;
+  return mix(high, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
+}
+
+vec3 encode(vec3 y) {
+  if (TRANSFER == TRANSFER_SRGB) return srgb(y);
+  if (TRANSFER == TRANSFER_GAMMA22) return vec3(power(y.r, 1.0 / 2.2), power(y.g, 1.0 / 2.2), power(y.b, 1.0 / 2.2));
+  return y;
+}
