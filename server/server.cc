@@ -96,7 +96,6 @@ struct Server::Parts {
 
   const Config config;
   std::shared_ptr<Engine> engine;
-  std::string device_name;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<Backend> backend;
   std::unique_ptr<RenderService> service;
@@ -153,7 +152,6 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   auto parts = std::make_unique<Parts>(config);
   parts->engine = *std::move(engine);
   const DeviceSummary& device = parts->engine->device->summary();
-  parts->device_name = device.name;
   const std::shared_ptr<Renderer> renderer(parts->engine, parts->engine->renderer.get());
   parts->loop = std::make_unique<RenderLoop>(
       [renderer](FrameMemory& memory, const Settings& settings) {
@@ -181,7 +179,9 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() { return parts_->grp
 
 const std::vector<std::string>& Server::addresses() const { return parts_->addresses; }
 
-const std::string& Server::device_name() const { return parts_->device_name; }
+const std::string& Server::device_name() const { return parts_->engine->device->summary().name; }
+
+uint64_t Server::validation_messages() const { return parts_->engine->device->validation_messages(); }
 
 void Server::drain_and_stop() {
   if (parts_->grpc == nullptr) return;

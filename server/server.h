@@ -32,6 +32,9 @@ class Server {
   // The device's own name.
   const std::string& device_name() const;
 
+  // Warnings and errors that Vulkan's validation layers have reported, where the config turned them on.
+  uint64_t validation_messages() const;
+
   // Health says NOT_SERVING and new calls get UNAVAILABLE; frames in flight have config.drain_timeout to
   // finish, then their calls are cancelled. Returns when nothing runs any more. Once.
   void drain_and_stop();

@@ -60,7 +60,7 @@ TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
   EXPECT_FALSE(info->device().type().empty());
   EXPECT_EQ(info->formats_size(), 3);
   EXPECT_EQ(info->output_formats_size(), 3);
-  EXPECT_EQ(info->curves_size(), 4);
+  EXPECT_EQ(info->curves_size(), v1::ToneCurve_ARRAYSIZE - 1);
   EXPECT_EQ(info->transfers_size(), 3);
   EXPECT_EQ(info->limits().max_frame_bytes(), uint64_t{64} << 20);
   EXPECT_EQ(info->limits().max_dimension(), v1::kMaxDimension);

@@ -2,24 +2,11 @@
 
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
-#include <vulkan/vulkan.h>
 
 #include "absl/time/clock.h"
+#include "tests/support/driver.h"
 
 namespace candela::testing {
-
-namespace {
-
-// The software driver leaks a little when it is unloaded, which it is with the last instance: one stays.
-void keep_driver_loaded() {
-  static VkInstance instance = VK_NULL_HANDLE;
-  if (instance != VK_NULL_HANDLE) return;
-  VkInstanceCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
-  EXPECT_EQ(vkCreateInstance(&info, nullptr, &instance), VK_SUCCESS);
-}
-
-}  // namespace
 
 std::unique_ptr<Server> ServiceTest::server_;
 
@@ -82,6 +69,7 @@ void ServiceTest::TearDownTestSuite() { server_.reset(); }
 
 void ServiceTest::TearDown() {
   EXPECT_TRUE(wait_until_idle(connection())) << "a frame's memory was not given back";
+  EXPECT_EQ(server().validation_messages(), 0u) << "the validation layers had something to say";
 }
 
 std::shared_ptr<grpc::Channel> ServiceTest::channel() {

@@ -2,6 +2,8 @@
 
 #include <cstring>
 
+#include "tests/support/driver.h"
+
 namespace candela::testing {
 
 namespace {
@@ -28,6 +30,7 @@ constexpr bool kValidation = false;
 
 void DeviceTest::SetUpTestSuite() {
   if (shared().renderer) return;
+  keep_driver_loaded();
   auto device = Device::create({.selector = "", .validation = kValidation});
   ASSERT_TRUE(device.ok()) << device.status();
   shared().device = *std::move(device);
@@ -48,14 +51,28 @@ TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
 
 absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const Settings& settings) {
+  return render_on(renderer(), frame, settings);
+}
+
+std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
+  std::vector<std::byte> bytes;
+  for (uint32_t y = 0; y < memory.desc().height; ++y) {
+    const auto row = memory.output_row(y);
+    bytes.insert(bytes.end(), row.begin(), row.end());
+  }
+  return bytes;
+}
+
+absl::StatusOr<DeviceTest::Rendered> DeviceTest::render_on(Renderer& renderer, const WireFrame& frame,
+                                                           const Settings& settings) {
   if (absl::Status status = check_settings(settings); !status.ok()) return status;
-  absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, settings);
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(frame.desc, settings);
   if (!memory.ok()) return memory.status();
   for (uint32_t y = 0; y < frame.desc.height; ++y) {
     std::memcpy(memory->input_row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
                 frame.desc.row_bytes());
   }
-  absl::StatusOr<FrameReport> report = renderer().render(*memory, settings);
+  absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
   if (!report.ok()) return report.status();
   return Rendered{*std::move(memory), *std::move(report)};
 }

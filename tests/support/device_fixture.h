@@ -26,8 +26,12 @@ class DeviceTest : public ::testing::Test {
     FrameMemory memory;
     FrameReport report;
   };
-  // Uploads and renders; fails the test on an error.
+  // Checks the settings, uploads and renders, on the shared renderer or on another.
   static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings);
+  static absl::StatusOr<Rendered> render_on(Renderer& renderer, const WireFrame& frame,
+                                            const Settings& settings);
+  // The finished image, tight.
+  static std::vector<std::byte> image(const FrameMemory& memory);
 
  private:
   uint64_t messages_before_ = 0;
