@@ -1,4 +1,4 @@
-// Bloom, level n to level n+1: the 13-tap filter of pipeline.md section 4.1.
+// Bloom, level n to level n+1: the 13-tap filter of docs/pipeline.md section 4.
 //
 // In: D_n. Out: D_{n+1}.
 // Method: the 13 means of 2x2 texels are two separable filters, (1 2 1) x (1 2 1) on means at even offsets and

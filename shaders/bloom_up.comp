@@ -1,4 +1,4 @@
-// Bloom, level n+1 to level n: adds the tent-filtered coarser level in place (pipeline.md section 4.1).
+// Bloom, level n+1 to level n: adds the tent-filtered coarser level in place (docs/pipeline.md section 4).
 //
 // In: B_{n+1} (from), D_n (to). Out: B_n = D_n + U_n(B_{n+1}) (to).
 // Method: (1 2 1)/4 over bilinear samples at x -+ 0.25 is a 4-tap filter along each axis: for even texels

@@ -13,7 +13,7 @@ layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer O
 // A texel of a bloom level.
 vec3 fetch_rgb(utextureBuffer level, int index) { return uintBitsToFloat(texelFetch(level, index).rgb); }
 
-// Rec.709 luminance, in the order that pipeline.md section 7 fixes, so that every device gets the same bits.
+// Rec.709 luminance, in the order that docs/pipeline.md section 2 fixes, so that every device gets the same bits.
 float luminance(vec3 c) {
   precise float l = (0.2126 * c.r + 0.7152 * c.g) + 0.0722 * c.b;
   return l;

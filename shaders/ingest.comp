@@ -4,7 +4,7 @@
 // Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier,
 // and adds its sums to the tile's record once. Every sum is of integers, so no order of execution shows.
 // log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
-// everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: docs/pipeline.md section 4.1.
+// everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: docs/pipeline.md section 4.
 // A frame is first read without SCRUB; only one that turns out to need it is read again with it, and counted.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -55,8 +55,9 @@ vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
 
 // What one invocation has seen.
 uint log2_sum = 0u;
-float max_luminance = 0.0;
-float min_luminance = MAX_SCENE_VALUE;
+// Luminance as bits: it is not negative, so integers order it as floats would, and NaN in padding does no harm.
+uint max_luminance = 0u;
+uint min_luminance = 0xffffffffu;
 uint max_magnitude = 0u;
 uint negative_components = 0u;
 uint bright_texels = 0u;
@@ -88,9 +89,9 @@ Group meter_row(uint x, uint y, uvec4 counted) {
     vec3 scene = ingest(p.frame, wire).rgb;
     float l = scene_luminance(scene);
     log2_sum += fixed_log2(l) & counted[i];
-    uint bits = floatBitsToUint(l);
-    max_luminance = max(max_luminance, uintBitsToFloat(bits & counted[i]));
-    min_luminance = min(min_luminance, uintBitsToFloat(bits | (~counted[i] & 0x7f7fffffu)));
+    uint bits = floatBitsToUint(l) & 0x7fffffffu;
+    max_luminance = max(max_luminance, bits & counted[i]);
+    min_luminance = min(min_luminance, bits | ~counted[i]);
     g.texel[i].rgb = max(scene, 0.0);
   }
   return g;
@@ -136,8 +137,8 @@ void main() {
   uint tile = gl_WorkGroupID.y * p.tiles_x + gl_WorkGroupID.x;
   uint low = subgroupAdd(log2_sum & 0xffffu);
   uint high = subgroupAdd(log2_sum >> 16);
-  uint brightest = floatBitsToUint(subgroupMax(max_luminance));
-  uint darkest = ~floatBitsToUint(subgroupMin(min_luminance));
+  uint brightest = subgroupMax(max_luminance);
+  uint darkest = ~subgroupMin(min_luminance);
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
   uint bright = subgroupAdd(bright_texels);

@@ -1,4 +1,4 @@
-// The wire's pixels as scene pixels (pipeline.md section 1). No scene texture is stored: the two passes that
+// The wire's pixels as scene pixels (docs/pipeline.md section 1). No scene texture is stored: the two passes that
 // read the frame ingest it alike, texel by texel, in arithmetic that gives the same bits both times.
 //
 // The including shader declares the constants PIXELS, MATRIX and SCRUB. Without SCRUB every component is known

@@ -1,7 +1,7 @@
 // Phase B's last pass: reads the frame a second time and makes the image.
 //
 // In: the wire's pixels, B_0 (where BLOOM). Out: the image in OUTPUT's format.
-// Method: pipeline.md sections 4.1 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
+// Method: docs/pipeline.md sections 4 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
 // quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
 // that the next pair shares stay in registers, filtered along x.
 #version 460

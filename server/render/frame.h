@@ -7,7 +7,7 @@
 
 namespace candela {
 
-// Wire formats, as pipeline.md section 1. Values are those of candela.v1.PixelFormat.
+// Wire formats, as docs/pipeline.md section 1. Values are those of candela.v1.PixelFormat.
 enum class PixelFormat : uint32_t { kRgba16f = 1, kRgba32f = 2, kRgb9e5 = 3 };
 
 // Values are those of candela.v1.OutputFormat.

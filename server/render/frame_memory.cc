@@ -2,15 +2,11 @@
 
 #include <utility>
 
+#include "absl/strings/str_format.h"
+
 namespace candela {
 
-namespace {
-
-constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
-
-}  // namespace
-
-absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, bool unified_memory,
+absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, const DeviceSummary& device,
                                                                const FrameDesc& desc,
                                                                const Settings& settings) {
   auto parts = std::make_unique<FrameMemory::Parts>();
@@ -29,7 +25,7 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
                              MemoryUse::kDevice};
   const TextureKey tiles = {parts->tiles_x, parts->tiles_y, sizeof(shader::TileRecord), MemoryUse::kDevice};
   std::vector<Wanted> wanted = {{&parts->input, input}, {&parts->output, output}, {&parts->tiles, tiles}};
-  if (!unified_memory) {
+  if (!device.unified_memory) {
     const auto staged = [](TextureKey key, MemoryUse use) {
       key.use = use;
       return key;
@@ -45,6 +41,23 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
       const LevelSize& size = parts->level_sizes[i];
       wanted.push_back({&parts->levels[i], {size.width, size.height, 4 * sizeof(float), MemoryUse::kDevice}});
     }
+  }
+
+  // What can never fit is said now, before anything is taken or given up for it.
+  uint64_t bytes = 0;
+  for (const Wanted& w : wanted) {
+    bytes += w.key.bytes();
+    if (w.key.bytes() > device.max_allocation_bytes) {
+      return absl::ResourceExhaustedError(absl::StrFormat(
+          "a %dx%d %s frame needs a texture of %d bytes and this device takes at most %d; send fewer pixels",
+          desc.width, desc.height, name(desc.format), w.key.bytes(), device.max_allocation_bytes));
+    }
+  }
+  if (bytes > pool.budget_bytes()) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "a %dx%d %s frame needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
+        "--memory-budget",
+        desc.width, desc.height, name(desc.format), bytes, pool.budget_bytes()));
   }
   for (const Wanted& w : wanted) {
     absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key);

@@ -31,8 +31,11 @@ struct FrameMemory::Parts {
   const Buffer& host_tiles() const { return tiles_readback ? tiles_readback.buffer() : tiles.buffer(); }
 };
 
-// Takes everything or nothing.
-absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, bool unified_memory,
+// How many groups of `size` hold `count`.
+constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
+
+// Takes everything or nothing; see Renderer::allocate.
+absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, const DeviceSummary& device,
                                                                const FrameDesc& desc,
                                                                const Settings& settings);
 

@@ -17,9 +17,11 @@ namespace {
 static_assert(shader::INGEST_GROUP_X * shader::GROUP_TEXELS == shader::TILE_TEXELS);
 static_assert(shader::INGEST_GROUP_Y * shader::INGEST_ROWS == shader::TILE_TEXELS);
 static_assert(sizeof(shader::IngestParams) <= PipelineCache::kPushBytes);
+static_assert(sizeof(shader::BloomParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
 
-constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
+// A knee whose square a device may flush to 0 would divide 0 by 0; it is no knee.
+constexpr float kMinKnee = 1e-15f;
 
 constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
 constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
@@ -51,7 +53,8 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
   params.level_height = groups(parts.desc.height, 2);
   params.tiles_x = parts.tiles_x;
   params.threshold = bloom.threshold;
-  params.knee = bloom.softness * bloom.threshold;
+  const float knee = bloom.softness * bloom.threshold;
+  params.knee = knee < kMinKnee ? 0.0f : knee;
   const Constants constants = {static_cast<uint32_t>(parts.desc.format), context.matrix, context.scrub, level,
                                bloom.firefly_weights};
   return dispatch(pipelines, recorder, k_ingest_spirv, constants, {parts.input.buffer().view()}, params,
@@ -96,12 +99,14 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
     params.level_height = parts.level_sizes[0].height;
     params.bloom_scale = context.settings.bloom.intensity / static_cast<float>(parts.levels.size());
   }
+  const bool encoded = parts.output_format != OutputFormat::kRgba16f;
+  const Transfer transfer = encoded ? context.settings.transfer : Transfer::kLinear;
   const Constants constants = {static_cast<uint32_t>(parts.desc.format),
                                context.matrix,
                                context.scrub,
                                context.bloom,
                                static_cast<uint32_t>(context.settings.curve),
-                               static_cast<uint32_t>(context.settings.transfer),
+                               static_cast<uint32_t>(transfer),
                                static_cast<uint32_t>(parts.output_format)};
   return dispatch(pipelines, recorder, k_resolve_spirv, constants, {parts.input.buffer().view(), bloom},
                   params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),

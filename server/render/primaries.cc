@@ -24,6 +24,9 @@ V3d xyz(double x, double y) { return {x / y, 1.0, (1.0 - x - y) / y}; }
 
 M33d rows(const V3d& a, const V3d& b, const V3d& c) { return {a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z}; }
 
+// Real primaries stay below 100; beyond this, three products with +-65504 could leave a float's range.
+constexpr double kMaxEntry = 1e6;
+
 bool usable(const M33d& m) {
   const double d = m.determinant();
   return std::isfinite(d) && std::abs(d) > 1e-9;
@@ -53,17 +56,19 @@ bool close(const Chromaticities& a, const Chromaticities& b, size_t first, doubl
   return true;
 }
 
+absl::Status unusable(const Chromaticities& chromaticities) {
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "input_chromaticities (%s) are not three independent primaries and a white; leave them out for "
+      "Rec.709",
+      absl::StrJoin(chromaticities.xy, " ")));
+}
+
 }  // namespace
 
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& chromaticities) {
   const auto& c = chromaticities.xy;
   M33d m = close(chromaticities, kXyz, 0, 1e-4) ? M33d() : to_xyz(c);
-  if (!usable(m)) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "input_chromaticities (%s) are not three independent primaries and a white; leave them out "
-        "for Rec.709",
-        absl::StrJoin(c, " ")));
-  }
+  if (!usable(m)) return unusable(chromaticities);
   if (!close(chromaticities, kXyz, 0, 1e-4) && !close(chromaticities, kRec709, 6, 1e-5)) {
     m = m * bradford(xyz(c[6], c[7]), xyz(kWhiteD65[0], kWhiteD65[1]));
   }
@@ -74,7 +79,7 @@ absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chrom
   for (int r = 0; r < 3; ++r) {
     for (int k = 0; k < 3; ++k) {
       const double v = m[k][r];  // transposed: for column vectors
-      if (!std::isfinite(v)) return absl::InvalidArgumentError("input_chromaticities give no finite matrix");
+      if (!(std::abs(v) <= kMaxEntry)) return unusable(chromaticities);
       if (std::abs(v - (r == k ? 1.0 : 0.0)) > 1e-5) identity = false;
       matrix[static_cast<size_t>(3 * r + k)] = static_cast<float>(v);
     }

@@ -16,6 +16,9 @@ namespace candela {
 
 namespace {
 
+// Each takes 2 to 3 MB on the software device; clients choose the settings that they are made for.
+constexpr size_t kMaxPipelines = 64;
+
 // What the tiles add up to, before it is turned into statistics.
 struct TileSums {
   FrameStats stats;
@@ -136,7 +139,7 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, Textu
 
 absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings) {
   absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> parts =
-      take_parts(impl_->pool, impl_->device.unified_memory(), desc, settings);
+      take_parts(impl_->pool, impl_->device.summary(), desc, settings);
   if (!parts.ok()) return parts.status();
   FrameMemory memory;
   memory.parts_ = *std::move(parts);
@@ -145,6 +148,7 @@ absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Sett
 
 absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings) {
   const FrameMemory::Parts& parts = *memory.parts_;
+  impl_->pipelines.trim(kMaxPipelines);
   PassContext context = pass_context(parts, settings);
   FrameReport report;
   absl::StatusOr<TileSums> sums = impl_->measure(context, /*upload=*/true, &report.stages);

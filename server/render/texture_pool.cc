@@ -12,13 +12,10 @@ struct TexturePool::Entry {
   Buffer buffer;
 };
 
-namespace {
-
-uint64_t size_of(const TextureKey& key) {
-  return std::max<uint64_t>(16, uint64_t{key.width} * key.height * key.texel_bytes);
+uint64_t TextureKey::bytes() const {
+  // A texel buffer holds whole texels of 16 bytes.
+  return std::max<uint64_t>(16, uint64_t{width} * height * texel_bytes);
 }
-
-}  // namespace
 
 TexturePool::TexturePool(Device& device, uint64_t budget_bytes)
     : device_(device), budget_bytes_(budget_bytes) {}
@@ -26,7 +23,7 @@ TexturePool::TexturePool(Device& device, uint64_t budget_bytes)
 TexturePool::~TexturePool() = default;
 
 absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
-  const uint64_t bytes = size_of(key);
+  const uint64_t bytes = key.bytes();
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   {
     const std::lock_guard lock(mutex_);
@@ -49,7 +46,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
                           key.width, key.height, bytes, counters_.bytes_in_use, budget_bytes_));
     }
     while (!idle_.empty() && counters_.bytes_in_use + counters_.bytes_idle + bytes > budget_bytes_) {
-      counters_.bytes_idle -= size_of(idle_.front()->key);
+      counters_.bytes_idle -= idle_.front()->key.bytes();
       given_up.push_back(std::move(idle_.front()));
       idle_.erase(idle_.begin());
     }
@@ -68,7 +65,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
 }
 
 void TexturePool::give_back(std::unique_ptr<Entry> entry) {
-  const uint64_t bytes = size_of(entry->key);
+  const uint64_t bytes = entry->key.bytes();
   const std::lock_guard lock(mutex_);
   counters_.bytes_in_use -= bytes;
   counters_.bytes_idle += bytes;

@@ -24,6 +24,7 @@ struct TextureKey {
   uint32_t texel_bytes = 0;
   MemoryUse use = MemoryUse::kDevice;
 
+  uint64_t bytes() const;
   auto operator<=>(const TextureKey&) const = default;
 };
 
@@ -35,7 +36,8 @@ struct PoolCounters {
   uint64_t bytes_peak = 0;
 };
 
-// Thread-safe. Never holds more than the budget; idle textures are given up, oldest first, to make room.
+// Thread-safe. Holds no more than the budget; idle textures are given up, oldest first, to make room (they
+// are freed beside the lock, so that for a moment the device may hold both).
 class TexturePool {
  public:
   TexturePool(Device& device, uint64_t budget_bytes);

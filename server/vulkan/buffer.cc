@@ -24,11 +24,13 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   VkMemoryAllocateFlagsInfo flags{};
   flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
   flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+  const absl::StatusOr<uint32_t> type = device.memory_type(use, requirements.memoryTypeBits);
+  if (!type.ok()) return type.status();
   VkMemoryAllocateInfo allocation{};
   allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
   allocation.pNext = &flags;
   allocation.allocationSize = requirements.size;
-  allocation.memoryTypeIndex = device.memory_type(use);
+  allocation.memoryTypeIndex = *type;
   CANDELA_VK(vkAllocateMemory(b.device_, &allocation, nullptr, &b.memory_));
   CANDELA_VK(vkBindBufferMemory(b.device_, b.buffer_, b.memory_, 0));
   if (use != MemoryUse::kDevice || device.unified_memory()) {

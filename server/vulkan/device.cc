@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_format.h"
 #include "server/vulkan/physical_device.h"
 #include "server/vulkan/result.h"
 
@@ -53,7 +54,11 @@ absl::Status Device::open(const DeviceOptions& options) {
     info.pUserData = &validation_messages_;
     const auto create = reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(
         vkGetInstanceProcAddr(instance_, "vkCreateDebugUtilsMessengerEXT"));
-    CANDELA_VK(create(instance_, &info, nullptr, &messenger_));
+    if (absl::Status status =
+            vulkan_status(create(instance_, &info, nullptr, &messenger_), "vkCreateDebugUtilsMessengerEXT");
+        !status.ok()) {
+      return status;
+    }
   }
 
   absl::StatusOr<std::vector<PhysicalDevice>> devices = physical_devices(instance_);
@@ -64,8 +69,9 @@ absl::Status Device::open(const DeviceOptions& options) {
   queue_family_ = chosen->queue_family;
   timestamp_period_ns_ = chosen->timestamp_period_ns;
   timestamp_mask_ = chosen->timestamp_bits == 0 ? 0 : ~uint64_t{0} >> (64 - chosen->timestamp_bits);
-  for (uint32_t i = 0; i < 3; ++i) memory_types_[i] = chosen->memory_types[i];
+  memory_ = chosen->memory;
   summary_ = chosen->summary;
+  if (options.staging) summary_.unified_memory = false;
 
   const float priority = 1.0f;
   VkDeviceQueueCreateInfo queue{};
@@ -92,6 +98,13 @@ absl::Status Device::open(const DeviceOptions& options) {
       vkGetDeviceProcAddr(device_, "vkCmdPushDescriptorSetKHR"));
   vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
   return absl::OkStatus();
+}
+
+absl::StatusOr<uint32_t> Device::memory_type(MemoryUse use, uint32_t allowed) const {
+  const std::optional<uint32_t> type = find_memory_type(memory_, use, unified_memory(), allowed);
+  if (type) return *type;
+  return absl::InternalError(absl::StrFormat("%s has no memory that a buffer of use %d may lie in",
+                                             summary_.name, static_cast<int>(use)));
 }
 
 Device::~Device() {

@@ -19,6 +19,8 @@ struct DeviceOptions {
   std::string selector;
   // Validation and synchronisation validation; their messages are counted and printed to stderr.
   bool validation = false;
+  // Treat unified memory as if it were not, so that tests reach the staging copies without a GPU.
+  bool staging = false;
 };
 
 struct DeviceSummary {
@@ -61,8 +63,8 @@ class Device {
   // Valid bits of a timestamp, as a mask; 0 where the queue has no timestamps.
   uint64_t timestamp_mask() const { return timestamp_mask_; }
   PFN_vkCmdPushDescriptorSetKHR push_descriptors() const { return push_descriptors_; }
-  // Index of the memory type for `use`.
-  uint32_t memory_type(MemoryUse use) const { return memory_types_[static_cast<uint32_t>(use)]; }
+  // Index of a memory type for `use` among `allowed`, a mask as VkMemoryRequirements has it.
+  absl::StatusOr<uint32_t> memory_type(MemoryUse use, uint32_t allowed) const;
 
   // Warnings and errors that the validation layers have reported so far.
   uint64_t validation_messages() const { return validation_messages_; }
@@ -79,7 +81,7 @@ class Device {
   uint32_t queue_family_ = 0;
   double timestamp_period_ns_ = 0.0;
   uint64_t timestamp_mask_ = 0;
-  uint32_t memory_types_[3] = {};
+  VkPhysicalDeviceMemoryProperties memory_ = {};
   DeviceSummary summary_;
   std::atomic<uint64_t> validation_messages_ = 0;
 };

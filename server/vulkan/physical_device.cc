@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
@@ -51,14 +52,21 @@ int rank(VkPhysicalDeviceType type) {
   }
 }
 
-// The first type with all of `wanted` and as many of `liked` as possible.
-std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties& memory,
-                                         VkMemoryPropertyFlags wanted, VkMemoryPropertyFlags liked) {
+constexpr VkMemoryPropertyFlags kHost =
+    VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+constexpr VkMemoryPropertyFlags kUnified =
+    kHost | VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT | VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
+
+// The first allowed type with all of `wanted` and as many of `liked` as possible. Types with properties
+// beyond the usual ones (protected, device-coherent) need features that are not enabled.
+std::optional<uint32_t> find_type(const VkPhysicalDeviceMemoryProperties& memory,
+                                  VkMemoryPropertyFlags wanted, VkMemoryPropertyFlags liked,
+                                  uint32_t allowed) {
   std::optional<uint32_t> best;
   int best_score = -1;
   for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
     const VkMemoryPropertyFlags flags = memory.memoryTypes[i].propertyFlags;
-    if ((flags & wanted) != wanted) continue;
+    if ((allowed >> i & 1) == 0 || (flags & wanted) != wanted || (flags & ~kUnified) != 0) continue;
     const int score = __builtin_popcount(flags & liked);
     if (score > best_score) {
       best = i;
@@ -66,28 +74,6 @@ std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties&
     }
   }
   return best;
-}
-
-constexpr VkMemoryPropertyFlags kHost =
-    VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
-constexpr VkMemoryPropertyFlags kUnified =
-    kHost | VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT | VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
-
-void choose_memory_types(VkPhysicalDevice handle, PhysicalDevice* device) {
-  VkPhysicalDeviceMemoryProperties memory;
-  vkGetPhysicalDeviceMemoryProperties(handle, &memory);
-  if (const auto unified = find_memory_type(memory, kUnified, 0)) {
-    device->summary.unified_memory = true;
-    for (uint32_t& type : device->memory_types) type = *unified;
-    return;
-  }
-  // Vulkan guarantees a host-visible, coherent type and a device-local one.
-  const auto use = [&](MemoryUse which, VkMemoryPropertyFlags wanted, VkMemoryPropertyFlags liked) {
-    device->memory_types[static_cast<uint32_t>(which)] = find_memory_type(memory, wanted, liked).value_or(0);
-  };
-  use(MemoryUse::kDevice, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, 0);
-  use(MemoryUse::kUpload, kHost, 0);
-  use(MemoryUse::kReadback, kHost, VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
 }
 
 std::string missing_feature(VkPhysicalDevice handle) {
@@ -164,11 +150,26 @@ PhysicalDevice describe(VkPhysicalDevice handle, uint32_t index) {
   }
   device.queue_family = static_cast<uint32_t>(family - families.begin());
   device.timestamp_bits = family->timestampValidBits;
-  choose_memory_types(handle, &device);
+  vkGetPhysicalDeviceMemoryProperties(handle, &device.memory);
+  summary.unified_memory = find_type(device.memory, kUnified, 0, UINT32_MAX).has_value();
   return device;
 }
 
 }  // namespace
+
+std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties& memory, MemoryUse use,
+                                         bool unified, uint32_t allowed) {
+  if (unified) return find_type(memory, kUnified, 0, allowed);
+  switch (use) {
+    case MemoryUse::kDevice:
+      return find_type(memory, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, 0, allowed);
+    case MemoryUse::kUpload:
+      return find_type(memory, kHost, 0, allowed);
+    case MemoryUse::kReadback:
+      return find_type(memory, kHost, VK_MEMORY_PROPERTY_HOST_CACHED_BIT, allowed);
+  }
+  return std::nullopt;
+}
 
 absl::StatusOr<VkInstance> create_instance(bool validation) {
   VkApplicationInfo application{};
@@ -202,7 +203,7 @@ absl::StatusOr<VkInstance> create_instance(bool validation) {
         "no validation layer: install Debian's vulkan-validationlayers, or leave out --validation");
   }
   if (result == VK_ERROR_INCOMPATIBLE_DRIVER) return absl::FailedPreconditionError(kNoDriver);
-  CANDELA_VK(result);
+  if (absl::Status status = vulkan_status(result, "vkCreateInstance"); !status.ok()) return status;
   return instance;
 }
 
@@ -230,7 +231,11 @@ absl::StatusOr<PhysicalDevice> select_device(const std::vector<PhysicalDevice>& 
     const bool matches = selector.empty() ? summary.unusable.empty()
                          : by_index       ? summary.index == index
                                           : absl::StrContains(absl::AsciiStrToLower(summary.name), wanted);
-    if (matches && (best == nullptr || rank(device.type) < rank(best->type))) best = &device;
+    if (!matches) continue;
+    const auto order = [](const PhysicalDevice& d) {
+      return std::pair(!d.summary.unusable.empty(), rank(d.type));
+    };
+    if (best == nullptr || order(device) < order(*best)) best = &device;
   }
   if (best != nullptr && best->summary.unusable.empty()) return *best;
 

@@ -17,7 +17,7 @@ struct PhysicalDevice {
   uint32_t queue_family = 0;
   uint32_t timestamp_bits = 0;
   double timestamp_period_ns = 0.0;
-  uint32_t memory_types[3] = {};  // by MemoryUse
+  VkPhysicalDeviceMemoryProperties memory = {};
   DeviceSummary summary;
 };
 
@@ -26,6 +26,11 @@ absl::StatusOr<VkInstance> create_instance(bool validation);
 
 // Every device of the instance, in the driver's order, usable or not.
 absl::StatusOr<std::vector<PhysicalDevice>> physical_devices(VkInstance instance);
+
+// A memory type for `use` among `allowed`; nothing where there is none. `unified`: every use takes memory
+// that is device-local, mapped and cached at once.
+std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties& memory, MemoryUse use,
+                                         bool unified, uint32_t allowed);
 
 // The one that `selector` means (DeviceOptions::selector).
 absl::StatusOr<PhysicalDevice> select_device(const std::vector<PhysicalDevice>& devices,

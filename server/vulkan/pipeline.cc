@@ -35,8 +35,17 @@ PipelineCache::PipelineCache(PipelineCache&& other) noexcept
       layout_(std::exchange(other.layout_, VK_NULL_HANDLE)),
       pipelines_(std::exchange(other.pipelines_, {})) {}
 
-PipelineCache::~PipelineCache() {
+void PipelineCache::destroy_pipelines() {
   for (const auto& [key, pipeline] : pipelines_) vkDestroyPipeline(device_, pipeline, nullptr);
+  pipelines_.clear();
+}
+
+void PipelineCache::trim(size_t limit) {
+  if (pipelines_.size() > limit) destroy_pipelines();
+}
+
+PipelineCache::~PipelineCache() {
+  destroy_pipelines();
   if (layout_ != VK_NULL_HANDLE) vkDestroyPipelineLayout(device_, layout_, nullptr);
   if (set_layout_ != VK_NULL_HANDLE) vkDestroyDescriptorSetLayout(device_, set_layout_, nullptr);
 }

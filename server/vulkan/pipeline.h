@@ -33,10 +33,15 @@ class PipelineCache {
   // The pipeline of this SPIR-V, which must stay where it is, with these constants.
   absl::StatusOr<VkPipeline> get(std::span<const uint32_t> spirv, const Constants& constants);
 
+  // Destroys all pipelines once there are more than `limit`. Call while the device is idle.
+  void trim(size_t limit);
+
+  size_t size() const { return pipelines_.size(); }
   VkPipelineLayout layout() const { return layout_; }
 
  private:
   PipelineCache() = default;
+  void destroy_pipelines();
 
   VkDevice device_ = VK_NULL_HANDLE;
   VkDescriptorSetLayout set_layout_ = VK_NULL_HANDLE;

@@ -1,5 +1,7 @@
 #include "server/vulkan/recorder.h"
 
+#include <cstdio>
+#include <cstdlib>
 #include <utility>
 
 #include "server/vulkan/pipeline.h"
@@ -10,6 +12,8 @@ namespace candela {
 namespace {
 
 constexpr uint64_t kTimeoutNs = 60'000'000'000;
+// A process that was stopped for a while finds its first wait over when it goes on; the second one counts.
+constexpr int kWaits = 2;
 
 }  // namespace
 
@@ -61,6 +65,7 @@ absl::Status Recorder::begin() {
   info.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
   CANDELA_VK(vkBeginCommandBuffer(commands_, &info));
   if (queries_ != VK_NULL_HANDLE) vkCmdResetQueryPool(commands_, queries_, 0, kMaxMarks + 1);
+  barrier();  // what earlier submissions wrote is visible to this one
   return absl::OkStatus();
 }
 
@@ -129,9 +134,17 @@ absl::Status Recorder::submit_and_wait() {
   submit.pCommandBuffers = &commands_;
   CANDELA_VK(vkResetFences(device_->handle(), 1, &fence_));
   CANDELA_VK(vkQueueSubmit(device_->queue(), 1, &submit, fence_));
-  const VkResult waited = vkWaitForFences(device_->handle(), 1, &fence_, VK_TRUE, kTimeoutNs);
-  if (waited == VK_TIMEOUT) return absl::UnavailableError("the device did not finish a frame within 60 s");
-  CANDELA_VK(waited);
+  VkResult waited = VK_TIMEOUT;
+  for (int i = 0; i < kWaits && waited == VK_TIMEOUT; ++i) {
+    waited = vkWaitForFences(device_->handle(), 1, &fence_, VK_TRUE, kTimeoutNs);
+  }
+  if (waited == VK_TIMEOUT) {
+    // The device may still write to the frame's memory: nothing of it can be reused or freed.
+    std::fprintf(stderr, "the Vulkan device %s hangs: no answer within two minutes\n",
+                 device_->summary().name.c_str());
+    std::_Exit(EXIT_FAILURE);
+  }
+  if (absl::Status status = vulkan_status(waited, "vkWaitForFences"); !status.ok()) return status;
   if (queries_ != VK_NULL_HANDLE) {
     ticks_.resize(marks_.size() + 1);
     CANDELA_VK(vkGetQueryPoolResults(device_->handle(), queries_, 0, static_cast<uint32_t>(ticks_.size()),

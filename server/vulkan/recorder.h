@@ -38,12 +38,15 @@ class Recorder {
   void fill_zero(const Buffer& buffer);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
 
-  // All that was recorded before is finished and visible to all that comes after, on the device.
+  // All that was recorded before is finished and visible to all that comes after, on the device. The software
+  // device runs in order and synchronisation validation does not follow writes by address, so only a GPU can
+  // show a missing one.
   void barrier();
   // The same for the host, once the submission has finished.
   void barrier_to_host();
 
-  // Blocks until the device is done. UNAVAILABLE when the device is lost or takes over 60 s.
+  // Blocks until the device is done. UNAVAILABLE when the device is lost. A device that hangs ends the
+  // process: it may still write to memory that could otherwise not be told from free.
   absl::Status submit_and_wait();
 
   // Of the last submission, in order. Empty where the device has no timestamps.

@@ -93,6 +93,12 @@ TEST_F(FrameError, IsWithinItsBoundWithOtherPrimaries) {
       settings.input_chromaticities = chromaticities;
       check(natural(333, 129, format), settings, std::string(label) + " " + name(format));
     }
+    for (const HardCase& hard : hard_cases(67, 35)) {
+      Settings settings;
+      settings.input_chromaticities = chromaticities;
+      check(make_frame(67, 35, PixelFormat::kRgba16f, hard.texel), settings,
+            std::string(label) + " " + hard.name);
+    }
   }
 }
 

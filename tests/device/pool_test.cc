@@ -1,6 +1,8 @@
 // The texture pool: reuse, budget, counters.
 #include <gtest/gtest.h>
 
+#include "server/vulkan/pipeline.h"
+#include "shaders/bloom_down.spv.h"
 #include "tests/support/device_fixture.h"
 
 namespace candela::testing {
@@ -50,6 +52,17 @@ TEST_F(Pool, GivesUpIdleTexturesToMakeRoom) {
   EXPECT_LE(local.counters().bytes_peak, 2 * kBytes);
 }
 
+TEST_F(Pool, GivesUpTheOldestFirst) {
+  const auto key = [](uint32_t width) { return TextureKey{width, 50, 16, MemoryUse::kDevice}; };
+  TexturePool local(device(), 3 * 100 * 50 * 16);
+  for (uint32_t width : {98u, 99u, 100u}) ASSERT_TRUE(local.take(key(width)).ok());
+  ASSERT_TRUE(local.take(key(97)).ok());  // 98 has to go
+  const uint64_t misses = local.counters().misses;
+  EXPECT_TRUE(local.take(key(100)).ok());
+  EXPECT_TRUE(local.take(key(99)).ok());
+  EXPECT_EQ(local.counters().misses, misses);
+}
+
 TEST_F(Pool, ASecondFrameTakesNothingNew) {
   const WireFrame frame = natural(123, 77);
   ASSERT_TRUE(render(frame, {}).ok());
@@ -65,9 +78,28 @@ TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {
   TexturePool small(device(), 1 << 20);
   auto renderer = Renderer::create(device(), small);
   ASSERT_TRUE(renderer.ok());
+  ASSERT_TRUE((*renderer)->allocate({100, 100, PixelFormat::kRgba16f}, {}).ok());
+  const PoolCounters before = small.counters();
   const auto memory = (*renderer)->allocate({1920, 1080, PixelFormat::kRgba16f}, {});
   EXPECT_EQ(memory.status().code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_EQ(small.counters().bytes_in_use, 0u);
+  EXPECT_NE(std::string(memory.status().message()).find("the memory budget is 1048576"), std::string::npos)
+      << memory.status();
+  const PoolCounters after = small.counters();
+  EXPECT_EQ(after.bytes_in_use, 0u);
+  EXPECT_EQ(after.bytes_idle, before.bytes_idle) << "what could never fit made others lose their textures";
+  EXPECT_EQ(after.misses, before.misses);
+}
+
+TEST_F(Pool, PipelinesAreBoundedToo) {
+  auto cache = PipelineCache::create(device());
+  ASSERT_TRUE(cache.ok());
+  for (uint32_t n = 0; n < 3; ++n) ASSERT_TRUE(cache->get(k_bloom_down_spirv, {n}).ok());
+  ASSERT_TRUE(cache->get(k_bloom_down_spirv, {0}).ok());
+  EXPECT_EQ(cache->size(), 3u);
+  cache->trim(3);
+  EXPECT_EQ(cache->size(), 3u);
+  cache->trim(2);
+  EXPECT_EQ(cache->size(), 0u);
 }
 
 }  // namespace

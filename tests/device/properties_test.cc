@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 #include <half.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <stdexcept>
 
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
@@ -13,18 +15,10 @@ namespace {
 
 class Properties : public DeviceTest {
  protected:
-  static std::vector<std::byte> image(const FrameMemory& memory) {
-    std::vector<std::byte> bytes;
-    for (uint32_t y = 0; y < memory.desc().height; ++y) {
-      const auto row = memory.output_row(y);
-      bytes.insert(bytes.end(), row.begin(), row.end());
-    }
-    return bytes;
-  }
-
+  // Throws where it cannot render, which fails this test and no other.
   static Rendered must_render(const WireFrame& frame, const Settings& settings = {}) {
     auto rendered = render(frame, settings);
-    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
     return *std::move(rendered);
   }
 };
@@ -180,14 +174,93 @@ TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
   EXPECT_TRUE(render(flat(9, 9, {1e30f, -1e30f, 1, NAN}, PixelFormat::kRgba32f), settings).ok());
 }
 
-TEST_F(Properties, AlphaPassesThrough) {
-  const WireFrame frame = make_frame(257, 3, PixelFormat::kRgba32f, [](uint32_t x, uint32_t) -> Texel {
-    return {100, 0, 1, static_cast<float>(x) / 255.0f};
-  });
-  const Rendered r = must_render(frame);
-  for (uint32_t x = 0; x < 257; ++x) {
-    // Alpha is rounded to half on the way, which can move it across half a code.
-    EXPECT_NEAR(std::to_integer<int>(r.memory.output_row(1)[4 * x + 3]), std::min(x, 255u), 0.51) << x;
+TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
+  for (PixelFormat in : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
+    for (OutputFormat out : {OutputFormat::kRgba8, OutputFormat::kRgba16, OutputFormat::kRgba16f}) {
+      // Halves, and two that the unorm formats clamp.
+      const auto alpha = [](uint32_t x) {
+        return x == 256 ? 2.0f : x == 255 ? -1.0f : static_cast<float>(x) / 256;
+      };
+      const WireFrame frame = make_frame(257, 3, in, [&](uint32_t x, uint32_t) -> Texel {
+        return {100, 0, 1, alpha(x)};
+      });
+      Settings settings;
+      settings.output_format = out;
+      const Rendered r = must_render(frame, settings);
+      for (uint32_t x = 0; x < 257; ++x) {
+        const float expected = in == PixelFormat::kRgb9e5 ? 1.0f : alpha(x);
+        const std::byte* texel = &r.memory.output_row(1)[x * bytes_per_pixel(out)];
+        uint16_t word;
+        std::memcpy(&word, texel + 6 % (bytes_per_pixel(out) - 1), 2);
+        if (out == OutputFormat::kRgba8) {
+          EXPECT_EQ(std::to_integer<int>(texel[3]), std::lround(255 * std::clamp(expected, 0.0f, 1.0f))) << x;
+        } else if (out == OutputFormat::kRgba16) {
+          EXPECT_EQ(word, std::lround(65535 * std::clamp(expected, 0.0f, 1.0f))) << x;
+        } else {
+          EXPECT_EQ(imath_half_to_float(word), expected) << x;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(Properties, PrescaleIsExposureByAnotherName) {
+  const WireFrame frame = natural(67, 35);
+  Settings prescaled;
+  prescaled.exposure.mode = ExposureMode::kManual;
+  prescaled.prescale = 2;
+  Settings exposed;
+  exposed.exposure.mode = ExposureMode::kManual;
+  exposed.exposure.manual_ev = 1;
+  EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
+}
+
+TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {
+  // Widths of 129 to 132 share their textures, and 132 fills the columns that are padding for 129.
+  for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f}) {
+    for (float bad : {NAN, INFINITY, -INFINITY, -0.0f}) {
+      must_render(flat(132, 67, {bad, bad, bad, bad}, format));
+      const FrameReport report = must_render(flat(129, 67, {0.5f, 0.5f, 0.5f, 1}, format)).report;
+      EXPECT_NEAR(report.stats.mean_log2_luminance, -1, 2e-5);
+      EXPECT_FLOAT_EQ(report.stats.min_luminance, 0.5f);
+      EXPECT_FLOAT_EQ(report.stats.max_luminance, 0.5f);
+      EXPECT_EQ(report.stats.nan_components + report.stats.infinite_components, 0u);
+      EXPECT_EQ(report.plan.steps.front().pass, Pass::kIngest);
+      EXPECT_EQ(report.plan.steps.back().pass, Pass::kResolve);
+      EXPECT_EQ(report.plan.steps.size(), 2u);
+    }
+  }
+}
+
+TEST_F(Properties, EveryPassOfThePlanIsTimed) {
+  const FrameReport report = must_render(natural(640, 480)).report;
+  if (device().timestamp_mask() == 0) GTEST_SKIP() << "this device has no timestamps";
+  for (const Step& step : report.plan.steps) {
+    const auto same = std::find_if(report.stages.begin(), report.stages.end(), [&](const StageTime& stage) {
+      return std::strcmp(stage.name, name(step.pass)) == 0;
+    });
+    ASSERT_NE(same, report.stages.end()) << name(step.pass);
+    EXPECT_GT(same->ns, 0u) << name(step.pass);
+  }
+}
+
+TEST_F(Properties, StagingCopiesChangeNoBit) {
+  auto staged = Device::create({.selector = "", .validation = false, .staging = true});
+  ASSERT_TRUE(staged.ok()) << staged.status();
+  EXPECT_FALSE((*staged)->unified_memory());
+  TexturePool own_pool(**staged, uint64_t{1} << 30);
+  auto own = Renderer::create(**staged, own_pool);
+  ASSERT_TRUE(own.ok()) << own.status();
+  for (const WireFrame& frame :
+       {natural(131, 67), natural(64, 64, PixelFormat::kRgba32f), flat(3, 5, {NAN, 1, 2, 1})}) {
+    for (int run = 0; run < 2; ++run) {
+      auto there = render_on(**own, frame, {});
+      ASSERT_TRUE(there.ok()) << there.status();
+      const Rendered here = must_render(frame);
+      EXPECT_EQ(image(there->memory), image(here.memory));
+      EXPECT_EQ(there->report.exposure, here.report.exposure);
+      EXPECT_EQ(there->report.stats.nan_components, here.report.stats.nan_components);
+    }
   }
 }
 
@@ -222,6 +295,27 @@ TEST_F(Properties, Frame8KPasses) {
     const auto row = r.memory.output_row(y);
     for (uint32_t x = 0; x < 7680; ++x)
       ASSERT_EQ(std::to_integer<uint8_t>(row[4 * x]), code) << x << ", " << y;
+  }
+}
+
+TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
+  for (ToneCurve curve : kCurves) {
+    Settings settings;
+    settings.exposure.mode = ExposureMode::kManual;
+    settings.exposure.manual_ev = 40;
+    settings.prescale = 0x1p40;
+    settings.bloom.intensity = 10;
+    settings.curve = curve;
+    settings.output_format = OutputFormat::kRgba16;
+    const Rendered r = must_render(flat(35, 19, {65504, 65504, 65504, 1}), settings);
+    const reference::Rgb limit =
+        reference::tone_curve(static_cast<uint32_t>(curve), {0x1p60, 0x1p60, 0x1p60});
+    for (size_t k = 0; k < 3; ++k) {
+      uint16_t code;
+      std::memcpy(&code, &r.memory.output_row(9)[17 * 8 + 2 * k], 2);
+      const double expected = reference::transfer(shader::TRANSFER_SRGB, limit[k]);
+      EXPECT_NEAR(code / 65535.0, expected, 1e-4) << name(curve);
+    }
   }
 }
 

@@ -8,6 +8,15 @@
 
 namespace candela::testing {
 
+namespace {
+
+// What the pipeline reaches, far inside section 6's 0.5 and 0.05, so that a worse shader is noticed. 0.0020
+// of it is the rounding of RGBA16; the rest of the maximum is cancellation between components of +-65504.
+constexpr double kMaxCodes = 0.010;
+constexpr double kP999Codes = 0.0035;
+
+}  // namespace
+
 void FrameErrorTest::print_header(const std::string& what) {
   std::printf("%-44s %9s %9s %9s %9s %9s\n", what.c_str(), "max", "p99.9", "mean", "differ", "EV");
 }
@@ -28,8 +37,8 @@ void FrameErrorTest::check(const WireFrame& frame, Settings settings, const std:
               codes.mean_codes,
               100.0 * static_cast<double>(counts.differing) / static_cast<double>(counts.components), ev);
   EXPECT_LE(ev, 2e-5) << what;
-  EXPECT_LE(codes.max_codes, 0.5) << what << " worst at " << codes.worst_x << ", " << codes.worst_y;
-  EXPECT_LE(codes.p999_codes, 0.05) << what;
+  EXPECT_LE(codes.max_codes, kMaxCodes) << what << " worst at " << codes.worst_x << ", " << codes.worst_y;
+  EXPECT_LE(codes.p999_codes, kP999Codes) << what;
   EXPECT_LE(counts.max_difference, 1) << what;
   // 0.1 %, or one component of a frame too small for a percentage.
   EXPECT_LE(static_cast<double>(counts.differing),
@@ -40,7 +49,10 @@ void FrameErrorTest::check(const WireFrame& frame, Settings settings, const std:
   EXPECT_EQ(fine->report.stats.negative_components, truth.bad.negative) << what;
   EXPECT_NEAR(fine->report.stats.max_luminance, truth.meter.max_luminance, 1e-6 * truth.meter.max_luminance)
       << what;
-  EXPECT_NEAR(fine->report.stats.min_luminance, truth.meter.min_luminance, 1e-6 * truth.meter.max_luminance)
+  // Where components are negative, a luminance can be small by cancellation.
+  const double cancelled = truth.bad.negative > 0 ? 1e-6 * truth.meter.max_luminance : 0.0;
+  EXPECT_NEAR(fine->report.stats.min_luminance, truth.meter.min_luminance,
+              1e-6 * truth.meter.min_luminance + cancelled)
       << what;
 }
 

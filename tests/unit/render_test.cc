@@ -83,6 +83,10 @@ TEST(Primaries, OfRec709NeedNoMatrixAndSingularOnesAreRefused) {
   EXPECT_FALSE(rec709->has_value());
   EXPECT_FALSE(matrix_to_rec709({{0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3}}).ok());
   EXPECT_FALSE(matrix_to_rec709({{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0}}).ok());
+  // Independent on paper, but the matrix would leave a float's range.
+  EXPECT_FALSE(matrix_to_rec709({{-0.7238643181910811, -5.97e-216, -4.97e+272, -3.74e-159,
+                                  -0.081465836816720816, -1.41e-139, 6.4829e-06, 0.69833}})
+                   .ok());
   EXPECT_FALSE(matrix_to_rec709({{NAN, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290}}).ok());
 }
 
