@@ -41,11 +41,16 @@ if ! "$candela" health --server "$socket" >/dev/null 2>&1; then
   exit 1
 fi
 
+declare -A written=()
 passed=0
 failed=0
 for frame in "${frames[@]}"; do
   name=$(basename -- "$frame")
-  if "$candela" render "$frame" "out/${name%.*}.png" --server "$socket"; then
+  picture=out/${name%.*}.png
+  # Two inputs of one name do not share a picture.
+  for ((copy = 2; ${written[$picture]:-0}; copy++)); do picture=out/${name%.*}-$copy.png; done
+  written[$picture]=1
+  if "$candela" render "$frame" "$picture" --server "$socket"; then
     passed=$((passed + 1))
   else
     failed=$((failed + 1))

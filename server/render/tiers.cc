@@ -6,9 +6,9 @@ namespace {
 
 constexpr Tier kTiers[] = {
     {"standard",
-     "13-tap and tent bloom filters on float32 levels, half-float scene, transfer within 0.001 code; the "
-     "whole "
-     "frame within 0.5 code of the float64 reference, 99.9 % of it within 0.05"},
+     "13-tap and tent bloom filters on float32 levels, half-float scene, transfer within 0.0001 code; the "
+     "whole frame "
+     "within 0.01 code of the float64 reference"},
 };
 
 }  // namespace

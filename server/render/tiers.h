@@ -1,4 +1,4 @@
-// Tiers: how much accuracy is spent, as rows of numbers.
+// Tiers: how much accuracy is spent. There is one so far.
 #pragma once
 
 #include <span>

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "server/base/driver_environment.h"
 #include "server/render/renderer.h"
 #include "tests/support/scenes.h"
 
@@ -80,6 +81,7 @@ void run(benchmark::State& state, Bench& bench, uint32_t width, uint32_t height,
 
 int main_(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
+  prepare_driver_environment();
   Bench bench;
   absl::StatusOr<std::unique_ptr<Device>> device = Device::create({});
   if (!device.ok()) {
