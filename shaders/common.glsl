@@ -19,6 +19,13 @@ float luminance(vec3 c) {
   return l;
 }
 
+// max(x, low) and min(x, high) for bounds >= 0, as integers: those order non-negative floats as floats do, and negative
+// ones below all of them. One instruction where a driver's float min and max pay for NaN with three.
+float at_least(float x, float low) { return intBitsToFloat(max(floatBitsToInt(x), floatBitsToInt(low))); }
+float at_most(float x, float high) { return intBitsToFloat(min(floatBitsToInt(x), floatBitsToInt(high))); }
+vec3 at_least(vec3 x, float low) { return intBitsToFloat(max(floatBitsToInt(x), floatBitsToInt(low))); }
+vec3 at_most(vec3 x, float high) { return intBitsToFloat(min(floatBitsToInt(x), floatBitsToInt(high))); }
+
 // Rounds to the nearest half, ties to even, and stays a float. |x| <= 65504.
 float round_to_half(float x) {
   uint bits = floatBitsToUint(x);

@@ -32,14 +32,14 @@ float agx_shoulder(float t) { return t / power(1.0 + t * t * t * sqrt(sqrt(t)), 
 
 float agx_channel(float inset) {
   const float pivot = 10.0 / 16.5;
-  float stops = exact_log2(clamp(inset, 1.0e-10, 1.0e10));
-  float x = clamp((stops + 12.47393) / (4.026069 + 12.47393), 0.0, 1.0);
+  float stops = exact_log2(at_least(inset, 1.0e-10));
+  float x = at_most(at_least((stops + 12.47393) / (4.026069 + 12.47393), 0.0), 1.0);
   // The scales at which the curve meets (0, 0) and (1, 1).
   const float toe = 0.51227738;
   const float shoulder = 0.54146416;
-  float below = agx_toe(max(2.0 * (pivot - x) / toe, 0.0));
-  float above = agx_shoulder(max(2.0 * (x - pivot) / shoulder, 0.0));
-  return power(clamp(0.5 - toe * below + shoulder * above, 0.0, 1.0), 2.2);
+  float below = agx_toe(at_least(2.0 * (pivot - x) / toe, 0.0));
+  float above = agx_shoulder(at_least(2.0 * (x - pivot) / shoulder, 0.0));
+  return power(at_least(0.5 - toe * below + shoulder * above, 0.0), 2.2);
 }
 
 vec3 agx(vec3 x) {
@@ -73,5 +73,5 @@ vec3 curve(vec3 x, float white) {
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);
-  return clamp(y, 0.0, 1.0);
+  return at_most(at_least(y, 0.0), 1.0);
 }

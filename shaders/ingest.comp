@@ -25,7 +25,7 @@ layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { Tile
 
 // (log2(max(l, MIN_METERED_LUMINANCE)) + LOG2_BIAS) in fixed point.
 uint fixed_log2(float l) {
-  uint bits = floatBitsToUint(max(l, MIN_METERED_LUMINANCE));
+  uint bits = floatBitsToUint(at_least(l, MIN_METERED_LUMINANCE));
   precise float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
   precise float q = -0.025691079 * t + 0.121002205;
   q = q * t + -0.276540697;
@@ -48,16 +48,16 @@ vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
   }
   float l = luminance(mean);
   float over = l - p.threshold;
-  float soft = clamp(over + p.knee, 0.0, 2.0 * p.knee);
+  float soft = at_most(at_least(over + p.knee, 0.0), 2.0 * p.knee);
   float q = p.knee > 0.0 ? soft * soft / (4.0 * p.knee) : 0.0;
-  return mean * (max(max(q, over), 0.0) / max(l, 1e-4));
+  return mean * (at_least(over, q) / at_least(l, 1e-4));
 }
 
 // What one invocation has seen.
 uint log2_sum = 0u;
-// Luminance as bits: it is not negative, so integers order it as floats would, and NaN in padding does no harm.
-uint max_luminance = 0u;
-uint min_luminance = 0xffffffffu;
+// Luminance as bits, in the order of at_least(): NaN in padding does no harm.
+int max_luminance = 0;
+int min_luminance = 0x7fffffff;
 uint max_magnitude = 0u;
 uint negative_components = 0u;
 uint bright_texels = 0u;
@@ -67,6 +67,7 @@ uint first_bad_texel = 0xffffffffu;
 
 void count_bad(vec4 wire, uint counted, uint texel) {
   [[unroll]] for (uint i = 0u; i < 3u; ++i) {
+    negative_components -= uint(is_nan(wire[i])) & (floatBitsToUint(wire[i]) >> 31) & counted;
     nan_components += uint(is_nan(wire[i])) & counted;
     infinite_components += uint(is_infinite(wire[i])) & counted;
   }
@@ -80,19 +81,22 @@ Group meter_row(uint x, uint y, uvec4 counted) {
   Group g = load_wire(p.frame, x, y);
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
     vec4 wire = g.texel[i];
-    uvec4 magnitude = floatBitsToUint(wire) & 0x7fffffffu;
+    uvec4 bits = floatBitsToUint(wire);
+    uvec4 magnitude = bits & 0x7fffffffu;
     max_magnitude =
         max(max_magnitude, max(max(magnitude.r, magnitude.g), max(magnitude.b, magnitude.a)) & counted[i]);
-    negative_components += (uint(wire.r < 0.0) + uint(wire.g < 0.0) + uint(wire.b < 0.0)) & counted[i];
+    // The sum's sign bit says that the magnitude is not 0. A NaN's own sign is taken back in count_bad().
+    uvec3 negative = ((magnitude.rgb + 0x7fffffffu) & bits.rgb) >> 31;
+    negative_components += (negative.r + negative.g + negative.b) & counted[i];
     if (SCRUB) count_bad(wire, counted[i], y * p.frame.width + x + i);
 
     vec3 scene = ingest(p.frame, wire).rgb;
-    float l = scene_luminance(scene);
+    float l = luminance(scene);
     log2_sum += fixed_log2(l) & counted[i];
-    uint bits = floatBitsToUint(l) & 0x7fffffffu;
-    max_luminance = max(max_luminance, bits & counted[i]);
-    min_luminance = min(min_luminance, bits | ~counted[i]);
-    g.texel[i].rgb = max(scene, 0.0);
+    int order = floatBitsToInt(l) & int(counted[i]);
+    max_luminance = max(max_luminance, order);
+    min_luminance = min(min_luminance, order | int(~counted[i] & 0x7fffffffu));
+    g.texel[i].rgb = at_least(scene, 0.0);
   }
   return g;
 }
@@ -123,7 +127,7 @@ void main() {
           vec3 d = bright_pass(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
                                bottom.texel[2u * i + 1u].rgb);
           if (x / 2u + i < p.level_width) {
-            bright_texels += uint(max(max(d.r, d.g), d.b) > 0.0);
+            bright_texels += min(max(max(floatBitsToUint(d.r), floatBitsToUint(d.g)), floatBitsToUint(d.b)), 1u);
             level[at + i].v = vec4(d, 0.0);
           }
         }
@@ -137,8 +141,8 @@ void main() {
   uint tile = gl_WorkGroupID.y * p.tiles_x + gl_WorkGroupID.x;
   uint low = subgroupAdd(log2_sum & 0xffffu);
   uint high = subgroupAdd(log2_sum >> 16);
-  uint brightest = subgroupMax(max_luminance);
-  uint darkest = ~subgroupMin(min_luminance);
+  uint brightest = uint(subgroupMax(max_luminance));
+  uint darkest = ~uint(max(subgroupMin(min_luminance), 0));
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
   uint bright = subgroupAdd(bright_texels);

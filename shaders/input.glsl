@@ -51,6 +51,3 @@ vec4 ingest(InputParams frame, vec4 wire) {
   }
   return PIXELS == PIXELS_RGBA32F || MATRIX ? round_to_half(c) : c;
 }
-
-// The luminance that is metered and reported.
-float scene_luminance(vec3 scene) { return max(luminance(scene), 0.0); }

@@ -26,11 +26,12 @@ layout(push_constant) uniform Push { ResolveParams p; };
 vec4 image_texel(vec4 wire, vec3 light) {
   vec4 scene = ingest(p.frame, wire);
   vec3 x = BLOOM ? scene.rgb + p.bloom_scale * light : scene.rgb;
-  vec3 y = curve(min(max(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE), p.curve_white);
+  vec3 y = curve(at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE), p.curve_white);
   return vec4(OUTPUT == OUTPUT_RGBA16F ? y : encode(y), scene.a);
 }
 
-uvec4 quantise(vec4 c, float codes) { return uvec4(clamp(c, 0.0, 1.0) * codes + 0.5); }
+// Colour is in [0, 1] already.
+uvec4 quantise(vec4 c, float codes) { return uvec4(vec4(c.rgb, at_most(at_least(c.a, 0.0), 1.0)) * codes + 0.5); }
 
 uvec2 pack16(uvec4 v) { return v.xz | (v.yw << 16); }
 
