@@ -198,9 +198,10 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
   }
   RawCall call(channel_, "/candela.v1.RenderService/Render", deadline);
   grpc::ByteBuffer message;
-  const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
-                        call.half_close() && call.read(message);
-  if (!answered) {
+  const bool sent =
+      call.write(start_message(settings, frame)) && send_bands(call, frame) && call.half_close();
+  if (sent && frame.on_sent) frame.on_sent();
+  if (!sent || !call.read(message)) {
     const absl::Status status = from_grpc(call.finish(), address_, call.connected());
     return status.ok() ? not_the_protocol("it ended before its header") : status;
   }

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -15,13 +16,16 @@
 
 namespace candela {
 
-// A frame to send. Rows from top to bottom, tight; not owned, alive until render() returns.
+// A frame to send. Rows from top to bottom, tight; not owned, alive until `on_sent` or until render()
+// returns.
 struct FrameView {
   uint32_t width = 0;   // pixels
   uint32_t height = 0;  // pixels
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
   std::span<const std::byte> pixels;
   uint64_t sequence = 0;  // comes back in the result's header
+  std::function<void()> on_sent =
+      nullptr;  // called once all of `pixels` was copied out, before the result comes
 };
 
 // A rendered image and what the server says about it. Movable.

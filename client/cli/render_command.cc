@@ -110,11 +110,12 @@ class Rendering {
     if (!server.ok()) return server.status();
     if (absl::Status status = link_.check_tier(options_.settings.tier()); !status.ok()) return status;
     const absl::Time begin = absl::Now();
+    FrameView view = view_of(frame);
+    view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
     absl::StatusOr<RenderResult> result =
-        (*server)->render(settings_for(frame, options_), view_of(frame), begin + kRenderTimeout);
+        (*server)->render(settings_for(frame, options_), view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(result.status(), options_.input);
-    frame.pixels = {};
     link_.close();
 
     report_.header = std::move(result->header);
