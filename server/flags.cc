@@ -93,7 +93,8 @@ void add_options(CLI::App& app, Invocation& invocation) {
   add(app, "listen", "ADDRESS[,ADDRESS...]", kDefaultListen,
       "Where to listen: HOST:PORT, port 0 for a free one, or unix:PATH", [&config](const std::string& text) {
         config.listen = absl::StrSplit(text, ',', absl::SkipWhitespace());
-        return absl::OkStatus();
+        if (!config.listen.empty()) return absl::OkStatus();
+        return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
       });
   add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback, without TLS");
   add(app, "device", "NAME|INDEX", "", "Vulkan device: a part of its name or its index; empty takes the best",

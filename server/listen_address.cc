@@ -1,6 +1,13 @@
 #include "server/listen_address.h"
 
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -45,6 +52,32 @@ absl::Status check_listen_address(const std::string& address, bool insecure) {
                         address));
   }
   return absl::OkStatus();
+}
+
+absl::Status check_socket_is_free(const std::string& address) {
+  absl::string_view path = address;
+  if (!absl::ConsumePrefix(&path, "unix:")) return absl::OkStatus();
+  if (absl::StartsWith(path, "//")) path.remove_prefix(2);
+  sockaddr_un to{};
+  if (path.size() >= sizeof to.sun_path) return absl::OkStatus();  // gRPC refuses it by its length
+  to.sun_family = AF_UNIX;
+  std::memcpy(to.sun_path, path.data(), path.size());
+
+  struct stat info;
+  if (lstat(to.sun_path, &info) != 0) return absl::OkStatus();
+  if (!S_ISSOCK(info.st_mode)) {
+    return absl::UnavailableError(
+        absl::StrFormat("cannot listen on %s: there is a file of that name that is no socket; remove it or "
+                        "pass another --listen",
+                        address));
+  }
+  const int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const bool served =
+      probe >= 0 && (connect(probe, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0 || errno == EAGAIN);
+  if (probe >= 0) close(probe);
+  if (!served) return absl::OkStatus();  // left behind by a process that is gone
+  return absl::UnavailableError(absl::StrFormat(
+      "cannot listen on %s: it is in use; stop what listens there or pass another --listen", address));
 }
 
 }  // namespace candela

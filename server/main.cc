@@ -2,6 +2,9 @@
 #include <pthread.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <thread>
@@ -10,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
+#include "absl/time/clock.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
 #include "server/config.h"
@@ -45,6 +49,8 @@ class Signals {
   }
 
   void wait_for_stop() { stop_.WaitForNotification(); }
+  // From now on a stop that takes too long is a client's fault, not a failure.
+  void nothing_in_flight() { nothing_in_flight_ = true; }
 
  private:
   void run() {
@@ -53,9 +59,17 @@ class Signals {
     if (finished_.HasBeenNotified()) return;
     log_event(LogLevel::kInfo, "draining", {{"signal", signal == SIGINT ? "SIGINT" : "SIGTERM"}});
     stop_.Notify();
-    const timespec limit = absl::ToTimespec(stop_within_);
-    const int second = sigtimedwait(&set_, nullptr, &limit);
+    const absl::Time end = absl::Now() + stop_within_;
+    int second = 0;
+    do {  // a process that is stopped and continued is interrupted here
+      const timespec left = absl::ToTimespec(std::max(end - absl::Now(), absl::ZeroDuration()));
+      second = sigtimedwait(&set_, nullptr, &left);
+    } while (second < 0 && errno == EINTR);
     if (finished_.HasBeenNotified()) return;
+    if (second < 0 && nothing_in_flight_) {
+      log_event(LogLevel::kWarning, "stopped with a connection that its client would not read from");
+      _exit(0);
+    }
     log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
     _exit(kFailed);
   }
@@ -64,6 +78,7 @@ class Signals {
   sigset_t set_;
   absl::Notification stop_;
   absl::Notification finished_;
+  std::atomic<bool> nothing_in_flight_ = false;
   std::thread thread_;
 };
 
@@ -85,8 +100,8 @@ int print_devices() {
 }
 
 int serve(const Invocation& invocation) {
-  Signals signals(invocation.config.drain_timeout + kStopGrace);
   start_logging(invocation.log);
+  Signals signals(invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(invocation.config);
   if (!server.ok()) return fail(server.status(), kFailed);
@@ -95,7 +110,7 @@ int serve(const Invocation& invocation) {
   std::fflush(stdout);
   log_event(LogLevel::kInfo, "serving", {{"address", addresses}, {"device", (*server)->device_name()}});
   signals.wait_for_stop();
-  (*server)->drain_and_stop();
+  (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");
   return 0;
 }

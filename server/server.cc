@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/base/driver_environment.h"
+#include "server/listen_address.h"
 #include "server/render/renderer.h"
 #include "server/render/self_test.h"
 #include "server/render/texture_pool.h"
@@ -26,6 +27,9 @@ namespace {
 
 // For calls that were refused at the last moment to hear so; only those that watch health take it all.
 constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
+
+constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
+constexpr int kOtherStreams = 64;  // on one connection, beside Render calls
 
 // What a frame's memory lives on.
 struct Engine {
@@ -115,13 +119,22 @@ absl::Status Server::Parts::listen() {
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
   // Two servers on one port would share its calls between them unasked.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  // Reflection is a synchronous service and takes a thread a stream; health may be watched without end.
+  grpc::ResourceQuota quota("candelad");
+  quota.SetMaxThreads(kMaxThreads);
+  builder.SetResourceQuota(quota);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
+                             static_cast<int>(config.max_calls) + kOtherStreams);
   std::vector<int> ports(config.listen.size(), 0);
+  for (const std::string& address : config.listen) {
+    if (absl::Status status = check_socket_is_free(address); !status.ok()) return status;
+  }
   for (size_t i = 0; i < ports.size(); ++i) {
     builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
   }
   grpc = builder.BuildAndStart();
   for (size_t i = 0; i < ports.size(); ++i) {
-    if (grpc == nullptr || ports[i] == 0) {
+    if (ports[i] == 0) {
       return absl::UnavailableError(
           absl::StrFormat("cannot listen on %s: it is in use or not an address of this machine; stop what "
                           "listens there or pass "
@@ -183,11 +196,12 @@ const std::string& Server::device_name() const { return parts_->engine->device->
 
 uint64_t Server::validation_messages() const { return parts_->engine->device->validation_messages(); }
 
-void Server::drain_and_stop() {
+void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
   parts_->grpc->GetHealthCheckService()->Shutdown();
   parts_->backend->gate.close();
   const bool drained = parts_->backend->gate.wait_until_empty(parts_->config.drain_timeout);
+  if (drained && on_drained) on_drained();
   parts_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }
 

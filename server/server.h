@@ -3,6 +3,7 @@
 
 #include <grpcpp/channel.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -36,8 +37,9 @@ class Server {
   uint64_t validation_messages() const;
 
   // Health says NOT_SERVING and new calls get UNAVAILABLE; frames in flight have config.drain_timeout to
-  // finish, then their calls are cancelled. Returns when nothing runs any more. Once.
-  void drain_and_stop();
+  // finish, then their calls are cancelled. `on_drained` is called when none is in flight any more, unless
+  // that took too long; then connections are closed. Returns when nothing runs any more. Once.
+  void drain_and_stop(const std::function<void()>& on_drained = {});
 
  private:
   struct Parts;

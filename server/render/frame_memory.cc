@@ -84,6 +84,17 @@ std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
   return {parts_->host_output().mapped() + y * parts_->pitch * texel_bytes, parts_->desc.width * texel_bytes};
 }
 
+void FrameMemory::keep_output_only() {
+  if (parts_ == nullptr) return;
+  Parts& parts = *parts_;
+  parts.input = {};
+  parts.upload = {};
+  parts.tiles = {};
+  parts.tiles_readback = {};
+  parts.levels.clear();
+  if (parts.readback) parts.output = {};
+}
+
 bool FrameMemory::output_contiguous() const { return parts_->pitch == parts_->desc.width; }
 
 }  // namespace candela

@@ -33,6 +33,8 @@ class FrameMemory {
   // this is destroyed. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
   std::span<const std::byte> output_row(uint32_t y) const;
   bool output_contiguous() const;
+  // Gives everything but the finished image back to the pool: a slow reader holds no more than it reads.
+  void keep_output_only();
 
   struct Parts;
   // The textures themselves, for server/render and its tests.

@@ -39,10 +39,10 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
       return Lease(this, std::move(entry));
     }
     if (counters_.bytes_in_use + bytes > budget_bytes_) {
-      return absl::ResourceExhaustedError(
+      return absl::UnavailableError(
           absl::StrFormat("a %dx%d texture needs %d bytes, and frames in flight hold %d of the memory budget "
-                          "of %d; send smaller "
-                          "frames, wait for those in flight, or raise --memory-budget",
+                          "of %d; try again when they "
+                          "are done, or raise --memory-budget",
                           key.width, key.height, bytes, counters_.bytes_in_use, budget_bytes_));
     }
     while (!idle_.empty() && counters_.bytes_in_use + counters_.bytes_idle + bytes > budget_bytes_) {

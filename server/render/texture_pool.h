@@ -45,7 +45,8 @@ class TexturePool {
 
   class Lease;
 
-  // RESOURCE_EXHAUSTED when the budget does not hold the texture beside those in use.
+  // UNAVAILABLE when the budget does not hold the texture beside those in use; RESOURCE_EXHAUSTED when the
+  // device has no memory for it.
   absl::StatusOr<Lease> take(const TextureKey& key);
 
   PoolCounters counters() const;

@@ -8,6 +8,13 @@
 
 namespace candela {
 
+namespace {
+
+// How many idle timeouts a frame's upload may take in all.
+constexpr int kMaxUploadTimeouts = 10;
+
+}  // namespace
+
 RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& backend) {
   std::shared_ptr<RenderCall> call(new RenderCall(context, backend));
   call->self_ = call;
@@ -17,7 +24,7 @@ RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& bac
 }
 
 RenderCall::RenderCall(grpc::CallbackServerContext* context, Backend& backend)
-    : context_(*context), backend_(backend), last_progress_(absl::Now()) {}
+    : context_(*context), backend_(backend), begun_(absl::Now()), last_progress_(begun_) {}
 
 void RenderCall::enter() {
   if (absl::Status status = backend_.gate.enter(); !status.ok()) return finish(status);
@@ -111,14 +118,16 @@ void RenderCall::OnCancel() {
 
 void RenderCall::finish(const absl::Status& status) {
   state_ = State::kFinished;
+  const grpc::Status told = to_grpc(status);
   log_event(LogLevel::kInfo, "render call ended",
             {{"peer", context_.peer()},
              {"sequence", start_ ? start_->sequence : 0},
              {"status", absl::StatusCodeToString(status.code())},
-             {"message", status.message()}});
+             {"message", told.error_message()}});
   result_.reset();
   frame_.reset();
-  Finish(to_grpc(status));
+  if (inside_) watch_idle(backend_.idle_timeout);
+  Finish(told);
 }
 
 void RenderCall::OnDone() {
@@ -144,8 +153,22 @@ void RenderCall::watch_idle(absl::Duration wait) {
 
 void RenderCall::on_idle() {
   absl::MutexLock lock(&mutex_);
-  if (state_ == State::kFinished) return;
+  if (state_ == State::kFinished) {
+    // gRPC cannot even deliver the status, for the peer reads nothing. Its place is not kept for it. After
+    // OnDone, which lets go of self_, there is no place to give up.
+    if (self_ != nullptr && std::exchange(inside_, false)) {
+      context_.TryCancel();
+      backend_.gate.leave();
+    }
+    return;
+  }
   if (state_ == State::kQueued) return watch_idle(backend_.idle_timeout);  // it waits for us
+  // A row a minute is progress too, but not for days.
+  if (state_ == State::kBands && absl::Now() - begun_ > kMaxUploadTimeouts * backend_.idle_timeout) {
+    return finish(absl::DeadlineExceededError(absl::StrFormat(
+        "the frame was not complete after %s, %d times this server's idle timeout; send it faster",
+        absl::FormatDuration(absl::Trunc(absl::Now() - begun_, absl::Milliseconds(1))), kMaxUploadTimeouts)));
+  }
   const absl::Duration idle = absl::Now() - last_progress_;
   if (idle < backend_.idle_timeout) return watch_idle(backend_.idle_timeout - idle);
   // A write that nobody reads never ends by itself, and no status could follow it.

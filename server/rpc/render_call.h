@@ -69,6 +69,7 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
   Ticket ticket_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<ResultWriter> result_ ABSL_GUARDED_BY(mutex_);
+  const absl::Time begun_;
   absl::Time last_progress_ ABSL_GUARDED_BY(mutex_);
   std::unique_ptr<grpc::Alarm> idle_alarm_ ABSL_GUARDED_BY(mutex_);
 };

@@ -60,6 +60,7 @@ void RenderLoop::serve(FrameJob job) {
   if (!report.ok()) {
     job.done(report.status());
   } else {
+    job.frame->memory.keep_output_only();
     job.done(RenderedFrame{*std::move(report), start - job.submitted});
   }
 }

@@ -37,7 +37,7 @@ TEST_F(Pool, RefusesWhatTheBudgetDoesNotHold) {
   auto b = local.take(kKey);
   ASSERT_TRUE(a.ok() && b.ok());
   auto c = local.take(kKey);
-  EXPECT_EQ(c.status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(c.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(local.counters().bytes_in_use, 2 * kBytes);
   *a = TexturePool::Lease();
   EXPECT_TRUE(local.take(kKey).ok());
@@ -72,6 +72,17 @@ TEST_F(Pool, ASecondFrameTakesNothingNew) {
   EXPECT_EQ(after.misses, before.misses);
   EXPECT_GT(after.hits, before.hits);
   EXPECT_EQ(after.bytes_in_use, 0u);
+}
+
+TEST_F(Pool, AFinishedFrameHoldsItsImageOnly) {
+  auto rendered = render(natural(200, 100), {});
+  ASSERT_TRUE(rendered.ok()) << rendered.status();
+  const std::vector<std::byte> before = image(rendered->memory);
+  rendered->memory.keep_output_only();
+  EXPECT_EQ(pool().counters().bytes_in_use, 200u * 100u * 4u);
+  // What another frame does with the textures that were given back does not reach it.
+  ASSERT_TRUE(render(flat(200, 100, {1, 2, 3, 1}), {}).ok());
+  EXPECT_EQ(image(rendered->memory), before);
 }
 
 TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {

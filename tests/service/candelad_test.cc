@@ -107,9 +107,33 @@ TEST(Candelad, AnAddressInUseEndsWithOneLineThatSaysSo) {
   EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
 }
 
+TEST(Candelad, ASocketThatIsServedIsNotTakenAway) {
+  const std::string path = ::testing::TempDir() + "candelad_served.sock";
+  std::remove(path.c_str());
+  Daemon first({"--listen", "unix:" + path});
+  ASSERT_NE(first.wait_until_listening(), "");
+  Daemon second({"--listen", "unix:" + path});
+  EXPECT_EQ(second.wait(), 1);
+  EXPECT_NE(second.errors().find("in use"), std::string::npos) << second.errors();
+  EXPECT_EQ(access(path.c_str(), F_OK), 0) << "the first one's socket is gone";
+}
+
+TEST(Candelad, AFileThatIsNoSocketIsNotTakenAway) {
+  const std::string path = ::testing::TempDir() + "candelad_file";
+  std::fclose(std::fopen(path.c_str(), "w"));
+  Daemon daemon({"--listen", "unix:" + path});
+  EXPECT_EQ(daemon.wait(), 1);
+  EXPECT_NE(daemon.errors().find("no socket"), std::string::npos) << daemon.errors();
+  EXPECT_EQ(std::remove(path.c_str()), 0);
+}
+
 TEST(Candelad, BadOptionsEndWithTwoAndOneLine) {
-  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-           {"--listen", "0.0.0.0:1"}, {"--max-calls", "0"}, {"--nonsense"}, {"--config", "/no/such/file"}}) {
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{"--listen", "0.0.0.0:1"},
+                                             {"--max-calls", "0"},
+                                             {"--listen", ","},
+                                             {"--nonsense"},
+                                             {"--config", "/no/such/file"}}) {
     Daemon daemon(arguments);
     EXPECT_EQ(daemon.wait(), 2);
     const std::string errors = daemon.errors();
