@@ -55,7 +55,9 @@ bool is_address(const std::string& address) {
 // The one place where gRPC's errors become ours. `connected`: a message reached the server.
 absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected) {
   if (status.ok()) return absl::OkStatus();
-  const std::string& message = status.error_message();
+  const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+  const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
+                                                    : std::string(plain.message()));
   switch (status.error_code()) {
     case grpc::UNAVAILABLE:
       // A server's own refusal carries details; without any it is the transport's.
@@ -69,9 +71,11 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& address, b
           absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
                           address, message, address));
     case grpc::CANCELLED:
-      // This side never cancels: gRPC does, on a server that stops.
-      return absl::UnavailableError(absl::StrFormat(
-          "the server at %s stopped before it had answered; try again or use another one", address));
+      // This side never cancels: a server does, by gRPC when it stops or when its idle timeout is over.
+      return absl::UnavailableError(
+          absl::StrFormat("the server at %s ended the call: it is stopping, or this side read nothing for "
+                          "longer than its --idle-timeout; try again",
+                          address));
     case grpc::UNIMPLEMENTED:
       return absl::UnimplementedError(
           absl::StrFormat("%s does not speak candela.v1: %s; is it a candelad?", address, message));
@@ -82,7 +86,7 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& address, b
     default:
       break;
   }
-  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), message);
+  return absl::Status(plain.code(), message);
 }
 
 grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
@@ -150,6 +154,7 @@ absl::Status take_band(grpc::ByteBuffer& message, RenderResult& result, size_t& 
   };
   const absl::StatusOr<uint32_t> first_row = v1::read_band(message, take);
   if (!first_row.ok()) return not_the_protocol(std::string(first_row.status().message()).c_str());
+  if (taken == 0) return not_the_protocol("an empty band");
   if (uint64_t{*first_row} * (result.bytes / result.header.height()) != at) {
     return not_the_protocol("its bands are out of order");
   }
@@ -191,6 +196,10 @@ Connection::Connection(std::shared_ptr<grpc::Channel> channel, std::string addre
 
 absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, const FrameView& frame,
                                                 absl::Time deadline) const {
+  if (frame.width == 0 || frame.height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame is %dx%d pixels and has to be at least 1x1", frame.width, frame.height));
+  }
   if (frame.pixels.size() != uint64_t{frame.width} * frame.height * bytes_per_pixel(frame.format)) {
     return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", frame.width,
                                                       frame.height, v1::PixelFormat_Name(frame.format),

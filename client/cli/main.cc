@@ -5,6 +5,7 @@
 
 #include <csignal>
 #include <cstdlib>
+#include <new>
 #include <type_traits>
 
 #include "client/cli/commands.h"
@@ -44,7 +45,7 @@ void clean_up_on_signals() {
   }
 }
 
-absl::Status run(const Invocation& invocation) {
+absl::Status run(const Invocation& invocation) try {
   return std::visit(
       [](const auto& options) {
         using Options = std::decay_t<decltype(options)>;
@@ -55,6 +56,9 @@ absl::Status run(const Invocation& invocation) {
         if constexpr (std::is_same_v<Options, HealthOptions>) return run_health(options);
       },
       invocation);
+} catch (const std::bad_alloc&) {
+  return absl::ResourceExhaustedError(
+      "out of memory; render a smaller image, or give this process more memory");
 }
 
 int run(int argc, char** argv) {

@@ -22,18 +22,6 @@ constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
 
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
-absl::StatusOr<Image> read_input(const std::string& path, const v1::Limits& limits) {
-  // A file does not say before it is read whether it comes as halves, which need half of the bytes.
-  const uint64_t most_pixels = limits.max_frame_bytes() / bytes_per_pixel(ImageFormat::kRgba16f);
-  absl::StatusOr<Image> image =
-      read_image(path, {.max_dimension = limits.max_dimension(), .max_pixels = most_pixels});
-  if (!image.ok() || image->bytes() <= limits.max_frame_bytes()) return image;
-  return absl::ResourceExhaustedError(absl::StrFormat(
-      "%s: %dx%d floats are %d bytes and the server takes at most %d; save it as half floats or smaller, or "
-      "start a candelad with a larger --max-frame-bytes and name it with --server",
-      path, image->width, image->height, image->bytes(), limits.max_frame_bytes()));
-}
-
 v1::Settings settings_for(const Image& image, const RenderOptions& options) {
   v1::Settings settings = options.settings;
   if (image.chromaticities) {
@@ -97,7 +85,8 @@ class Rendering {
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
     const absl::Time begin = absl::Now();
-    absl::StatusOr<Image> image = read_input(options_.input, *limits);
+    absl::StatusOr<Image> image = read_image(
+        options_.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()});
     read_ms_ = ms_since(begin);
     if (image.ok()) add_notes(std::exchange(image->notes, {}));
     return image;

@@ -6,6 +6,8 @@
 
 #include <atomic>
 #include <cerrno>
+#include <cstdlib>
+#include <filesystem>
 
 #include "absl/strings/str_format.h"
 
@@ -14,32 +16,61 @@ namespace {
 
 std::atomic<unsigned> counter{0};
 
+const char* kind_name(mode_t mode) {
+  return S_ISFIFO(mode) ? "a FIFO" : S_ISSOCK(mode) ? "a socket" : "a device";
+}
+
 }  // namespace
 
 absl::Status cannot_write(const std::string& path, int error) {
   return absl::ErrnoToStatus(error, absl::StrFormat("%s: cannot write", path));
 }
 
+absl::StatusOr<std::string> writable_destination(const std::string& path) {
+  std::string target = path;
+  struct stat info {};
+  if (lstat(path.c_str(), &info) == 0 && S_ISLNK(info.st_mode)) {
+    const std::unique_ptr<char, decltype(&std::free)> end(realpath(path.c_str(), nullptr), &std::free);
+    if (end == nullptr) return cannot_write(path, errno);
+    target = end.get();
+  }
+  if (stat(target.c_str(), &info) == 0) {
+    if (S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
+    if (!S_ISREG(info.st_mode)) {
+      return absl::FailedPreconditionError(
+          absl::StrFormat("%s: cannot write: is %s; name a plain file", path, kind_name(info.st_mode)));
+    }
+    // rename() would replace a file that its owner has closed to writing.
+    if (access(target.c_str(), W_OK) != 0) return cannot_write(path, errno);
+  }
+  const std::string folder = std::filesystem::path(target).parent_path().string();
+  if (access(folder.empty() ? "." : folder.c_str(), W_OK | X_OK) != 0) return cannot_write(path, errno);
+  return target;
+}
+
 absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
-  // rename() would replace a file that its owner has closed to writing.
-  if (access(path.c_str(), F_OK) == 0 && access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
-  const size_t slash = path.rfind('/') + 1;
+  absl::StatusOr<std::string> target = writable_destination(path);
+  if (!target.ok()) return target.status();
+  struct stat old {};
+  const bool replaces = stat(target->c_str(), &old) == 0;
+  // Never wider than the old file's; a new one as a plain file is made, so that the umask decides.
+  const mode_t mode = replaces ? old.st_mode & 0777 : 0666;
+  const size_t slash = target->rfind('/') + 1;
   for (int attempts = 0; attempts < 100; ++attempts) {
-    const std::string name = absl::StrFormat("%s.%s.%d-%d.part", path.substr(0, slash),
-                                             path.substr(slash, 200), getpid(), counter++);
-    // As a plain file would be made, so that the umask decides who may read it.
-    const int descriptor = open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    const std::string name = absl::StrFormat("%s.%s.%d-%d.part", target->substr(0, slash),
+                                             target->substr(slash, 200), getpid(), counter++);
+    const int descriptor = open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
     if (descriptor < 0 && errno == EEXIST) continue;
     if (descriptor < 0) return cannot_write(path, errno);
     TemporaryPath temporary(name);
-    std::FILE* file = fdopen(descriptor, "wb");
+    std::FILE* file = replaces && fchmod(descriptor, mode) != 0 ? nullptr : fdopen(descriptor, "wb");
     if (file == nullptr) {
       const int error = errno;
       close(descriptor);
       return cannot_write(path, error);
     }
     setvbuf(file, nullptr, _IOFBF, 1 << 16);
-    return AtomicFile(path, std::move(temporary), file);
+    return AtomicFile(path, *std::move(target), std::move(temporary), file);
   }
   return cannot_write(path, EEXIST);
 }
@@ -56,9 +87,11 @@ bool AtomicFile::seek(uint64_t position) {
 
 absl::Status AtomicFile::commit() {
   if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
+  // EINVAL: of a file that has no disk.
+  if (error_ == 0 && fsync(fileno(file_.get())) != 0 && errno != EINVAL) error_ = errno;
   if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
   if (error_ != 0) return cannot_write(path_, error_);
-  if (std::rename(temporary_.path().c_str(), path_.c_str()) != 0) return cannot_write(path_, errno);
+  if (std::rename(temporary_.path().c_str(), target_.c_str()) != 0) return cannot_write(path_, errno);
   temporary_.let_go();
   return absl::OkStatus();
 }

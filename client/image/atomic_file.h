@@ -14,15 +14,17 @@
 
 namespace candela {
 
-// Written beside its destination under a hidden name and renamed over it by commit(); destroyed without that,
-// it leaves no trace and the old file as it was. Used by one thread.
+// Written beside its destination under a hidden name and, once it is on the disk, renamed over it by
+// commit(); destroyed without that, it leaves no trace and the old file as it was. It has the permissions of
+// the file that it replaces, or else those that the umask leaves. Used by one thread.
 class AtomicFile {
  public:
-  // Fails naming the path and the system's reason; also when a file is there that we may not write.
+  // Fails as writable_destination does, or naming the path and the system's reason.
   static absl::StatusOr<AtomicFile> create(const std::string& path);
 
   AtomicFile(AtomicFile&& other) noexcept
       : path_(std::move(other.path_)),
+        target_(std::move(other.target_)),
         temporary_(std::move(other.temporary_)),
         file_(std::move(other.file_)),
         error_(other.error_) {}
@@ -36,21 +38,28 @@ class AtomicFile {
 
   uint64_t position() const { return static_cast<uint64_t>(std::ftell(file_.get())); }
 
-  // To be called once. Fails, naming the system's reason, when any write so far or the renaming did.
+  // To be called once. Fails, naming the system's reason, when any write so far, bringing them to the disk or
+  // the renaming did.
   absl::Status commit();
 
  private:
   struct Close {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
-  AtomicFile(std::string path, TemporaryPath temporary, std::FILE* file)
-      : path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
+  AtomicFile(std::string path, std::string target, TemporaryPath temporary, std::FILE* file)
+      : path_(std::move(path)), target_(std::move(target)), temporary_(std::move(temporary)), file_(file) {}
 
-  std::string path_;
+  std::string path_;    // as it was given
+  std::string target_;  // links followed
   TemporaryPath temporary_;
   std::unique_ptr<std::FILE, Close> file_;
   int error_ = 0;  // errno of the first failure
 };
+
+// The path with the links at its end followed: where an AtomicFile goes. Fails, naming the path, for a
+// folder, FIFO, socket or device, for a file or folder closed to us and for a folder or link's target that is
+// missing.
+absl::StatusOr<std::string> writable_destination(const std::string& path);
 
 // "PATH: cannot write: REASON", of errno's value.
 absl::Status cannot_write(const std::string& path, int error);

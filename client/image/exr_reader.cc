@@ -142,13 +142,13 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
   const ExrChannels& channels = part->channels;
   const Imf::Header& header = file.header(part->index);
   const Window data(header.dataWindow()), display(header.displayWindow());
-  absl::Status status = check_image_size(path, "image", display.width(), display.height(), limits);
-  status.Update(check_image_size(path, "data window", data.width(), data.height(), limits));
+  const ImageFormat format = is_half(header, channels) ? ImageFormat::kRgba16f : ImageFormat::kRgba32f;
+  absl::Status status = check_image_size(path, "image", display.width(), display.height(), format, limits);
+  status.Update(check_image_size(path, "data window", data.width(), data.height(), format, limits));
   status.Update(check_chunk(path, header, data));
   status.Update(check_sampling(path, header, channels));
   if (!status.ok()) return status;
 
-  const ImageFormat format = is_half(header, channels) ? ImageFormat::kRgba16f : ImageFormat::kRgba32f;
   absl::StatusOr<Image> image =
       make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()), format);
   if (!image.ok()) return image;

@@ -34,7 +34,7 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
 }
 
 absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,
-                              const ImageLimits& limits) {
+                              ImageFormat format, const ImageLimits& limits) {
   if (width < 1 || height < 1) {
     return absl::InvalidArgumentError(
         absl::StrFormat("%s: the %s is %dx%d pixels; it takes at least 1x1", path, what, width, height));
@@ -44,10 +44,14 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
         "%s: the %s is %dx%d pixels and at most %d on a side are taken; crop it or scale it down", path, what,
         width, height, limits.max_dimension));
   }
-  if (static_cast<uint64_t>(width) * static_cast<uint64_t>(height) > limits.max_pixels) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: the %s is %dx%d, %d pixels, and at most %d are taken; crop it or scale it down",
-                        path, what, width, height, width * height, limits.max_pixels));
+  // Divided, as a product might not fit 64 bits.
+  const uint32_t pixel_bytes = bytes_per_pixel(format);
+  if (static_cast<uint64_t>(height) > limits.max_bytes / (static_cast<uint64_t>(width) * pixel_bytes)) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "%s: the %s is %dx%d pixels of %d bytes, and at most %d bytes are taken; save it %s, or start a "
+        "candelad with a larger --max-frame-bytes and name it with --server",
+        path, what, width, height, pixel_bytes, limits.max_bytes,
+        format == ImageFormat::kRgba32f ? "as half floats or smaller" : "smaller"));
   }
   return absl::OkStatus();
 }

@@ -47,7 +47,7 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
 // also holds for the part of the picture that an OpenEXR file stores (its data window).
 struct ImageLimits {
   uint32_t max_dimension = 16384;  // width or height, in pixels
-  uint64_t max_pixels = 1u << 26;  // width * height: 512 MiB of half floats
+  uint64_t max_bytes = 1u << 29;   // of the pixels in the format that the file is read to
 };
 
 // Reads an OpenEXR, Radiance or PFM file, known by its first bytes, not by its name. Half-float files come as
@@ -63,7 +63,7 @@ enum class OutputKind { kPng, kJpeg, kExr, kPfm };
 absl::StatusOr<OutputKind> output_kind(const std::string& path);
 
 // As output_kind, and also finds out early, without writing, that the folder is missing or closed to us or
-// that the path is a folder: for calling before minutes of rendering.
+// that the path is a folder, a FIFO or a device: for calling before minutes of rendering.
 absl::StatusOr<OutputKind> check_output_path(const std::string& path);
 
 // How the integer formats were encoded; written into a PNG (sRGB or gAMA chunk). Floats are always linear.
@@ -76,8 +76,9 @@ struct WriteOptions {
 
 // Writes the image by the path's extension: .png from kRgba8 or kRgba16, .jpg from kRgba8, .exr and .pfm from
 // kRgba16f or kRgba32f. Alpha is stored as it is and colour is not divided by it; formats without alpha drop
-// it. The file appears whole or not at all: a failure leaves what was there before. Returns what the user
-// should hear
+// it. The file appears whole or not at all: a failure leaves what was there before. It keeps the
+// permissions of a file that it replaces, and a link goes on pointing at it. Returns what the user should
+// hear
 // ("alpha dropped: .jpg has none"), often nothing.
 absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
                                                      const WriteOptions& options = {});

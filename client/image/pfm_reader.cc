@@ -50,12 +50,17 @@ absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits) {
         "%s: its PFM header is not 'PF' or 'Pf', width, height and scale, each followed by white space",
         file.path()));
   }
-  if (!std::isfinite(scale) || scale == 0) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: the PFM scale is %s and has to be a finite number other than 0", file.path(), scale_text));
+  const auto factor = static_cast<float>(std::fabs(scale));
+  if (!std::isfinite(factor) || factor == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: the PFM scale is %s and has to be, as a float, a finite number other than 0",
+                        file.path(), scale_text));
   }
-  if (absl::Status status = check_image_size(file.path(), "image", width, height, limits); !status.ok())
+  constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
+  if (absl::Status status = check_image_size(file.path(), "image", width, height, kFormat, limits);
+      !status.ok()) {
     return status;
+  }
   const size_t components = kind == "PF" ? 3 : 1;
   const uint64_t wanted = static_cast<uint64_t>(width * height) * components * sizeof(float);
   if (file.remaining() < wanted) {
@@ -63,9 +68,8 @@ absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits) {
   }
 
   absl::StatusOr<Image> image =
-      make_image(static_cast<uint32_t>(width), static_cast<uint32_t>(height), ImageFormat::kRgba32f);
+      make_image(static_cast<uint32_t>(width), static_cast<uint32_t>(height), kFormat);
   if (!image.ok()) return image;
-  const auto factor = static_cast<float>(std::fabs(scale));
   if (factor != 1) image->notes.push_back(absl::StrFormat("PFM scale %g multiplied in", factor));
   std::vector<uint32_t> row(static_cast<size_t>(width) * components);
   for (uint32_t y = image->height; y-- > 0;) {

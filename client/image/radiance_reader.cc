@@ -6,7 +6,9 @@
 // Decided here: a component is mantissa / 256 * 2^(exponent - 128), without the half that some decoders add.
 // The header's EXPOSURE is divided out and PRIMARIES are honoured; COLORCORR is only reported. Without
 // PRIMARIES the colours are Rec.709. XYZE comes out as CIE XYZ with the chromaticities that say so.
+#include <algorithm>
 #include <array>
+#include <cfloat>
 #include <cmath>
 #include <cstring>
 #include <vector>
@@ -134,7 +136,8 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits)
   if (absl::Status status = read_header(file, header); !status.ok()) return status;
   absl::StatusOr<Resolution> r = read_resolution(file);
   if (!r.ok()) return r.status();
-  if (absl::Status status = check_image_size(file.path(), "image", r->width, r->height, limits);
+  constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
+  if (absl::Status status = check_image_size(file.path(), "image", r->width, r->height, kFormat, limits);
       !status.ok()) {
     return status;
   }
@@ -145,13 +148,16 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits)
   }
 
   absl::StatusOr<Image> image =
-      make_image(static_cast<uint32_t>(r->width), static_cast<uint32_t>(r->height), ImageFormat::kRgba32f);
+      make_image(static_cast<uint32_t>(r->width), static_cast<uint32_t>(r->height), kFormat);
   if (!image.ok()) return image;
   apply_header(header, *image);
   const double scale = radiance_scale(header, *image);
-  // 2^(e-128) / 256 / exposure for every exponent; exponent 0 is black whatever the mantissa.
+  // 2^(e-128) / 256 / exposure for every exponent; exponent 0 is black whatever the mantissa. Finite,
+  // so that a mantissa of 0 stays 0.
   std::array<float, 256> factor{};
-  for (int e = 1; e < 256; ++e) factor[e] = static_cast<float>(std::ldexp(scale, e - 136));
+  for (int e = 1; e < 256; ++e) {
+    factor[e] = static_cast<float>(std::min<double>(std::ldexp(scale, e - 136), FLT_MAX));
+  }
 
   const auto row_bytes = static_cast<int64_t>(image->row_bytes());
   const int64_t x_step = r->right ? 16 : -16, y_step = r->down ? row_bytes : -row_bytes;

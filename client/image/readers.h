@@ -17,10 +17,10 @@ absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits);
 absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits);
 absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits);
 
-// `what` is the thing measured, in the user's words ("image", "data window"). Takes any numbers a header may
-// hold.
+// `what` is the thing measured, in the user's words ("image", "data window"); `format` is what its
+// pixels will be read to. Takes any numbers a header may hold.
 absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,
-                              const ImageLimits& limits);
+                              ImageFormat format, const ImageLimits& limits);
 
 // Puts primaries and white of a file into the image: left out when they are Rec.709 and D65 within 1e-4,
 // ignored with a note when no matrix can be made of them (not finite, white of no luminance, primaries on a

@@ -1,8 +1,4 @@
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <filesystem>
 
@@ -37,13 +33,7 @@ absl::StatusOr<OutputKind> output_kind(const std::string& path) {
 absl::StatusOr<OutputKind> check_output_path(const std::string& path) {
   absl::StatusOr<OutputKind> kind = output_kind(path);
   if (!kind.ok()) return kind;
-  struct stat info {};
-  if (stat(path.c_str(), &info) == 0) {
-    if (S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
-    if (access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
-  }
-  const std::string folder = std::filesystem::path(path).parent_path().string();
-  if (access(folder.empty() ? "." : folder.c_str(), W_OK | X_OK) != 0) return cannot_write(path, errno);
+  if (const auto target = writable_destination(path); !target.ok()) return target.status();
   return kind;
 }
 

@@ -98,6 +98,16 @@ Outcome candela_with_signal(const std::vector<std::string>& arguments, int signa
   return run(arguments, signal, ms);
 }
 
+Outcome candela_on_failing_machine(const char* variable, const char* value,
+                                   const std::vector<std::string>& arguments) {
+  setenv(variable, value, 1);
+  setenv("LD_PRELOAD", FAILING_MACHINE, 1);
+  Outcome outcome = run(arguments, 0, 0);
+  unsetenv("LD_PRELOAD");
+  unsetenv(variable);
+  return outcome;
+}
+
 nlohmann::json candela_json(std::vector<std::string> arguments) {
   arguments.insert(arguments.end(), {"--json", "-"});
   const Outcome outcome = candela(arguments);

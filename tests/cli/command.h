@@ -25,6 +25,10 @@ nlohmann::json candela_json(std::vector<std::string> arguments);
 // Starts `candela`, sends it `signal` after `ms` milliseconds and waits for it.
 Outcome candela_with_signal(const std::vector<std::string>& arguments, int signal, int ms);
 
+// As candela(), on a machine that fails as failing_machine.cc says `variable` = `value` does.
+Outcome candela_on_failing_machine(const char* variable, const char* value,
+                                   const std::vector<std::string>& arguments);
+
 // A candelad on a socket of its own while it exists.
 class Daemon {
  public:

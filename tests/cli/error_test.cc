@@ -142,6 +142,25 @@ TEST_F(Failure, OutputsThatCannotBeWrittenAreKnownBeforeTheWork) {
   expect_error(candela({"sample", folder_.path("no/scene.exr")}), 1, "cannot write");
 }
 
+TEST_F(Failure, AFileOfFewBytesAndManyPixelsTakesNoMemory) {
+  // Each scan line is a pixel and its repetitions in two records: 8191 = 255 + 31 * 256.
+  std::string hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 8192\n";
+  for (int y = 0; y < 8192; ++y) hdr.append("\x80\x80\x80\x80\x01\x01\x01\xff\x01\x01\x01\x1f", 12);
+  const Outcome outcome = candela({"render", file("bomb.hdr", hdr), out_});
+  expect_error(outcome, 1, "save it as half floats or smaller");
+  EXPECT_LT(outcome.peak_kib, 600'000);
+}
+
+TEST_F(Failure, ADiskThatLosesThePictureIsAnError) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer wants to be loaded first";
+#endif
+  const std::string scene = file("scene.exr", "old");
+  expect_error(candela_on_failing_machine("CANDELA_TEST_FSYNC_FAILS", "1", {"sample", scene, "-q"}), 1,
+               "scene.exr: cannot write: Input/output error");
+  EXPECT_TRUE(read_file(scene) == "old");
+}
+
 TEST_F(Failure, WhatStdoutCannotTakeIsAnError) {
   expect_error(candela({"render", in_, folder_.path("other.png"), "-q", "--json", "/dev/full"}), 1,
                "No space left");

@@ -65,6 +65,19 @@ TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
   EXPECT_EQ(png_facts(out_).width, 0u);
 }
 
+TEST_F(WithServer, MemoryThatRunsOutIsAnErrorInOneLine) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer has an operator new of its own";
+#endif
+  const Daemon daemon;
+  const std::string scene = folder_.path("scene.pfm");
+  ASSERT_EQ(candela({"sample", scene, "--size", "1024x600", "-q"}).code, 0);
+  const Outcome outcome = candela_on_failing_machine("CANDELA_TEST_MOST_NEW_BYTES", "2000000",
+                                                     {"render", scene, out_, "--server", daemon.address()});
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.err.find("candela: error: out of memory"), 0u) << outcome.err;
+}
+
 TEST_F(WithServer, AnUnknownTierIsAWrongUseThatListsItsTiers) {
   const Daemon daemon;
   const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address(), "--tier", "standart"});

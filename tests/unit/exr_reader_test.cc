@@ -323,13 +323,15 @@ TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
 }
 
 TEST_F(ExrReader, ChecksTheLimitsFromTheHeaderAlone) {
-  const auto refuses = [&](const Box2i& display, const Box2i& data) {
-    write_scan_lines(path_, Imf::Header(display, data), rgb_channels());
-    const absl::Status status = read_image(path_, {.max_dimension = 64, .max_pixels = 2048}).status();
+  const auto refuses = [&](const Box2i& display, const Box2i& data, Imf::PixelType type = Imf::HALF) {
+    write_scan_lines(path_, Imf::Header(display, data), rgb_channels(type));
+    const absl::Status status = read_image(path_, {.max_dimension = 64, .max_bytes = 2048 * 8}).status();
     return status.code() == absl::StatusCode::kResourceExhausted;
   };
   const Box2i small(V2i(0, 0), V2i(3, 3));
   EXPECT_FALSE(refuses({V2i(0, 0), V2i(63, 31)}, small));
+  EXPECT_FALSE(refuses({V2i(0, 0), V2i(31, 31)}, small, Imf::FLOAT));
+  EXPECT_TRUE(refuses({V2i(0, 0), V2i(31, 32)}, small, Imf::FLOAT));
   EXPECT_TRUE(refuses({V2i(0, 0), V2i(64, 0)}, small));
   EXPECT_TRUE(refuses({V2i(0, 0), V2i(0, 64)}, small));
   EXPECT_TRUE(refuses({V2i(0, 0), V2i(63, 32)}, small));

@@ -244,6 +244,13 @@ TEST_F(ImageWriter, NamesThePathAndTheReasonOfAnUnwritableOne) {
             folder_.path("none/out.png") + ": cannot write: No such file or directory");
   ASSERT_EQ(mkdir(folder_.path("folder.png").c_str(), 0700), 0);
   EXPECT_NE(error(folder_.path("folder.png")).find("Is a directory"), std::string::npos);
+  ASSERT_EQ(mkfifo(folder_.path("pipe.png").c_str(), 0600), 0);
+  EXPECT_EQ(error(folder_.path("pipe.png")),
+            folder_.path("pipe.png") + ": cannot write: is a FIFO; name a plain file");
+  ASSERT_EQ(symlink("/dev/null", folder_.path("null.png").c_str()), 0);
+  EXPECT_NE(error(folder_.path("null.png")).find("null.png: cannot write: is a device"), std::string::npos);
+  ASSERT_EQ(symlink("nowhere/out.png", folder_.path("dangling.png").c_str()), 0);
+  EXPECT_NE(error(folder_.path("dangling.png")).find("No such file or directory"), std::string::npos);
   if (geteuid() != 0) {  // root may write anywhere
     ASSERT_EQ(mkdir(folder_.path("closed").c_str(), 0500), 0);
     EXPECT_NE(error(folder_.path("closed/out.png")).find("Permission denied"), std::string::npos);
@@ -279,6 +286,32 @@ TEST_F(ImageWriter, ReplacesTheOldFileAndLeavesNothingBeside) {
   write("out.png", test_image(3, 3, ImageFormat::kRgba8, false));
   EXPECT_EQ(folder_.list(), std::vector<std::string>{"out.png"});
   EXPECT_EQ(read_png(folder_.path("out.png")).width, 3u);
+}
+
+TEST_F(ImageWriter, KeepsTheOldFilesPermissionsAndLinks) {
+  struct stat info {};
+  const auto mode_of = [&](const char* name) {
+    EXPECT_EQ(stat(folder_.path(name).c_str(), &info), 0);
+    return info.st_mode & 07777;
+  };
+  const Image image = test_image(3, 3, ImageFormat::kRgba8, false);
+  const mode_t mask = umask(027);
+  write("new.png", image);
+  EXPECT_EQ(mode_of("new.png"), 0640u);
+  for (const mode_t mode : {0600u, 0666u}) {
+    ASSERT_EQ(chmod(folder_.path("new.png").c_str(), mode), 0);
+    write("new.png", image);
+    EXPECT_EQ(mode_of("new.png"), mode);
+  }
+  umask(mask);
+
+  ASSERT_EQ(mkdir(folder_.path("store").c_str(), 0700), 0);
+  write_file(folder_.path("store/real.png"), "old");
+  ASSERT_EQ(symlink("store/real.png", folder_.path("link.png").c_str()), 0);
+  write("link.png", image);
+  ASSERT_EQ(lstat(folder_.path("link.png").c_str(), &info), 0);
+  EXPECT_TRUE(S_ISLNK(info.st_mode));
+  EXPECT_EQ(read_png(folder_.path("store/real.png")).width, 3u);
 }
 
 }  // namespace

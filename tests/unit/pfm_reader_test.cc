@@ -55,14 +55,17 @@ TEST_F(PfmReader, SpreadsGreyAndMultipliesTheScaleIn) {
 TEST_F(PfmReader, RefusesWhatIsNotWholeOrHasNoSense) {
   const auto error = [&](const std::string& bytes) { return std::string(read(bytes).status().message()); };
   EXPECT_NE(error("PF\n2 2\n-1\n" + std::string(47, 'x')).find("1 of 48 bytes"), std::string::npos);
-  EXPECT_NE(error("PF\n8000 8000\n-1\n").find("truncated"), std::string::npos);
+  EXPECT_NE(error("PF\n5000 5000\n-1\n").find("truncated"), std::string::npos);
   for (const char* header : {"PF", "PF\n", "PF\n1 1\n", "PF\nx 1\n-1\n", "PFM\n1 1\n-1\n", "PF\n1 1\n-1"}) {
     EXPECT_NE(error(header).find("PFM header"), std::string::npos) << header;
   }
-  for (const char* header : {"PF\n1 1\n0\n", "PF\n1 1\nnan\n", "PF\n1 1\ninf\n"}) {
+  for (const char* header :
+       {"PF\n1 1\n0\n", "PF\n1 1\nnan\n", "PF\n1 1\ninf\n", "PF\n1 1\n1e60\n", "PF\n1 1\n-1e-60\n"}) {
     EXPECT_NE(error(header + std::string(12, 'x')).find("scale"), std::string::npos) << header;
   }
   EXPECT_NE(error("PF\n-1 1\n-1\n").find("at least 1x1"), std::string::npos);
+  // 8 bytes a pixel would be within the limit, 16 are not.
+  EXPECT_EQ(read("PF\n8000 8000\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(read("PF\n40000 40000\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(read("PF\n4294967297 4294967297\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
 }

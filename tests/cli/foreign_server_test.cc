@@ -1,0 +1,133 @@
+// Against servers that are no candelad: what they send is input, and whatever it is the user hears one line.
+#include <grpcpp/server_builder.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+
+#include "candela/v1/render.grpc.pb.h"
+#include "client/connection.h"
+#include "tests/cli/command.h"
+#include "tests/cli/files.h"
+
+namespace candela {
+namespace {
+
+using Stream = grpc::ServerReaderWriter<v1::RenderResponse, v1::RenderRequest>;
+using Answer = std::function<grpc::Status(grpc::ServerContext&, Stream&)>;
+
+// Takes any frame, reads it to its end and answers as it is told.
+class ForeignServer : public v1::RenderService::Service {
+ public:
+  explicit ForeignServer(Answer answer) : answer_(std::move(answer)) {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+  ~ForeignServer() override { server_->Shutdown(); }
+
+  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+
+  grpc::Status GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
+                             v1::GetServerInfoResponse* info) override {
+    info->mutable_limits()->set_max_dimension(1024);
+    info->mutable_limits()->set_max_frame_bytes(1 << 20);
+    return grpc::Status::OK;
+  }
+  grpc::Status Render(grpc::ServerContext* context, Stream* stream) override {
+    v1::RenderRequest request;
+    while (stream->Read(&request)) {
+    }
+    return answer_(*context, *stream);
+  }
+
+ private:
+  const Answer answer_;
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+void send_header(Stream& stream, uint32_t width, uint32_t height) {
+  v1::RenderResponse response;
+  response.mutable_header()->set_width(width);
+  response.mutable_header()->set_height(height);
+  response.mutable_header()->set_format(v1::OUTPUT_FORMAT_RGBA8);
+  stream.Write(response);
+}
+
+void send_band(Stream& stream, uint32_t first_row, size_t bytes) {
+  v1::RenderResponse response;
+  response.mutable_band()->set_first_row(first_row);
+  response.mutable_band()->set_pixels(std::string(bytes, 'x'));
+  stream.Write(response);
+}
+
+// What the command says of such an answer to its frame of 31 x 17 pixels.
+std::string words_for(Answer answer) {
+  const Folder folder;
+  write_small_exr(folder.path("in.exr"));
+  const ForeignServer server(std::move(answer));
+  const Outcome outcome =
+      candela({"render", folder.path("in.exr"), folder.path("out.png"), "--server", server.address()});
+  EXPECT_EQ(outcome.code, outcome.err.empty() ? 0 : 1) << outcome.err;
+  return outcome.err;
+}
+
+TEST(ForeignServer, AGoodAnswerIsTaken) {
+  EXPECT_EQ(words_for([](grpc::ServerContext&, Stream& stream) {
+              send_header(stream, 31, 17);
+              send_band(stream, 0, 31 * 17 * 4);
+              return grpc::Status::OK;
+            }),
+            "");
+}
+
+TEST(ForeignServer, ACallThatItEndsMayHaveBeenIdle) {
+  const std::string words = words_for([](grpc::ServerContext& context, Stream&) {
+    context.TryCancel();
+    return grpc::Status::CANCELLED;
+  });
+  EXPECT_NE(words.find("ended the call: it is stopping, or this side read nothing for longer than its "
+                       "--idle-timeout; try again"),
+            std::string::npos)
+      << words;
+}
+
+TEST(ForeignServer, AnErrorWithoutWordsIsNamedByItsCode) {
+  const auto fail_with = [](grpc::StatusCode code) {
+    return words_for([code](grpc::ServerContext&, Stream&) { return grpc::Status(code, ""); });
+  };
+  EXPECT_NE(fail_with(grpc::INTERNAL).find(": INTERNAL\n"), std::string::npos) << fail_with(grpc::INTERNAL);
+  EXPECT_NE(fail_with(grpc::UNAVAILABLE).find(": UNAVAILABLE; "), std::string::npos)
+      << fail_with(grpc::UNAVAILABLE);
+}
+
+TEST(ForeignServer, AnEmptyBandIsRefused) {
+  const std::string words = words_for([](grpc::ServerContext&, Stream& stream) {
+    send_header(stream, 31, 17);
+    send_band(stream, 0, 0);
+    send_band(stream, 0, 31 * 17 * 4);
+    return grpc::Status::OK;
+  });
+  EXPECT_NE(words.find("an empty band"), std::string::npos) << words;
+}
+
+TEST(ForeignServer, AFrameWithoutPixelsIsRefusedBeforeItIsSent) {
+  const ForeignServer server([](grpc::ServerContext&, Stream& stream) {
+    send_header(stream, 0, 0);
+    send_band(stream, 0, 0);
+    return grpc::Status::OK;
+  });
+  const absl::StatusOr<Connection> connection = Connection::open(server.address());
+  ASSERT_TRUE(connection.ok()) << connection.status();
+  for (const auto& [width, height] : {std::pair<uint32_t, uint32_t>{0, 0}, {0, 3}, {3, 0}}) {
+    const absl::Status status =
+        connection->render({}, {.width = width, .height = height, .pixels = {}}).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+    EXPECT_NE(status.message().find("at least 1x1"), absl::string_view::npos) << status;
+  }
+}
+
+}  // namespace
+}  // namespace candela
