@@ -1,6 +1,7 @@
 #include "server/base/driver_environment.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -18,7 +19,8 @@ class CgroupTest : public ::testing::Test {
     std::ofstream(root_ / path) << text;
   }
 
-  const fs::path root_ = fs::path(::testing::TempDir()) / "cgroup_test";
+  // One a process: ctest may run several at once.
+  const fs::path root_ = fs::path(::testing::TempDir()) / ("cgroup_test." + std::to_string(getpid()));
 };
 
 TEST_F(CgroupTest, NoGroupIsNoQuota) { EXPECT_FALSE(cgroup_cpus(root_)); }
