@@ -66,7 +66,7 @@ struct IngestParams {
   InputParams frame;
   uint level_lo, level_hi;  // bloom level 0, written
   uint tiles_lo, tiles_hi;  // TileRecord per tile, added to; zero before
-  uint level_width, level_height;
+  uint level_width;
   uint tiles_x;
   float threshold;
   float knee;  // softness * threshold

@@ -50,7 +50,6 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
   params.tiles_lo = low(tiles_address);
   params.tiles_hi = high(tiles_address);
   params.level_width = groups(parts.desc.width, 2);
-  params.level_height = groups(parts.desc.height, 2);
   params.tiles_x = parts.tiles_x;
   params.threshold = bloom.threshold;
   const float knee = bloom.softness * bloom.threshold;

@@ -52,7 +52,7 @@ std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
 
 TEST(Params, OffsetsAreThoseOfTheSpirv) {
   auto ingest = structs(k_ingest_spirv);
-  EXPECT_EQ(ingest["IngestParams"].size(), 10u);
+  EXPECT_EQ(ingest["IngestParams"].size(), 9u);
   EXPECT_OFFSET(ingest, InputParams, width);
   EXPECT_OFFSET(ingest, InputParams, input_pitch);
   EXPECT_OFFSET(ingest, InputParams, m00);
