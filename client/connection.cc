@@ -102,6 +102,7 @@ bool parse(grpc::ByteBuffer& bytes, google::protobuf::Message& message) {
 grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& frame) {
   v1::RenderRequest request;
   *request.mutable_start()->mutable_settings() = settings;
+  if (frame.previous) *request.mutable_start()->mutable_previous() = *frame.previous;
   v1::FrameHeader& header = *request.mutable_start()->mutable_frame();
   header.set_sequence(frame.sequence);
   header.set_width(frame.width);

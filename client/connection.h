@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -24,6 +25,8 @@ struct FrameView {
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
   std::span<const std::byte> pixels;
   uint64_t sequence = 0;  // comes back in the result's header
+  std::optional<v1::ExposureState> previous =
+      std::nullopt;  // to adapt from; none: the frame takes its target
   std::function<void()> on_sent =
       nullptr;  // called once all of `pixels` was copied out, before the result comes
 };

@@ -167,9 +167,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   const DeviceSummary& device = parts->engine->device->summary();
   const std::shared_ptr<Renderer> renderer(parts->engine, parts->engine->renderer.get());
   parts->loop = std::make_unique<RenderLoop>(
-      [renderer](FrameMemory& memory, const Settings& settings) {
-        return renderer->render(memory, settings);
-      },
+      [renderer](Frame& frame) { return renderer->render(frame.memory, frame.settings, frame.moment); },
       config.max_calls);
   parts->backend.reset(new Backend{.renderer = renderer,
                                    .loop = *parts->loop,

@@ -26,7 +26,12 @@ Level bloom_up(const Level& fine, const Level& coarse) {
   return out;
 }
 
-Level bloom(const Scene& scene, const BloomParams& params, uint32_t* level_count) {
+Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance,
+            uint32_t* level_count) {
+  if (params.kind == shader::BLOOM_GAUSSIAN) {
+    *level_count = 1;
+    return gaussian_bloom(scene, params.threshold * std::exp2(mean_log2_luminance));
+  }
   std::vector<Level> levels = {bright_pass(scene, params)};
   // The next level exists while its short side has two texels.
   while (levels.size() < params.levels && std::min(levels.back().width, levels.back().height) > 2) {

@@ -1,6 +1,7 @@
 // Phase A: reads the frame once; meters it and makes bloom level 0.
 //
-// In: the wire's pixels. Out: bloom level 0 (where BLOOM), and one TileRecord a tile.
+// In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: bloom level 0 (where BLOOM is not BLOOM_NONE; for
+// BLOOM_GAUSSIAN a quarter of the frame's size), one TileRecord a tile, and the histogram (where HISTOGRAM).
 // Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier,
 // and adds its sums to the tile's record once. Every sum is of integers, so no order of execution shows.
 // log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
@@ -15,12 +16,16 @@ layout(local_size_x = INGEST_GROUP_X, local_size_y = INGEST_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
 layout(constant_id = 1) const bool MATRIX = false;
 layout(constant_id = 2) const bool SCRUB = false;
-layout(constant_id = 3) const bool BLOOM = true;
+layout(constant_id = 3) const uint BLOOM = BLOOM_MIP;
 layout(constant_id = 4) const bool FIREFLY_WEIGHTS = true;
+layout(constant_id = 5) const uint WEIGHTS = WEIGHTS_AVERAGE;
+layout(constant_id = 6) const bool HISTOGRAM = false;
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "input.glsl"
 
+layout(set = 0, binding = 1) uniform utextureBuffer center_weights;
+layout(buffer_reference, std430, buffer_reference_align = 4) buffer Histogram { HistogramBin v; };
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
 
 // (log2(max(l, MIN_METERED_LUMINANCE)) + LOG2_BIAS) in fixed point.
@@ -37,8 +42,37 @@ uint fixed_log2(float l) {
   return (((bits >> 23) + LOG2_BIAS - 127u) << LOG2_FRACTION_BITS) + uint(scaled);
 }
 
-// Bright-passed level-0 texel from its 2x2 block.
-vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
+// floor(256 d2 / (W^2 + H^2)) by long division: d2, the squared distance to the centre in half texels, is the smaller
+// number, and both are below 2^30.
+uint center_step(uint x, uint y) {
+  ivec2 d = ivec2(2u * uvec2(x, y) + 1u) - ivec2(p.frame.width, p.frame.height);
+  uint rest = uint(d.x * d.x + d.y * d.y);
+  uint whole = p.frame.width * p.frame.width + p.frame.height * p.frame.height;
+  uint quotient = 0u;
+  [[unroll]] for (uint i = 0u; i < CENTER_STEPS_LOG2; ++i) {
+    rest *= 2u;
+    uint fits = uint(int(whole - rest - 1u) >> 31) & 1u;  // rest >= whole
+    rest -= whole * fits;
+    quotient = 2u * quotient + fits;
+  }
+  return quotient;
+}
+
+uint weight_of(uint x, uint y) {
+  if (WEIGHTS == WEIGHTS_SPOT) {
+    // Unsigned: what is left of or above the spot wraps round.
+    return x - p.spot_x0 < p.spot_x1 - p.spot_x0 && y - p.spot_y0 < p.spot_y1 - p.spot_y0 ? 1u : 0u;
+  }
+  if (WEIGHTS == WEIGHTS_CENTER) {
+    uint at = center_step(x, y);
+    return texelFetch(center_weights, int(at / 4u))[at & 3u];
+  }
+  return 1u;
+}
+
+// Level-0 texel from its 2x2 block: bright-passed, but for BLOOM_CONSERVE.
+vec3 level_texel(vec3 a, vec3 b, vec3 c, vec3 d) {
+  if (BLOOM == BLOOM_CONSERVE) return 0.25 * (a + b + c + d);
   vec3 mean;
   if (FIREFLY_WEIGHTS) {
     vec4 k = 1.0 / (1.0 + vec4(luminance(a), luminance(b), luminance(c), luminance(d)));
@@ -54,13 +88,16 @@ vec3 bright_pass(vec3 a, vec3 b, vec3 c, vec3 d) {
 }
 
 // What one invocation has seen.
-uint log2_sum = 0u;
+uint log2_sum = 0u;       // weighted; of WEIGHTS_CENTER only what the low 16 bits add
+uint log2_sum_high = 0u;  // of WEIGHTS_CENTER: what the others add
+uint weight_sum = 0u;
 // Luminance as bits, in the order of at_least(): NaN in padding does no harm.
 int max_luminance = 0;
 int min_luminance = 0x7fffffff;
 uint max_magnitude = 0u;
 uint negative_components = 0u;
 uint bright_texels = 0u;
+int max_bloom_luminance = 0;
 uint nan_components = 0u;
 uint infinite_components = 0u;
 uint first_bad_texel = 0xffffffffu;
@@ -75,9 +112,26 @@ void count_bad(vec4 wire, uint counted, uint texel) {
   if (bad && counted != 0u) first_bad_texel = min(first_bad_texel, texel);
 }
 
+// Adds one texel's metered value; `copies` is the tile's copy of the histogram.
+void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
+  if (WEIGHTS == WEIGHTS_CENTER) {
+    log2_sum += (fixed_point & 0xffffu) * weight;
+    log2_sum_high += (fixed_point >> 16) * weight;
+  } else {
+    log2_sum += fixed_point * weight;
+  }
+  if (WEIGHTS != WEIGHTS_AVERAGE) weight_sum += weight;
+  if (HISTOGRAM && weight != 0u) {
+    uint bin = min(fixed_point >> HISTOGRAM_SHIFT, HISTOGRAM_BINS - 1u);
+    uint offset = fixed_point - (bin << HISTOGRAM_SHIFT);
+    atomicAdd(copies[bin].v.weight, weight);
+    atomicAdd(copies[bin].v.offset_sum, WEIGHTS == WEIGHTS_CENTER ? (offset * weight + 128u) >> 8 : offset);
+  }
+}
+
 // One row of a group: counts and meters the texels whose bit is set in `counted` (all ones or none), and gives all
 // of them as scene texels, negatives cut to 0.
-Group meter_row(uint x, uint y, uvec4 counted) {
+Group meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
   Group g = load_wire(p.frame, x, y);
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
     vec4 wire = g.texel[i];
@@ -92,7 +146,11 @@ Group meter_row(uint x, uint y, uvec4 counted) {
 
     vec3 scene = ingest(p.frame, wire).rgb;
     float l = luminance(scene);
-    log2_sum += fixed_log2(l) & counted[i];
+    if (WEIGHTS == WEIGHTS_AVERAGE && !HISTOGRAM) {
+      log2_sum += fixed_log2(l) & counted[i];
+    } else {
+      add_to_meter(fixed_log2(l), weight_of(x + i, y) & counted[i], copies);
+    }
     int order = floatBitsToInt(l) & int(counted[i]);
     max_luminance = max(max_luminance, order);
     min_luminance = min(min_luminance, order | int(~counted[i] & 0x7fffffffu));
@@ -108,23 +166,43 @@ void clamp_to_edge(inout Group g, uint x) {
   }
 }
 
+vec3 row_sum(Group g) { return (g.texel[0].rgb + g.texel[1].rgb) + (g.texel[2].rgb + g.texel[3].rgb); }
+
 void main() {
+  uint tile = gl_WorkGroupID.y * p.tiles_x + gl_WorkGroupID.x;
+  Histogram copies = Histogram(uvec2(p.histogram_lo, p.histogram_hi));
+  if (HISTOGRAM) copies = copies[tile / HISTOGRAM_TILES * HISTOGRAM_BINS];
   uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
   uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
   if (x < p.frame.width) {
     OutLevel level = OutLevel(uvec2(p.level_lo, p.level_hi));
     uvec4 inside = uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width))) * 0xffffffffu;
     uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
+    vec3 quarter = vec3(0.0);  // the rows so far of a 4x4 block
     for (uint y = first_row; y < rows_end; y += 2u) {
-      Group top = meter_row(x, y, inside);
+      Group top = meter_row(x, y, inside, copies);
       bool pair = y + 1u < p.frame.height;
-      Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u));
-      if (BLOOM) {
+      Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u), copies);
+      if (BLOOM != BLOOM_NONE) {
         clamp_to_edge(top, x);
         clamp_to_edge(bottom, x);
+      }
+      if (BLOOM == BLOOM_GAUSSIAN) {
+        bool last = y + 2u >= p.frame.height;
+        bool complete = (y & 2u) != 0u;
+        quarter += row_sum(top) + row_sum(bottom);
+        // Rows beyond the bottom repeat the last one.
+        if (last && !complete) quarter += 2.0 * row_sum(bottom);
+        if (last || complete) {
+          quarter *= 1.0 / 16.0;
+          max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(quarter)));
+          level[(y / 4u) * p.level_width + x / 4u].v = vec4(quarter, 0.0);
+          quarter = vec3(0.0);
+        }
+      } else if (BLOOM != BLOOM_NONE) {
         uint at = (y / 2u) * p.level_width + x / 2u;
         [[unroll]] for (uint i = 0u; i < GROUP_TEXELS / 2u; ++i) {
-          vec3 d = bright_pass(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
+          vec3 d = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
                                bottom.texel[2u * i + 1u].rgb);
           if (x / 2u + i < p.level_width) {
             bright_texels += min(max(max(floatBitsToUint(d.r), floatBitsToUint(d.g)), floatBitsToUint(d.b)), 1u);
@@ -135,17 +213,19 @@ void main() {
     }
   }
 
-  // An invocation's sum is below 2^25 * 64 texels = 2^31; its two halves, summed over a tile's 64 invocations,
-  // stay below 2^22. The host adds the tiles up in 64 bits: 2^28 texels of 25 bits.
+  // An invocation's sum is below 2^25 * 64 texels = 2^31, or with weights up to 255 below 2^30 and 2^23 * 2^16. A tile's
+  // 64 invocations stay below 2^22 in the low half and 2^30 in the high one. The host adds the tiles up in 64 bits: 2^28
+  // texels of 25 bits with 8 of weight.
   Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
-  uint tile = gl_WorkGroupID.y * p.tiles_x + gl_WorkGroupID.x;
   uint low = subgroupAdd(log2_sum & 0xffffu);
-  uint high = subgroupAdd(log2_sum >> 16);
+  uint high = subgroupAdd((log2_sum >> 16) + log2_sum_high);
+  uint weight = WEIGHTS == WEIGHTS_AVERAGE ? 0u : subgroupAdd(weight_sum);
   uint brightest = uint(subgroupMax(max_luminance));
   uint darkest = ~uint(max(subgroupMin(min_luminance), 0));
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
   uint bright = subgroupAdd(bright_texels);
+  uint bloom_luminance = BLOOM == BLOOM_GAUSSIAN ? uint(subgroupMax(max_bloom_luminance)) : 0u;
   if (subgroupElect()) {
     atomicAdd(tiles[tile].v.log2_sum_low, low);
     atomicAdd(tiles[tile].v.log2_sum_high, high);
@@ -154,6 +234,8 @@ void main() {
     atomicMax(tiles[tile].v.max_magnitude_bits, magnitude);
     if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
     if (bright != 0u) atomicAdd(tiles[tile].v.bright_texels, bright);
+    if (WEIGHTS != WEIGHTS_AVERAGE) atomicAdd(tiles[tile].v.weight_sum, weight);
+    if (BLOOM == BLOOM_GAUSSIAN) atomicMax(tiles[tile].v.max_bloom_luminance_bits, bloom_luminance);
   }
   if (SCRUB) {
     atomicAdd(tiles[tile].v.nan_components, nan_components);

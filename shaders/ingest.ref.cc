@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 
 #include "shaders/reference.h"
 
@@ -74,20 +75,64 @@ Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, u
   return scene;
 }
 
-Meter meter(const Scene& scene) {
-  Meter m{0.0, kHalfMax, 0.0};
+uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params) {
+  if (params.weights == shader::WEIGHTS_SPOT) {
+    return x >= params.spot[0] && x < params.spot[2] && y >= params.spot[1] && y < params.spot[3] ? 1 : 0;
+  }
+  if (params.weights == shader::WEIGHTS_CENTER) {
+    const int64_t dx = 2 * int64_t{x} + 1 - int64_t{width};
+    const int64_t dy = 2 * int64_t{y} + 1 - int64_t{height};
+    const int64_t step = 256 * (dx * dx + dy * dy) / (int64_t{width} * width + int64_t{height} * height);
+    return static_cast<uint32_t>(std::lround(255.0 * std::exp(-2.0 * static_cast<double>(step) / 256.0)));
+  }
+  return 1;
+}
+
+Meter meter(const Scene& scene, const MeterParams& params) {
+  constexpr double kBinsPerOctave = 64.0;
+  struct Bin {
+    double weight = 0.0;
+    double sum = 0.0;
+  };
+  std::map<int, Bin> bins;  // in rising luminance
+  Meter m{0.0, kHalfMax, 0.0, 0};
   double sum = 0.0;
   double lost = 0.0;  // Kahan: the truth should not depend on 2^28 roundings
-  for (const auto& c : scene.texels) {
-    const double l = std::max(0.0, luminance(c[0], c[1], c[2]));
-    m.min_luminance = std::min(m.min_luminance, l);
-    m.max_luminance = std::max(m.max_luminance, l);
-    const double term = std::log2(std::max(l, 1e-4)) - lost;
-    const double next = sum + term;
-    lost = (next - sum) - term;
-    sum = next;
+  for (uint32_t y = 0; y < scene.height; ++y) {
+    for (uint32_t x = 0; x < scene.width; ++x) {
+      const auto& c = scene.texels[size_t{y} * scene.width + x];
+      const double l = std::max(0.0, luminance(c[0], c[1], c[2]));
+      m.min_luminance = std::min(m.min_luminance, l);
+      m.max_luminance = std::max(m.max_luminance, l);
+      const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
+      m.weight += weight;
+      const double log2_l = std::log2(std::max(l, 1e-4));
+      const double term = weight * log2_l - lost;
+      const double next = sum + term;
+      lost = (next - sum) - term;
+      sum = next;
+      if (params.percentile) {
+        Bin& bin = bins[static_cast<int>(std::floor(log2_l * kBinsPerOctave))];
+        bin.weight += weight;
+        bin.sum += weight * log2_l;
+      }
+    }
   }
-  m.mean_log2_luminance = sum / static_cast<double>(scene.texels.size());
+  const auto total = static_cast<double>(m.weight);
+  m.mean_log2_luminance = sum / total;
+  if (!params.percentile) return m;
+
+  // The mass between the percentiles, the two end bins in proportion, each bin at its own mean.
+  const double low = params.percentile_low / 100.0 * total;
+  const double high = params.percentile_high / 100.0 * total;
+  double below = 0.0;
+  double between = 0.0;
+  for (const auto& [index, bin] : bins) {
+    const double mass = std::max(0.0, std::min(high, below + bin.weight) - std::max(low, below));
+    if (bin.weight > 0.0) between += mass * bin.sum / bin.weight;
+    below += bin.weight;
+  }
+  m.mean_log2_luminance = between / (high - low);
   return m;
 }
 
@@ -103,13 +148,16 @@ Level bright_pass(const Scene& scene, const BloomParams& params) {
         for (int i = 0; i < 2; ++i) {
           const auto& s = scene.at(2 * int64_t{x} + i, 2 * int64_t{y} + j);
           const Rgb c = {std::max(0.0f, s[0]), std::max(0.0f, s[1]), std::max(0.0f, s[2])};
-          const double k = params.firefly_weights ? 1.0 / (1.0 + luminance(c[0], c[1], c[2])) : 1.0;
+          const double k = params.firefly_weights && params.kind != shader::BLOOM_CONSERVE
+                               ? 1.0 / (1.0 + luminance(c[0], c[1], c[2]))
+                               : 1.0;
           for (int n = 0; n < 3; ++n) sum[n] += k * c[n];
           weights += k;
         }
       }
       Rgb& d = level.texels[size_t{y} * level.width + x];
       for (int n = 0; n < 3; ++n) d[n] = sum[n] / weights;
+      if (params.kind == shader::BLOOM_CONSERVE) continue;
       const double l = luminance(d[0], d[1], d[2]);
       const double soft = std::clamp(l - params.threshold + knee, 0.0, 2.0 * knee);
       const double q = knee > 0.0 ? soft * soft / (4.0 * knee) : 0.0;

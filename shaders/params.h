@@ -10,7 +10,7 @@ using uint = uint32_t;
 #define CANDELA_CONST(type) const type
 #endif
 
-// Values of specialisation constants. Formats, curves and transfers carry the wire's numbers.
+// Values of specialisation constants. Those that the wire has too carry its numbers.
 CANDELA_CONST(uint) PIXELS_RGBA16F = 1u;
 CANDELA_CONST(uint) PIXELS_RGBA32F = 2u;
 CANDELA_CONST(uint) PIXELS_RGB9E5 = 3u;
@@ -25,6 +25,13 @@ CANDELA_CONST(uint) CURVE_REINHARD_EXTENDED = 5u;
 CANDELA_CONST(uint) CURVE_HABLE = 6u;
 CANDELA_CONST(uint) CURVE_AGX = 7u;
 CANDELA_CONST(uint) CURVE_PBR_NEUTRAL = 8u;
+CANDELA_CONST(uint) WEIGHTS_AVERAGE = 1u;
+CANDELA_CONST(uint) WEIGHTS_CENTER = 2u;
+CANDELA_CONST(uint) WEIGHTS_SPOT = 3u;
+CANDELA_CONST(uint) BLOOM_NONE = 0u;
+CANDELA_CONST(uint) BLOOM_MIP = 1u;
+CANDELA_CONST(uint) BLOOM_CONSERVE = 2u;
+CANDELA_CONST(uint) BLOOM_GAUSSIAN = 3u;
 CANDELA_CONST(uint) TRANSFER_SRGB = 1u;
 CANDELA_CONST(uint) TRANSFER_GAMMA22 = 2u;
 CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
@@ -50,6 +57,14 @@ CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
 // Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, never negative.
 CANDELA_CONST(uint) LOG2_BIAS = 14u;
 CANDELA_CONST(uint) LOG2_FRACTION_BITS = 20u;
+// The histogram of percentile metering: 64 bins an octave of the metered fixed-point value, above
+// 2^-LOG2_BIAS. One copy serves HISTOGRAM_TILES tiles, so that 2^18 texels of weight 255, or of 14 bits below
+// a bin, fit into 32 bits.
+CANDELA_CONST(uint) HISTOGRAM_SHIFT = 14u;
+CANDELA_CONST(uint) HISTOGRAM_BINS = 1920u;
+CANDELA_CONST(uint) HISTOGRAM_TILES = 64u;
+// CENTER weights come in 256 steps of the squared distance, each at most 255.
+CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
 CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
@@ -69,13 +84,21 @@ struct IngestParams {
   uint level_width;
   uint tiles_x;
   float threshold;
-  float knee;  // softness * threshold
+  float knee;                               // softness * threshold
+  uint histogram_lo, histogram_hi;          // HistogramBin, copy after copy, added to; zero before
+  uint spot_x0, spot_y0, spot_x1, spot_y1;  // of WEIGHTS_SPOT
 };
 
 struct BloomParams {
   uint to_lo, to_hi;  // the level written
   uint from_width, from_height;
   uint to_width, to_height;
+};
+
+struct GaussianParams {
+  uint to_lo, to_hi;   // the level written
+  uint width, height;  // of both levels
+  float threshold;     // scene luminance
 };
 
 struct ResolveParams {
@@ -85,22 +108,33 @@ struct ResolveParams {
   uint output_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
   float exposure;     // E * prescale
   float bloom_scale;  // intensity / number of levels
+  float scene_scale;  // of BLOOM_CONSERVE: 1 - intensity
   float curve_white;  // of reinhard-extended
+  uint dither_frame;  // the frame's sequence number, low 32 bits
 };
 
 // What one tile of the frame adds up to. All-zero is empty: minima are kept as the maximum of the complement.
 struct TileRecord {
-  uint log2_sum_low;  // sums of the low 16 and of the remaining bits of each invocation's fixed-point sum
+  uint log2_sum_low;  // sums of the low 16 and of the remaining bits of each invocation's weighted
+                      // fixed-point sum
   uint log2_sum_high;
+  uint weight_sum;  // not of WEIGHTS_AVERAGE
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
   uint max_magnitude_bits;  // of R, G, B and A on the wire; above MAX_SCENE_VALUE's something needs the scrub
   uint negative_components;
-  uint bright_texels;  // of bloom level 0
+  uint bright_texels;             // of bloom level 0; not of BLOOM_GAUSSIAN
+  uint max_bloom_luminance_bits;  // of BLOOM_GAUSSIAN's quarter-size texels
   // Counted only with the scrub.
   uint nan_components;
   uint infinite_components;
   uint first_bad_texel_inverted;  // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
+};
+
+struct HistogramBin {
+  uint weight;
+  uint offset_sum;  // what the bin's texels have below the bin, in 2^-LOG2_FRACTION_BITS; of WEIGHTS_CENTER
+                    // /256
 };
 
 #ifdef __cplusplus

@@ -46,22 +46,33 @@ struct BadCounts {
   std::optional<uint64_t> first_bad_texel;
 };
 
+struct MeterParams {
+  bool percentile = false;  // mean over the mass between the two percentiles only
+  double percentile_low = 10.0;
+  double percentile_high = 90.0;
+  uint weights = shader::WEIGHTS_AVERAGE;
+  std::array<uint32_t, 4> spot{};  // of WEIGHTS_SPOT: x0, y0, x1, y1
+};
+
 struct Meter {
   double mean_log2_luminance = 0.0;
   double min_luminance = 0.0;
   double max_luminance = 0.0;
+  uint64_t weight = 0;  // the sum of all texels' weights
 };
 
 struct BloomParams {
-  double threshold = 1.0;
+  uint kind = shader::BLOOM_MIP;
+  double threshold = 1.0;  // of BLOOM_GAUSSIAN a multiple of the metered mean
   double softness = 0.5;
   uint32_t levels = 5;
   bool firefly_weights = true;
 };
 
 struct ResolveParams {
-  double exposure = 1.0;         // E * prescale
-  double bloom_intensity = 0.0;  // 0: no bloom
+  double exposure = 1.0;  // E * prescale
+  uint bloom = shader::BLOOM_NONE;
+  double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
   double curve_white = 4.0;  // of reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
@@ -72,24 +83,32 @@ struct ResolveParams {
 Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, uint pixels,
              const std::optional<Matrix>& matrix, BadCounts* counts);
 
-Meter meter(const Scene& scene);
+Meter meter(const Scene& scene, const MeterParams& params = {});
+// The weight of a texel of a width x height frame, 0 .. 255.
+uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params);
 
-// D_0, negatives of the scene cut.
+// D_0 of the mip kinds, negatives of the scene cut.
 Level bright_pass(const Scene& scene, const BloomParams& params);
 // D_{n+1} from D_n.
 Level bloom_down(const Level& level);
 // B_n = D_n + U_n(B_{n+1}).
 Level bloom_up(const Level& fine, const Level& coarse);
-// B_0 of a scene: the whole chain; *level_count is the N that it used.
-Level bloom(const Scene& scene, const BloomParams& params, uint32_t* level_count);
+// B_0 of a scene: the whole chain; *level_count is the N that it used, 1 for BLOOM_GAUSSIAN.
+// `mean_log2_luminance`: the frame's metered one.
+Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance, uint32_t* level_count);
+// BLOOM_GAUSSIAN's blurred quarter-size level.
+Level gaussian_bloom(const Scene& scene, double threshold);
 
 // The display value of every texel, before quantising: RGB as ResolveParams says, alpha as it is.
-// `bloom` is B_0, and may be empty where the intensity is 0.
+// `bloom` is B_0, and may be empty for BLOOM_NONE.
 std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloom, uint32_t level_count,
                                            const ResolveParams& params);
 
 // Exposed scene light to display-linear light in [0, 1]. `white`: of reinhard-extended.
 Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);
 double transfer(uint transfer, double y);
+
+// Triangular noise of texel (x, y), component 0 .. 2, in codes of the output: (-1, 1).
+double dither_noise(uint32_t x, uint32_t y, uint32_t frame, size_t component);
 
 }  // namespace candela::reference

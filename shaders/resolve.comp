@@ -1,8 +1,8 @@
 // Phase B's last pass: reads the frame a second time and makes the image.
 //
-// In: the wire's pixels, B_0 (where BLOOM). Out: the image in OUTPUT's format.
+// In: the wire's pixels, B_0 (where BLOOM is not BLOOM_NONE). Out: the image in OUTPUT's format.
 // Method: docs/pipeline.md sections 4 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
-// quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
+// dither, quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
 // that the next pair shares stay in registers, filtered along x.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -12,10 +12,11 @@ layout(local_size_x = RESOLVE_GROUP_X, local_size_y = RESOLVE_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
 layout(constant_id = 1) const bool MATRIX = false;
 layout(constant_id = 2) const bool SCRUB = false;
-layout(constant_id = 3) const bool BLOOM = true;
+layout(constant_id = 3) const uint BLOOM = BLOOM_MIP;
 layout(constant_id = 4) const uint CURVE = CURVE_ACES_HILL;
 layout(constant_id = 5) const uint TRANSFER = TRANSFER_SRGB;
 layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
+layout(constant_id = 7) const bool DITHER = false;
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
@@ -25,18 +26,37 @@ layout(push_constant) uniform Push { ResolveParams p; };
 
 vec4 image_texel(vec4 wire, vec3 light) {
   vec4 scene = ingest(p.frame, wire);
-  vec3 x = BLOOM ? scene.rgb + p.bloom_scale * light : scene.rgb;
+  vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
+  if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
   vec3 y = curve(at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE), p.curve_white);
   return vec4(OUTPUT == OUTPUT_RGBA16F ? y : encode(y), scene.a);
 }
 
-// Colour is in [0, 1] already.
-uvec4 quantise(vec4 c, float codes) { return uvec4(vec4(c.rgb, at_most(at_least(c.a, 0.0), 1.0)) * codes + 0.5); }
+// Triangular noise in (-1, 1), zero on average, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano, "Hash
+// Functions for GPU Rendering", JCGT 9(3), 2020.
+vec3 dither_noise(uint x, uint y) {
+  uvec3 v = uvec3(x, y, p.dither_frame) * 1664525u + 1013904223u;
+  v.x += v.y * v.z;
+  v.y += v.z * v.x;
+  v.z += v.x * v.y;
+  v ^= v >> 16;
+  v.x += v.y * v.z;
+  v.y += v.z * v.x;
+  v.z += v.x * v.y;
+  return (vec3(v & 0xffffu) - vec3(v >> 16)) * (1.0 / 65536.0);
+}
+
+// Colour is in [0, 1] already; texel (x, y).
+uvec4 quantise(vec4 c, float codes, uint x, uint y) {
+  vec4 v = vec4(c.rgb, at_most(at_least(c.a, 0.0), 1.0)) * codes;
+  if (DITHER) v.rgb = at_most(at_least(v.rgb + dither_noise(x, y), 0.0), codes);
+  return uvec4(v + 0.5);
+}
 
 uvec2 pack16(uvec4 v) { return v.xz | (v.yw << 16); }
 
-uvec2 pack_texel(vec4 c) {
-  if (OUTPUT == OUTPUT_RGBA16) return pack16(quantise(c, 65535.0));
+uvec2 pack_texel(vec4 c, uint x, uint y) {
+  if (OUTPUT == OUTPUT_RGBA16) return pack16(quantise(c, 65535.0, x, y));
   c = round_to_half(c);
   return uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba));
 }
@@ -47,13 +67,13 @@ void write(uint x, uint y, Group g) {
   if (OUTPUT == OUTPUT_RGBA8) {
     uvec4 v;
     [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
-      uvec4 q = quantise(g.texel[i], 255.0);
+      uvec4 q = quantise(g.texel[i], 255.0, x + i, y);
       v[i] = q.r | (q.g << 8) | (q.b << 16) | (q.a << 24);
     }
     words[at / 4u].v = v;
   } else {
-    words[at / 2u].v = uvec4(pack_texel(g.texel[0]), pack_texel(g.texel[1]));
-    words[at / 2u + 1u].v = uvec4(pack_texel(g.texel[2]), pack_texel(g.texel[3]));
+    words[at / 2u].v = uvec4(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
+    words[at / 2u + 1u].v = uvec4(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));
   }
 }
 
@@ -64,10 +84,19 @@ struct BloomRow {
 
 BloomRow bloom_row(uint x, int y) {
   BloomRow row;
-  if (BLOOM) {
-    int at = clamp(y, 0, int(p.level_height) - 1) * int(p.level_width);
+  if (BLOOM == BLOOM_NONE) return row;
+  int at = clamp(y, 0, int(p.level_height) - 1) * int(p.level_width);
+  vec3 t[4];
+  if (BLOOM == BLOOM_GAUSSIAN) {
+    int first = int(x / 4u) - 1;
+    [[unroll]] for (int i = 0; i < 3; ++i)
+      t[i] = fetch_rgb(bloom, at + clamp(first + i, 0, int(p.level_width) - 1));
+    row.c[0] = 0.375 * t[0] + 0.625 * t[1];
+    row.c[1] = 0.125 * t[0] + 0.875 * t[1];
+    row.c[2] = 0.875 * t[1] + 0.125 * t[2];
+    row.c[3] = 0.625 * t[1] + 0.375 * t[2];
+  } else {
     int first = int(x / 2u) - 1;
-    vec3 t[4];
     [[unroll]] for (int i = 0; i < 4; ++i)
       t[i] = fetch_rgb(bloom, at + clamp(first + i, 0, int(p.level_width) - 1));
     row.c[0] = 0.25 * t[0] + 0.75 * t[1];
@@ -78,10 +107,11 @@ BloomRow bloom_row(uint x, int y) {
   return row;
 }
 
-void resolve_row(uint x, uint y, BloomRow far, BloomRow near) {
+// `near_weight` is that of the nearer of the two bloom rows around this one.
+void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight) {
   Group g = load_wire(p.frame, x, y);
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
-    g.texel[i] = image_texel(g.texel[i], 0.25 * far.c[i] + 0.75 * near.c[i]);
+    g.texel[i] = image_texel(g.texel[i], (1.0 - near_weight) * far.c[i] + near_weight * near.c[i]);
   }
   write(x, y, g);
 }
@@ -91,13 +121,22 @@ void main() {
   uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
   if (x >= p.frame.width || first_row >= p.frame.height) return;
 
-  BloomRow above = bloom_row(x, int(first_row / 2u) - 1);
-  BloomRow here = bloom_row(x, int(first_row / 2u));
+  // Rows of B_0 that a pair of rows lies in: two of half size, or one of quarter size for two pairs.
+  const uint rows_apart = BLOOM == BLOOM_GAUSSIAN ? 4u : 2u;
+  BloomRow above = bloom_row(x, int(first_row / rows_apart) - 1);
+  BloomRow here = bloom_row(x, int(first_row / rows_apart));
   uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
-  for (uint y = first_row; y < rows_end; y += 2u) {
-    BloomRow below = bloom_row(x, int(y / 2u) + 1);
-    resolve_row(x, y, above, here);
-    if (y + 1u < p.frame.height) resolve_row(x, y + 1u, below, here);
+  for (uint y = first_row; y < rows_end; y += rows_apart) {
+    BloomRow below = bloom_row(x, int(y / rows_apart) + 1);
+    if (BLOOM == BLOOM_GAUSSIAN) {
+      resolve_row(x, y, above, here, 0.625);
+      if (y + 1u < p.frame.height) resolve_row(x, y + 1u, above, here, 0.875);
+      if (y + 2u < p.frame.height) resolve_row(x, y + 2u, below, here, 0.875);
+      if (y + 3u < p.frame.height) resolve_row(x, y + 3u, below, here, 0.625);
+    } else {
+      resolve_row(x, y, above, here, 0.75);
+      if (y + 1u < p.frame.height) resolve_row(x, y + 1u, below, here, 0.75);
+    }
     above = here;
     here = below;
   }

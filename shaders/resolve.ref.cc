@@ -127,6 +127,20 @@ double transfer(uint transfer, double y) {
   return y;
 }
 
+double dither_noise(uint32_t x, uint32_t y, uint32_t frame, size_t component) {
+  // pcg3d: a linear congruential step of each word, then two rounds of products around a fold of the high
+  // bits.
+  std::array<uint32_t, 3> v = {x, y, frame};
+  for (uint32_t& w : v) w = w * 1664525u + 1013904223u;
+  for (int round = 0; round < 2; ++round) {
+    for (size_t i = 0; i < 3; ++i) v[i] += v[(i + 1) % 3] * v[(i + 2) % 3];
+    if (round == 0) {
+      for (uint32_t& w : v) w ^= w >> 16;
+    }
+  }
+  return (static_cast<double>(v[component] % 65536u) - static_cast<double>(v[component] / 65536u)) / 65536.0;
+}
+
 std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloom, uint32_t level_count,
                                            const ResolveParams& params) {
   std::vector<std::array<double, 4>> image(scene.texels.size());
@@ -135,9 +149,11 @@ std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloo
       const size_t at = size_t{y} * scene.width + x;
       const auto& s = scene.texels[at];
       Rgb c = {s[0], s[1], s[2]};
-      if (params.bloom_intensity > 0.0) {
-        const Rgb b = bilinear(bloom, (x + 0.5) / 2.0 - 0.5, (y + 0.5) / 2.0 - 0.5);
-        for (int n = 0; n < 3; ++n) c[n] += params.bloom_intensity * b[n] / level_count;
+      if (params.bloom != shader::BLOOM_NONE) {
+        const double size = params.bloom == shader::BLOOM_GAUSSIAN ? 4.0 : 2.0;
+        const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
+        const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
+        for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
       }
       for (double& v : c) v = params.exposure * std::max(v, 0.0);
       c = tone_curve(params.curve, c, params.curve_white);

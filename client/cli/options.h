@@ -23,6 +23,7 @@ struct RenderOptions {
   std::string input;
   std::string output;
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
+  v1::ExposureState previous;  // exposure 0: none
   WriteOptions write;
   ServerChoice server;
   std::string json;  // a path, "-" for stdout, "" for none

@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands.h"
 #include "client/cli/json_output.h"
+#include "client/cli/render_options.h"
 #include "client/cli/report.h"
 #include "client/cli/server_link.h"
 #include "client/cli/terminal.h"
@@ -24,18 +25,10 @@ double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now(
 
 v1::Settings settings_for(const Image& image, const RenderOptions& options) {
   v1::Settings settings = options.settings;
-  if (image.chromaticities) {
-    const std::array<float, 8>& xy = *image.chromaticities;
-    v1::Chromaticities& c = *settings.mutable_input_chromaticities();
-    c.set_red_x(xy[0]);
-    c.set_red_y(xy[1]);
-    c.set_green_x(xy[2]);
-    c.set_green_y(xy[3]);
-    c.set_blue_x(xy[4]);
-    c.set_blue_y(xy[5]);
-    c.set_white_x(xy[6]);
-    c.set_white_y(xy[7]);
-  }
+  const bool given =
+      settings.has_input_chromaticities() || settings.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
+  if (image.chromaticities && !given)
+    *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
   return settings;
 }
 
@@ -100,6 +93,7 @@ class Rendering {
     if (absl::Status status = link_.check_tier(options_.settings.tier()); !status.ok()) return status;
     const absl::Time begin = absl::Now();
     FrameView view = view_of(frame);
+    if (options_.previous.exposure() > 0) view.previous = options_.previous;
     view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
     absl::StatusOr<RenderResult> result =
         (*server)->render(settings_for(frame, options_), view, begin + kRenderTimeout);

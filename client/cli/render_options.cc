@@ -1,7 +1,13 @@
 #include "client/cli/render_options.h"
 
+#include <algorithm>
+#include <array>
+
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/enum_words.h"
 #include "client/cli/option_kinds.h"
 #include "client/cli/usage.h"
 #include "client/image/image.h"
@@ -10,6 +16,7 @@ namespace candela {
 namespace {
 
 constexpr char kExposure[] = "Exposure";
+constexpr char kMetering[] = "Metering";
 constexpr char kBloom[] = "Bloom";
 constexpr char kTone[] = "Tone";
 constexpr char kOutput[] = "Output";
@@ -19,6 +26,11 @@ constexpr v1::Range<double> kJpegQuality{1, 100};
 
 // The wire's defaults, see render.proto.
 constexpr v1::ToneCurve kDefaultCurve = v1::TONE_CURVE_ACES_HILL;
+constexpr v1::Metering::Statistic kDefaultStatistic = v1::Metering::STATISTIC_LOG_AVERAGE;
+constexpr v1::Metering::Weights kDefaultWeights = v1::Metering::WEIGHTS_AVERAGE;
+constexpr v1::Adaptation::Domain kDefaultDomain = v1::Adaptation::DOMAIN_LOG;
+constexpr v1::Bloom::Kind kDefaultBloom = v1::Bloom::KIND_MIP;
+constexpr v1::Primaries kDefaultPrimaries = v1::PRIMARIES_REC709;
 constexpr v1::Transfer kDefaultTransfer = v1::TRANSFER_SRGB;
 constexpr v1::BadValues kDefaultBadValues = v1::BAD_VALUES_SCRUB;
 
@@ -51,12 +63,97 @@ void add_exposure_options(CLI::App& app, v1::Exposure& exposure) {
              "Largest factor that metering gives", [&exposure](double x) { exposure.set_max_exposure(x); });
 }
 
+// "A,B,...": `count` numbers of one range.
+absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
+                                               v1::Range<double> range, bool whole = false) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  if (parts.size() != count) {
+    return usage_error(
+        absl::StrFormat("%s is \"%s\"; it must be %d numbers with commas between", name, text, count));
+  }
+  std::vector<double> values;
+  for (const std::string& part : parts) {
+    const absl::StatusOr<double> value = parse_number(name, part, range, whole);
+    if (!value.ok()) return usage_error(std::string(value.status().message()));
+    values.push_back(*value);
+  }
+  return values;
+}
+
+void add_metering_options(CLI::App& app, v1::Metering& metering) {
+  add_enum<v1::Metering::Statistic>(
+      app, kMetering, "--metering", "statistic", kDefaultStatistic, "What of the luminance counts",
+      [&metering](v1::Metering::Statistic statistic) { metering.set_statistic(statistic); });
+  add_text(
+      app, kMetering, "--percentiles", "LOW,HIGH",
+      absl::StrFormat("Between which percentiles of the luminance, in percent; implies --metering percentile "
+                      "(default %s,%s)",
+                      format_number(v1::kDefaultPercentileLow), format_number(v1::kDefaultPercentileHigh)),
+      [&metering](const std::string& text) {
+        const auto values = parse_list("--percentiles", text, 2, v1::kPercentile);
+        if (!values.ok()) return values.status();
+        if (!((*values)[0] < (*values)[1])) {
+          return usage_error(absl::StrFormat("--percentiles is \"%s\"; the first must be the smaller", text));
+        }
+        metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+        metering.set_percentile_low((*values)[0]);
+        metering.set_percentile_high((*values)[1]);
+        return absl::OkStatus();
+      });
+  add_enum<v1::Metering::Weights>(
+      app, kMetering, "--weights", "weights", kDefaultWeights,
+      "Which pixels count: all alike, most in the centre, or those of --spot",
+      [&metering](v1::Metering::Weights weights) { metering.set_weights(weights); });
+  add_text(app, kMetering, "--spot", "X0,Y0,X1,Y1",
+           "Meter the pixels from X0,Y0 up to but without X1,Y1; implies --weights spot",
+           [&metering](const std::string& text) {
+             const auto values = parse_list("--spot", text, 4, {0, double{v1::kMaxDimension}}, true);
+             if (!values.ok()) return values.status();
+             metering.set_weights(v1::Metering::WEIGHTS_SPOT);
+             v1::Rectangle& spot = *metering.mutable_spot();
+             spot.set_x0(static_cast<uint32_t>((*values)[0]));
+             spot.set_y0(static_cast<uint32_t>((*values)[1]));
+             spot.set_x1(static_cast<uint32_t>((*values)[2]));
+             spot.set_y1(static_cast<uint32_t>((*values)[3]));
+             return absl::OkStatus();
+           });
+}
+
+void add_adaptation_options(CLI::App& app, RenderOptions& options) {
+  v1::Adaptation& adaptation = *options.settings.mutable_exposure()->mutable_adaptation();
+  add_text(app, kExposure, "--previous-exposure", "X",
+           absl::StrFormat(
+               "Factor of the frame before, to adapt from; %s (default: none, the frame takes its target)",
+               format_range(v1::kExposureLimit)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> x = parse_number("--previous-exposure", text, v1::kExposureLimit);
+             if (x.ok()) options.previous.set_exposure(*x);
+             return x.status();
+           });
+  add_number(app, kExposure, "--elapsed", "S", v1::kElapsedSeconds, 0, "Seconds since the frame before",
+             [&options](double s) { options.previous.set_elapsed_seconds(s); });
+  add_enum<v1::Adaptation::Domain>(
+      app, kExposure, "--adaptation", "domain", kDefaultDomain, "Adapt the factor or its logarithm",
+      [&adaptation](v1::Adaptation::Domain domain) { adaptation.set_domain(domain); });
+  add_number(app, kExposure, "--speed-up", "S", v1::kAdaptationSpeed, v1::kDefaultSpeedUp,
+             "Adaptation to a darker scene, per second",
+             [&adaptation](double s) { adaptation.set_speed_up(s); });
+  add_number(app, kExposure, "--speed-down", "S", v1::kAdaptationSpeed, v1::kDefaultSpeedDown,
+             "Adaptation to a brighter scene, per second",
+             [&adaptation](double s) { adaptation.set_speed_down(s); });
+}
+
 void add_bloom_options(CLI::App& app, v1::Bloom& bloom) {
+  add_enum<v1::Bloom::Kind>(app, kBloom, "--bloom", "kind of bloom", kDefaultBloom,
+                            "Added from mip levels, mixed in without making light, or added from one blur",
+                            [&bloom](v1::Bloom::Kind kind) { bloom.set_kind(kind); });
   add_number(app, kBloom, "--bloom-intensity", "X", v1::kBloomIntensity, v1::kDefaultBloomIntensity,
              "Factor on the bloom, 0 for none",
              [&bloom](double x) { bloom.set_intensity(static_cast<float>(x)); });
   add_number(app, kBloom, "--bloom-threshold", "L", v1::kBloomThreshold, v1::kDefaultBloomThreshold,
-             "Scene luminance above which pixels bloom",
+             absl::StrFormat(
+                 "Scene luminance above which pixels bloom; of gaussian a multiple of the mean, default %s",
+                 format_number(v1::kDefaultGaussianThreshold)),
              [&bloom](double x) { bloom.set_threshold(static_cast<float>(x)); });
   add_number(app, kBloom, "--bloom-softness", "X", v1::kBloomSoftness, v1::kDefaultBloomSoftness,
              "Width of the knee, a fraction of the threshold",
@@ -78,6 +175,23 @@ void add_bloom_options(CLI::App& app, v1::Bloom& bloom) {
            });
 }
 
+absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
+  settings.clear_input_primaries();
+  settings.clear_input_chromaticities();
+  if (!absl::StrContains(text, ',')) {
+    const absl::StatusOr<int> named = enum_value(*v1::Primaries_descriptor(), "--primaries", text);
+    if (!named.ok()) return named.status();
+    settings.set_input_primaries(static_cast<v1::Primaries>(*named));
+    return absl::OkStatus();
+  }
+  const auto xy = parse_list("--primaries", text, 8, {-2, 2});
+  if (!xy.ok()) return xy.status();
+  std::array<float, 8> values{};
+  std::copy(xy->begin(), xy->end(), values.begin());
+  *settings.mutable_input_chromaticities() = to_message(values);
+  return absl::OkStatus();
+}
+
 void add_tone_options(CLI::App& app, v1::Settings& settings) {
   add_enum<v1::ToneCurve>(app, kTone, "--curve", "curve", kDefaultCurve, "Tone curve",
                           [&settings](v1::ToneCurve curve) { settings.set_curve(curve); });
@@ -95,6 +209,16 @@ void add_tone_options(CLI::App& app, v1::Settings& settings) {
              settings.set_tier(tier);
              return absl::OkStatus();
            });
+  app.add_flag_callback(
+         "--dither", [&settings] { settings.set_dither(true); }, "Add noise of +-1 code, which hides banding")
+      ->group(kTone);
+  add_text(app, kTone, "--primaries", "NAME|XY",
+           absl::StrFormat(
+               "The image's primaries, whatever its file says: %s, or the x,y of red, green, blue and white "
+               "as eight numbers (default: the file's, or %s)",
+               absl::StrJoin(enum_words(*v1::Primaries_descriptor()), ", "),
+               enum_word(*v1::Primaries_descriptor(), kDefaultPrimaries)),
+           [&settings](const std::string& text) { return set_primaries(settings, text); });
   add_enum<v1::BadValues>(app, kTone, "--bad-values", "policy for bad values", kDefaultBadValues,
                           "What to do with NaN and Inf",
                           [&settings](v1::BadValues policy) { settings.set_bad_values(policy); });
@@ -134,6 +258,19 @@ absl::Status check_exposure_limits(const v1::Exposure& exposure) {
 
 }  // namespace
 
+v1::Chromaticities to_message(const std::array<float, 8>& xy) {
+  v1::Chromaticities c;
+  c.set_red_x(xy[0]);
+  c.set_red_y(xy[1]);
+  c.set_green_x(xy[2]);
+  c.set_green_y(xy[3]);
+  c.set_blue_x(xy[4]);
+  c.set_blue_y(xy[5]);
+  c.set_white_x(xy[6]);
+  c.set_white_y(xy[7]);
+  return c;
+}
+
 void add_server_options(CLI::App& app, ServerChoice& choice) {
   add_text(app, kServer, "--server", "ADDRESS",
            "A running candelad, HOST:PORT or unix:PATH (default: none, a server inside this process)",
@@ -170,6 +307,8 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
       ->required()
       ->option_text(" ");
   add_exposure_options(app, *options.settings.mutable_exposure());
+  add_adaptation_options(app, options);
+  add_metering_options(app, *options.settings.mutable_exposure()->mutable_metering());
   add_bloom_options(app, *options.settings.mutable_bloom());
   add_tone_options(app, options.settings);
   add_output_options(app, arguments);
@@ -196,6 +335,13 @@ absl::Status finish_render_options(RenderArguments& arguments) {
                                                             : v1::OUTPUT_FORMAT_RGBA8);
   options.write.transfer = encoded_transfer(options.settings.transfer());
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
+  if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
+    return usage_error("--elapsed says how long ago --previous-exposure was; give that, too");
+  }
+  if (options.settings.exposure().metering().weights() == v1::Metering::WEIGHTS_SPOT &&
+      !options.settings.exposure().metering().has_spot()) {
+    return usage_error("--weights spot needs --spot X0,Y0,X1,Y1");
+  }
   absl::Status status = check_exposure_limits(options.settings.exposure());
   status.Update(check_server_options(options.server));
   return status;

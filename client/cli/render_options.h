@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/App.hpp>
+#include <array>
 
 #include "absl/status/status.h"
 #include "client/cli/options.h"
@@ -20,6 +21,9 @@ void add_render_options(CLI::App& app, RenderArguments& arguments);
 
 // After parsing: chooses the output's format and finds options that do not go together.
 absl::Status finish_render_options(RenderArguments& arguments);
+
+// Red, green, blue and white, x before y.
+v1::Chromaticities to_message(const std::array<float, 8>& xy);
 
 // --server and --device, and --json: what `render` and `info` have in common.
 void add_server_options(CLI::App& app, ServerChoice& choice);

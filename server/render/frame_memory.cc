@@ -25,6 +25,18 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
                              MemoryUse::kDevice};
   const TextureKey tiles = {parts->tiles_x, parts->tiles_y, sizeof(shader::TileRecord), MemoryUse::kDevice};
   std::vector<Wanted> wanted = {{&parts->input, input}, {&parts->output, output}, {&parts->tiles, tiles}};
+  const MeteringSettings& metering = settings.exposure.metering;
+  if (metering.weights == MeterWeights::kCenter) {
+    wanted.push_back(
+        {&parts->center_weights, {1u << shader::CENTER_STEPS_LOG2, 1, sizeof(uint32_t), MemoryUse::kDevice}});
+  }
+  TextureKey histogram;
+  if (metering.statistic == MeterStatistic::kPercentile) {
+    parts->histogram_copies = groups(parts->tiles_x * parts->tiles_y, shader::HISTOGRAM_TILES);
+    histogram = {shader::HISTOGRAM_BINS, parts->histogram_copies, sizeof(shader::HistogramBin),
+                 MemoryUse::kDevice};
+    wanted.push_back({&parts->histogram, histogram});
+  }
   if (!device.unified_memory) {
     const auto staged = [](TextureKey key, MemoryUse use) {
       key.use = use;
@@ -33,9 +45,14 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     wanted.push_back({&parts->upload, staged(input, MemoryUse::kUpload)});
     wanted.push_back({&parts->readback, staged(output, MemoryUse::kReadback)});
     wanted.push_back({&parts->tiles_readback, staged(tiles, MemoryUse::kReadback)});
+    if (parts->histogram_copies > 0) {
+      wanted.push_back({&parts->histogram_readback, staged(histogram, MemoryUse::kReadback)});
+    }
   }
   if (settings.bloom.intensity > 0) {
-    parts->level_sizes = bloom_level_sizes(desc.width, desc.height, settings.bloom.levels);
+    parts->level_sizes = settings.bloom.kind == BloomKind::kGaussian
+                             ? gaussian_level_sizes(desc.width, desc.height)
+                             : bloom_level_sizes(desc.width, desc.height, settings.bloom.levels);
     parts->levels.resize(parts->level_sizes.size());
     for (size_t i = 0; i < parts->levels.size(); ++i) {
       const LevelSize& size = parts->level_sizes[i];
@@ -91,6 +108,9 @@ void FrameMemory::keep_output_only() {
   parts.upload = {};
   parts.tiles = {};
   parts.tiles_readback = {};
+  parts.histogram = {};
+  parts.histogram_readback = {};
+  parts.center_weights = {};
   parts.levels.clear();
   if (parts.readback) parts.output = {};
 }

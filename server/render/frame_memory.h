@@ -19,16 +19,23 @@ struct FrameMemory::Parts {
   TexturePool::Lease input;
   TexturePool::Lease output;
   TexturePool::Lease tiles;
+  uint32_t histogram_copies = 0;  // see shader::HISTOGRAM_TILES; 0 where the settings ask for no percentile
+  TexturePool::Lease histogram;
+  TexturePool::Lease center_weights;  // of MeterWeights::kCenter
   std::vector<TexturePool::Lease> levels;
   // Only on a device without unified memory.
   TexturePool::Lease upload;
   TexturePool::Lease readback;
   TexturePool::Lease tiles_readback;
+  TexturePool::Lease histogram_readback;
 
   // What the host sees.
   const Buffer& host_input() const { return upload ? upload.buffer() : input.buffer(); }
   const Buffer& host_output() const { return readback ? readback.buffer() : output.buffer(); }
   const Buffer& host_tiles() const { return tiles_readback ? tiles_readback.buffer() : tiles.buffer(); }
+  const Buffer& host_histogram() const {
+    return histogram_readback ? histogram_readback.buffer() : histogram.buffer();
+  }
 };
 
 // How many groups of `size` hold `count`.

@@ -7,6 +7,7 @@
 #include "server/render/primaries.h"
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
+#include "shaders/gaussian.spv.h"
 #include "shaders/ingest.spv.h"
 #include "shaders/resolve.spv.h"
 
@@ -17,11 +18,17 @@ namespace {
 static_assert(shader::INGEST_GROUP_X * shader::GROUP_TEXELS == shader::TILE_TEXELS);
 static_assert(shader::INGEST_GROUP_Y * shader::INGEST_ROWS == shader::TILE_TEXELS);
 static_assert(sizeof(shader::IngestParams) <= PipelineCache::kPushBytes);
+static_assert(sizeof(shader::GaussianParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::BloomParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
 
 // A knee whose square a device may flush to 0 would divide 0 by 0; it is no knee.
 constexpr float kMinKnee = 1e-15f;
+
+// The specialisation of ingest and resolve.
+uint32_t bloom_constant(bool any, const BloomSettings& bloom) {
+  return any ? static_cast<uint32_t>(bloom.kind) : shader::BLOOM_NONE;
+}
 
 constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
 constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
@@ -49,14 +56,30 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
   params.level_hi = high(level_address);
   params.tiles_lo = low(tiles_address);
   params.tiles_hi = high(tiles_address);
-  params.level_width = groups(parts.desc.width, 2);
+  params.level_width = level ? parts.level_sizes[0].width : 0;
   params.tiles_x = parts.tiles_x;
   params.threshold = bloom.threshold;
   const float knee = bloom.softness * bloom.threshold;
   params.knee = knee < kMinKnee ? 0.0f : knee;
-  const Constants constants = {static_cast<uint32_t>(parts.desc.format), context.matrix, context.scrub, level,
-                               bloom.firefly_weights};
-  return dispatch(pipelines, recorder, k_ingest_spirv, constants, {parts.input.buffer().view()}, params,
+  const bool histogram = parts.histogram_copies > 0;
+  const VkDeviceAddress histogram_address = histogram ? parts.histogram.buffer().address() : 0;
+  params.histogram_lo = low(histogram_address);
+  params.histogram_hi = high(histogram_address);
+  const MeteringSettings& metering = context.settings.exposure.metering;
+  params.spot_x0 = metering.spot.x0;
+  params.spot_y0 = metering.spot.y0;
+  params.spot_x1 = metering.spot.x1;
+  params.spot_y1 = metering.spot.y1;
+  const Constants constants = {static_cast<uint32_t>(parts.desc.format),
+                               context.matrix,
+                               context.scrub,
+                               bloom_constant(level, bloom),
+                               bloom.firefly_weights,
+                               static_cast<uint32_t>(metering.weights),
+                               histogram};
+  const VkBufferView frame = parts.input.buffer().view();
+  return dispatch(pipelines, recorder, k_ingest_spirv, constants,
+                  {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
                   parts.tiles_x, parts.tiles_y);
 }
 
@@ -79,6 +102,24 @@ absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, 
                   groups(params.to_height, columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
 }
 
+// `to` 1: vertical, from level 0; `to` 0: horizontal, from level 1.
+absl::Status record_gaussian(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
+                             uint32_t to) {
+  const FrameMemory::Parts& parts = context.parts;
+  const VkDeviceAddress to_address = parts.levels[to].buffer().address();
+  shader::GaussianParams params{};
+  params.to_lo = low(to_address);
+  params.to_hi = high(to_address);
+  params.width = parts.level_sizes[to].width;
+  params.height = parts.level_sizes[to].height;
+  params.threshold = context.gaussian_threshold;
+  const VkBufferView from = parts.levels[1 - to].buffer().view();
+  // The second binding is not used.
+  return dispatch(pipelines, recorder, k_gaussian_spirv, {to}, {from, from}, params,
+                  groups(params.width, shader::BLOOM_GROUP_X),
+                  groups(params.height, shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
+}
+
 absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
   const FrameMemory::Parts& parts = context.parts;
   const VkDeviceAddress output_address = parts.output.buffer().address();
@@ -90,23 +131,28 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
   // 2^46 is beyond where any curve still rises for a half's smallest step; it keeps the arithmetic finite.
   params.exposure = static_cast<float>(std::min(context.exposure, 0x1p46));
   params.curve_white = context.settings.curve_white;
+  params.dither_frame = context.dither_frame;
   // A binding that the shader does not use still has to hold something.
   VkBufferView bloom = parts.input.buffer().view();
   if (context.bloom) {
     bloom = parts.levels[0].buffer().view();
     params.level_width = parts.level_sizes[0].width;
     params.level_height = parts.level_sizes[0].height;
-    params.bloom_scale = context.settings.bloom.intensity / static_cast<float>(parts.levels.size());
+    const BloomSettings& settings = context.settings.bloom;
+    const size_t summed = settings.kind == BloomKind::kGaussian ? 1 : parts.levels.size();
+    params.bloom_scale = settings.intensity / static_cast<float>(summed);
+    params.scene_scale = 1.0f - settings.intensity;
   }
   const bool encoded = parts.output_format != OutputFormat::kRgba16f;
   const Transfer transfer = encoded ? context.settings.transfer : Transfer::kLinear;
   const Constants constants = {static_cast<uint32_t>(parts.desc.format),
                                context.matrix,
                                context.scrub,
-                               context.bloom,
+                               bloom_constant(context.bloom, context.settings.bloom),
                                static_cast<uint32_t>(context.settings.curve),
                                static_cast<uint32_t>(transfer),
-                               static_cast<uint32_t>(parts.output_format)};
+                               static_cast<uint32_t>(parts.output_format),
+                               context.settings.dither && encoded};
   return dispatch(pipelines, recorder, k_resolve_spirv, constants, {parts.input.buffer().view(), bloom},
                   params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
                   groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
@@ -139,6 +185,8 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
       return record_bloom(context, pipelines, recorder, k_bloom_down_spirv, step.level - 1, step.level, 1);
     case Pass::kBloomUp:
       return record_bloom(context, pipelines, recorder, k_bloom_up_spirv, step.level + 1, step.level, 2);
+    case Pass::kGaussian:
+      return record_gaussian(context, pipelines, recorder, step.level);
     case Pass::kResolve:
       return record_resolve(context, pipelines, recorder);
   }

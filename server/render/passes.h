@@ -14,11 +14,13 @@ namespace candela {
 struct PassContext {
   const FrameMemory::Parts& parts;
   const Settings& settings;
-  shader::InputParams input;  // of the frame; carries the primaries' matrix
-  bool matrix = false;        // the matrix is not the identity
-  bool scrub = false;         // some component is not finite or beyond +-65504
-  bool bloom = false;         // resolve: add it
-  double exposure = 1.0;      // resolve: E * prescale
+  shader::InputParams input;       // of the frame; carries the primaries' matrix
+  bool matrix = false;             // the matrix is not the identity
+  bool scrub = false;              // some component is not finite or beyond +-65504
+  bool bloom = false;              // resolve: there is some
+  float gaussian_threshold = 0.0;  // gaussian: scene luminance
+  double exposure = 1.0;           // resolve: E * prescale
+  uint32_t dither_frame = 0;       // resolve: the frame's sequence number, low 32 bits
 };
 
 PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings);

@@ -1,7 +1,9 @@
 #include "server/render/plan.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
 namespace candela {
@@ -16,6 +18,14 @@ std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32
   return sizes;
 }
 
+std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
+  return {2, {(width + 3) / 4, (height + 3) / 4}};
+}
+
+float gaussian_threshold(const BloomSettings& bloom, const FrameStats& stats) {
+  return static_cast<float>(bloom.threshold * std::exp2(stats.mean_log2_luminance));
+}
+
 const char* name(Pass pass) {
   switch (pass) {
     case Pass::kIngest:
@@ -24,17 +34,81 @@ const char* name(Pass pass) {
       return "bloom_down";
     case Pass::kBloomUp:
       return "bloom_up";
+    case Pass::kGaussian:
+      return "gaussian";
     case Pass::kResolve:
       return "resolve";
   }
   return "unknown";
 }
 
+namespace {
+
+std::string metering_words(const MeteringSettings& metering) {
+  std::string words;
+  if (metering.statistic == MeterStatistic::kPercentile) {
+    absl::StrAppendFormat(&words, " between %g %% and %g %%", metering.percentile_low,
+                          metering.percentile_high);
+  }
+  if (metering.weights == MeterWeights::kCenter) words += " around the centre";
+  if (metering.weights == MeterWeights::kSpot) {
+    absl::StrAppendFormat(&words, " in x %d .. %d, y %d .. %d", metering.spot.x0, metering.spot.x1,
+                          metering.spot.y0, metering.spot.y1);
+  }
+  return words;
+}
+
+// Adds the bloom's steps and words, or the reason why there is none.
+void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSettings& bloom, Plan& plan) {
+  if (bloom.intensity == 0) {
+    plan.words.push_back("no bloom: its intensity is 0");
+    return;
+  }
+  if (bloom.kind == BloomKind::kGaussian) {
+    const float threshold = gaussian_threshold(bloom, stats);
+    if (!(stats.max_bloom_luminance > threshold)) {
+      plan.words.push_back(
+          absl::StrFormat("no bloom: nothing of quarter size passes the threshold %g, %g times the mean (the "
+                          "brightest is %g)",
+                          threshold, bloom.threshold, stats.max_bloom_luminance));
+      return;
+    }
+    plan.bloom = true;
+    plan.steps.push_back({Pass::kGaussian, 1});
+    plan.steps.push_back({Pass::kGaussian, 0});
+    const LevelSize size = gaussian_level_sizes(desc.width, desc.height)[0];
+    plan.words.push_back(absl::StrFormat("gaussian bloom at %dx%d: threshold %g, %g times the mean",
+                                         size.width, size.height, threshold, bloom.threshold));
+    return;
+  }
+  // What is conserved is taken from the scene even where nothing is bright.
+  const bool conserve = bloom.kind == BloomKind::kConserve;
+  if (stats.bright_texels == 0 && !conserve) {
+    plan.words.push_back(absl::StrFormat("no bloom: nothing passes the threshold %g (the brightest is %g)",
+                                         bloom.threshold, stats.max_luminance));
+    return;
+  }
+  plan.bloom = true;
+  const std::vector<LevelSize> sizes = bloom_level_sizes(desc.width, desc.height, bloom.levels);
+  const auto count = static_cast<uint32_t>(sizes.size());
+  for (uint32_t level = 1; level < count; ++level) plan.steps.push_back({Pass::kBloomDown, level});
+  for (uint32_t level = count - 1; level-- > 0;) plan.steps.push_back({Pass::kBloomUp, level});
+  plan.words.push_back(
+      absl::StrFormat("bloom over %d level%s from %dx%d to %dx%d: %s%s", count, count == 1 ? "" : "s",
+                      sizes.front().width, sizes.front().height, sizes.back().width, sizes.back().height,
+                      conserve ? absl::StrFormat("%g of the scene's light", bloom.intensity)
+                               : absl::StrFormat("%d bright texels", stats.bright_texels),
+                      count < bloom.levels ? "; the frame is too small for more levels" : ""));
+}
+
+}  // namespace
+
 Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, const Settings& settings,
                 const Tier& tier) {
   Plan plan;
   plan.steps.push_back({Pass::kIngest});
-  plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height, name(desc.format),
+  plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s%s", desc.width, desc.height,
+                                       name(desc.format), metering_words(settings.exposure.metering),
                                        settings.bloom.intensity > 0 ? ", bloom level 0" : ""));
 
   if (scrubbed) {
@@ -42,29 +116,13 @@ Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, c
     plan.words.push_back("ingest again with the scrub: some components are not finite or beyond +-65504");
   }
 
-  if (settings.bloom.intensity == 0) {
-    plan.words.push_back("no bloom: its intensity is 0");
-  } else if (stats.bright_texels == 0) {
-    plan.words.push_back(absl::StrFormat("no bloom: nothing passes the threshold %g (the brightest is %g)",
-                                         settings.bloom.threshold, stats.max_luminance));
-  } else {
-    plan.bloom = true;
-    const std::vector<LevelSize> sizes = bloom_level_sizes(desc.width, desc.height, settings.bloom.levels);
-    const auto count = static_cast<uint32_t>(sizes.size());
-    for (uint32_t level = 1; level < count; ++level) plan.steps.push_back({Pass::kBloomDown, level});
-    for (uint32_t level = count - 1; level-- > 0;) plan.steps.push_back({Pass::kBloomUp, level});
-    plan.words.push_back(
-        absl::StrFormat("bloom over %d level%s from %dx%d to %dx%d: %d bright texels%s", count,
-                        count == 1 ? "" : "s", sizes.front().width, sizes.front().height, sizes.back().width,
-                        sizes.back().height, stats.bright_texels,
-                        count < settings.bloom.levels ? "; the frame is too small for more levels" : ""));
-  }
+  plan_bloom(desc, stats, settings.bloom, plan);
 
   plan.steps.push_back({Pass::kResolve});
   plan.words.push_back(absl::StrFormat(
       "resolve%s: %s, %s, %s, tier %s", plan.bloom ? " with bloom" : "", name(settings.curve),
       settings.output_format == OutputFormat::kRgba16f ? "display-linear" : name(settings.transfer),
-      name(settings.output_format), tier.name));
+      absl::StrCat(name(settings.output_format), settings.dither ? " dithered" : ""), tier.name));
   return plan;
 }
 

@@ -18,8 +18,14 @@ struct FrameStats {
   uint64_t nan_components = 0;
   uint64_t infinite_components = 0;
   uint64_t negative_components = 0;
-  uint64_t bright_texels = 0;  // of bloom level 0: those with D_0 > 0; 0 where no bloom was asked for
+  uint64_t bright_texels =
+      0;  // of bloom level 0: those with D_0 > 0; 0 for kGaussian and where no bloom was asked for
+  float max_bloom_luminance = 0.0f;  // of kGaussian's quarter-size texels
+  uint64_t metered_weight = 0;       // the sum of all texels' metering weights
 };
+
+// Scene luminance above which kGaussian blooms.
+float gaussian_threshold(const BloomSettings& bloom, const FrameStats& stats);
 
 // Sizes of the bloom levels of a width x height frame, at most `levels` of them: level 0 always exists, a
 // further one only when its short side has 2 texels or more.
@@ -28,11 +34,14 @@ struct LevelSize {
   uint32_t height;
 };
 std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels);
+// kGaussian works on one quarter-size level, and on a second one of that size in between.
+std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 
-enum class Pass : uint32_t { kIngest, kBloomDown, kBloomUp, kResolve };
-const char* name(Pass pass);  // "ingest", "bloom_down", "bloom_up", "resolve"
+enum class Pass : uint32_t { kIngest, kBloomDown, kBloomUp, kGaussian, kResolve };
+const char* name(Pass pass);  // "ingest", "bloom_down", "bloom_up", "gaussian", "resolve"
 
-// One dispatch over a texture. `level` is the level written: for kBloomDown n+1, for kBloomUp n.
+// One dispatch over a texture. `level` is the level written: for kBloomDown n+1, for kBloomUp n, for
+// kGaussian 1 in the vertical pass and 0 in the horizontal one.
 struct Step {
   Pass pass;
   uint32_t level = 0;

@@ -16,9 +16,6 @@ using Imath::M33d;
 using Imath::V3d;
 
 // Imath multiplies row vectors from the left: v * (A * B) applies A first.
-constexpr double kWhiteD65[2] = {0.3127, 0.3290};
-constexpr Chromaticities kRec709{{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, kWhiteD65[0], kWhiteD65[1]}};
-constexpr Chromaticities kXyz{{1, 0, 0, 1, 0, 0, 1.0 / 3, 1.0 / 3}};
 
 V3d xyz(double x, double y) { return {x / y, 1.0, (1.0 - x - y) / y}; }
 
@@ -65,21 +62,23 @@ absl::Status unusable(const Chromaticities& chromaticities) {
 
 }  // namespace
 
-absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& chromaticities) {
-  const auto& c = chromaticities.xy;
-  M33d m = close(chromaticities, kXyz, 0, 1e-4) ? M33d() : to_xyz(c);
-  if (!usable(m)) return unusable(chromaticities);
-  if (!close(chromaticities, kXyz, 0, 1e-4) && !close(chromaticities, kRec709, 6, 1e-5)) {
-    m = m * bradford(xyz(c[6], c[7]), xyz(kWhiteD65[0], kWhiteD65[1]));
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from) {
+  const auto& c = from.xy;
+  const auto rec709 = chromaticities(Primaries::kRec709);
+  const bool plain_xyz = close(from, chromaticities(Primaries::kXyz), 0, 1e-4);
+  M33d m = plain_xyz ? M33d() : to_xyz(c);
+  if (!usable(m)) return unusable(from);
+  if (!plain_xyz && !close(from, rec709, 6, 1e-5)) {
+    m = m * bradford(xyz(c[6], c[7]), xyz(rec709.xy[6], rec709.xy[7]));
   }
-  m = m * to_xyz(kRec709.xy).inverse();
+  m = m * to_xyz(rec709.xy).inverse();
 
   std::array<float, 9> matrix;
   bool identity = true;
   for (int r = 0; r < 3; ++r) {
     for (int k = 0; k < 3; ++k) {
       const double v = m[k][r];  // transposed: for column vectors
-      if (!(std::abs(v) <= kMaxEntry)) return unusable(chromaticities);
+      if (!(std::abs(v) <= kMaxEntry)) return unusable(from);
       if (std::abs(v - (r == k ? 1.0 : 0.0)) > 1e-5) identity = false;
       matrix[static_cast<size_t>(3 * r + k)] = static_cast<float>(v);
     }

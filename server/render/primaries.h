@@ -14,6 +14,6 @@ namespace candela {
 // CIE XYZ (primaries (1,0) (0,1) (0,0), equal-energy white) is taken as it is. INVALID_ARGUMENT for
 // chromaticities that are not finite or span no volume. Source: SMPTE RP 177-1993; Bradford: Lam 1985, as in
 // ICC.1:2010 annex E.
-absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& chromaticities);
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from);
 
 }  // namespace candela

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "server/render/exposure.h"
 #include "server/render/frame_memory.h"
+#include "server/render/metering.h"
 #include "server/render/passes.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
@@ -26,14 +27,30 @@ struct TileSums {
   uint32_t first_bad_texel = UINT32_MAX;  // y * width + x; UINT32_MAX: none
 };
 
-TileSums sum_tiles(const FrameMemory::Parts& parts) {
+constexpr double kFixedPointPerEv = 1u << shader::LOG2_FRACTION_BITS;
+
+double percentile_of(const FrameMemory::Parts& parts, const MeteringSettings& metering) {
+  const double offset_ev = (metering.weights == MeterWeights::kCenter ? 256.0 : 1.0) / kFixedPointPerEv;
+  std::vector<MeterBin> bins(shader::HISTOGRAM_BINS);
+  for (size_t i = 0; i < size_t{parts.histogram_copies} * shader::HISTOGRAM_BINS; ++i) {
+    shader::HistogramBin bin;
+    std::memcpy(&bin, parts.host_histogram().mapped() + i * sizeof bin, sizeof bin);
+    bins[i % shader::HISTOGRAM_BINS].weight += bin.weight;
+    bins[i % shader::HISTOGRAM_BINS].above_ev += bin.offset_sum * offset_ev;
+  }
+  return percentile_mean(bins, metering.percentile_low, metering.percentile_high);
+}
+
+TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
   TileSums sums;
   FrameStats& stats = sums.stats;
-  // At 16384 x 16384: 2^28 texels of 25 bits, so 2^53 at most.
+  // At 16384 x 16384: 2^28 texels of 25 bits, and with weights of 8 bits, 2^61 at most.
   uint64_t fixed_log2 = 0;
   uint32_t darkest_inverted = 0;
   uint32_t brightest = 0;
   uint32_t magnitude = 0;
+  uint64_t weight = 0;
+  uint32_t bloom_luminance = 0;
   const size_t count = size_t{parts.tiles_x} * parts.tiles_y;
   for (size_t i = 0; i < count; ++i) {
     shader::TileRecord tile;
@@ -46,12 +63,19 @@ TileSums sum_tiles(const FrameMemory::Parts& parts) {
     stats.infinite_components += tile.infinite_components;
     stats.negative_components += tile.negative_components;
     stats.bright_texels += tile.bright_texels;
+    weight += tile.weight_sum;
+    bloom_luminance = std::max(bloom_luminance, tile.max_bloom_luminance_bits);
     sums.first_bad_texel = std::min(sums.first_bad_texel, ~tile.first_bad_texel_inverted);
   }
-  const double texels = static_cast<double>(parts.desc.width) * parts.desc.height;
+  stats.metered_weight = settings.exposure.metering.weights == MeterWeights::kAverage
+                             ? uint64_t{parts.desc.width} * parts.desc.height
+                             : weight;
   stats.mean_log2_luminance =
-      static_cast<double>(fixed_log2) / (double{1u << shader::LOG2_FRACTION_BITS} * texels) -
-      shader::LOG2_BIAS;
+      parts.histogram_copies > 0
+          ? percentile_of(parts, settings.exposure.metering)
+          : static_cast<double>(fixed_log2) / (kFixedPointPerEv * static_cast<double>(stats.metered_weight)) -
+                shader::LOG2_BIAS;
+  stats.max_bloom_luminance = std::bit_cast<float>(bloom_luminance);
   stats.max_luminance = std::bit_cast<float>(brightest);
   stats.min_luminance = std::bit_cast<float>(~darkest_inverted);
   sums.needs_scrub = magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
@@ -95,17 +119,26 @@ absl::StatusOr<TileSums> Renderer::Impl::measure(const PassContext& context, boo
   }
   recorder.mark(name(Pass::kIngest));
   recorder.fill_zero(parts.tiles.buffer());
+  if (parts.histogram) recorder.fill_zero(parts.histogram.buffer());
+  if (parts.center_weights) {
+    const std::vector<uint32_t> weights = center_weights();
+    recorder.update(parts.center_weights.buffer(), weights.data(), weights.size() * sizeof weights[0]);
+  }
   recorder.barrier();
   if (absl::Status status = record({Pass::kIngest}, context, pipelines, recorder); !status.ok())
     return status;
   if (parts.tiles_readback) {
     recorder.barrier();
     recorder.copy(parts.tiles.buffer(), parts.tiles_readback.buffer(), parts.tiles.buffer().bytes());
+    if (parts.histogram_readback) {
+      recorder.copy(parts.histogram.buffer(), parts.histogram_readback.buffer(),
+                    parts.histogram.buffer().bytes());
+    }
   }
   recorder.barrier_to_host();
   if (absl::Status status = recorder.submit_and_wait(); !status.ok()) return status;
   add_timings(recorder, stages);
-  return sum_tiles(parts);
+  return sum_tiles(parts, context.settings);
 }
 
 absl::Status Renderer::Impl::draw(const PassContext& context, const Plan& plan) {
@@ -146,7 +179,8 @@ absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Sett
   return memory;
 }
 
-absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings) {
+absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings,
+                                             const FrameMoment& moment) {
   const FrameMemory::Parts& parts = *memory.parts_;
   impl_->pipelines.trim(kMaxPipelines);
   PassContext context = pass_context(parts, settings);
@@ -167,10 +201,14 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
                         report.stats.nan_components, report.stats.infinite_components));
   }
   report.target = exposure_target(settings.exposure, report.stats.mean_log2_luminance);
-  report.exposure = report.target;  // a single image takes its target at once
+  const bool metered = settings.exposure.mode == ExposureMode::kAuto;
+  report.exposure =
+      adapt_exposure(settings.exposure.adaptation, metered ? moment.previous : std::nullopt, report.target);
   report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, *find_tier(settings.tier));
 
   context.bloom = report.plan.bloom;
+  context.gaussian_threshold = gaussian_threshold(settings.bloom, report.stats);
+  context.dither_frame = static_cast<uint32_t>(moment.sequence);
   context.exposure = report.exposure * settings.prescale;
   if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
   add_timings(impl_->recorder, &report.stages);

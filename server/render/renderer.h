@@ -4,11 +4,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/render/exposure.h"
 #include "server/render/frame.h"
 #include "server/render/plan.h"
 #include "server/render/settings.h"
@@ -45,8 +47,14 @@ class FrameMemory {
   std::unique_ptr<Parts> parts_;
 };
 
+// Where a frame stands among others.
+struct FrameMoment {
+  uint64_t sequence = 0;                     // the client's number; the dither depends on its low 32 bits
+  std::optional<PreviousExposure> previous;  // absent: the frame takes its target at once
+};
+
 struct StageTime {
-  const char* name;  // a pass's name: "ingest", "bloom_down", "bloom_up", "resolve", "upload", "download"
+  const char* name;  // a pass's name, see plan.h, or "upload", "download"
   uint64_t ns;       // device time
 };
 
@@ -73,7 +81,8 @@ class Renderer {
   // Renders the pixels in `memory` to completion. `settings` must have passed check_settings and be those
   // that the memory was allocated with. INVALID_ARGUMENT naming the pixel when BadValues::kReject meets a bad
   // one; UNAVAILABLE when the device is lost. One thread at a time; blocks for the frame's time.
-  absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings);
+  absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,
+                                     const FrameMoment& moment = {});
 
  private:
   struct Impl;

@@ -59,6 +59,7 @@ const char* name(Transfer transfer) {
 
 absl::Status check_settings(const Settings& settings) {
   const ExposureSettings& exposure = settings.exposure;
+  const MeteringSettings& metering = exposure.metering;
   const BloomSettings& bloom = settings.bloom;
   for (const absl::Status& status : {
            in_range("exposure.manual_ev", exposure.manual_ev, v1::kManualEv),
@@ -66,7 +67,12 @@ absl::Status check_settings(const Settings& settings) {
            in_range("exposure.key", exposure.key, v1::kKey),
            in_range("exposure.min_exposure", exposure.min_exposure, v1::kExposureLimit),
            in_range("exposure.max_exposure", exposure.max_exposure, v1::kExposureLimit),
-           in_range("bloom.intensity", bloom.intensity, v1::kBloomIntensity),
+           in_range("exposure.metering.percentile_low", metering.percentile_low, v1::kPercentile),
+           in_range("exposure.metering.percentile_high", metering.percentile_high, v1::kPercentile),
+           in_range("exposure.adaptation.speed_up", exposure.adaptation.speed_up, v1::kAdaptationSpeed),
+           in_range("exposure.adaptation.speed_down", exposure.adaptation.speed_down, v1::kAdaptationSpeed),
+           in_range("bloom.intensity", bloom.intensity,
+                    bloom.kind == BloomKind::kConserve ? v1::kConserveIntensity : v1::kBloomIntensity),
            in_range("bloom.threshold", bloom.threshold, v1::kBloomThreshold),
            in_range("bloom.softness", bloom.softness, v1::kBloomSoftness),
            in_range("bloom.levels", bloom.levels, v1::kBloomLevels),
@@ -80,6 +86,18 @@ absl::Status check_settings(const Settings& settings) {
         "exposure.min_exposure is %g and exposure.max_exposure is %g; the minimum must not be larger",
         exposure.min_exposure, exposure.max_exposure));
   }
+  if (!(metering.percentile_low < metering.percentile_high)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "exposure.metering.percentile_low is %g and percentile_high is %g; the low one must be smaller",
+        metering.percentile_low, metering.percentile_high));
+  }
+  if (const Rectangle& spot = metering.spot;
+      metering.weights == MeterWeights::kSpot && (spot.x0 >= spot.x1 || spot.y0 >= spot.y1)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("exposure.metering.spot is x %d .. %d, y %d .. %d and holds no pixel; x0 must be "
+                        "below x1 and y0 below y1",
+                        spot.x0, spot.x1, spot.y0, spot.y1));
+  }
   if (find_tier(settings.tier) == nullptr) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "tier is \"%s\"; there are: %s", settings.tier,
@@ -89,6 +107,37 @@ absl::Status check_settings(const Settings& settings) {
     return matrix_to_rec709(*settings.input_chromaticities).status();
   }
   return absl::OkStatus();
+}
+
+absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc) {
+  const MeteringSettings& metering = settings.exposure.metering;
+  if (metering.weights == MeterWeights::kSpot &&
+      (metering.spot.x0 >= desc.width || metering.spot.y0 >= desc.height)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("exposure.metering.spot begins at x %d, y %d, beside the frame of %dx%d pixels",
+                        metering.spot.x0, metering.spot.y0, desc.width, desc.height));
+  }
+  return absl::OkStatus();
+}
+
+Chromaticities chromaticities(Primaries primaries) {
+  constexpr double kD65[2] = {0.3127, 0.3290};
+  constexpr double kAcesWhite[2] = {0.32168, 0.33767};
+  switch (primaries) {
+    case Primaries::kRec709:
+      return {{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, kD65[0], kD65[1]}};
+    case Primaries::kRec2020:
+      return {{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, kD65[0], kD65[1]}};
+    case Primaries::kP3D65:
+      return {{0.680, 0.320, 0.265, 0.690, 0.150, 0.060, kD65[0], kD65[1]}};
+    case Primaries::kAcesAp0:
+      return {{0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, kAcesWhite[0], kAcesWhite[1]}};
+    case Primaries::kAcesAp1:
+      return {{0.713, 0.293, 0.165, 0.830, 0.128, 0.044, kAcesWhite[0], kAcesWhite[1]}};
+    case Primaries::kXyz:
+      return {{1, 0, 0, 1, 0, 0, 1.0 / 3, 1.0 / 3}};
+  }
+  return {};
 }
 
 }  // namespace candela

@@ -35,17 +35,24 @@ ReferenceFrame render_reference(const FrameDesc& desc, std::span<const std::byte
   ReferenceFrame frame;
   const reference::Scene scene = reference::ingest(wire, desc.width, desc.height,
                                                    static_cast<uint32_t>(desc.format), matrix, &frame.bad);
-  frame.meter = reference::meter(scene);
+  const MeteringSettings& metering = settings.exposure.metering;
+  frame.meter =
+      reference::meter(scene, {metering.statistic == MeterStatistic::kPercentile,
+                               metering.percentile_low,
+                               metering.percentile_high,
+                               static_cast<uint32_t>(metering.weights),
+                               {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}});
   reference::Level bloom;
   uint32_t levels = 1;
   if (settings.bloom.intensity > 0) {
     bloom = reference::bloom(scene,
-                             {settings.bloom.threshold, settings.bloom.softness, settings.bloom.levels,
-                              settings.bloom.firefly_weights},
-                             &levels);
+                             {static_cast<uint32_t>(settings.bloom.kind), settings.bloom.threshold,
+                              settings.bloom.softness, settings.bloom.levels, settings.bloom.firefly_weights},
+                             frame.meter.mean_log2_luminance, &levels);
   }
   reference::ResolveParams params;
   params.exposure = std::min(exposure * settings.prescale, 0x1p46);
+  if (settings.bloom.intensity > 0) params.bloom = static_cast<uint32_t>(settings.bloom.kind);
   params.bloom_intensity = settings.bloom.intensity;
   params.curve = static_cast<uint32_t>(settings.curve);
   params.curve_white = settings.curve_white;

@@ -53,7 +53,8 @@ absl::Status RenderCall::take_start() {
   if (!start.ok()) return start.status();
   absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start->desc, start->settings);
   if (!memory.ok()) return memory.status();
-  frame_ = std::make_shared<Frame>(Frame{backend_.renderer, *std::move(memory), start->settings});
+  frame_ = std::make_shared<Frame>(
+      Frame{backend_.renderer, *std::move(memory), start->settings, {start->sequence, start->previous}});
   bands_.emplace(start->desc, start->row_stride_bytes);
   start_ = *std::move(start);
   state_ = State::kBands;
@@ -91,7 +92,7 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   if (!rendered.ok()) return finish(rendered.status());
   state_ = State::kSending;
   last_progress_ = absl::Now();
-  result_.emplace(frame_, result_header(*frame_, start_->sequence, *rendered, backend_.device));
+  result_.emplace(frame_, result_header(*frame_, *rendered, backend_.device));
   send_next();
 }
 

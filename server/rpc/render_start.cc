@@ -35,6 +35,17 @@ absl::Status read_enums(const v1::Settings& message, Settings& settings) {
       set_enum("transfer", message.transfer(), v1::Transfer_IsValid(message.transfer()), settings.transfer));
   status.Update(set_enum("output_format", message.output_format(),
                          v1::OutputFormat_IsValid(message.output_format()), settings.output_format));
+  const v1::Metering& metering = message.exposure().metering();
+  MeteringSettings& meter = settings.exposure.metering;
+  status.Update(set_enum("exposure.metering.statistic", metering.statistic(),
+                         v1::Metering::Statistic_IsValid(metering.statistic()), meter.statistic));
+  status.Update(set_enum("exposure.metering.weights", metering.weights(),
+                         v1::Metering::Weights_IsValid(metering.weights()), meter.weights));
+  const v1::Adaptation::Domain domain = message.exposure().adaptation().domain();
+  status.Update(set_enum("exposure.adaptation.domain", domain, v1::Adaptation::Domain_IsValid(domain),
+                         settings.exposure.adaptation.domain));
+  const v1::Bloom::Kind kind = message.bloom().kind();
+  status.Update(set_enum("bloom.kind", kind, v1::Bloom::Kind_IsValid(kind), settings.bloom.kind));
   status.Update(set_enum("bad_values", message.bad_values(), v1::BadValues_IsValid(message.bad_values()),
                          settings.bad_values));
   return status;
@@ -66,6 +77,13 @@ absl::StatusOr<uint64_t> row_stride(const v1::FrameHeader& header, const FrameDe
   return stride;
 }
 
+absl::StatusOr<std::optional<PreviousExposure>> previous_from(const v1::RenderStart& start) {
+  if (!start.has_previous()) return std::nullopt;
+  const PreviousExposure previous{start.previous().exposure(), start.previous().elapsed_seconds()};
+  if (absl::Status status = check_previous(previous); !status.ok()) return status;
+  return previous;
+}
+
 }  // namespace
 
 absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
@@ -79,7 +97,17 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   if (exposure.has_min_exposure()) settings.exposure.min_exposure = exposure.min_exposure();
   if (exposure.has_max_exposure()) settings.exposure.max_exposure = exposure.max_exposure();
 
+  const v1::Metering& metering = exposure.metering();
+  MeteringSettings& meter = settings.exposure.metering;
+  if (metering.has_percentile_low()) meter.percentile_low = metering.percentile_low();
+  if (metering.has_percentile_high()) meter.percentile_high = metering.percentile_high();
+  meter.spot = {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()};
+  const v1::Adaptation& adaptation = exposure.adaptation();
+  if (adaptation.has_speed_up()) settings.exposure.adaptation.speed_up = adaptation.speed_up();
+  if (adaptation.has_speed_down()) settings.exposure.adaptation.speed_down = adaptation.speed_down();
+
   const v1::Bloom& bloom = message.bloom();
+  if (settings.bloom.kind == BloomKind::kGaussian) settings.bloom.threshold = v1::kDefaultGaussianThreshold;
   if (bloom.has_intensity()) settings.bloom.intensity = bloom.intensity();
   if (bloom.has_threshold()) settings.bloom.threshold = bloom.threshold();
   if (bloom.has_softness()) settings.bloom.softness = bloom.softness();
@@ -89,6 +117,20 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   if (message.has_curve_white()) settings.curve_white = message.curve_white();
   if (message.has_prescale()) settings.prescale = message.prescale();
   if (!message.tier().empty()) settings.tier = message.tier();
+  settings.dither = message.dither();
+  if (message.input_primaries() != v1::PRIMARIES_UNSPECIFIED) {
+    if (message.has_input_chromaticities()) {
+      return absl::InvalidArgumentError(
+          "both input_primaries and input_chromaticities are given; a frame has one of them");
+    }
+    auto primaries = Primaries::kRec709;
+    if (absl::Status status = set_enum("input_primaries", message.input_primaries(),
+                                       v1::Primaries_IsValid(message.input_primaries()), primaries);
+        !status.ok()) {
+      return status;
+    }
+    settings.input_chromaticities = chromaticities(primaries);
+  }
   if (message.has_input_chromaticities()) {
     const v1::Chromaticities& c = message.input_chromaticities();
     settings.input_chromaticities = Chromaticities{
@@ -122,7 +164,10 @@ absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const F
   if (!stride.ok()) return stride.status();
   absl::StatusOr<Settings> settings = settings_from(start.settings());
   if (!settings.ok()) return settings.status();
-  return RenderStart{*desc, start.frame().sequence(), *stride, *std::move(settings)};
+  if (absl::Status status = check_settings_for(*settings, *desc); !status.ok()) return status;
+  absl::StatusOr<std::optional<PreviousExposure>> previous = previous_from(start);
+  if (!previous.ok()) return previous.status();
+  return RenderStart{*desc, start.frame().sequence(), *stride, *std::move(settings), *previous};
 }
 
 }  // namespace candela

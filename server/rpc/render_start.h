@@ -4,9 +4,11 @@
 #include <grpcpp/support/byte_buffer.h>
 
 #include <cstdint>
+#include <optional>
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
+#include "server/render/exposure.h"
 #include "server/render/frame.h"
 #include "server/render/settings.h"
 
@@ -17,6 +19,7 @@ struct RenderStart {
   uint64_t sequence = 0;
   uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
   Settings settings;
+  std::optional<PreviousExposure> previous;  // absent: the frame takes its target at once
 };
 
 // Reads and checks everything that can be checked before a pixel is there: check_frame, check_settings, the

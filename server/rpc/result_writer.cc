@@ -21,11 +21,10 @@ grpc::ByteBuffer serialize(const v1::RenderResponse& response) {
 
 }  // namespace
 
-v1::ResultHeader result_header(const Frame& frame, uint64_t sequence, const RenderedFrame& rendered,
-                               const std::string& device) {
+v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device) {
   const FrameReport& report = rendered.report;
   v1::ResultHeader header;
-  header.set_sequence(sequence);
+  header.set_sequence(frame.moment.sequence);
   header.set_width(frame.memory.desc().width);
   header.set_height(frame.memory.desc().height);
   header.set_format(static_cast<v1::OutputFormat>(frame.settings.output_format));

@@ -13,8 +13,7 @@
 namespace candela {
 
 // `device` is the device's own name.
-v1::ResultHeader result_header(const Frame& frame, uint64_t sequence, const RenderedFrame& rendered,
-                               const std::string& device);
+v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device);
 
 // One thread at a time.
 class ResultWriter {

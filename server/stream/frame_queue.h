@@ -20,6 +20,7 @@ struct Frame {
   std::shared_ptr<Renderer> renderer;  // kept alive for as long as its memory is in use; may be null
   FrameMemory memory;
   Settings settings;
+  FrameMoment moment;
 };
 
 struct RenderedFrame {

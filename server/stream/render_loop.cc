@@ -56,7 +56,7 @@ void RenderLoop::serve(FrameJob job) {
                         absl::FormatDuration(absl::Trunc(start - job.submitted, absl::Milliseconds(1))))));
     return;
   }
-  absl::StatusOr<FrameReport> report = render_(job.frame->memory, job.frame->settings);
+  absl::StatusOr<FrameReport> report = render_(*job.frame);
   if (!report.ok()) {
     job.done(report.status());
   } else {

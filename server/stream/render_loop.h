@@ -14,7 +14,7 @@ namespace candela {
 class RenderLoop {
  public:
   // What renders a frame to completion: Renderer::render, or a test's stand-in. Called by one thread.
-  using Render = std::function<absl::StatusOr<FrameReport>(FrameMemory&, const Settings&)>;
+  using Render = std::function<absl::StatusOr<FrameReport>(Frame&)>;
 
   // At most `capacity` frames wait at a time.
   RenderLoop(Render render, size_t capacity);

@@ -97,6 +97,10 @@ void Recorder::fill_zero(const Buffer& buffer) {
   vkCmdFillBuffer(commands_, buffer.handle(), 0, VK_WHOLE_SIZE, 0);
 }
 
+void Recorder::update(const Buffer& buffer, const void* data, uint64_t bytes) {
+  vkCmdUpdateBuffer(commands_, buffer.handle(), 0, bytes, data);
+}
+
 void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) {
   const VkBufferCopy region{0, 0, bytes};
   vkCmdCopyBuffer(commands_, from.handle(), to.handle(), 1, &region);

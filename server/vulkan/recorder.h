@@ -36,6 +36,8 @@ class Recorder {
   void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
                 const void* push, uint32_t push_bytes, uint32_t groups_x, uint32_t groups_y);
   void fill_zero(const Buffer& buffer);
+  // Copies `bytes`, a multiple of 4 and at most 65536, out of `data` now and into the buffer later.
+  void update(const Buffer& buffer, const void* data, uint64_t bytes);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
 
   // All that was recorded before is finished and visible to all that comes after, on the device. The software

@@ -55,7 +55,7 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
         for (uint32_t levels : {1u, 2u, 16u}) {
           for (bool firefly : {false, true}) {
             Settings settings;
-            settings.bloom = {intensity, threshold, softness, levels, firefly};
+            settings.bloom = {BloomKind::kMip, intensity, threshold, softness, levels, firefly};
             char what[80];
             std::snprintf(what, sizeof what, "i %g t %g s %g levels %u firefly %d", intensity, threshold,
                           softness, levels, firefly);
@@ -63,6 +63,45 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
           }
         }
       }
+    }
+  }
+}
+
+// Every pair of a kind of bloom and a way of metering: the Gaussian's threshold depends on what was metered.
+std::vector<std::pair<std::string, Settings>> bloom_and_metering() {
+  std::vector<std::pair<std::string, Settings>> all;
+  for (BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
+    for (MeterStatistic statistic : {MeterStatistic::kLogAverage, MeterStatistic::kPercentile}) {
+      for (MeterWeights weights : {MeterWeights::kAverage, MeterWeights::kCenter, MeterWeights::kSpot}) {
+        Settings settings;
+        settings.bloom.kind = kind;
+        settings.bloom.intensity = 0.5f;
+        if (kind == BloomKind::kGaussian) settings.bloom.threshold = 8.0f;
+        settings.exposure.metering = {.statistic = statistic, .weights = weights, .spot = {0, 0, 40, 5000}};
+        char what[60];
+        std::snprintf(what, sizeof what, "bloom %d statistic %d weights %d", static_cast<int>(kind),
+                      static_cast<int>(statistic), static_cast<int>(weights));
+        all.emplace_back(what, settings);
+      }
+    }
+  }
+  return all;
+}
+
+TEST_F(FrameError, IsWithinItsBoundForEveryBloomKindAndMetering) {
+  for (const Size& size : {Size{1, 1}, Size{5, 3}, Size{67, 67}, Size{333, 517}, Size{1279, 721}}) {
+    print_header("bloom and metering at " + std::to_string(size.width) + "x" + std::to_string(size.height));
+    for (const auto& [what, settings] : bloom_and_metering()) {
+      check(natural(size.width, size.height), settings, what);
+    }
+  }
+}
+
+TEST_F(FrameError, IsWithinItsBoundInEveryHardCaseForEveryBloomKindAndMetering) {
+  for (const HardCase& hard : hard_cases(67, 35)) {
+    print_header(hard.name);
+    for (const auto& [what, settings] : bloom_and_metering()) {
+      check(make_frame(67, 35, PixelFormat::kRgba16f, hard.texel), settings, what);
     }
   }
 }
@@ -82,20 +121,19 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCase) {
 
 TEST_F(FrameError, IsWithinItsBoundWithOtherPrimaries) {
   print_header("input primaries at 333x129");
-  const std::pair<const char*, Chromaticities> kinds[] = {
-      {"Rec.2020", {{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290}}},
-      {"ACES AP0", {{0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, 0.32168, 0.33767}}},
-      {"CIE XYZ", {{1, 0, 0, 1, 0, 0, 1.0 / 3, 1.0 / 3}}},
+  const std::pair<const char*, Primaries> kinds[] = {
+      {"Rec.2020", Primaries::kRec2020}, {"P3-D65", Primaries::kP3D65}, {"ACES AP0", Primaries::kAcesAp0},
+      {"ACES AP1", Primaries::kAcesAp1}, {"CIE XYZ", Primaries::kXyz},
   };
-  for (const auto& [label, chromaticities] : kinds) {
+  for (const auto& [label, primaries] : kinds) {
     for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
       Settings settings;
-      settings.input_chromaticities = chromaticities;
+      settings.input_chromaticities = chromaticities(primaries);
       check(natural(333, 129, format), settings, std::string(label) + " " + name(format));
     }
     for (const HardCase& hard : hard_cases(67, 35)) {
       Settings settings;
-      settings.input_chromaticities = chromaticities;
+      settings.input_chromaticities = chromaticities(primaries);
       check(make_frame(67, 35, PixelFormat::kRgba16f, hard.texel), settings,
             std::string(label) + " " + hard.name);
     }

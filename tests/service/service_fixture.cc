@@ -33,8 +33,11 @@ std::unique_ptr<Server> start_server(const Config& config) {
 v1::PixelFormat wire_format(PixelFormat format) { return static_cast<v1::PixelFormat>(format); }
 
 FrameView view(const WireFrame& frame, uint64_t sequence) {
-  return {frame.desc.width, frame.desc.height, wire_format(frame.desc.format),
-          frame.pixels,     sequence,          nullptr};
+  return {.width = frame.desc.width,
+          .height = frame.desc.height,
+          .format = wire_format(frame.desc.format),
+          .pixels = frame.pixels,
+          .sequence = sequence};
 }
 
 v1::RenderRequest start_of(const WireFrame& frame) {

@@ -50,8 +50,9 @@ Device& DeviceTest::device() { return *shared().device; }
 TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
 
-absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const Settings& settings) {
-  return render_on(renderer(), frame, settings);
+absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const Settings& settings,
+                                                        const FrameMoment& moment) {
+  return render_on(renderer(), frame, settings, moment);
 }
 
 std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
@@ -64,7 +65,8 @@ std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
 }
 
 absl::StatusOr<DeviceTest::Rendered> DeviceTest::render_on(Renderer& renderer, const WireFrame& frame,
-                                                           const Settings& settings) {
+                                                           const Settings& settings,
+                                                           const FrameMoment& moment) {
   if (absl::Status status = check_settings(settings); !status.ok()) return status;
   absl::StatusOr<FrameMemory> memory = renderer.allocate(frame.desc, settings);
   if (!memory.ok()) return memory.status();
@@ -72,7 +74,7 @@ absl::StatusOr<DeviceTest::Rendered> DeviceTest::render_on(Renderer& renderer, c
     std::memcpy(memory->input_row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
                 frame.desc.row_bytes());
   }
-  absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
+  absl::StatusOr<FrameReport> report = renderer.render(*memory, settings, moment);
   if (!report.ok()) return report.status();
   return Rendered{*std::move(memory), *std::move(report)};
 }

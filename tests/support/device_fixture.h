@@ -27,9 +27,10 @@ class DeviceTest : public ::testing::Test {
     FrameReport report;
   };
   // Checks the settings, uploads and renders, on the shared renderer or on another.
-  static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings);
+  static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings,
+                                         const FrameMoment& moment = {});
   static absl::StatusOr<Rendered> render_on(Renderer& renderer, const WireFrame& frame,
-                                            const Settings& settings);
+                                            const Settings& settings, const FrameMoment& moment = {});
   // The finished image, tight.
   static std::vector<std::byte> image(const FrameMemory& memory);
 

@@ -11,6 +11,7 @@
 
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
+#include "shaders/gaussian.spv.h"
 #include "shaders/ingest.spv.h"
 #include "shaders/resolve.spv.h"
 
@@ -52,7 +53,7 @@ std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
 
 TEST(Params, OffsetsAreThoseOfTheSpirv) {
   auto ingest = structs(k_ingest_spirv);
-  EXPECT_EQ(ingest["IngestParams"].size(), 9u);
+  EXPECT_EQ(ingest["IngestParams"].size(), 15u);
   EXPECT_OFFSET(ingest, InputParams, width);
   EXPECT_OFFSET(ingest, InputParams, input_pitch);
   EXPECT_OFFSET(ingest, InputParams, m00);
@@ -62,6 +63,9 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
   EXPECT_OFFSET(ingest, IngestParams, tiles_hi);
   EXPECT_OFFSET(ingest, IngestParams, tiles_x);
   EXPECT_OFFSET(ingest, IngestParams, knee);
+  EXPECT_OFFSET(ingest, IngestParams, histogram_hi);
+  EXPECT_OFFSET(ingest, IngestParams, spot_y1);
+  EXPECT_OFFSET(ingest, HistogramBin, offset_sum);
   EXPECT_OFFSET(ingest, TileRecord, log2_sum_low);
   EXPECT_OFFSET(ingest, TileRecord, max_magnitude_bits);
   EXPECT_OFFSET(ingest, TileRecord, bright_texels);
@@ -76,12 +80,18 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
     EXPECT_OFFSET(bloom, BloomParams, to_height);
   }
 
+  auto gaussian = structs(k_gaussian_spirv);
+  EXPECT_EQ(gaussian["GaussianParams"].size() * 4, sizeof(shader::GaussianParams));
+  EXPECT_OFFSET(gaussian, GaussianParams, to_hi);
+  EXPECT_OFFSET(gaussian, GaussianParams, threshold);
+
   auto resolve = structs(k_resolve_spirv);
   EXPECT_OFFSET(resolve, ResolveParams, frame);
   EXPECT_OFFSET(resolve, ResolveParams, output_lo);
   EXPECT_OFFSET(resolve, ResolveParams, output_pitch);
   EXPECT_OFFSET(resolve, ResolveParams, exposure);
   EXPECT_OFFSET(resolve, ResolveParams, bloom_scale);
+  EXPECT_OFFSET(resolve, ResolveParams, dither_frame);
 }
 
 }  // namespace

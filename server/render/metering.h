@@ -1,0 +1,25 @@
+// What metering comes to, from what the device has summed (docs/pipeline.md section 2).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace candela {
+
+// The weight of each of the 256 steps of the squared distance to the centre, 0 .. 255.
+std::vector<uint32_t> center_weights();
+
+// A bin of the histogram of log2 luminance: its texels' weights, and the weighted sum of what they have above
+// the bin's lower end, in EV.
+struct MeterBin {
+  uint64_t weight = 0;
+  double above_ev = 0.0;
+};
+
+// The mean log2 luminance of the mass between two percentiles of the bins, which come in rising luminance, 64
+// an octave from 2^-14 on; the two end bins count in proportion, each bin at its texels' mean. low < high;
+// some weight is not 0.
+double percentile_mean(std::span<const MeterBin> bins, double low_percent, double high_percent);
+
+}  // namespace candela

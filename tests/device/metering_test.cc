@@ -1,0 +1,168 @@
+// Metering weights and percentiles: every texel counts, exactly once and by its own weight.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "shaders/reference.h"
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+MeteringSettings weighted(MeterWeights weights) {
+  MeteringSettings metering;
+  metering.weights = weights;
+  return metering;
+}
+
+MeteringSettings spot(const Rectangle& rectangle) {
+  MeteringSettings metering = weighted(MeterWeights::kSpot);
+  metering.spot = rectangle;
+  return metering;
+}
+
+class Metering : public DeviceTest {
+ protected:
+  static FrameReport report(const WireFrame& frame, const MeteringSettings& metering) {
+    Settings settings;
+    settings.exposure.metering = metering;
+    settings.bloom.intensity = 0;
+    auto rendered = render(frame, settings);
+    if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
+    return rendered->report;
+  }
+
+  static reference::MeterParams params(const MeteringSettings& m) {
+    return {m.statistic == MeterStatistic::kPercentile,
+            m.percentile_low,
+            m.percentile_high,
+            static_cast<uint32_t>(m.weights),
+            {m.spot.x0, m.spot.y0, m.spot.x1, m.spot.y1}};
+  }
+
+  // The sum of all weights, and with texel (x, y)'s luminance of 2^4 among ones, the mean is 4 times its
+  // share.
+  static void expect_weights(uint32_t width, uint32_t height, const MeteringSettings& metering) {
+    uint64_t total = 0;
+    for (uint32_t y = 0; y < height; ++y) {
+      for (uint32_t x = 0; x < width; ++x)
+        total += reference::meter_weight(x, y, width, height, params(metering));
+    }
+    std::vector<std::pair<uint32_t, uint32_t>> places = {{width / 2, height / 3}};
+    if (width <= 67 && height <= 67) places.insert(places.end(), {{0, 0}, {width - 1, height - 1}});
+    for (const auto& [x, y] : places) {
+      const WireFrame frame =
+          make_frame(width, height, PixelFormat::kRgba16f, [=](uint32_t i, uint32_t j) -> Texel {
+            const float v = i == x && j == y ? 16.0f : 1.0f;
+            return {v, v, v, 1};
+          });
+      const FrameReport seen = report(frame, metering);
+      ASSERT_EQ(seen.stats.metered_weight, total) << width << "x" << height;
+      const double share =
+          reference::meter_weight(x, y, width, height, params(metering)) / static_cast<double>(total);
+      ASSERT_NEAR(seen.stats.mean_log2_luminance, 4.0 * share, 2e-5)
+          << width << "x" << height << " " << x << " " << y;
+    }
+  }
+};
+
+TEST_F(Metering, WeightsSumExactlyAtEverySize) {
+  for (uint32_t height = 1; height <= 67; ++height) {
+    for (uint32_t width = 1; width <= 67; ++width) {
+      expect_weights(width, height, weighted(MeterWeights::kCenter));
+      expect_weights(width, height, spot({width / 3, height / 4, width / 3 + 9, height}));
+    }
+  }
+}
+
+TEST_F(Metering, WeightsSumExactlyAtLargeSizes) {
+  for (const auto& [width, height] :
+       {std::pair{1919u, 1081u}, {3840u, 2160u}, {7680u, 4320u}, {16384u, 3u}, {5u, 16384u}}) {
+    expect_weights(width, height, weighted(MeterWeights::kCenter));
+    expect_weights(width, height, spot({1, 1, width - 1, 1u << 30}));
+  }
+}
+
+// The plain definition: all texels in rising luminance, a texel's weight a step along the way from 0 to 1.
+double sorted_percentile_mean(const reference::Scene& scene, const MeteringSettings& metering) {
+  std::vector<std::pair<double, double>> texels;  // log2 luminance, weight
+  double total = 0.0;
+  for (uint32_t y = 0; y < scene.height; ++y) {
+    for (uint32_t x = 0; x < scene.width; ++x) {
+      const auto& c = scene.at(x, y);
+      const double l = 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+      const double weight =
+          reference::meter_weight(x, y, scene.width, scene.height,
+                                  {false,
+                                   0,
+                                   0,
+                                   static_cast<uint32_t>(metering.weights),
+                                   {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}});
+      texels.emplace_back(std::log2(std::max(l, 1e-4)), weight);
+      total += weight;
+    }
+  }
+  std::sort(texels.begin(), texels.end());
+  const double low = metering.percentile_low / 100 * total;
+  const double high = metering.percentile_high / 100 * total;
+  double below = 0.0;
+  double sum = 0.0;
+  for (const auto& [value, weight] : texels) {
+    sum += value * std::max(0.0, std::min(high, below + weight) - std::max(low, below));
+    below += weight;
+  }
+  return sum / (high - low);
+}
+
+TEST_F(Metering, PercentilesAreWithinHalfABinOfTheSortedDefinition) {
+  for (const auto& [width, height] : {std::pair{1u, 1u}, {3u, 5u}, {67u, 35u}, {641u, 359u}}) {
+    const WireFrame frame = natural(width, height);
+    reference::BadCounts bad;
+    const reference::Scene scene =
+        reference::ingest(frame.pixels, width, height, shader::PIXELS_RGBA16F, std::nullopt, &bad);
+    for (MeterWeights weights : {MeterWeights::kAverage, MeterWeights::kCenter, MeterWeights::kSpot}) {
+      for (const auto& [low, high] :
+           {std::pair{10.0, 90.0}, {0.0, 100.0}, {50.0, 50.1}, {99.0, 100.0}, {0.0, 1.0}}) {
+        const MeteringSettings metering = {MeterStatistic::kPercentile, low, high, weights, {0, 0, 30, 20}};
+        EXPECT_NEAR(report(frame, metering).stats.mean_log2_luminance,
+                    sorted_percentile_mean(scene, metering), 1.0 / 128)
+            << width << "x" << height << " " << low << " .. " << high;
+      }
+    }
+  }
+}
+
+TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {
+  double last = -100.0;
+  for (int step = 0; step < 200; ++step) {
+    const auto v = static_cast<float>(0.18 * std::exp2(step / 1000.0));
+    const WireFrame frame = make_frame(64, 64, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
+      const float c = v * (0.5f + noise(x, y, 0));
+      return {c, c, c, 1};
+    });
+    MeteringSettings percentile;
+    percentile.statistic = MeterStatistic::kPercentile;
+    const double mean = report(frame, percentile).stats.mean_log2_luminance;
+    // A step of the fade is 1/1000 EV; halves round each texel, which the mean of thousands hides.
+    if (step > 0) {
+      EXPECT_NEAR(mean - last, 1.0 / 1000, 3e-4) << step;
+    }
+    last = mean;
+  }
+}
+
+TEST_F(Metering, ASpotBesideTheFrameIsRefused) {
+  Settings settings;
+  settings.exposure.metering.weights = MeterWeights::kSpot;
+  settings.exposure.metering.spot = {64, 0, 65, 1};
+  EXPECT_TRUE(check_settings(settings).ok());
+  EXPECT_TRUE(check_settings_for(settings, {65, 1, PixelFormat::kRgba16f}).ok());
+  EXPECT_EQ(check_settings_for(settings, {64, 64, PixelFormat::kRgba16f}).message(),
+            "exposure.metering.spot begins at x 64, y 0, beside the frame of 64x64 pixels");
+  settings.exposure.metering.spot = {3, 3, 3, 9};
+  EXPECT_EQ(check_settings(settings).code(), absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace candela::testing
