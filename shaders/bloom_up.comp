@@ -1,6 +1,6 @@
 // Bloom, level n+1 to level n: adds the tent-filtered coarser level in place (docs/pipeline.md section 4).
 //
-// In: B_{n+1} (from), D_n (to). Out: B_n = D_n + U_n(B_{n+1}) (to).
+// In: B_{n+1} (from), D_n (to). Out: B_n = FINE_WEIGHT * D_n + U_n(B_{n+1}) (to).
 // Method: (1 2 1)/4 over bilinear samples at x -+ 0.25 is a 4-tap filter along each axis: for even texels
 // (1 5 7 3)/16 from x - 2 on, for odd ones (3 7 5 1)/16 from x - 1 on. An invocation makes two columns and
 // walks down BLOOM_ROWS row pairs, keeping the filtered rows that the next pair shares.
@@ -9,6 +9,7 @@
 #include "common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
+layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // of D_n: 2 where it stands for a finer level, too
 layout(set = 0, binding = 0) uniform utextureBuffer from;
 // The same texture as `p.to`; an invocation reads only what it writes itself, and before it does.
 layout(set = 0, binding = 1) uniform utextureBuffer to_before;
@@ -31,7 +32,7 @@ Row filtered_row(uint x, int y) {
 
 void add(OutLevel to, uint x, uint y, vec3 c) {
   uint at = y * p.to_width + x;
-  to[at].v = vec4(fetch_rgb(to_before, int(at)) + c, 0.0);
+  to[at].v = vec4(FINE_WEIGHT * fetch_rgb(to_before, int(at)) + c, 0.0);
 }
 
 void main() {

@@ -7,12 +7,13 @@
 
 namespace candela::reference {
 
-Level bloom_up(const Level& fine, const Level& coarse) {
+Level bloom_up(const Level& fine, const Level& coarse, double weight) {
   static constexpr double kTent[3] = {1.0, 2.0, 1.0};
   Level out = fine;
   for (uint32_t y = 0; y < fine.height; ++y) {
     for (uint32_t x = 0; x < fine.width; ++x) {
       Rgb& b = out.texels[size_t{y} * fine.width + x];
+      for (double& v : b) v *= weight;
       const double u = (x + 0.5) / 2.0 - 0.5;
       const double v = (y + 0.5) / 2.0 - 0.5;
       for (int j = -1; j <= 1; ++j) {
@@ -26,6 +27,25 @@ Level bloom_up(const Level& fine, const Level& coarse) {
   return out;
 }
 
+namespace {
+
+// Half the size: means of 2x2 texels.
+Level quarter(const Level& level) {
+  Level out{(level.width + 1) / 2, (level.height + 1) / 2, {}};
+  for (int64_t y = 0; y < out.height; ++y) {
+    for (int64_t x = 0; x < out.width; ++x) {
+      Rgb& mean = out.texels.emplace_back();
+      for (int64_t i = 0; i < 4; ++i) {
+        const Rgb& c = level.at(2 * x + i % 2, 2 * y + i / 2);
+        for (size_t n = 0; n < 3; ++n) mean[n] += 0.25 * c[n];
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
 Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance,
             uint32_t* level_count) {
   if (params.kind == shader::BLOOM_GAUSSIAN) {
@@ -33,15 +53,22 @@ Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_lumi
     return gaussian_bloom(scene, params.threshold * std::exp2(mean_log2_luminance));
   }
   std::vector<Level> levels = {bright_pass(scene, params)};
+  uint32_t most = params.levels;
+  if (params.level_size == 4) {
+    levels = {quarter(levels[0])};
+    most = std::max(most, 2u) - 1;
+  }
   // The next level exists while its short side has two texels.
-  while (levels.size() < params.levels && std::min(levels.back().width, levels.back().height) > 2) {
+  while (levels.size() < most && std::min(levels.back().width, levels.back().height) > 2) {
     levels.push_back(bloom_down(levels.back()));
   }
-  *level_count = static_cast<uint32_t>(levels.size());
+  // One level that stands for two is counted twice; where it is the only one, that is one again.
+  const bool twice = params.level_size == 4 && levels.size() > 1;
+  *level_count = static_cast<uint32_t>(levels.size()) + twice;
   while (levels.size() > 1) {
     const Level coarse = std::move(levels.back());
     levels.pop_back();
-    levels.back() = bloom_up(levels.back(), coarse);
+    levels.back() = bloom_up(levels.back(), coarse, twice && levels.size() == 1 ? 2.0 : 1.0);
   }
   return std::move(levels.front());
 }

@@ -1,7 +1,7 @@
 // Phase A: reads the frame once; meters it and makes bloom level 0.
 //
-// In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: bloom level 0 (where BLOOM is not BLOOM_NONE; for
-// BLOOM_GAUSSIAN a quarter of the frame's size), one TileRecord a tile, and the histogram (where HISTOGRAM).
+// In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: the first bloom level (where BLOOM is not BLOOM_NONE; one
+// texel for LEVEL_SIZE squared of the frame's), one TileRecord a tile, and the histogram (where HISTOGRAM).
 // Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier,
 // and adds its sums to the tile's record once. Every sum is of integers, so no order of execution shows.
 // log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
@@ -20,6 +20,7 @@ layout(constant_id = 3) const uint BLOOM = BLOOM_MIP;
 layout(constant_id = 4) const bool FIREFLY_WEIGHTS = true;
 layout(constant_id = 5) const uint WEIGHTS = WEIGHTS_AVERAGE;
 layout(constant_id = 6) const bool HISTOGRAM = false;
+layout(constant_id = 7) const uint LEVEL_SIZE = 2u;  // 2, or 4: the mean of 2x2 texels of level 0; GAUSSIAN: 4
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "input.glsl"
@@ -178,7 +179,7 @@ void main() {
     OutLevel level = OutLevel(uvec2(p.level_lo, p.level_hi));
     uvec4 inside = uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width))) * 0xffffffffu;
     uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
-    vec3 quarter = vec3(0.0);  // the rows so far of a 4x4 block
+    vec3 block = vec3(0.0);  // what a 4x4 block of the frame has added up to so far
     for (uint y = first_row; y < rows_end; y += 2u) {
       Group top = meter_row(x, y, inside, copies);
       bool pair = y + 1u < p.frame.height;
@@ -187,26 +188,32 @@ void main() {
         clamp_to_edge(top, x);
         clamp_to_edge(bottom, x);
       }
+      bool complete = (y & 2u) != 0u || y + 2u >= p.frame.height;
+      // Rows beyond the bottom repeat the last one.
+      float repeats = (y & 2u) == 0u && complete ? 2.0 : 1.0;
       if (BLOOM == BLOOM_GAUSSIAN) {
-        bool last = y + 2u >= p.frame.height;
-        bool complete = (y & 2u) != 0u;
-        quarter += row_sum(top) + row_sum(bottom);
-        // Rows beyond the bottom repeat the last one.
-        if (last && !complete) quarter += 2.0 * row_sum(bottom);
-        if (last || complete) {
-          quarter *= 1.0 / 16.0;
-          max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(quarter)));
-          level[(y / 4u) * p.level_width + x / 4u].v = vec4(quarter, 0.0);
-          quarter = vec3(0.0);
+        block += row_sum(top) + row_sum(bottom) * (2.0 * repeats - 1.0);
+        if (complete) {
+          vec3 mean = block * (1.0 / 16.0);
+          block = vec3(0.0);
+          max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(mean)));
+          level[(y / 4u) * p.level_width + x / 4u].v = vec4(mean, 0.0);
         }
       } else if (BLOOM != BLOOM_NONE) {
-        uint at = (y / 2u) * p.level_width + x / 2u;
-        [[unroll]] for (uint i = 0u; i < GROUP_TEXELS / 2u; ++i) {
-          vec3 d = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
-                               bottom.texel[2u * i + 1u].rgb);
-          if (x / 2u + i < p.level_width) {
-            bright_texels += min(max(max(floatBitsToUint(d.r), floatBitsToUint(d.g)), floatBitsToUint(d.b)), 1u);
-            level[at + i].v = vec4(d, 0.0);
+        vec3 d[2];
+        [[unroll]] for (uint i = 0u; i < 2u; ++i) {
+          d[i] = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
+                             bottom.texel[2u * i + 1u].rgb);
+          if (x + 2u * i < p.frame.width) {
+            bright_texels += min(max(max(floatBitsToUint(d[i].r), floatBitsToUint(d[i].g)), floatBitsToUint(d[i].b)), 1u);
+            if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = vec4(d[i], 0.0);
+          }
+        }
+        if (LEVEL_SIZE == 4u) {
+          block += (d[0] + (x + 2u < p.frame.width ? d[1] : d[0])) * repeats;
+          if (complete) {
+            level[(y / 4u) * p.level_width + x / 4u].v = vec4(0.25 * block, 0.0);
+            block = vec3(0.0);
           }
         }
       }

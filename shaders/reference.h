@@ -67,11 +67,13 @@ struct BloomParams {
   double softness = 0.5;
   uint32_t levels = 5;
   bool firefly_weights = true;
+  uint32_t level_size = 2;  // 4: the means of 2x2 texels of D_0 take the place of D_1 and, counted twice, of D_0
 };
 
 struct ResolveParams {
   double exposure = 1.0;  // E * prescale
   uint bloom = shader::BLOOM_NONE;
+  uint32_t level_size = 2;  // as in BloomParams; 4 for BLOOM_GAUSSIAN
   double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
   double curve_white = 4.0;  // of reinhard-extended
@@ -91,8 +93,8 @@ uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, c
 Level bright_pass(const Scene& scene, const BloomParams& params);
 // D_{n+1} from D_n.
 Level bloom_down(const Level& level);
-// B_n = D_n + U_n(B_{n+1}).
-Level bloom_up(const Level& fine, const Level& coarse);
+// B_n = weight * D_n + U_n(B_{n+1}).
+Level bloom_up(const Level& fine, const Level& coarse, double weight = 1.0);
 // B_0 of a scene: the whole chain; *level_count is the N that it used, 1 for BLOOM_GAUSSIAN.
 // `mean_log2_luminance`: the frame's metered one.
 Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance, uint32_t* level_count);

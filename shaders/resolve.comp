@@ -17,6 +17,8 @@ layout(constant_id = 4) const uint CURVE = CURVE_ACES_HILL;
 layout(constant_id = 5) const uint TRANSFER = TRANSFER_SRGB;
 layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
 layout(constant_id = 7) const bool DITHER = false;
+layout(constant_id = 8) const uint LEVEL_SIZE = 2u;  // texels of the frame to one of the bloom's, along a side: 2 or 4
+layout(constant_id = 9) const uint TRANSFER_TERMS = 8u;
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
@@ -87,7 +89,7 @@ BloomRow bloom_row(uint x, int y) {
   if (BLOOM == BLOOM_NONE) return row;
   int at = clamp(y, 0, int(p.level_height) - 1) * int(p.level_width);
   vec3 t[4];
-  if (BLOOM == BLOOM_GAUSSIAN) {
+  if (LEVEL_SIZE == 4u) {
     int first = int(x / 4u) - 1;
     [[unroll]] for (int i = 0; i < 3; ++i)
       t[i] = fetch_rgb(bloom, at + clamp(first + i, 0, int(p.level_width) - 1));
@@ -121,14 +123,12 @@ void main() {
   uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
   if (x >= p.frame.width || first_row >= p.frame.height) return;
 
-  // Rows of B_0 that a pair of rows lies in: two of half size, or one of quarter size for two pairs.
-  const uint rows_apart = BLOOM == BLOOM_GAUSSIAN ? 4u : 2u;
-  BloomRow above = bloom_row(x, int(first_row / rows_apart) - 1);
-  BloomRow here = bloom_row(x, int(first_row / rows_apart));
+  BloomRow above = bloom_row(x, int(first_row / LEVEL_SIZE) - 1);
+  BloomRow here = bloom_row(x, int(first_row / LEVEL_SIZE));
   uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
-  for (uint y = first_row; y < rows_end; y += rows_apart) {
-    BloomRow below = bloom_row(x, int(y / rows_apart) + 1);
-    if (BLOOM == BLOOM_GAUSSIAN) {
+  for (uint y = first_row; y < rows_end; y += LEVEL_SIZE) {
+    BloomRow below = bloom_row(x, int(y / LEVEL_SIZE) + 1);
+    if (LEVEL_SIZE == 4u) {
       resolve_row(x, y, above, here, 0.625);
       if (y + 1u < p.frame.height) resolve_row(x, y + 1u, above, here, 0.875);
       if (y + 2u < p.frame.height) resolve_row(x, y + 2u, below, here, 0.875);

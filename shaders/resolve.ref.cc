@@ -150,7 +150,7 @@ std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloo
       const auto& s = scene.texels[at];
       Rgb c = {s[0], s[1], s[2]};
       if (params.bloom != shader::BLOOM_NONE) {
-        const double size = params.bloom == shader::BLOOM_GAUSSIAN ? 4.0 : 2.0;
+        const double size = params.level_size;
         const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
         const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
         for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;

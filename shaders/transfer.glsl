@@ -1,5 +1,6 @@
 // Display-linear light to display values (docs/pipeline.md section 5), and powers exact enough for it: drivers' pow
-// may be less exact than an 8-bit code needs. sRGB: IEC 61966-2-1. The including shader declares TRANSFER.
+// may be less exact than an 8-bit code needs. sRGB: IEC 61966-2-1. The including shader declares TRANSFER and
+// TRANSFER_TERMS, the number of terms of the sRGB polynomial.
 
 // log2 of a normal x, by a minimax polynomial on the mantissa: 3e-7 from the truth.
 float exact_log2(float x) {
@@ -30,8 +31,20 @@ float exact_exp2(float e) {
 // x^e for x >= 0 and 0 < e; 0 below 1e-30.
 float power(float x, float e) { return x < 1e-30 ? 0.0 : exact_exp2(exact_log2(x) * e); }
 
-// The exact curve's power x^(1/2.4) as a polynomial in x^(1/4): at most 0.0001 codes from the truth.
+vec3 srgb_6(vec3 x) {
+  vec3 s = sqrt(x);
+  vec3 high = s * 0.51730651 - 1.62366843;
+  high = high * s + 2.03158426;
+  high = high * s - 1.40274048;
+  high = high * s + 1.51795166;
+  high = high * s - 0.0401096568;
+  return mix(at_most(high, 1.0), 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
+}
+
+// The exact curve's power x^(1/2.4) as a minimax polynomial: with 8 terms in x^(1/4), at most 0.0001 codes from the
+// truth; with 6 in x^(1/2), at most 0.083.
 vec3 srgb(vec3 x) {
+  if (TRANSFER_TERMS == 6u) return srgb_6(x);
   vec3 s = sqrt(sqrt(x));
   vec3 high = s * -0.0763354301 + 0.395272791;
   high = high * s - 0.899455428;

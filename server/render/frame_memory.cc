@@ -52,7 +52,8 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
   if (settings.bloom.intensity > 0) {
     parts->level_sizes = settings.bloom.kind == BloomKind::kGaussian
                              ? gaussian_level_sizes(desc.width, desc.height)
-                             : bloom_level_sizes(desc.width, desc.height, settings.bloom.levels);
+                             : bloom_level_sizes(desc.width, desc.height, settings.bloom.levels,
+                                                 find_tier(settings.tier)->bloom_level_size);
     parts->levels.resize(parts->level_sizes.size());
     for (size_t i = 0; i < parts->levels.size(); ++i) {
       const LevelSize& size = parts->level_sizes[i];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 
 #include "server/render/primaries.h"
@@ -28,6 +29,15 @@ constexpr float kMinKnee = 1e-15f;
 // The specialisation of ingest and resolve.
 uint32_t bloom_constant(bool any, const BloomSettings& bloom) {
   return any ? static_cast<uint32_t>(bloom.kind) : shader::BLOOM_NONE;
+}
+
+uint32_t level_size(const PassContext& context) {
+  return context.settings.bloom.kind == BloomKind::kGaussian ? 4 : context.tier.bloom_level_size;
+}
+
+// The first level stands for a finer one, too.
+bool first_level_twice(const PassContext& context) {
+  return context.tier.bloom_level_size == 4 && context.parts.levels.size() > 1;
 }
 
 constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
@@ -76,7 +86,8 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
                                bloom_constant(level, bloom),
                                bloom.firefly_weights,
                                static_cast<uint32_t>(metering.weights),
-                               histogram};
+                               histogram,
+                               level_size(context)};
   const VkBufferView frame = parts.input.buffer().view();
   return dispatch(pipelines, recorder, k_ingest_spirv, constants,
                   {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
@@ -86,7 +97,8 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
 // From level `from` to level `to`; an invocation makes `columns` columns and BLOOM_ROWS * columns rows of
 // `to`.
 absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
-                          std::span<const uint32_t> spirv, uint32_t from, uint32_t to, uint32_t columns) {
+                          std::span<const uint32_t> spirv, const Constants& constants, uint32_t from,
+                          uint32_t to, uint32_t columns) {
   const FrameMemory::Parts& parts = context.parts;
   const VkDeviceAddress to_address = parts.levels[to].buffer().address();
   shader::BloomParams params{};
@@ -96,7 +108,7 @@ absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, 
   params.from_height = parts.level_sizes[from].height;
   params.to_width = parts.level_sizes[to].width;
   params.to_height = parts.level_sizes[to].height;
-  return dispatch(pipelines, recorder, spirv, {},
+  return dispatch(pipelines, recorder, spirv, constants,
                   {parts.levels[from].buffer().view(), parts.levels[to].buffer().view()}, params,
                   groups(params.to_width, columns * shader::BLOOM_GROUP_X),
                   groups(params.to_height, columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
@@ -139,7 +151,8 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
     params.level_width = parts.level_sizes[0].width;
     params.level_height = parts.level_sizes[0].height;
     const BloomSettings& settings = context.settings.bloom;
-    const size_t summed = settings.kind == BloomKind::kGaussian ? 1 : parts.levels.size();
+    const size_t summed =
+        settings.kind == BloomKind::kGaussian ? 1 : parts.levels.size() + first_level_twice(context);
     params.bloom_scale = settings.intensity / static_cast<float>(summed);
     params.scene_scale = 1.0f - settings.intensity;
   }
@@ -152,7 +165,9 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
                                static_cast<uint32_t>(context.settings.curve),
                                static_cast<uint32_t>(transfer),
                                static_cast<uint32_t>(parts.output_format),
-                               context.settings.dither && encoded};
+                               context.settings.dither && encoded,
+                               level_size(context),
+                               context.tier.transfer_terms};
   return dispatch(pipelines, recorder, k_resolve_spirv, constants, {parts.input.buffer().view(), bloom},
                   params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
                   groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
@@ -161,7 +176,7 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
 }  // namespace
 
 PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings) {
-  PassContext context{parts, settings, {}};
+  PassContext context{parts, settings, *find_tier(settings.tier), {}};
   std::array<float, 9> m = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   if (settings.input_chromaticities) {
     // check_settings has seen to it that there is one.
@@ -182,9 +197,13 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
     case Pass::kIngest:
       return record_ingest(context, pipelines, recorder);
     case Pass::kBloomDown:
-      return record_bloom(context, pipelines, recorder, k_bloom_down_spirv, step.level - 1, step.level, 1);
-    case Pass::kBloomUp:
-      return record_bloom(context, pipelines, recorder, k_bloom_up_spirv, step.level + 1, step.level, 2);
+      return record_bloom(context, pipelines, recorder, k_bloom_down_spirv, {}, step.level - 1, step.level,
+                          1);
+    case Pass::kBloomUp: {
+      const float fine_weight = step.level == 0 && first_level_twice(context) ? 2.0f : 1.0f;
+      return record_bloom(context, pipelines, recorder, k_bloom_up_spirv,
+                          {std::bit_cast<uint32_t>(fine_weight)}, step.level + 1, step.level, 2);
+    }
     case Pass::kGaussian:
       return record_gaussian(context, pipelines, recorder, step.level);
     case Pass::kResolve:

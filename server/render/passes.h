@@ -14,6 +14,7 @@ namespace candela {
 struct PassContext {
   const FrameMemory::Parts& parts;
   const Settings& settings;
+  const Tier& tier;
   shader::InputParams input;       // of the frame; carries the primaries' matrix
   bool matrix = false;             // the matrix is not the identity
   bool scrub = false;              // some component is not finite or beyond +-65504

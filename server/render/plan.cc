@@ -8,14 +8,17 @@
 
 namespace candela {
 
-std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels) {
+std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
+                                         uint32_t level_size) {
   std::vector<LevelSize> sizes = {{(width + 1) / 2, (height + 1) / 2}};
   while (sizes.size() < levels) {
     const LevelSize next = {(sizes.back().width + 1) / 2, (sizes.back().height + 1) / 2};
     if (std::min(next.width, next.height) < 2) break;
     sizes.push_back(next);
   }
-  return sizes;
+  if (level_size == 2) return sizes;
+  if (sizes.size() == 1) return {{(width + 3) / 4, (height + 3) / 4}};
+  return {sizes.begin() + 1, sizes.end()};
 }
 
 std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
@@ -59,7 +62,8 @@ std::string metering_words(const MeteringSettings& metering) {
 }
 
 // Adds the bloom's steps and words, or the reason why there is none.
-void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSettings& bloom, Plan& plan) {
+void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSettings& bloom, const Tier& tier,
+                Plan& plan) {
   if (bloom.intensity == 0) {
     plan.words.push_back("no bloom: its intensity is 0");
     return;
@@ -89,16 +93,19 @@ void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSetti
     return;
   }
   plan.bloom = true;
-  const std::vector<LevelSize> sizes = bloom_level_sizes(desc.width, desc.height, bloom.levels);
+  const std::vector<LevelSize> sizes =
+      bloom_level_sizes(desc.width, desc.height, bloom.levels, tier.bloom_level_size);
   const auto count = static_cast<uint32_t>(sizes.size());
   for (uint32_t level = 1; level < count; ++level) plan.steps.push_back({Pass::kBloomDown, level});
   for (uint32_t level = count - 1; level-- > 0;) plan.steps.push_back({Pass::kBloomUp, level});
-  plan.words.push_back(
-      absl::StrFormat("bloom over %d level%s from %dx%d to %dx%d: %s%s", count, count == 1 ? "" : "s",
-                      sizes.front().width, sizes.front().height, sizes.back().width, sizes.back().height,
-                      conserve ? absl::StrFormat("%g of the scene's light", bloom.intensity)
-                               : absl::StrFormat("%d bright texels", stats.bright_texels),
-                      count < bloom.levels ? "; the frame is too small for more levels" : ""));
+  plan.words.push_back(absl::StrFormat("bloom over %d level%s from %dx%d to %dx%d: %s%s", count,
+                                       count == 1 ? "" : "s", sizes.front().width, sizes.front().height,
+                                       sizes.back().width, sizes.back().height,
+                                       conserve ? absl::StrFormat("%g of the scene's light", bloom.intensity)
+                                                : absl::StrFormat("%d bright texels", stats.bright_texels),
+                                       count + (tier.bloom_level_size == 4 && bloom.levels > 1) < bloom.levels
+                                           ? "; the frame is too small for more levels"
+                                           : ""));
 }
 
 }  // namespace
@@ -116,7 +123,7 @@ Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, c
     plan.words.push_back("ingest again with the scrub: some components are not finite or beyond +-65504");
   }
 
-  plan_bloom(desc, stats, settings.bloom, plan);
+  plan_bloom(desc, stats, settings.bloom, tier, plan);
 
   plan.steps.push_back({Pass::kResolve});
   plan.words.push_back(absl::StrFormat(

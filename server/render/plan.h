@@ -27,13 +27,15 @@ struct FrameStats {
 // Scene luminance above which kGaussian blooms.
 float gaussian_threshold(const BloomSettings& bloom, const FrameStats& stats);
 
-// Sizes of the bloom levels of a width x height frame, at most `levels` of them: level 0 always exists, a
-// further one only when its short side has 2 texels or more.
+// Sizes of the bloom levels of a width x height frame: half its size, half of that and so on, `levels` of
+// them at most. The first always exists, a further one only when its short side has 2 texels or more.
+// `level_size` 4 leaves the first one out, and makes one all the same.
 struct LevelSize {
   uint32_t width;
   uint32_t height;
 };
-std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels);
+std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
+                                         uint32_t level_size);
 // kGaussian works on one quarter-size level, and on a second one of that size in between.
 std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 

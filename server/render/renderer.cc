@@ -204,7 +204,7 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
   const bool metered = settings.exposure.mode == ExposureMode::kAuto;
   report.exposure =
       adapt_exposure(settings.exposure.adaptation, metered ? moment.previous : std::nullopt, report.target);
-  report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, *find_tier(settings.tier));
+  report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, context.tier);
 
   context.bloom = report.plan.bloom;
   context.gaussian_threshold = gaussian_threshold(settings.bloom, report.stats);

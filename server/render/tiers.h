@@ -1,6 +1,7 @@
-// Tiers: how much accuracy is spent. There is one so far.
+// Tiers: how much accuracy is spent, as rows of numbers. No code asks for a tier by its name.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 
@@ -8,7 +9,12 @@ namespace candela {
 
 struct Tier {
   const char* name;
-  const char* summary;  // what it promises and what it costs, for people
+  const char* summary;  // what it trades, for people
+  // Texels of the frame to one of the first bloom level, along a side: 2, or 4, which leaves the finest level
+  // out.
+  uint32_t bloom_level_size;
+  // Terms of the sRGB transfer's polynomial: 8 are within 0.0001 code of the exact curve, 6 within 0.083.
+  uint32_t transfer_terms;
 };
 
 // Cheapest first.

@@ -27,7 +27,7 @@ double component(const std::byte* texel, OutputFormat format, size_t k) {
 }  // namespace
 
 ReferenceFrame render_reference(const FrameDesc& desc, std::span<const std::byte> wire,
-                                const Settings& settings, double exposure) {
+                                const Settings& settings, double exposure, uint32_t bloom_level_size) {
   std::optional<reference::Matrix> matrix;
   if (settings.input_chromaticities) {
     if (const auto m = matrix_to_rec709(*settings.input_chromaticities); m.ok()) matrix = *m;
@@ -45,14 +45,16 @@ ReferenceFrame render_reference(const FrameDesc& desc, std::span<const std::byte
   reference::Level bloom;
   uint32_t levels = 1;
   if (settings.bloom.intensity > 0) {
-    bloom = reference::bloom(scene,
-                             {static_cast<uint32_t>(settings.bloom.kind), settings.bloom.threshold,
-                              settings.bloom.softness, settings.bloom.levels, settings.bloom.firefly_weights},
-                             frame.meter.mean_log2_luminance, &levels);
+    bloom = reference::bloom(
+        scene,
+        {static_cast<uint32_t>(settings.bloom.kind), settings.bloom.threshold, settings.bloom.softness,
+         settings.bloom.levels, settings.bloom.firefly_weights, bloom_level_size},
+        frame.meter.mean_log2_luminance, &levels);
   }
   reference::ResolveParams params;
   params.exposure = std::min(exposure * settings.prescale, 0x1p46);
   if (settings.bloom.intensity > 0) params.bloom = static_cast<uint32_t>(settings.bloom.kind);
+  params.level_size = settings.bloom.kind == BloomKind::kGaussian ? 4 : bloom_level_size;
   params.bloom_intensity = settings.bloom.intensity;
   params.curve = static_cast<uint32_t>(settings.curve);
   params.curve_white = settings.curve_white;

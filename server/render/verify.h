@@ -20,9 +20,10 @@ struct ReferenceFrame {
 };
 
 // The whole pipeline in float64 at the given exposure factor E. `wire`: tight rows. Needs about 100 bytes a
-// pixel.
+// pixel. `bloom_level_size`: 2 is the pipeline; 4 what a tier makes of it, to hold that tier's shaders to
+// their twins.
 ReferenceFrame render_reference(const FrameDesc& desc, std::span<const std::byte> wire,
-                                const Settings& settings, double exposure);
+                                const Settings& settings, double exposure, uint32_t bloom_level_size = 2);
 
 // How far an image is from the reference, over R, G and B. A code is 1/255 of the display range.
 struct Difference {

@@ -4,7 +4,8 @@
 //   build/release/bin/render_bench --benchmark_filter=1920x1080
 //
 // Columns: medians in ms; `x_memcpy` is device time over the memcpy of the wire frame. "bright" is a scene
-// with lights and bloom, "dim" the same with nothing above the threshold.
+// with lights and bloom, "dim" the same with nothing above the threshold; both in every tier. At 1920x1080
+// the bright scene is also rendered with one setting changed at a time.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -17,6 +18,7 @@
 
 #include "server/base/driver_environment.h"
 #include "server/render/renderer.h"
+#include "server/render/tiers.h"
 #include "tests/support/scenes.h"
 
 namespace candela {
@@ -39,10 +41,8 @@ struct Bench {
   std::unique_ptr<Renderer> renderer;
 };
 
-void run(benchmark::State& state, Bench& bench, uint32_t width, uint32_t height, bool bright) {
+void run(benchmark::State& state, Bench& bench, uint32_t width, uint32_t height, const Settings& settings) {
   const testing::WireFrame frame = testing::natural(width, height);
-  Settings settings;
-  if (!bright) settings.bloom.threshold = 65504.0f;
   absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
   if (!memory.ok()) {
     state.SkipWithError(memory.status().ToString().c_str());
@@ -79,6 +79,21 @@ void run(benchmark::State& state, Bench& bench, uint32_t width, uint32_t height,
   state.counters["x_memcpy"] = median(times["device"]) / median(times["memcpy"]);
 }
 
+using Change = void (*)(Settings&);
+constexpr std::pair<const char*, Change> kVariants[] = {
+    {"conserve", [](Settings& s) { s.bloom.kind = BloomKind::kConserve; }},
+    {"gaussian",
+     [](Settings& s) {
+       s.bloom.kind = BloomKind::kGaussian;
+       s.bloom.threshold = 8.0f;
+     }},
+    {"centre", [](Settings& s) { s.exposure.metering.weights = MeterWeights::kCenter; }},
+    {"percentile", [](Settings& s) { s.exposure.metering.statistic = MeterStatistic::kPercentile; }},
+    {"dither", [](Settings& s) { s.dither = true; }},
+    {"agx", [](Settings& s) { s.curve = ToneCurve::kAgx; }},
+    {"pbr-neutral", [](Settings& s) { s.curve = ToneCurve::kPbrNeutral; }},
+};
+
 int main_(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   prepare_driver_environment();
@@ -100,18 +115,29 @@ int main_(int argc, char** argv) {
               bench.device->summary().driver.c_str());
 
   constexpr std::pair<uint32_t, uint32_t> kSizes[] = {{1280, 720}, {1920, 1080}, {3840, 2160}};
+  const auto add = [&bench](uint32_t width, uint32_t height, const std::string& what,
+                            const Settings& settings) {
+    benchmark::RegisterBenchmark((std::to_string(width) + "x" + std::to_string(height) + "/" + what).c_str(),
+                                 [&bench, width, height, settings](benchmark::State& state) {
+                                   run(state, bench, width, height, settings);
+                                 })
+        ->UseManualTime()
+        ->Unit(benchmark::kMillisecond)
+        ->MinTime(1.0);
+  };
   for (const auto& [width, height] : kSizes) {
-    for (bool bright : {true, false}) {
-      const std::string label =
-          std::to_string(width) + "x" + std::to_string(height) + (bright ? "/bright" : "/dim");
-      benchmark::RegisterBenchmark(label.c_str(),
-                                   [&bench, w = width, h = height, bright](benchmark::State& state) {
-                                     run(state, bench, w, h, bright);
-                                   })
-          ->UseManualTime()
-          ->Unit(benchmark::kMillisecond)
-          ->MinTime(1.0);
+    for (const Tier& tier : tiers()) {
+      Settings settings;
+      settings.tier = tier.name;
+      add(width, height, std::string("bright/") + tier.name, settings);
+      settings.bloom.threshold = 65504.0f;
+      add(width, height, std::string("dim/") + tier.name, settings);
     }
+  }
+  for (const auto& [what, change] : kVariants) {
+    Settings settings;
+    change(settings);
+    add(1920, 1080, what, settings);
   }
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();

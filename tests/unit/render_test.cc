@@ -26,14 +26,14 @@ TEST(Frame, IsRefusedBeyondTheLimitsWithoutOverflow) {
 }
 
 TEST(Bloom, LevelsEndBeforeTheShortSideIsUnderTwo) {
-  const auto count = [](uint32_t w, uint32_t h, uint32_t n) { return bloom_level_sizes(w, h, n).size(); };
+  const auto count = [](uint32_t w, uint32_t h, uint32_t n) { return bloom_level_sizes(w, h, n, 2).size(); };
   EXPECT_EQ(count(1, 1, 5), 1u);
   EXPECT_EQ(count(16384, 1, 5), 1u);
   EXPECT_EQ(count(4, 4, 5), 1u);  // 2x2, and 1x1 would follow
   EXPECT_EQ(count(5, 5, 5), 2u);  // 3x3, 2x2
   EXPECT_EQ(count(1920, 1080, 5), 5u);
   EXPECT_EQ(count(1920, 1080, 16), 10u);
-  const LevelSize odd = bloom_level_sizes(333, 517, 2)[1];
+  const LevelSize odd = bloom_level_sizes(333, 517, 2, 2)[1];
   EXPECT_EQ(odd.width, 84u);
   EXPECT_EQ(odd.height, 130u);
 }

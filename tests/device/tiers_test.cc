@@ -1,0 +1,82 @@
+// Tiers: each does what its numbers say, and its error against the whole pipeline is what is published.
+#include "server/render/tiers.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "server/render/verify.h"
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+// The sRGB polynomial's own error in codes, and that of everything else.
+double transfer_bound(const Tier& tier) { return tier.transfer_terms == 6 ? 0.083 : 0.0002; }
+constexpr double kRestBound = 0.010;
+
+class Tiers : public DeviceTest {
+ protected:
+  static Difference against(const WireFrame& frame, Settings settings, uint32_t bloom_level_size) {
+    settings.output_format = OutputFormat::kRgba16;
+    auto rendered = render(frame, settings);
+    if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
+    return compare(
+        rendered->memory, settings,
+        render_reference(frame.desc, frame.pixels, settings, rendered->report.exposure, bloom_level_size));
+  }
+};
+
+TEST_F(Tiers, ShadersAreTheTwinsOfTheirNumbersAtEverySizeAndKindOfBloom) {
+  for (const Tier& tier : tiers()) {
+    for (BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
+      for (uint32_t levels : {1u, 2u, 5u}) {
+        for (const auto& [width, height] : {std::pair{1u, 1u},
+                                            {1u, 7u},
+                                            {3u, 5u},
+                                            {5u, 6u},
+                                            {6u, 5u},
+                                            {9u, 10u},
+                                            {67u, 35u},
+                                            {130u, 66u},
+                                            {333u, 517u}}) {
+          Settings settings;
+          settings.tier = tier.name;
+          settings.bloom.kind = kind;
+          settings.bloom.intensity = 0.8f;
+          settings.bloom.levels = levels;
+          const Difference difference = against(natural(width, height), settings, tier.bloom_level_size);
+          EXPECT_LE(difference.max_codes, transfer_bound(tier) + kRestBound)
+              << tier.name << " " << width << "x" << height << " bloom " << static_cast<int>(kind)
+              << " levels " << levels << " at " << difference.worst_x << ", " << difference.worst_y;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
+  std::printf("%-12s %-28s %9s %9s %9s\n", "tier", "codes against the reference", "max", "p99.9", "mean");
+  for (const Tier& tier : tiers()) {
+    Settings settings;
+    settings.tier = tier.name;
+    const auto show = [&](const char* what, const WireFrame& frame, double bound) {
+      const Difference d = against(frame, settings, 2);
+      std::printf("%-12s %-28s %9.4f %9.4f %9.5f\n", tier.name, what, d.max_codes, d.p999_codes,
+                  d.mean_codes);
+      EXPECT_LE(d.max_codes, bound) << tier.name << " " << what;
+    };
+    const bool full_bloom = tier.bloom_level_size == 2;
+    const double plain = transfer_bound(tier) + kRestBound;
+    show("natural 641x359", natural(641, 359), full_bloom ? plain : 110.0);
+    for (const HardCase& hard : hard_cases(131, 67)) {
+      show(hard.name.c_str(), make_frame(131, 67, PixelFormat::kRgba16f, hard.texel),
+           full_bloom ? plain : 110.0);
+    }
+    settings.bloom.intensity = 0;
+    show("natural, no bloom", natural(641, 359), plain);
+  }
+}
+
+}  // namespace
+}  // namespace candela::testing
