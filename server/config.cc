@@ -1,5 +1,8 @@
 #include "server/config.h"
 
+#include <cstdlib>
+
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/listen_address.h"
 #include "server/units.h"
@@ -28,6 +31,15 @@ absl::Status check_duration(const char* option, absl::Duration value, v1::Range<
 }
 
 }  // namespace
+
+std::string default_cache_dir() {
+  const auto folder = [](const char* variable, const char* below) {
+    const char* value = std::getenv(variable);
+    return value != nullptr && *value == '/' ? absl::StrCat(value, below) : std::string();
+  };
+  const std::string cache = folder("XDG_CACHE_HOME", "/candela");
+  return cache.empty() ? folder("HOME", "/.cache/candela") : cache;
+}
 
 absl::Status check_config(const Config& config) {
   absl::Status status = check_bytes("memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes);

@@ -21,6 +21,7 @@ struct Config {
   bool insecure = false;    // allow addresses beyond loopback, where any one can connect and read
   std::string device;       // a part of a device's name, or its index; empty: the best there is
   bool validation = false;  // Vulkan's validation layers
+  std::string cache_dir;    // for what was measured about the device; empty: kept in memory only
   uint64_t memory_budget_bytes = uint64_t{2} << 30;      // for the texture pool
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // of one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels
@@ -38,6 +39,9 @@ inline constexpr v1::Range<uint32_t> kMaxDimension{1, v1::kMaxDimension};
 inline constexpr v1::Range<uint32_t> kMaxCalls{1, 4096};
 inline constexpr v1::Range<absl::Duration> kIdleTimeout{absl::Milliseconds(10), absl::Hours(24)};
 inline constexpr v1::Range<absl::Duration> kDrainTimeout{absl::ZeroDuration(), absl::Hours(1)};
+
+// $XDG_CACHE_HOME/candela or ~/.cache/candela; empty where there is neither.
+std::string default_cache_dir();
 
 // INVALID_ARGUMENT naming the option, its value and its range.
 absl::Status check_config(const Config& config);

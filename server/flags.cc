@@ -103,6 +103,12 @@ void add_options(CLI::App& app, Invocation& invocation) {
         return absl::OkStatus();
       });
   add_flag(app, "validation", config.validation, "Run with Vulkan's validation layers (slow)");
+  add(app, "cache-dir", "PATH", "",
+      "Where to keep what was measured about the device; empty takes the user's cache",
+      [&config](const std::string& text) {
+        config.cache_dir = text;
+        return absl::OkStatus();
+      });
   add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes, "Memory for textures");
   add_bytes(app, "max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes, "Largest frame on the wire");
   add_number(app, "max-dimension", config.max_dimension, kMaxDimension, "Largest width or height, in pixels");

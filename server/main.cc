@@ -103,7 +103,9 @@ int serve(const Invocation& invocation) {
   start_logging(invocation.log);
   Signals signals(invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(invocation.config);
+  Config config = invocation.config;
+  if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
   if (!server.ok()) return fail(server.status(), kFailed);
   const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
   absl::PrintF("listening on %s\n", addresses);

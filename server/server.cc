@@ -100,6 +100,7 @@ struct Server::Parts {
 
   const Config config;
   std::shared_ptr<Engine> engine;
+  std::unique_ptr<TierMeter> tier_meter;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<Backend> backend;
   std::unique_ptr<RenderService> service;
@@ -166,11 +167,15 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   parts->engine = *std::move(engine);
   const DeviceSummary& device = parts->engine->device->summary();
   const std::shared_ptr<Renderer> renderer(parts->engine, parts->engine->renderer.get());
+  parts->tier_meter = std::make_unique<TierMeter>(
+      *renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
+      config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(
       [renderer](Frame& frame) { return renderer->render(frame.memory, frame.settings, frame.moment); },
       config.max_calls);
   parts->backend.reset(new Backend{.renderer = renderer,
                                    .loop = *parts->loop,
+                                   .tier_meter = *parts->tier_meter,
                                    .limits = limits_of(config, device),
                                    .idle_timeout = config.idle_timeout,
                                    .device = device.name,

@@ -12,6 +12,7 @@ void EmbeddedServer::prepare() { prepare_driver_environment(); }
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device) {
   Config config;
   config.device = device;
+  config.cache_dir = default_cache_dir();
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
   if (!server.ok()) return server.status();
   return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(*std::move(server)));

@@ -175,6 +175,17 @@ void add_bloom_options(CLI::App& app, v1::Bloom& bloom) {
            });
 }
 
+// A number without a default.
+void add_promise(CLI::App& app, const std::string& name, const std::string& unit, v1::Range<double> range,
+                 const std::string& help, std::function<void(double)> set) {
+  add_text(app, kTone, name, unit, absl::StrFormat("%s; %s", help, format_range(range)),
+           [name, range, set = std::move(set)](const std::string& text) {
+             const absl::StatusOr<double> value = parse_number(name, text, range);
+             if (value.ok()) set(*value);
+             return value.status();
+           });
+}
+
 absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
   settings.clear_input_primaries();
   settings.clear_input_chromaticities();
@@ -209,6 +220,12 @@ void add_tone_options(CLI::App& app, v1::Settings& settings) {
              settings.set_tier(tier);
              return absl::OkStatus();
            });
+  add_promise(app, "--max-error", "CODES", v1::kMaxErrorCodes,
+              "Instead of --tier: the fastest tier that is off by no more, in 1/255 of the display range",
+              [&settings](double codes) { settings.set_max_error_codes(codes); });
+  add_promise(app, "--max-ms", "MS", v1::kMaxMs,
+              "Instead of --tier: the most accurate tier that takes no longer on the device",
+              [&settings](double ms) { settings.set_max_ms(ms); });
   app.add_flag_callback(
          "--dither", [&settings] { settings.set_dither(true); }, "Add noise of +-1 code, which hides banding")
       ->group(kTone);
@@ -337,6 +354,11 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
   if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
     return usage_error("--elapsed says how long ago --previous-exposure was; give that, too");
+  }
+  if (!options.settings.tier().empty() &&
+      (options.settings.has_max_error_codes() || options.settings.has_max_ms())) {
+    return usage_error(
+        "--max-error and --max-ms choose the tier that --tier names; give the one or the other");
   }
   if (options.settings.exposure().metering().weights() == v1::Metering::WEIGHTS_SPOT &&
       !options.settings.exposure().metering().has_spot()) {

@@ -50,6 +50,7 @@ std::string to_text(const RenderReport& report) {
     absl::StrAppendFormat(&text, kLine, name, words);
   };
   line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
+  if (!header.tier_reason().empty()) line("", header.tier_reason());
   line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
   line("exposure", exposure_words(report));
   line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
@@ -71,6 +72,7 @@ std::string to_json(const RenderReport& report) {
       {"size", {{"width", header.width()}, {"height", header.height()}}},
       {"device", header.device()},
       {"tier", header.tier()},
+      {"tier_reason", header.tier_reason()},
       {"exposure", header.exposure()},
       {"target", header.target()},
       {"mean_log2_luminance", statistics.mean_log2_luminance()},

@@ -25,7 +25,7 @@ struct RenderReport {
 // Some lines, each ended.
 std::string to_text(const RenderReport& report);
 
-// One object on one line: input, output, size {width, height}, device, tier, exposure, target,
+// One object on one line: input, output, size {width, height}, device, tier, tier_reason, exposure, target,
 // mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, plan, stage_ms,
 // total_ms, notes. Numbers read back to the same bits.
 std::string to_json(const RenderReport& report);

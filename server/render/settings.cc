@@ -76,6 +76,8 @@ absl::Status check_settings(const Settings& settings) {
            in_range("bloom.threshold", bloom.threshold, v1::kBloomThreshold),
            in_range("bloom.softness", bloom.softness, v1::kBloomSoftness),
            in_range("bloom.levels", bloom.levels, v1::kBloomLevels),
+           in_range("max_error_codes", settings.promise.max_error_codes.value_or(0), v1::kMaxErrorCodes),
+           in_range("max_ms", settings.promise.max_ms.value_or(1), v1::kMaxMs),
            in_range("prescale", settings.prescale, v1::kPrescale),
            in_range("curve_white", settings.curve_white, v1::kCurveWhite),
        }) {

@@ -89,6 +89,14 @@ struct Chromaticities {
   std::array<double, 8> xy{};  // red x, red y, green x, ... white x, white y
 };
 
+// What a tier has to keep; with neither, the settings' own tier is taken.
+struct Promise {
+  std::optional<double> max_error_codes;
+  std::optional<double> max_ms;
+
+  bool given() const { return max_error_codes || max_ms; }
+};
+
 struct Settings {
   ExposureSettings exposure;
   BloomSettings bloom;
@@ -99,6 +107,7 @@ struct Settings {
   OutputFormat output_format = OutputFormat::kRgba8;
   BadValues bad_values = BadValues::kScrub;
   std::string tier = v1::kDefaultTier;
+  Promise promise;  // chooses the tier, see tier_choice.h
   bool dither = false;
   std::optional<Chromaticities> input_chromaticities;  // absent: Rec.709, D65
 };

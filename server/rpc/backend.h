@@ -8,6 +8,7 @@
 
 #include "absl/time/time.h"
 #include "server/render/renderer.h"
+#include "server/render/tier_numbers.h"
 #include "server/rpc/call_gate.h"
 #include "server/stream/render_loop.h"
 
@@ -17,6 +18,7 @@ namespace candela {
 struct Backend {
   std::shared_ptr<Renderer> renderer;  // with its device and its pool: frames hold on to all three
   RenderLoop& loop;
+  TierMeter& tier_meter;  // on the loop's thread
   FrameLimits limits;
   absl::Duration idle_timeout;
   std::string device;  // its own name

@@ -44,19 +44,48 @@ void RenderCall::OnReadDone(bool ok) {
     status = ok ? take_band() : enqueue();
   }
   if (!status.ok()) return finish(status);
-  if (ok) StartRead(&incoming_);
+  if (ok && state_ != State::kChoosing) StartRead(&incoming_);
 }
 
 absl::Status RenderCall::take_start() {
   absl::StatusOr<RenderStart> start = read_render_start(incoming_, backend_.limits);
   incoming_.Clear();
   if (!start.ok()) return start.status();
-  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start->desc, start->settings);
+  start_ = *std::move(start);
+  if (!start_->settings.promise.given()) return admit();
+  state_ = State::kChoosing;
+  return backend_.loop.post([self = self_] { self->choose_tier(); });
+}
+
+void RenderCall::choose_tier() {
+  FrameDesc desc;
+  Settings settings;
+  {
+    absl::MutexLock lock(&mutex_);
+    if (state_ == State::kFinished) return;
+    desc = start_->desc;
+    settings = start_->settings;
+  }
+  absl::StatusOr<TierChoice> choice;
+  const absl::StatusOr<std::vector<TierNumbers>> numbers = backend_.tier_meter.numbers(desc, settings);
+  choice = numbers.ok() ? candela::choose_tier(*numbers, settings.promise) : numbers.status();
+  absl::MutexLock lock(&mutex_);
+  if (state_ == State::kFinished) return;
+  if (!choice.ok()) return finish(choice.status());
+  start_->settings.tier = choice->tier;
+  tier_reason_ = choice->reason;
+  last_progress_ = absl::Now();
+  if (absl::Status status = admit(); !status.ok()) return finish(status);
+  StartRead(&incoming_);
+}
+
+absl::Status RenderCall::admit() {
+  const RenderStart& start = *start_;
+  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start.desc, start.settings);
   if (!memory.ok()) return memory.status();
   frame_ = std::make_shared<Frame>(
-      Frame{backend_.renderer, *std::move(memory), start->settings, {start->sequence, start->previous}});
-  bands_.emplace(start->desc, start->row_stride_bytes);
-  start_ = *std::move(start);
+      Frame{backend_.renderer, *std::move(memory), start.settings, {start.sequence, start.previous}});
+  bands_.emplace(start.desc, start.row_stride_bytes);
   state_ = State::kBands;
   return absl::OkStatus();
 }
@@ -92,7 +121,9 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   if (!rendered.ok()) return finish(rendered.status());
   state_ = State::kSending;
   last_progress_ = absl::Now();
-  result_.emplace(frame_, result_header(*frame_, *rendered, backend_.device));
+  v1::ResultHeader header = result_header(*frame_, *rendered, backend_.device);
+  header.set_tier_reason(tier_reason_);
+  result_.emplace(frame_, header);
   send_next();
 }
 
@@ -163,7 +194,8 @@ void RenderCall::on_idle() {
     }
     return;
   }
-  if (state_ == State::kQueued) return watch_idle(backend_.idle_timeout);  // it waits for us
+  if (state_ == State::kQueued || state_ == State::kChoosing)
+    return watch_idle(backend_.idle_timeout);  // it waits for us
   // A row a minute is progress too, but not for days.
   if (state_ == State::kBands && absl::Now() - begun_ > kMaxUploadTimeouts * backend_.idle_timeout) {
     return finish(absl::DeadlineExceededError(absl::StrFormat(

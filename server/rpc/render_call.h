@@ -8,6 +8,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
@@ -24,7 +25,9 @@ namespace candela {
 // held for a band's memcpy at most.
 //
 //   start --> bands --> queued --> sending --> finished
+//      \-> choosing -/
 //
+// `choosing` is for a start message with a promise instead of a tier: the render thread chooses.
 // Every state may also end in `finished`: Finish is called there, once, and the frame is let go. Memory for
 // the frame is reserved between the start message and the read that asks for the first band, so a client that
 // is not admitted is held back by HTTP/2's flow control or refused, never buffered.
@@ -40,12 +43,14 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   void OnDone() override;
 
  private:
-  enum class State { kStart, kBands, kQueued, kSending, kFinished };
+  enum class State { kStart, kChoosing, kBands, kQueued, kSending, kFinished };
 
   RenderCall(grpc::CallbackServerContext* context, Backend& backend);
 
   void enter() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void choose_tier();
   absl::Status take_band() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status enqueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_rendered(absl::StatusOr<RenderedFrame> rendered);
@@ -65,6 +70,7 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   grpc::ByteBuffer incoming_;                    // gRPC's between StartRead and OnReadDone
   grpc::ByteBuffer outgoing_;                    // gRPC's between StartWrite and OnWriteDone
   std::optional<RenderStart> start_ ABSL_GUARDED_BY(mutex_);
+  std::string tier_reason_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<Frame> frame_ ABSL_GUARDED_BY(mutex_);
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
   Ticket ticket_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -117,6 +117,14 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   if (message.has_curve_white()) settings.curve_white = message.curve_white();
   if (message.has_prescale()) settings.prescale = message.prescale();
   if (!message.tier().empty()) settings.tier = message.tier();
+  if (message.has_max_error_codes()) settings.promise.max_error_codes = message.max_error_codes();
+  if (message.has_max_ms()) settings.promise.max_ms = message.max_ms();
+  if (settings.promise.given() && !message.tier().empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("tier is \"%s\" and there is a promise, max_error_codes or max_ms; the one chooses "
+                        "what the other names",
+                        message.tier()));
+  }
   settings.dither = message.dither();
   if (message.input_primaries() != v1::PRIMARIES_UNSPECIFIED) {
     if (message.has_input_chromaticities()) {

@@ -18,6 +18,13 @@ absl::StatusOr<Ticket> RenderLoop::submit(FrameJob job) {
   return queue_.push(std::move(job));
 }
 
+absl::Status RenderLoop::post(std::function<void()> task) {
+  absl::MutexLock lock(&mutex_);
+  if (stopping_) return absl::UnavailableError("server is stopping; send the frame to another one");
+  tasks_.push_back(std::move(task));
+  return absl::OkStatus();
+}
+
 bool RenderLoop::cancel(Ticket ticket) {
   std::optional<FrameJob> job;  // outlives the lock: freeing a frame's memory takes its time
   absl::MutexLock lock(&mutex_);
@@ -35,13 +42,24 @@ void RenderLoop::stop() {
 
 void RenderLoop::run() {
   for (;;) {
+    std::function<void()> task;
     std::optional<FrameJob> job;
     {
       absl::MutexLock lock(&mutex_);
-      const auto ready = [this]()
-                             ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return stopping_ || !queue_.empty(); };
+      const auto ready = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+        return stopping_ || !tasks_.empty() || !queue_.empty();
+      };
       mutex_.Await(absl::Condition(&ready));
-      job = queue_.pop();
+      if (!tasks_.empty()) {
+        task = std::move(tasks_.front());
+        tasks_.pop_front();
+      } else {
+        job = queue_.pop();
+      }
+    }
+    if (task) {
+      task();
+      continue;
     }
     if (!job) return;
     serve(*std::move(job));

@@ -1,6 +1,7 @@
 // The one thread that renders: it takes frames from the queue, one at a time, in order.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <thread>
 
@@ -26,6 +27,10 @@ class RenderLoop {
   // the queue is full or the loop stops.
   absl::StatusOr<Ticket> submit(FrameJob job);
 
+  // Runs `task` on the render thread, before the frames that wait; for work that needs the renderer and is no
+  // frame. UNAVAILABLE, and the task is dropped, when the loop stops.
+  absl::Status post(std::function<void()> task);
+
   // True: the job had not begun, is gone, and its `done` is never called. False: it is being rendered or
   // done.
   bool cancel(Ticket ticket);
@@ -39,6 +44,7 @@ class RenderLoop {
 
   const Render render_;
   absl::Mutex mutex_;
+  std::deque<std::function<void()>> tasks_ ABSL_GUARDED_BY(mutex_);
   FrameQueue queue_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::thread thread_;  // last: it uses all of the above

@@ -28,6 +28,8 @@ struct Pipe {
 
 // stdin is empty; `error` is the stream's end for stderr, or -1 to share ours.
 pid_t spawn(const std::string& program, const std::vector<std::string>& arguments, int output, int error) {
+  // Not the user's.
+  setenv("XDG_CACHE_HOME", CANDELA_TEST_CACHE, 1);
   // The software driver leaks a little when it is unloaded; service_test looks for leaks of ours.
   setenv("ASAN_OPTIONS", "detect_leaks=0", 0);
   std::vector<char*> argv{const_cast<char*>(program.c_str())};

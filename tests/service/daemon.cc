@@ -18,6 +18,7 @@ namespace candela::testing {
 
 Daemon::Daemon(const std::vector<std::string>& arguments) {
   // The software driver leaks a little when it is unloaded; service_test looks for leaks of ours.
+  setenv("XDG_CACHE_HOME", CANDELA_TEST_CACHE, 1);  // not the user's
   setenv("ASAN_OPTIONS", "detect_leaks=0", 0);
   static int count = 0;
   errors_path_ =

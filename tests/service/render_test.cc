@@ -1,11 +1,13 @@
 // Frames that are as they should be.
 #include <grpcpp/support/byte_buffer.h>
 
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "absl/strings/str_join.h"
 #include "tests/service/service_fixture.h"
 
 namespace candela::testing {
@@ -129,6 +131,64 @@ TEST_P(Render, TheHeaderSaysWhatWasDone) {
   EXPECT_GT(header.plan_size(), 0);
   ASSERT_GT(header.stages_size(), 1);
   EXPECT_EQ(header.stages(0).name(), "queue");
+}
+
+TEST_P(Render, APromiseChoosesTheTier) {
+  const WireFrame frame = natural(200, 100);
+  v1::Settings settings;
+  settings.set_max_error_codes(0.5);
+  const absl::StatusOr<RenderResult> exact = connection().render(settings, view(frame));
+  ASSERT_TRUE(exact.ok()) << exact.status();
+  EXPECT_EQ(exact->header.tier(), "standard");
+  EXPECT_NE(exact->header.tier_reason().find("keeps max_error_codes 0.5"), std::string::npos)
+      << exact->header.tier_reason();
+  // Without bloom draft is as good as that.
+  settings.mutable_bloom()->set_intensity(0);
+  const absl::StatusOr<RenderResult> plain = connection().render(settings, view(frame));
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  EXPECT_NE(plain->header.tier_reason().find("draft takes"), std::string::npos)
+      << plain->header.tier_reason();
+
+  settings.set_max_ms(0.001);
+  const absl::Status impossible = connection().render(settings, view(frame)).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(impossible)) << impossible;
+  EXPECT_NE(impossible.message().find("the nearest that is possible"), std::string::npos) << impossible;
+  settings.set_tier("draft");
+  EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, view(frame)).status()));
+}
+
+TEST_P(Render, TheNewSettingsArrive) {
+  const WireFrame frame = natural(67, 35);
+  v1::Settings settings;
+  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
+  metering.set_weights(v1::Metering::WEIGHTS_SPOT);
+  metering.mutable_spot()->set_x1(30);
+  metering.mutable_spot()->set_y1(1000);
+  settings.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+  settings.set_dither(true);
+  settings.set_input_primaries(v1::PRIMARIES_REC2020);
+  FrameView asked = view(frame);
+  asked.previous.emplace();
+  asked.previous->set_exposure(2);
+  asked.previous->set_elapsed_seconds(0.25);
+  const absl::StatusOr<RenderResult> result = connection().render(settings, asked);
+  ASSERT_TRUE(result.ok()) << result.status();
+  const std::string plan = absl::StrJoin(result->header.plan(), "\n");
+  for (const char* words : {"meter in x 0 .. 30, y 0 .. 1000", "gaussian bloom at 17x9", "rgba8 dithered"}) {
+    EXPECT_NE(plan.find(words), std::string::npos) << plan;
+  }
+  const double speed = result->header.target() > 2 ? 3.0 : 1.0;
+  const double left = std::exp(-0.25 * speed);
+  EXPECT_NEAR(std::log2(result->header.exposure()),
+              (1 - left) * std::log2(result->header.target()) + left * std::log2(2.0), 1e-12);
+
+  asked.previous->set_elapsed_seconds(-1);
+  EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, asked).status()));
+  asked.previous.reset();
+  metering.mutable_spot()->set_x0(67);
+  metering.mutable_spot()->set_x1(70);
+  const absl::Status beside = connection().render(settings, asked).status();
+  EXPECT_NE(beside.message().find("beside the frame of 67x35"), std::string::npos) << beside;
 }
 
 TEST_P(Render, ABadPixelUnderRejectIsRefusedByName) {

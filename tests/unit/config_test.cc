@@ -58,6 +58,7 @@ void expect_equal(const Invocation& a, const Invocation& b) {
   EXPECT_EQ(a.config.insecure, b.config.insecure);
   EXPECT_EQ(a.config.device, b.config.device);
   EXPECT_EQ(a.config.validation, b.config.validation);
+  EXPECT_EQ(a.config.cache_dir, b.config.cache_dir);
   EXPECT_EQ(a.config.memory_budget_bytes, b.config.memory_budget_bytes);
   EXPECT_EQ(a.config.max_frame_bytes, b.config.max_frame_bytes);
   EXPECT_EQ(a.config.max_dimension, b.config.max_dimension);
@@ -86,7 +87,7 @@ TEST(Config, TheAnnotatedFileListsExactlyTheOptionsThatExist) {
   }
   for (const char* not_a_key : {"config", "list-devices", "version"}) EXPECT_EQ(options.erase(not_a_key), 1u);
   EXPECT_EQ(keys_of(CANDELA_CONF), options);
-  EXPECT_EQ(options.size(), 12u);
+  EXPECT_EQ(options.size(), 13u);
 }
 
 TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {

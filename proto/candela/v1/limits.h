@@ -27,6 +27,8 @@ inline constexpr Range<double> kPrescale{0x1p-40, 0x1p40};       // factor
 inline constexpr Range<double> kPercentile{0.0, 100.0};          // percent; low < high
 inline constexpr Range<double> kAdaptationSpeed{0.0, 1000.0};    // per second
 inline constexpr Range<double> kElapsedSeconds{0.0, 1e9};        // of media time
+inline constexpr Range<double> kMaxErrorCodes{0.0, 255.0};       // codes
+inline constexpr Range<double> kMaxMs{0.001, 1e9};               // device time of a frame
 inline constexpr Range<double> kCurveWhite{0.01, 65504.0};       // exposed luminance
 inline constexpr Range<double> kBloomIntensity{0.0, 10.0};       // factor; 0 is no bloom
 inline constexpr Range<double> kConserveIntensity{0.0, 1.0};     // of CONSERVE, a mix
