@@ -7,8 +7,10 @@
 
 namespace candela::reference {
 
-// `level` at (u, v) in texels, where texel (x, y) lies at exactly (x, y); taps clamp to the edge.
-inline Rgb bilinear(const Level& level, double u, double v) {
+// `level` at (u, v) in texels, where texel (x, y) lies at exactly (x, y). Its at(x, y) clamps to the edge, as
+// Level's.
+template <typename AnyLevel>
+Rgb bilinear(const AnyLevel& level, double u, double v) {
   const double x0 = std::floor(u);
   const double y0 = std::floor(v);
   const double fx = u - x0;

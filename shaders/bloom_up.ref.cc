@@ -1,18 +1,18 @@
 // Twin of bloom_up.comp: the 3x3 tent over bilinear samples, added to the finer level; and the whole chain.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "shaders/bilinear.h"
 #include "shaders/reference.h"
 
 namespace candela::reference {
 
-Level bloom_up(const Level& fine, const Level& coarse, double weight) {
+Level bloom_up(Level fine, const Level& coarse, double weight) {
   static constexpr double kTent[3] = {1.0, 2.0, 1.0};
-  Level out = fine;
   for (uint32_t y = 0; y < fine.height; ++y) {
     for (uint32_t x = 0; x < fine.width; ++x) {
-      Rgb& b = out.texels[size_t{y} * fine.width + x];
+      Rgb& b = fine.texels[size_t{y} * fine.width + x];
       for (double& v : b) v *= weight;
       const double u = (x + 0.5) / 2.0 - 0.5;
       const double v = (y + 0.5) / 2.0 - 0.5;
@@ -24,7 +24,7 @@ Level bloom_up(const Level& fine, const Level& coarse, double weight) {
       }
     }
   }
-  return out;
+  return fine;
 }
 
 namespace {
@@ -68,7 +68,7 @@ Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_lumi
   while (levels.size() > 1) {
     const Level coarse = std::move(levels.back());
     levels.pop_back();
-    levels.back() = bloom_up(levels.back(), coarse, twice && levels.size() == 1 ? 2.0 : 1.0);
+    levels.back() = bloom_up(std::move(levels.back()), coarse, twice && levels.size() == 1 ? 2.0 : 1.0);
   }
   return std::move(levels.front());
 }

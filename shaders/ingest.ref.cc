@@ -45,14 +45,14 @@ double luminance(double r, double g, double b) { return 0.2126 * r + 0.7152 * g 
 
 }  // namespace
 
-Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, uint pixels,
-             const std::optional<Matrix>& matrix, BadCounts* counts) {
+Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t width, uint32_t height,
+             uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts) {
   const size_t texel_bytes = pixels == shader::PIXELS_RGBA32F ? 16 : pixels == shader::PIXELS_RGBA16F ? 8 : 4;
   Scene scene{width, height, {}};
   scene.texels.resize(size_t{width} * height);
   *counts = {};
   for (size_t i = 0; i < scene.texels.size(); ++i) {
-    std::array<float, 4> c = unpack(wire.data() + i * texel_bytes, pixels);
+    std::array<float, 4> c = unpack(wire.data() + i / width * stride_bytes + i % width * texel_bytes, pixels);
     for (int k = 0; k < 3; ++k) {
       if (std::isnan(c[k])) ++counts->nan;
       if (std::isinf(c[k])) ++counts->infinite;
@@ -69,7 +69,9 @@ Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, u
             std::clamp((m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2], -65504.0f, 65504.0f);
       }
     }
-    for (float& v : c) v = to_half(v);
+    if (rounding == Rounding::kHalf) {
+      for (float& v : c) v = to_half(v);
+    }
     scene.texels[i] = c;
   }
   return scene;

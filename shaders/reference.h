@@ -1,7 +1,7 @@
 // The truth: every pass again in float64, straight loops over whole images, no tricks.
 //
 // x.comp and x.ref.cc stand side by side and share parameters, never formulas, so that each is evidence for
-// the other. Written from the mathematics in docs/pipeline.md. Needs about 60 bytes a pixel.
+// the other. Written from the mathematics in docs/pipeline.md. A scene takes 16 bytes a texel, a level 24.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ using shader::uint;
 using Rgb = std::array<double, 3>;
 using Matrix = std::array<float, 9>;  // row by row
 
-// Texels row by row. The scene's texels are halves (or what rounds to them), so floats hold them exactly.
+// Texels row by row, as floats: the wire's own precision, and more than the halves that they are rounded to.
 struct Scene {
   uint32_t width = 0;
   uint32_t height = 0;
@@ -67,7 +67,8 @@ struct BloomParams {
   double softness = 0.5;
   uint32_t levels = 5;
   bool firefly_weights = true;
-  uint32_t level_size = 2;  // 4: the means of 2x2 texels of D_0 take the place of D_1 and, counted twice, of D_0
+  uint32_t level_size =
+      2;  // 4: the means of 2x2 texels of D_0 take the place of D_1 and, counted twice, of D_0
 };
 
 struct ResolveParams {
@@ -81,9 +82,13 @@ struct ResolveParams {
   bool encode = true;  // false: display-linear light, as RGBA16F output has it
 };
 
-// Wire bytes (tight rows, PIXELS_* format) to scene pixels. `matrix`: input primaries to Rec.709.
-Scene ingest(std::span<const std::byte> wire, uint32_t width, uint32_t height, uint pixels,
-             const std::optional<Matrix>& matrix, BadCounts* counts);
+// The scene's texels are halves, as the pipeline has them, or what they were before they were rounded.
+enum class Rounding { kHalf, kNone };
+
+// Wire bytes (rows `stride_bytes` apart, PIXELS_* format) to scene pixels. `matrix`: input primaries to
+// Rec.709.
+Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t width, uint32_t height,
+             uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts);
 
 Meter meter(const Scene& scene, const MeterParams& params = {});
 // The weight of a texel of a width x height frame, 0 .. 255.
@@ -94,17 +99,17 @@ Level bright_pass(const Scene& scene, const BloomParams& params);
 // D_{n+1} from D_n.
 Level bloom_down(const Level& level);
 // B_n = weight * D_n + U_n(B_{n+1}).
-Level bloom_up(const Level& fine, const Level& coarse, double weight = 1.0);
+Level bloom_up(Level fine, const Level& coarse, double weight = 1.0);
 // B_0 of a scene: the whole chain; *level_count is the N that it used, 1 for BLOOM_GAUSSIAN.
 // `mean_log2_luminance`: the frame's metered one.
 Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance, uint32_t* level_count);
 // BLOOM_GAUSSIAN's blurred quarter-size level.
 Level gaussian_bloom(const Scene& scene, double threshold);
 
-// The display value of every texel, before quantising: RGB as ResolveParams says, alpha as it is.
-// `bloom` is B_0, and may be empty for BLOOM_NONE.
-std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloom, uint32_t level_count,
-                                           const ResolveParams& params);
+// The display values of row y, before dither and quantising: RGB as ResolveParams says, alpha as it is. A row
+// at a time, for whole images of them take 32 bytes a texel. `bloom` is B_0, and may be empty for BLOOM_NONE.
+std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
+                                               const ResolveParams& params, uint32_t y);
 
 // Exposed scene light to display-linear light in [0, 1]. `white`: of reinhard-extended.
 Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);

@@ -73,6 +73,8 @@ void write(uint x, uint y, Group g) {
       v[i] = q.r | (q.g << 8) | (q.b << 16) | (q.a << 24);
     }
     words[at / 4u].v = v;
+  } else if (OUTPUT == OUTPUT_FLOAT) {
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) words[at + i].v = floatBitsToUint(g.texel[i]);
   } else {
     words[at / 2u].v = uvec4(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
     words[at / 2u + 1u].v = uvec4(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));

@@ -141,27 +141,24 @@ double dither_noise(uint32_t x, uint32_t y, uint32_t frame, size_t component) {
   return (static_cast<double>(v[component] % 65536u) - static_cast<double>(v[component] / 65536u)) / 65536.0;
 }
 
-std::vector<std::array<double, 4>> resolve(const Scene& scene, const Level& bloom, uint32_t level_count,
-                                           const ResolveParams& params) {
-  std::vector<std::array<double, 4>> image(scene.texels.size());
-  for (uint32_t y = 0; y < scene.height; ++y) {
-    for (uint32_t x = 0; x < scene.width; ++x) {
-      const size_t at = size_t{y} * scene.width + x;
-      const auto& s = scene.texels[at];
-      Rgb c = {s[0], s[1], s[2]};
-      if (params.bloom != shader::BLOOM_NONE) {
-        const double size = params.level_size;
-        const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
-        const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
-        for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
-      }
-      for (double& v : c) v = params.exposure * std::max(v, 0.0);
-      c = tone_curve(params.curve, c, params.curve_white);
-      for (int n = 0; n < 3; ++n) image[at][n] = params.encode ? transfer(params.transfer, c[n]) : c[n];
-      image[at][3] = s[3];
+std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
+                                               const ResolveParams& params, uint32_t y) {
+  std::vector<std::array<double, 4>> row(scene.width);
+  for (uint32_t x = 0; x < scene.width; ++x) {
+    const auto& s = scene.at(x, y);
+    Rgb c = {s[0], s[1], s[2]};
+    if (params.bloom != shader::BLOOM_NONE) {
+      const double size = params.level_size;
+      const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
+      const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
+      for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
     }
+    for (double& v : c) v = params.exposure * std::max(v, 0.0);
+    c = tone_curve(params.curve, c, params.curve_white);
+    for (int n = 0; n < 3; ++n) row[x][n] = params.encode ? transfer(params.transfer, c[n]) : c[n];
+    row[x][3] = s[3];
   }
-  return image;
+  return row;
 }
 
 }  // namespace candela::reference

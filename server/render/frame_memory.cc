@@ -3,12 +3,13 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/render/verify.h"
 
 namespace candela {
 
 absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, const DeviceSummary& device,
                                                                const FrameDesc& desc,
-                                                               const Settings& settings) {
+                                                               const Settings& settings, Verify verify) {
   auto parts = std::make_unique<FrameMemory::Parts>();
   parts->desc = desc;
   parts->output_format = settings.output_format;
@@ -37,11 +38,11 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
                  MemoryUse::kDevice};
     wanted.push_back({&parts->histogram, histogram});
   }
+  const auto staged = [](TextureKey key, MemoryUse use) {
+    key.use = use;
+    return key;
+  };
   if (!device.unified_memory) {
-    const auto staged = [](TextureKey key, MemoryUse use) {
-      key.use = use;
-      return key;
-    };
     wanted.push_back({&parts->upload, staged(input, MemoryUse::kUpload)});
     wanted.push_back({&parts->readback, staged(output, MemoryUse::kReadback)});
     wanted.push_back({&parts->tiles_readback, staged(tiles, MemoryUse::kReadback)});
@@ -61,8 +62,26 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     }
   }
 
+  if (verify != Verify::kNo) {
+    const TextureKey exact = {parts->pitch, desc.height, 4 * sizeof(float), MemoryUse::kDevice};
+    wanted.push_back({&parts->exact, exact});
+    if (!device.unified_memory) {
+      wanted.push_back({&parts->exact_readback, staged(exact, MemoryUse::kReadback)});
+      if (!parts->levels.empty()) {
+        const LevelSize& size = parts->level_sizes[0];
+        wanted.push_back(
+            {&parts->level_readback, {size.width, size.height, 4 * sizeof(float), MemoryUse::kReadback}});
+      }
+    }
+    if (verify == Verify::kWithMap) {
+      wanted.push_back(
+          {&parts->error_map, {desc.width, desc.height, sizeof(uint16_t), MemoryUse::kReadback}});
+    }
+  }
+
   // What can never fit is said now, before anything is taken or given up for it.
-  uint64_t bytes = 0;
+  const uint64_t reference_bytes = verify == Verify::kNo ? 0 : reference_bytes_of(desc, settings);
+  uint64_t bytes = reference_bytes;
   for (const Wanted& w : wanted) {
     bytes += w.key.bytes();
     if (w.key.bytes() > device.max_allocation_bytes) {
@@ -72,6 +91,13 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     }
   }
   if (bytes > pool.budget_bytes()) {
+    if (verify != Verify::kNo) {
+      return absl::ResourceExhaustedError(
+          absl::StrFormat("a %dx%d %s frame needs %d bytes to be rendered and verified and the memory budget "
+                          "is %d; send fewer "
+                          "pixels, do without verification or raise --memory-budget",
+                          desc.width, desc.height, name(desc.format), bytes, pool.budget_bytes()));
+    }
     return absl::ResourceExhaustedError(absl::StrFormat(
         "a %dx%d %s frame needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
         "--memory-budget",
@@ -81,6 +107,11 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key);
     if (!lease.ok()) return lease.status();
     *w.lease = *std::move(lease);
+  }
+  if (reference_bytes > 0) {
+    absl::StatusOr<TexturePool::Lease> lease = pool.reserve(reference_bytes);
+    if (!lease.ok()) return lease.status();
+    parts->reference = *std::move(lease);
   }
   return parts;
 }
@@ -102,6 +133,12 @@ std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
   return {parts_->host_output().mapped() + y * parts_->pitch * texel_bytes, parts_->desc.width * texel_bytes};
 }
 
+std::span<const uint16_t> FrameMemory::error_map_row(uint32_t y) const {
+  if (!parts_->error_map) return {};
+  const auto* halves = reinterpret_cast<const uint16_t*>(parts_->error_map.buffer().mapped());
+  return {halves + size_t{y} * parts_->desc.width, parts_->desc.width};
+}
+
 void FrameMemory::keep_output_only() {
   if (parts_ == nullptr) return;
   Parts& parts = *parts_;
@@ -113,6 +150,10 @@ void FrameMemory::keep_output_only() {
   parts.histogram_readback = {};
   parts.center_weights = {};
   parts.levels.clear();
+  parts.exact = {};
+  parts.exact_readback = {};
+  parts.level_readback = {};
+  parts.reference = {};
   if (parts.readback) parts.output = {};
 }
 

@@ -29,6 +29,15 @@ struct FrameMemory::Parts {
   TexturePool::Lease tiles_readback;
   TexturePool::Lease histogram_readback;
 
+  // Only for verification: the image unquantised, four floats a texel, `pitch` texels from row to row; the
+  // budget that the reference takes; and, where it is wanted, the error map.
+  TexturePool::Lease exact;
+  TexturePool::Lease reference;
+  TexturePool::Lease error_map;
+  // The same on a device without unified memory, with bloom level 0.
+  TexturePool::Lease exact_readback;
+  TexturePool::Lease level_readback;
+
   // What the host sees.
   const Buffer& host_input() const { return upload ? upload.buffer() : input.buffer(); }
   const Buffer& host_output() const { return readback ? readback.buffer() : output.buffer(); }
@@ -36,6 +45,8 @@ struct FrameMemory::Parts {
   const Buffer& host_histogram() const {
     return histogram_readback ? histogram_readback.buffer() : histogram.buffer();
   }
+  const Buffer& host_exact() const { return exact_readback ? exact_readback.buffer() : exact.buffer(); }
+  const Buffer& host_level() const { return level_readback ? level_readback.buffer() : levels[0].buffer(); }
 };
 
 // How many groups of `size` hold `count`.
@@ -44,6 +55,6 @@ constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size 
 // Takes everything or nothing; see Renderer::allocate.
 absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, const DeviceSummary& device,
                                                                const FrameDesc& desc,
-                                                               const Settings& settings);
+                                                               const Settings& settings, Verify verify);
 
 }  // namespace candela

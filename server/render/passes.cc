@@ -132,9 +132,11 @@ absl::Status record_gaussian(const PassContext& context, PipelineCache& pipeline
                   groups(params.height, shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
 }
 
-absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
+// Into `output`, in a format of OUTPUT_*.
+absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
+                            const Buffer& output, uint32_t format) {
   const FrameMemory::Parts& parts = context.parts;
-  const VkDeviceAddress output_address = parts.output.buffer().address();
+  const VkDeviceAddress output_address = output.address();
   shader::ResolveParams params{};
   params.frame = context.input;
   params.output_lo = low(output_address);
@@ -150,11 +152,9 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
     bloom = parts.levels[0].buffer().view();
     params.level_width = parts.level_sizes[0].width;
     params.level_height = parts.level_sizes[0].height;
-    const BloomSettings& settings = context.settings.bloom;
-    const size_t summed =
-        settings.kind == BloomKind::kGaussian ? 1 : parts.levels.size() + first_level_twice(context);
-    params.bloom_scale = settings.intensity / static_cast<float>(summed);
-    params.scene_scale = 1.0f - settings.intensity;
+    const float intensity = context.settings.bloom.intensity;
+    params.bloom_scale = intensity / static_cast<float>(summed_levels(context));
+    params.scene_scale = 1.0f - intensity;
   }
   const bool encoded = parts.output_format != OutputFormat::kRgba16f;
   const Transfer transfer = encoded ? context.settings.transfer : Transfer::kLinear;
@@ -164,7 +164,7 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
                                bloom_constant(context.bloom, context.settings.bloom),
                                static_cast<uint32_t>(context.settings.curve),
                                static_cast<uint32_t>(transfer),
-                               static_cast<uint32_t>(parts.output_format),
+                               format,
                                context.settings.dither && encoded,
                                level_size(context),
                                context.tier.transfer_terms};
@@ -191,6 +191,11 @@ PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settin
   return context;
 }
 
+uint32_t summed_levels(const PassContext& context) {
+  if (context.settings.bloom.kind == BloomKind::kGaussian) return 1;
+  return static_cast<uint32_t>(context.parts.levels.size()) + first_level_twice(context);
+}
+
 absl::Status record(const Step& step, const PassContext& context, PipelineCache& pipelines,
                     Recorder& recorder) {
   switch (step.pass) {
@@ -207,9 +212,14 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
     case Pass::kGaussian:
       return record_gaussian(context, pipelines, recorder, step.level);
     case Pass::kResolve:
-      return record_resolve(context, pipelines, recorder);
+      return record_resolve(context, pipelines, recorder, context.parts.output.buffer(),
+                            static_cast<uint32_t>(context.parts.output_format));
   }
   return absl::InternalError("unknown pass");
+}
+
+absl::Status record_exact(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
+  return record_resolve(context, pipelines, recorder, context.parts.exact.buffer(), shader::OUTPUT_FLOAT);
 }
 
 }  // namespace candela

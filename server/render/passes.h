@@ -26,8 +26,14 @@ struct PassContext {
 
 PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings);
 
+// How many levels' light the bloom texture holds the sum of.
+uint32_t summed_levels(const PassContext& context);
+
 // Records one step. Barriers between steps are the caller's.
 absl::Status record(const Step& step, const PassContext& context, PipelineCache& pipelines,
                     Recorder& recorder);
+
+// Records resolve once more, unquantised, into the memory's `exact` texture.
+absl::Status record_exact(const PassContext& context, PipelineCache& pipelines, Recorder& recorder);
 
 }  // namespace candela

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cstring>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "server/render/frame_memory.h"
 #include "server/render/metering.h"
 #include "server/render/passes.h"
+#include "server/render/verify.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 
@@ -82,17 +84,21 @@ TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
   return sums;
 }
 
-void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
-  for (const Recorder::Timing& timing : recorder.timings()) {
-    const auto same = std::find_if(stages->begin(), stages->end(), [&](const StageTime& stage) {
-      return std::strcmp(stage.name, timing.name) == 0;
-    });
-    if (same == stages->end()) {
-      stages->push_back({timing.name, timing.ns});
-    } else {
-      same->ns += timing.ns;
-    }
+constexpr char kVerify[] = "verify";
+
+void add_time(const StageTime& time, std::vector<StageTime>* stages) {
+  const auto same = std::find_if(stages->begin(), stages->end(), [&](const StageTime& stage) {
+    return std::strcmp(stage.name, time.name) == 0;
+  });
+  if (same == stages->end()) {
+    stages->push_back(time);
+  } else {
+    same->ns += time.ns;
   }
+}
+
+void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
+  for (const Recorder::Timing& timing : recorder.timings()) add_time({timing.name, timing.ns}, stages);
 }
 
 }  // namespace
@@ -154,6 +160,16 @@ absl::Status Renderer::Impl::draw(const PassContext& context, const Plan& plan) 
     recorder.mark("download");
     recorder.copy(parts.output.buffer(), parts.readback.buffer(), parts.output.buffer().bytes());
   }
+  if (parts.exact) {
+    recorder.mark(kVerify);
+    if (absl::Status status = record_exact(context, pipelines, recorder); !status.ok()) return status;
+    recorder.barrier();
+    const auto read_back = [this](const TexturePool::Lease& from, const TexturePool::Lease& to) {
+      if (to) recorder.copy(from.buffer(), to.buffer(), to.buffer().bytes());
+    };
+    read_back(parts.exact, parts.exact_readback);
+    if (plan.bloom) read_back(parts.levels[0], parts.level_readback);
+  }
   recorder.barrier_to_host();
   return recorder.submit_and_wait();
 }
@@ -170,9 +186,10 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, Textu
       std::unique_ptr<Impl>(new Impl{device, pool, *std::move(pipelines), *std::move(recorder)})));
 }
 
-absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings) {
+absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings,
+                                               Verify verify) {
   absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> parts =
-      take_parts(impl_->pool, impl_->device.summary(), desc, settings);
+      take_parts(impl_->pool, impl_->device.summary(), desc, settings, verify);
   if (!parts.ok()) return parts.status();
   FrameMemory memory;
   memory.parts_ = *std::move(parts);
@@ -212,6 +229,12 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
   context.exposure = report.exposure * settings.prescale;
   if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
   add_timings(impl_->recorder, &report.stages);
+  if (parts.exact) {
+    const auto begin = std::chrono::steady_clock::now();
+    report.verification = verify_frame(memory, settings, report, moment);
+    const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - begin;
+    add_time({kVerify, static_cast<uint64_t>(took.count())}, &report.stages);
+  }
   return report;
 }
 

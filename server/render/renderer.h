@@ -18,6 +18,9 @@
 
 namespace candela {
 
+// Whether a frame is held against the float64 reference, and whether a map of its error is kept.
+enum class Verify { kNo, kYes, kWithMap };
+
 // The memory of one frame, taken from the pool and given back to it when this is destroyed: the wire pixels
 // coming in, the image going out, and the textures between. Movable. One thread at a time.
 class FrameMemory {
@@ -35,7 +38,11 @@ class FrameMemory {
   // this is destroyed. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
   std::span<const std::byte> output_row(uint32_t y) const;
   bool output_contiguous() const;
-  // Gives everything but the finished image back to the pool: a slow reader holds no more than it reads.
+  // Row y of the error map as halves: the largest error of R, G and B in codes, infinite for a NaN. Rows
+  // follow each other without a gap. Valid as output_row() is; empty where no map was asked for.
+  std::span<const uint16_t> error_map_row(uint32_t y) const;
+  // Gives everything but the finished image and its error map back to the pool: a slow reader holds no more
+  // than it reads.
   void keep_output_only();
 
   struct Parts;
@@ -54,8 +61,29 @@ struct FrameMoment {
 };
 
 struct StageTime {
-  const char* name;  // a pass's name, see plan.h, or "upload", "download"
-  uint64_t ns;       // device time
+  const char* name;  // a pass's name, see plan.h, or "upload", "download", "verify"
+  uint64_t ns;       // device time; of "verify" the host's, too
+};
+
+// How far an image is from the reference, over R, G and B. A code is 1/255 of the display range; codes are
+// measured on the image before it is quantised. A NaN counts as an infinite error.
+struct Verification {
+  double max_codes = 0.0;
+  double p999_codes = 0.0;
+  double mean_codes = 0.0;
+  uint32_t worst_x = 0;
+  uint32_t worst_y = 0;
+  uint64_t components = 0;
+  uint64_t differing = 0;       // components whose quantised values differ; none are for RGBA16F
+  double max_difference = 0.0;  // of quantised values, in steps of the output format
+  double meter_error_ev = 0.0;  // of the mean log2 luminance
+  double bloom_error = 0.0;     // of bloom level 0, relative to its largest value; 0 without bloom
+};
+
+struct FrameVerification {
+  Verification rounded;    // the reference rounds the scene to halves, as the pipeline does
+  Verification unrounded;  // it does not
+  FrameStats truth;        // what the reference metered and counted; bright_texels is not filled
 };
 
 // What is known about a frame after it was rendered; the image is in its FrameMemory.
@@ -65,6 +93,7 @@ struct FrameReport {
   double target = 0.0;    // the factor that the metering asked for
   Plan plan;
   std::vector<StageTime> stages;
+  std::optional<FrameVerification> verification;  // where the memory was allocated for it
 };
 
 class Renderer {
@@ -73,14 +102,16 @@ class Renderer {
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool);
   ~Renderer();
 
-  // Takes the memory for a frame. RESOURCE_EXHAUSTED when the pool's budget does not hold it now (or ever;
-  // the message says which). The settings' output format and bloom decide what is taken. Any thread; never
-  // waits.
-  absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings);
+  // Takes the memory for a frame. RESOURCE_EXHAUSTED when the pool's budget can never hold it, UNAVAILABLE
+  // when it does not beside the frames in flight. The settings' output format and bloom and `verify` decide
+  // what is taken. Any thread; never waits.
+  absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings,
+                                       Verify verify = Verify::kNo);
 
   // Renders the pixels in `memory` to completion. `settings` must have passed check_settings and be those
   // that the memory was allocated with. INVALID_ARGUMENT naming the pixel when BadValues::kReject meets a bad
-  // one; UNAVAILABLE when the device is lost. One thread at a time; blocks for the frame's time.
+  // one; UNAVAILABLE when the device is lost. One thread at a time; blocks for the frame's time, which with
+  // verification is seconds for a large one.
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,
                                      const FrameMoment& moment = {});
 

@@ -34,20 +34,19 @@ std::vector<std::byte> test_frame() {
 
 }  // namespace
 
-absl::Status hold_to_reference(const FrameMemory& memory, const FrameReport& report, const Settings& settings,
-                               std::span<const std::byte> wire) {
-  const ReferenceFrame reference = render_reference(memory.desc(), wire, settings, report.exposure);
-  const double ev = std::abs(report.stats.mean_log2_luminance - reference.meter.mean_log2_luminance);
-  const Difference difference = compare(memory, settings, reference);
-  const bool counts = report.stats.nan_components == reference.bad.nan &&
-                      report.stats.infinite_components == reference.bad.infinite &&
-                      report.stats.negative_components == reference.bad.negative;
-  if (ev <= kMaxEv && difference.max_codes <= kMaxCodes && counts) return absl::OkStatus();
+absl::Status hold_to_reference(FrameMemory& memory, const Settings& settings, const FrameReport& report) {
+  const FrameVerification verification = verify_frame(memory, settings, report);
+  const Verification& error = verification.rounded;
+  const FrameStats& truth = verification.truth;
+  const bool counts = report.stats.nan_components == truth.nan_components &&
+                      report.stats.infinite_components == truth.infinite_components &&
+                      report.stats.negative_components == truth.negative_components;
+  if (error.meter_error_ev <= kMaxEv && error.max_codes <= kMaxCodes && counts) return absl::OkStatus();
   return absl::InternalError(
       absl::StrFormat("the frame is %g codes off the reference (at most %g is right), worst at x %d, y %d, "
                       "its metering %g EV (at most "
                       "%g), its counts of NaN, infinite and negative components are %s",
-                      difference.max_codes, kMaxCodes, difference.worst_x, difference.worst_y, ev, kMaxEv,
+                      error.max_codes, kMaxCodes, error.worst_x, error.worst_y, error.meter_error_ev, kMaxEv,
                       counts ? "right" : "wrong"));
 }
 
@@ -62,7 +61,7 @@ absl::Status self_test(Renderer& renderer) {
   }
   const absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
   if (!report.ok()) return report.status();
-  const absl::Status held = hold_to_reference(*memory, *report, settings, wire);
+  const absl::Status held = hold_to_reference(*memory, settings, *report);
   if (held.ok()) return held;
   return absl::InternalError(
       absl::StrFormat("self-test: %s: this device or its driver computes wrongly; choose another --device",

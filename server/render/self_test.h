@@ -1,9 +1,6 @@
 // One frame against the reference before a server says that it serves.
 #pragma once
 
-#include <cstddef>
-#include <span>
-
 #include "absl/status/status.h"
 #include "server/render/renderer.h"
 
@@ -14,9 +11,8 @@ namespace candela {
 // pipelines are compiled.
 absl::Status self_test(Renderer& renderer);
 
-// The judgement alone: INTERNAL where the image in `memory`, or its statistics, are not within the bounds of
-// docs/pipeline.md section 6 of what the reference makes of `wire` (tight rows) at the reported exposure.
-absl::Status hold_to_reference(const FrameMemory& memory, const FrameReport& report, const Settings& settings,
-                               std::span<const std::byte> wire);
+// The judgement alone: INTERNAL where the rendered image in `memory`, or its statistics, are not within the
+// bounds of docs/pipeline.md section 6 of what the reference makes of the wire pixels in it. As verify_frame.
+absl::Status hold_to_reference(FrameMemory& memory, const Settings& settings, const FrameReport& report);
 
 }  // namespace candela

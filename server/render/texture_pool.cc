@@ -9,7 +9,8 @@ namespace candela {
 
 struct TexturePool::Entry {
   TextureKey key;
-  Buffer buffer;
+  uint64_t bytes = 0;
+  Buffer buffer;  // none: a reservation
 };
 
 uint64_t TextureKey::bytes() const {
@@ -38,21 +39,9 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
       counters_.bytes_in_use += bytes;
       return Lease(this, std::move(entry));
     }
-    if (counters_.bytes_in_use + bytes > budget_bytes_) {
-      return absl::UnavailableError(
-          absl::StrFormat("a %dx%d texture needs %d bytes, and frames in flight hold %d of the memory budget "
-                          "of %d; try again when they "
-                          "are done, or raise --memory-budget",
-                          key.width, key.height, bytes, counters_.bytes_in_use, budget_bytes_));
-    }
-    while (!idle_.empty() && counters_.bytes_in_use + counters_.bytes_idle + bytes > budget_bytes_) {
-      counters_.bytes_idle -= idle_.front()->key.bytes();
-      given_up.push_back(std::move(idle_.front()));
-      idle_.erase(idle_.begin());
-    }
+    const std::string what = absl::StrFormat("a %dx%d texture", key.width, key.height);
+    if (absl::Status status = make_room(bytes, what, &given_up); !status.ok()) return status;
     ++counters_.misses;
-    counters_.bytes_in_use += bytes;
-    counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
   }
   given_up.clear();
   absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
@@ -61,14 +50,39 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
     counters_.bytes_in_use -= bytes;
     return buffer.status();
   }
-  return Lease(this, std::make_unique<Entry>(key, *std::move(buffer)));
+  return Lease(this, std::make_unique<Entry>(key, bytes, *std::move(buffer)));
+}
+
+absl::StatusOr<TexturePool::Lease> TexturePool::reserve(uint64_t bytes) {
+  std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
+  const std::lock_guard lock(mutex_);
+  if (absl::Status status = make_room(bytes, "verification", &given_up); !status.ok()) return status;
+  return Lease(this, std::make_unique<Entry>(TextureKey{}, bytes, Buffer()));
+}
+
+absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
+                                    std::vector<std::unique_ptr<Entry>>* given_up) {
+  if (counters_.bytes_in_use + bytes > budget_bytes_) {
+    return absl::UnavailableError(absl::StrFormat(
+        "%s needs %d bytes, and frames in flight hold %d of the memory budget of %d; try again when they are "
+        "done, or raise --memory-budget",
+        what, bytes, counters_.bytes_in_use, budget_bytes_));
+  }
+  while (!idle_.empty() && counters_.bytes_in_use + counters_.bytes_idle + bytes > budget_bytes_) {
+    counters_.bytes_idle -= idle_.front()->bytes;
+    given_up->push_back(std::move(idle_.front()));
+    idle_.erase(idle_.begin());
+  }
+  counters_.bytes_in_use += bytes;
+  counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
+  return absl::OkStatus();
 }
 
 void TexturePool::give_back(std::unique_ptr<Entry> entry) {
-  const uint64_t bytes = entry->key.bytes();
   const std::lock_guard lock(mutex_);
-  counters_.bytes_in_use -= bytes;
-  counters_.bytes_idle += bytes;
+  counters_.bytes_in_use -= entry->bytes;
+  if (entry->buffer.handle() == VK_NULL_HANDLE) return;
+  counters_.bytes_idle += entry->bytes;
   idle_.push_back(std::move(entry));
 }
 

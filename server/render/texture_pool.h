@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <tuple>
 #include <vector>
 
@@ -49,11 +50,19 @@ class TexturePool {
   // device has no memory for it.
   absl::StatusOr<Lease> take(const TextureKey& key);
 
+  // A part of the budget for memory that its holder allocates elsewhere: a lease without a texture. As
+  // take().
+  absl::StatusOr<Lease> reserve(uint64_t bytes);
+
   PoolCounters counters() const;
   uint64_t budget_bytes() const { return budget_bytes_; }
 
  private:
   struct Entry;
+  // Counts `bytes` as in use and moves the idle textures that have to go for them to `given_up`, to be freed
+  // outside the lock. `what` needs them, for the message. With mutex_ held.
+  absl::Status make_room(uint64_t bytes, const std::string& what,
+                         std::vector<std::unique_ptr<Entry>>* given_up);
   void give_back(std::unique_ptr<Entry> entry);
 
   Device& device_;
@@ -64,7 +73,7 @@ class TexturePool {
   PoolCounters counters_;
 };
 
-// One texture while a frame has it; gives it back on destruction. Movable.
+// One texture, or a reservation, while a frame has it; gives it back on destruction. Movable.
 class TexturePool::Lease {
  public:
   Lease();

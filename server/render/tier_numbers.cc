@@ -14,7 +14,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "server/render/tiers.h"
-#include "server/render/verify.h"
 
 namespace candela {
 
@@ -74,8 +73,9 @@ void fill(const FrameDesc& desc, uint32_t y, std::byte* out) {
   }
 }
 
-absl::StatusOr<FrameMemory> picture(Renderer& renderer, const FrameDesc& desc, const Settings& settings) {
-  absl::StatusOr<FrameMemory> memory = renderer.allocate(desc, settings);
+absl::StatusOr<FrameMemory> picture(Renderer& renderer, const FrameDesc& desc, const Settings& settings,
+                                    Verify verify = Verify::kNo) {
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(desc, settings, verify);
   if (!memory.ok()) return memory;
   for (uint32_t y = 0; y < desc.height; ++y) fill(desc, y, memory->input_row(y).data());
   return memory;
@@ -141,22 +141,16 @@ absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Sett
   }
   std::nth_element(times.begin(), times.begin() + kTimedFrames / 2, times.end());
 
-  Settings exact = settings;
-  exact.output_format = OutputFormat::kRgba16;
-  exact.dither = false;
   const FrameDesc small = {std::min(desc.width, kErrorWidth), std::min(desc.height, kErrorHeight),
                            desc.format};
-  memory = picture(renderer_, small, exact);
+  memory = picture(renderer_, small, settings, Verify::kYes);
   if (!memory.ok()) return memory.status();
-  std::vector<std::byte> wire(small.bytes());
-  for (uint32_t y = 0; y < small.height; ++y) fill(small, y, wire.data() + y * small.row_bytes());
-  const absl::StatusOr<FrameReport> report = renderer_.render(*memory, exact);
+  const absl::StatusOr<FrameReport> report = renderer_.render(*memory, settings);
   if (!report.ok()) return report.status();
-  const Difference difference =
-      compare(*memory, exact, render_reference(small, wire, exact, report->exposure));
   const double scale = static_cast<double>(desc.height) / timed.height;
   return TierNumbers{settings.tier, times[kTimedFrames / 2] * scale,
-                     std::max(difference.max_codes * kErrorMargin, find_tier(settings.tier)->bound_codes)};
+                     std::max(report->verification->rounded.max_codes * kErrorMargin,
+                              find_tier(settings.tier)->bound_codes)};
 }
 
 void TierMeter::load() {

@@ -56,7 +56,10 @@ TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
       std::copy(image->chromaticities->begin(), image->chromaticities->end(),
                 settings.input_chromaticities->xy.begin());
     }
-    check(frame, settings, fs::relative(path, data_folder()));
+    // Every half there is, side by side: components of +-65504 cancel in the curve's matrix.
+    const bool every_half = path.filename() == "AllHalfValues.exr";
+    check(frame, settings, fs::relative(path, data_folder()),
+          every_half ? Bounds{.max = 0.008, .p999 = 5e-4} : Bounds());
   }
 }
 

@@ -40,8 +40,11 @@ TEST_F(FrameError, IsWithinItsBoundForEveryFormatCurveAndTransfer) {
         Settings settings;
         settings.curve = curve;
         settings.transfer = transfer;
+        // Near black, 1/2.2 is steep enough to show the cancellation in pbr-neutral's offset.
+        const bool steep = curve == ToneCurve::kPbrNeutral && transfer == Transfer::kGamma22;
         check(natural(333, 129, format), settings,
-              std::string(name(format)) + " " + name(curve) + " " + name(transfer));
+              std::string(name(format)) + " " + name(curve) + " " + name(transfer),
+              steep ? Bounds{.max = 0.006} : Bounds());
       }
     }
   }

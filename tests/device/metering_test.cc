@@ -120,7 +120,8 @@ TEST_F(Metering, PercentilesAreWithinHalfABinOfTheSortedDefinition) {
     const WireFrame frame = natural(width, height);
     reference::BadCounts bad;
     const reference::Scene scene =
-        reference::ingest(frame.pixels, width, height, shader::PIXELS_RGBA16F, std::nullopt, &bad);
+        reference::ingest(frame.pixels, frame.desc.row_bytes(), width, height, shader::PIXELS_RGBA16F,
+                          std::nullopt, reference::Rounding::kHalf, &bad);
     for (MeterWeights weights : {MeterWeights::kAverage, MeterWeights::kCenter, MeterWeights::kSpot}) {
       for (const auto& [low, high] :
            {std::pair{10.0, 90.0}, {0.0, 100.0}, {50.0, 50.1}, {99.0, 100.0}, {0.0, 1.0}}) {

@@ -52,6 +52,22 @@ TEST_F(Pool, GivesUpIdleTexturesToMakeRoom) {
   EXPECT_LE(local.counters().bytes_peak, 2 * kBytes);
 }
 
+TEST_F(Pool, AReservationIsInUseUntilItIsGivenBackAndNeverIdle) {
+  TexturePool local(device(), 2 * kBytes);
+  ASSERT_TRUE(local.take(kKey).ok());  // idle now
+  {
+    const auto reservation = local.reserve(2 * kBytes);
+    ASSERT_TRUE(reservation.ok()) << reservation.status();
+    EXPECT_EQ(local.counters().bytes_in_use, 2 * kBytes);
+    EXPECT_EQ(local.counters().bytes_idle, 0u);
+    EXPECT_EQ(local.take(kKey).status().code(), absl::StatusCode::kUnavailable);
+    EXPECT_EQ(local.reserve(1).status().code(), absl::StatusCode::kUnavailable);
+  }
+  EXPECT_EQ(local.counters().bytes_in_use, 0u);
+  EXPECT_EQ(local.counters().bytes_idle, 0u);
+  EXPECT_TRUE(local.take(kKey).ok());
+}
+
 TEST_F(Pool, GivesUpTheOldestFirst) {
   const auto key = [](uint32_t width) { return TextureKey{width, 50, 16, MemoryUse::kDevice}; };
   TexturePool local(device(), 3 * 100 * 50 * 16);

@@ -54,7 +54,8 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
     const WireFrame frame = natural(size.width, size.height);
     reference::BadCounts bad;
     const reference::Scene scene =
-        reference::ingest(frame.pixels, size.width, size.height, shader::PIXELS_RGBA16F, std::nullopt, &bad);
+        reference::ingest(frame.pixels, frame.desc.row_bytes(), size.width, size.height,
+                          shader::PIXELS_RGBA16F, std::nullopt, reference::Rounding::kHalf, &bad);
     for (bool firefly : {true, false}) {
       std::vector<reference::Level> d = {
           reference::bright_pass(scene, {.threshold = 0.02, .firefly_weights = firefly})};

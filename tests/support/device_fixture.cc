@@ -51,8 +51,8 @@ TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
 
 absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const Settings& settings,
-                                                        const FrameMoment& moment) {
-  return render_on(renderer(), frame, settings, moment);
+                                                        const FrameMoment& moment, Verify verify) {
+  return render_on(renderer(), frame, settings, moment, verify);
 }
 
 std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
@@ -66,9 +66,9 @@ std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
 
 absl::StatusOr<DeviceTest::Rendered> DeviceTest::render_on(Renderer& renderer, const WireFrame& frame,
                                                            const Settings& settings,
-                                                           const FrameMoment& moment) {
+                                                           const FrameMoment& moment, Verify verify) {
   if (absl::Status status = check_settings(settings); !status.ok()) return status;
-  absl::StatusOr<FrameMemory> memory = renderer.allocate(frame.desc, settings);
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(frame.desc, settings, verify);
   if (!memory.ok()) return memory.status();
   for (uint32_t y = 0; y < frame.desc.height; ++y) {
     std::memcpy(memory->input_row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),

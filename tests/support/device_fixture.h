@@ -28,9 +28,10 @@ class DeviceTest : public ::testing::Test {
   };
   // Checks the settings, uploads and renders, on the shared renderer or on another.
   static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings,
-                                         const FrameMoment& moment = {});
+                                         const FrameMoment& moment = {}, Verify verify = Verify::kNo);
   static absl::StatusOr<Rendered> render_on(Renderer& renderer, const WireFrame& frame,
-                                            const Settings& settings, const FrameMoment& moment = {});
+                                            const Settings& settings, const FrameMoment& moment = {},
+                                            Verify verify = Verify::kNo);
   // The finished image, tight.
   static std::vector<std::byte> image(const FrameMemory& memory);
 

@@ -1,0 +1,244 @@
+// Verification sees what is wrong with an image, where, and by how much.
+#include "server/render/verify.h"
+
+#include <gtest/gtest.h>
+#include <half.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "server/render/frame_memory.h"
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class Verified : public DeviceTest {
+ protected:
+  void SetUp() override {
+    DeviceTest::SetUp();
+    if (!device().unified_memory()) GTEST_SKIP() << "textures cannot be broken without unified memory";
+  }
+
+  static Rendered must_render(const WireFrame& frame, const Settings& settings = {}) {
+    absl::StatusOr<Rendered> rendered = render(frame, settings, {}, Verify::kWithMap);
+    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    return *std::move(rendered);
+  }
+
+  static Verification again(Rendered& rendered, const Settings& settings = {}) {
+    return verify_frame(rendered.memory, settings, rendered.report).rounded;
+  }
+
+  // Component k of a texel of the unquantised image, to be broken.
+  static void set_exact(const Rendered& rendered, uint32_t x, uint32_t y, size_t k, float value) {
+    const FrameMemory::Parts& parts = rendered.memory.parts();
+    const size_t index = (size_t{y} * parts.pitch + x) * 4 + k;
+    std::memcpy(parts.exact.buffer().mapped() + index * sizeof value, &value, sizeof value);
+  }
+  static float exact(const Rendered& rendered, uint32_t x, uint32_t y, size_t k) {
+    const FrameMemory::Parts& parts = rendered.memory.parts();
+    float value;
+    const size_t index = (size_t{y} * parts.pitch + x) * 4 + k;
+    std::memcpy(&value, parts.exact.buffer().mapped() + index * sizeof value, sizeof value);
+    return value;
+  }
+  static float mapped(const Rendered& rendered, uint32_t x, uint32_t y) {
+    return imath_half_to_float(rendered.memory.error_map_row(y)[x]);
+  }
+};
+
+TEST_F(Verified, ARightImageIsRight) {
+  for (OutputFormat format : {OutputFormat::kRgba8, OutputFormat::kRgba16, OutputFormat::kRgba16f}) {
+    Settings settings;
+    settings.output_format = format;
+    const Rendered rendered = must_render(natural(67, 35), settings);
+    ASSERT_TRUE(rendered.report.verification);
+    const Verification& error = rendered.report.verification->rounded;
+    EXPECT_LE(error.max_codes, 4e-4) << name(format);
+    EXPECT_LE(error.p999_codes, error.max_codes);
+    EXPECT_LE(error.mean_codes, error.p999_codes);
+    EXPECT_EQ(error.components, 67u * 35u * 3u);
+    float worst = 0;
+    for (uint32_t y = 0; y < 35; ++y) {
+      for (uint32_t x = 0; x < 67; ++x) worst = std::max(worst, mapped(rendered, x, y));
+    }
+    EXPECT_EQ(mapped(rendered, error.worst_x, error.worst_y), worst);
+    EXPECT_NEAR(worst, error.max_codes, 1e-3 * error.max_codes);
+  }
+}
+
+TEST_F(Verified, OnlyWhereItIsAskedFor) {
+  const auto rendered = render(natural(8, 8), {});
+  ASSERT_TRUE(rendered.ok());
+  EXPECT_FALSE(rendered->report.verification);
+  EXPECT_TRUE(rendered->memory.error_map_row(0).empty());
+}
+
+TEST_F(Verified, OneWrongTexelIsTheWorstAndOnTheMap) {
+  Rendered rendered = must_render(natural(67, 35));
+  const float before = exact(rendered, 5, 20, 1);
+  set_exact(rendered, 5, 20, 1, before + 2.0f / 255.0f);
+  const Verification error = again(rendered);
+  EXPECT_NEAR(error.max_codes, 2.0, 1e-3);
+  EXPECT_EQ(error.worst_x, 5u);
+  EXPECT_EQ(error.worst_y, 20u);
+  EXPECT_LE(error.p999_codes, 4e-4);
+  EXPECT_NEAR(mapped(rendered, 5, 20), 2.0, 1e-2);
+  EXPECT_LE(mapped(rendered, 6, 20), 4e-4);
+}
+
+TEST_F(Verified, AThousandthOfTheComponentsMovesP999) {
+  Rendered rendered = must_render(natural(67, 35));
+  // 7035 components: nine of them are beyond p99.9, the ninth is it.
+  for (uint32_t i = 0; i < 9; ++i) {
+    const Verification error = again(rendered);
+    EXPECT_LE(error.p999_codes, 4e-4) << i;
+    set_exact(rendered, 3 * i, 2 * i, i % 3, exact(rendered, 3 * i, 2 * i, i % 3) + 1.0f / 255.0f);
+  }
+  EXPECT_NEAR(again(rendered).p999_codes, 1.0, 1e-3);
+  EXPECT_NEAR(again(rendered).mean_codes, 9.0 / 7035, 1e-4);
+}
+
+TEST_F(Verified, ANaNIsTheWorstThereIs) {
+  Rendered rendered = must_render(natural(67, 35));
+  set_exact(rendered, 60, 30, 2, NAN);
+  EXPECT_EQ(again(rendered).max_codes, INFINITY);
+  EXPECT_EQ(again(rendered).worst_x, 60u);
+  EXPECT_EQ(again(rendered).mean_codes, INFINITY);
+  EXPECT_EQ(mapped(rendered, 60, 30), INFINITY);
+  for (uint32_t x = 0; x < 9; ++x) set_exact(rendered, x, 0, 0, NAN);
+  EXPECT_EQ(again(rendered).p999_codes, INFINITY);
+  // Alpha is not looked at.
+  Rendered other = must_render(natural(67, 35));
+  set_exact(other, 60, 30, 3, NAN);
+  EXPECT_LE(again(other).max_codes, 4e-4);
+}
+
+TEST_F(Verified, DifferingComponentsAreTheFinishedImages) {
+  Rendered rendered = must_render(natural(67, 35));
+  const Verification before = again(rendered);
+  auto* texel = const_cast<std::byte*>(&rendered.memory.output_row(9)[4 * 31]);
+  texel[0] = std::byte(std::to_integer<int>(texel[0]) ^ 0x10);
+  texel[1] = std::byte(std::to_integer<int>(texel[1]) ^ 0x10);
+  texel[3] ^= std::byte{0xff};
+  const Verification after = again(rendered);
+  EXPECT_NEAR(static_cast<double>(after.differing), static_cast<double>(before.differing) + 2, 1);
+  EXPECT_NEAR(after.max_difference, 16, 1);
+  EXPECT_EQ(after.max_codes, before.max_codes);
+}
+
+TEST_F(Verified, DitherIsNoDifference) {
+  for (OutputFormat format : {OutputFormat::kRgba8, OutputFormat::kRgba16}) {
+    Settings settings;
+    settings.output_format = format;
+    settings.dither = true;
+    auto rendered =
+        render(natural(333, 129), settings, {.sequence = 7, .previous = std::nullopt}, Verify::kYes);
+    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    const Verification& error = rendered->report.verification->rounded;
+    EXPECT_LE(error.max_codes, 4e-4);
+    EXPECT_LE(error.max_difference, 1);
+    EXPECT_LE(static_cast<double>(error.differing), format == OutputFormat::kRgba8 ? 130 : 12000);
+    // Another frame's noise is a difference.
+    const Verification other =
+        verify_frame(rendered->memory, settings, rendered->report, {.sequence = 8, .previous = std::nullopt})
+            .rounded;
+    EXPECT_GT(static_cast<double>(other.differing), 0.3 * static_cast<double>(other.components));
+  }
+}
+
+TEST_F(Verified, WrongMeteringAndWrongBloomAreSeen) {
+  Rendered rendered = must_render(natural(67, 35));
+  EXPECT_LE(again(rendered).meter_error_ev, 2e-5);
+  EXPECT_LE(again(rendered).bloom_error, 4e-6);
+  rendered.report.stats.mean_log2_luminance += 0.25;
+  EXPECT_NEAR(again(rendered).meter_error_ev, 0.25, 2e-5);
+  const FrameMemory::Parts& parts = rendered.memory.parts();
+  std::memset(parts.levels[0].buffer().mapped(), 0, parts.levels[0].buffer().bytes());
+  EXPECT_NEAR(again(rendered).bloom_error, 1.0, 1e-9);
+  std::memset(parts.levels[0].buffer().mapped(), 0xff, 16);  // NaN
+  EXPECT_EQ(again(rendered).bloom_error, INFINITY);
+}
+
+TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
+  Settings settings;
+  settings.tier = "draft";
+  // A smooth light: what is left out hardly shows.
+  const WireFrame frame = make_frame(256, 200, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
+    const float dx = static_cast<float>(x) - 128.0f, dy = static_cast<float>(y) - 100.0f;
+    const float v = 30.0f * std::exp(-(dx * dx + dy * dy) / 1500.0f);
+    return {v, v, v, 1};
+  });
+  const Verification smooth = must_render(frame, settings).report.verification->rounded;
+  EXPECT_GT(smooth.bloom_error, 4e-6);
+  EXPECT_LT(smooth.bloom_error, 0.02);
+  EXPECT_GT(must_render(natural(256, 200), settings).report.verification->rounded.bloom_error, 0.02);
+  // Against the twin of its own numbers it is right.
+  Rendered rendered = must_render(frame, settings);
+  EXPECT_LE(verify_frame(rendered.memory, settings, rendered.report, {}, 4).rounded.bloom_error, 4e-6);
+}
+
+TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
+  const FrameReport floats = must_render(natural(67, 35, PixelFormat::kRgba32f)).report;
+  EXPECT_GT(floats.verification->unrounded.max_codes, 10 * floats.verification->rounded.max_codes);
+  EXPECT_LT(floats.verification->unrounded.max_codes, 0.5);
+  const FrameReport halves = must_render(natural(67, 35)).report;
+  EXPECT_EQ(halves.verification->unrounded.max_codes, halves.verification->rounded.max_codes);
+  Settings settings;  // a matrix makes other numbers of halves
+  settings.input_chromaticities = {{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290}};
+  const FrameReport converted = must_render(natural(67, 35), settings).report;
+  EXPECT_GT(converted.verification->unrounded.max_codes, 10 * converted.verification->rounded.max_codes);
+}
+
+TEST_F(Verified, StagingCopiesChangeNoNumber) {
+  auto staged = Device::create({.selector = "", .validation = false, .staging = true});
+  ASSERT_TRUE(staged.ok()) << staged.status();
+  TexturePool own_pool(**staged, uint64_t{1} << 30);
+  auto own = Renderer::create(**staged, own_pool);
+  ASSERT_TRUE(own.ok()) << own.status();
+  for (const WireFrame& frame : {natural(131, 67), natural(130, 35, PixelFormat::kRgba32f)}) {
+    const auto there = render_on(**own, frame, {}, {}, Verify::kWithMap);
+    ASSERT_TRUE(there.ok()) << there.status();
+    const Rendered here = must_render(frame);
+    const Verification& a = there->report.verification->rounded;
+    const Verification& b = here.report.verification->rounded;
+    EXPECT_EQ(a.max_codes, b.max_codes);
+    EXPECT_EQ(a.mean_codes, b.mean_codes);
+    EXPECT_EQ(a.differing, b.differing);
+    EXPECT_EQ(a.bloom_error, b.bloom_error);
+    EXPECT_GT(a.bloom_error, 0.0);
+    EXPECT_EQ(mapped(*there, a.worst_x, a.worst_y), mapped(here, b.worst_x, b.worst_y));
+  }
+}
+
+TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
+  const FrameDesc desc = {640, 480, PixelFormat::kRgba16f};
+  constexpr uint64_t kPixels = 640 * 480;
+  // Frame, image and levels are 18 bytes a pixel, verification 44 more.
+  TexturePool small(device(), 40 * kPixels);
+  auto renderer = Renderer::create(device(), small);
+  ASSERT_TRUE(renderer.ok());
+  EXPECT_TRUE((*renderer)->allocate(desc, {}).ok());
+  const absl::Status refused = (*renderer)->allocate(desc, {}, Verify::kYes).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted) << refused;
+  EXPECT_NE(std::string(refused.message()).find("the memory budget is 12288000"), std::string::npos)
+      << refused;
+  EXPECT_NE(std::string(refused.message()).find("do without verification"), std::string::npos) << refused;
+
+  TexturePool enough(device(), 70 * kPixels);
+  auto other = Renderer::create(device(), enough);
+  ASSERT_TRUE(other.ok());
+  auto memory = (*other)->allocate(desc, {}, Verify::kWithMap);
+  ASSERT_TRUE(memory.ok()) << memory.status();
+  EXPECT_GE(enough.counters().bytes_in_use, 58 * kPixels);
+  // Beside it there is no room now, but there will be.
+  EXPECT_EQ((*other)->allocate(desc, {}, Verify::kYes).status().code(), absl::StatusCode::kUnavailable);
+  memory->keep_output_only();
+  EXPECT_EQ(enough.counters().bytes_in_use, (4 + 2) * kPixels);
+  *memory = FrameMemory();
+  EXPECT_EQ(enough.counters().bytes_in_use, 0u);
+}
+
+}  // namespace
+}  // namespace candela::testing
