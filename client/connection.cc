@@ -109,6 +109,8 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
   header.set_height(frame.height);
   header.set_format(frame.format);
   header.set_total_bytes(frame.pixels.size());
+  request.mutable_start()->set_verify(frame.verify);
+  request.mutable_start()->set_error_map(frame.error_map);
   return serialize(request);
 }
 
@@ -120,7 +122,7 @@ bool send_bands(RawCall& call, const FrameView& frame) {
   for (uint64_t y = 0; y < frame.height; y += rows) {
     const uint64_t bytes = std::min<uint64_t>(rows, frame.height - y) * row_bytes;
     const grpc::Slice pixels(frame.pixels.data() + y * row_bytes, bytes);
-    if (!call.write(v1::make_band(static_cast<uint32_t>(y), pixels))) return false;
+    if (!call.write(v1::make_band(v1::kFrameBand, static_cast<uint32_t>(y), pixels))) return false;
   }
   return true;
 }
@@ -139,27 +141,41 @@ absl::StatusOr<RenderResult> begin_result(grpc::ByteBuffer& message, const Frame
   }
   const uint64_t pixel_bytes = bytes_per_pixel(result.header.format());
   if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
+  if (frame.verify && !result.header.has_verify()) {
+    return absl::UnimplementedError(
+        "the server does not verify frames: it is older than this client; do without verification or update "
+        "it");
+  }
   result.bytes = uint64_t{frame.width} * frame.height * pixel_bytes;
   result.data = std::make_unique_for_overwrite<std::byte[]>(result.bytes);
+  if (frame.error_map) result.error_map.resize(size_t{frame.width} * frame.height);
   return result;
 }
 
-// Copies the band's pixels to `at` and moves it past them.
-absl::Status take_band(grpc::ByteBuffer& message, RenderResult& result, size_t& at) {
+// What comes in bands: the image, then the error map where there is one.
+struct Incoming {
+  v1::BandKind kind;
+  std::span<std::byte> bytes;
+  uint64_t row_bytes;
+  size_t at = 0;  // how much of it is there
+};
+
+// Copies the band to its place and moves past it.
+absl::Status take_band(grpc::ByteBuffer& message, Incoming& whole) {
   uint64_t taken = 0;
   const auto take = [&](google::protobuf::io::CodedInputStream& input, uint64_t bytes) -> absl::Status {
-    if (bytes > result.bytes - at) return not_the_protocol("it holds more than the image");
-    if (!input.ReadRaw(result.data.get() + at, static_cast<int>(bytes))) return not_the_protocol("cut short");
+    if (bytes > whole.bytes.size() - whole.at) return not_the_protocol("it holds more than the frame has");
+    if (!input.ReadRaw(whole.bytes.data() + whole.at, static_cast<int>(bytes))) {
+      return not_the_protocol("cut short");
+    }
     taken = bytes;
     return absl::OkStatus();
   };
-  const absl::StatusOr<uint32_t> first_row = v1::read_band(message, take);
+  const absl::StatusOr<uint32_t> first_row = v1::read_band(whole.kind, message, take);
   if (!first_row.ok()) return not_the_protocol(std::string(first_row.status().message()).c_str());
   if (taken == 0) return not_the_protocol("an empty band");
-  if (uint64_t{*first_row} * (result.bytes / result.header.height()) != at) {
-    return not_the_protocol("its bands are out of order");
-  }
-  at += taken;
+  if (*first_row * whole.row_bytes != whole.at) return not_the_protocol("its bands are out of order");
+  whole.at += taken;
   return absl::OkStatus();
 }
 
@@ -217,12 +233,16 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
   }
   absl::StatusOr<RenderResult> result = begin_result(message, frame);
   if (!result.ok()) return result;
-  size_t at = 0;
+  Incoming image{v1::kImageBand, {result->data.get(), result->bytes}, result->bytes / frame.height};
+  const std::span<uint16_t> halves = result->error_map;
+  Incoming map{v1::kErrorMapBand, std::as_writable_bytes(halves), frame.width * sizeof(uint16_t)};
   while (call.read(message)) {
-    if (absl::Status status = take_band(message, *result, at); !status.ok()) return status;
+    Incoming& due = image.at < image.bytes.size() || map.bytes.empty() ? image : map;
+    if (absl::Status status = take_band(message, due); !status.ok()) return status;
   }
   if (absl::Status status = from_grpc(call.finish(), address_, true); !status.ok()) return status;
-  if (at != result->bytes) return not_the_protocol("it ended before the image was whole");
+  if (image.at != image.bytes.size()) return not_the_protocol("it ended before the image was whole");
+  if (map.at != map.bytes.size()) return not_the_protocol("it ended before the error map was whole");
   return result;
 }
 

@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -28,7 +29,9 @@ struct FrameView {
   std::optional<v1::ExposureState> previous =
       std::nullopt;  // to adapt from; none: the frame takes its target
   std::function<void()> on_sent =
-      nullptr;  // called once all of `pixels` was copied out, before the result comes
+      nullptr;             // called once all of `pixels` was copied out, before the result comes
+  bool verify = false;     // have the image held against the reference; takes the server seconds
+  bool error_map = false;  // have a map of its error, too; only with `verify`
 };
 
 // A rendered image and what the server says about it. Movable.
@@ -36,6 +39,9 @@ struct RenderResult {
   v1::ResultHeader header;
   std::unique_ptr<std::byte[]> data;  // header.height rows of header.width pixels of header.format, tight
   size_t bytes = 0;
+  // Where it was asked for: a half a pixel, rows from top to bottom, the largest error of R, G and B in
+  // codes.
+  std::vector<uint16_t> error_map;
 
   std::span<const std::byte> pixels() const { return {data.get(), bytes}; }
 };
@@ -52,7 +58,8 @@ class Connection {
   explicit Connection(std::shared_ptr<grpc::Channel> channel);
 
   // Sends the frame in bands and collects the image. Holds the image once and, of the frame, one band.
-  // A server that refuses the frame by its header is heard before the bands are sent.
+  // A server that refuses the frame by its header is heard before the bands are sent. UNIMPLEMENTED by one
+  // that does not verify where it was asked to.
   absl::StatusOr<RenderResult> render(const v1::Settings& settings, const FrameView& frame,
                                       absl::Time deadline = absl::InfiniteFuture()) const;
 

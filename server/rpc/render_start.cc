@@ -84,6 +84,13 @@ absl::StatusOr<std::optional<PreviousExposure>> previous_from(const v1::RenderSt
   return previous;
 }
 
+absl::StatusOr<Verify> verify_from(const v1::RenderStart& start) {
+  if (!start.verify() && start.error_map()) {
+    return absl::InvalidArgumentError("error_map is set and verify is not; set both for a map, or neither");
+  }
+  return start.error_map() ? Verify::kWithMap : start.verify() ? Verify::kYes : Verify::kNo;
+}
+
 }  // namespace
 
 absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
@@ -175,7 +182,9 @@ absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const F
   if (absl::Status status = check_settings_for(*settings, *desc); !status.ok()) return status;
   absl::StatusOr<std::optional<PreviousExposure>> previous = previous_from(start);
   if (!previous.ok()) return previous.status();
-  return RenderStart{*desc, start.frame().sequence(), *stride, *std::move(settings), *previous};
+  const absl::StatusOr<Verify> verify = verify_from(start);
+  if (!verify.ok()) return verify.status();
+  return RenderStart{*desc, start.frame().sequence(), *stride, *std::move(settings), *previous, *verify};
 }
 
 }  // namespace candela

@@ -10,6 +10,7 @@
 #include "candela/v1/render.pb.h"
 #include "server/render/exposure.h"
 #include "server/render/frame.h"
+#include "server/render/renderer.h"
 #include "server/render/settings.h"
 
 namespace candela {
@@ -20,6 +21,7 @@ struct RenderStart {
   uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
   Settings settings;
   std::optional<PreviousExposure> previous;  // absent: the frame takes its target at once
+  Verify verify = Verify::kNo;
 };
 
 // Reads and checks everything that can be checked before a pixel is there: check_frame, check_settings, the

@@ -19,6 +19,24 @@ grpc::ByteBuffer serialize(const v1::RenderResponse& response) {
   return grpc::ByteBuffer(&bytes, 1);
 }
 
+uint32_t rows_of_a_band(uint32_t left, uint64_t row_bytes) {
+  return static_cast<uint32_t>(std::min<uint64_t>(left, v1::kMaxBandBytes / row_bytes));
+}
+
+v1::Verification verification(const Verification& ours) {
+  v1::Verification message;
+  message.set_max_error_codes(ours.max_codes);
+  message.set_p999_error_codes(ours.p999_codes);
+  message.set_mean_error_codes(ours.mean_codes);
+  message.set_worst_x(ours.worst_x);
+  message.set_worst_y(ours.worst_y);
+  message.set_differing_components(static_cast<double>(ours.differing) /
+                                   static_cast<double>(ours.components));
+  message.set_meter_error_ev(ours.meter_error_ev);
+  message.set_bloom_error(ours.bloom_error);
+  return message;
+}
+
 }  // namespace
 
 v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device) {
@@ -49,6 +67,10 @@ v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered
   }
   header.set_tier(frame.settings.tier);
   header.set_device(device);
+  if (report.verification) {
+    *header.mutable_verify() = verification(report.verification->rounded);
+    *header.mutable_verify_unrounded() = verification(report.verification->unrounded);
+  }
   return header;
 }
 
@@ -66,20 +88,30 @@ bool ResultWriter::next(grpc::ByteBuffer& message) {
     message.Swap(&header_);
     return true;
   }
-  const uint32_t left = frame_->memory.desc().height - next_row_;
-  if (left == 0) return false;
-  const auto count = static_cast<uint32_t>(std::min<uint64_t>(left, v1::kMaxBandBytes / row_bytes_));
-  message = v1::make_band(next_row_, rows(next_row_, count));
-  next_row_ += count;
+  const uint32_t height = frame_->memory.desc().height;
+  if (next_row_ < height) {
+    const uint32_t count = rows_of_a_band(height - next_row_, row_bytes_);
+    message = v1::make_band(v1::kImageBand, next_row_, rows(next_row_, count));
+    next_row_ += count;
+    return true;
+  }
+  const uint64_t map_row_bytes = frame_->memory.error_map_row(0).size_bytes();
+  if (map_row_bytes == 0 || next_map_row_ == height) return false;
+  const uint32_t count = rows_of_a_band(height - next_map_row_, map_row_bytes);
+  const void* map = frame_->memory.error_map_row(next_map_row_).data();
+  message = v1::make_band(v1::kErrorMapBand, next_map_row_, refer_to(map, map_row_bytes * count));
+  next_map_row_ += count;
   return true;
+}
+
+grpc::Slice ResultWriter::refer_to(const void* bytes, uint64_t count) const {
+  // gRPC only reads it.
+  return grpc::Slice(const_cast<void*>(bytes), count, let_go, new std::shared_ptr<const Frame>(frame_));
 }
 
 grpc::Slice ResultWriter::rows(uint32_t first, uint32_t count) const {
   const uint64_t bytes = row_bytes_ * count;
-  if (frame_->memory.output_contiguous()) {
-    void* pixels = const_cast<std::byte*>(frame_->memory.output_row(first).data());  // gRPC only reads it
-    return grpc::Slice(pixels, bytes, let_go, new std::shared_ptr<const Frame>(frame_));
-  }
+  if (frame_->memory.output_contiguous()) return refer_to(frame_->memory.output_row(first).data(), bytes);
   grpc::Slice copy(bytes);
   auto* to = const_cast<uint8_t*>(copy.begin());  // ours until it is sent
   for (uint32_t y = first; y < first + count; ++y, to += row_bytes_) {

@@ -1,4 +1,4 @@
-// The messages of a result: a header, then the image in bands.
+// The messages of a result: a header, then the image in bands, then its error map where there is one.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -27,12 +27,14 @@ class ResultWriter {
 
  private:
   grpc::Slice rows(uint32_t first, uint32_t count) const;
+  grpc::Slice refer_to(const void* bytes, uint64_t count) const;
 
   const std::shared_ptr<const Frame> frame_;
   const uint64_t row_bytes_;
   grpc::ByteBuffer header_;
   bool header_sent_ = false;
   uint32_t next_row_ = 0;
+  uint32_t next_map_row_ = 0;
 };
 
 }  // namespace candela

@@ -1,6 +1,7 @@
 // Frames that are as they should be.
 #include <grpcpp/support/byte_buffer.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -101,6 +102,52 @@ TEST_P(Render, EveryFormatInAndOut) {
       EXPECT_EQ(result->bytes, 37u * 21 * (out == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
     }
   }
+}
+
+TEST_P(Render, AVerifiedFrameComesWithItsErrorAndItsMap) {
+  // Several bands of image and of map, and a width that is no multiple of the texel group.
+  const WireFrame frame = natural(1023, 1100, PixelFormat::kRgba32f);
+  FrameView plain = view(frame), verified = view(frame), mapped = view(frame);
+  verified.verify = mapped.verify = mapped.error_map = true;
+  const absl::StatusOr<RenderResult> a = connection().render({}, plain);
+  const absl::StatusOr<RenderResult> b = connection().render({}, verified);
+  const absl::StatusOr<RenderResult> c = connection().render({}, mapped);
+  ASSERT_TRUE(a.ok() && b.ok() && c.ok()) << a.status() << b.status() << c.status();
+  EXPECT_FALSE(a->header.has_verify());
+  EXPECT_TRUE(a->error_map.empty());
+  EXPECT_TRUE(b->error_map.empty());
+  EXPECT_EQ(text(a->pixels()), text(b->pixels()));
+  EXPECT_EQ(text(a->pixels()), text(c->pixels()));
+  EXPECT_EQ(b->header.verify().SerializeAsString(), c->header.verify().SerializeAsString());
+  const v1::Verification& error = c->header.verify();
+  EXPECT_GT(error.max_error_codes(), 0);
+  EXPECT_LE(error.max_error_codes(), 0.5);
+  EXPECT_LE(error.p999_error_codes(), 0.05);
+  EXPECT_GT(c->header.verify_unrounded().max_error_codes(), error.max_error_codes());
+  EXPECT_EQ(c->header.stages(c->header.stages_size() - 1).name(), "verify");
+  ASSERT_EQ(c->error_map.size(), 1023u * 1100u);
+  // Positive halves are ordered as their bits are.
+  const uint16_t worst = *std::max_element(c->error_map.begin(), c->error_map.end());
+  EXPECT_EQ(c->error_map[size_t{error.worst_y()} * 1023 + error.worst_x()], worst);
+}
+
+TEST_P(Render, VerificationBeyondTheBudgetIsRefusedBeforeAPixelIsRead) {
+  // 256 MiB hold the frame but not its verification.
+  grpc::ClientContext context;
+  const auto stub = v1::RenderService::NewStub(channel());
+  const auto stream = stub->Render(&context);
+  v1::RenderRequest start;
+  start.mutable_start()->mutable_frame()->set_width(2800);
+  start.mutable_start()->mutable_frame()->set_height(2800);
+  start.mutable_start()->mutable_frame()->set_format(v1::PIXEL_FORMAT_RGBA16F);
+  start.mutable_start()->set_verify(true);
+  stream->Write(start);
+  v1::RenderResponse response;
+  EXPECT_FALSE(stream->Read(&response));
+  const grpc::Status status = stream->Finish();
+  EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED) << status.error_message();
+  EXPECT_NE(status.error_message().find("the memory budget is 268435456"), std::string::npos)
+      << status.error_message();
 }
 
 TEST_P(Render, RowPaddingChangesNothing) {

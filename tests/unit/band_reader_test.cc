@@ -17,7 +17,7 @@ class BandReaderTest : public ::testing::Test {
   static constexpr uint64_t kStride = 16;
 
   absl::Status read(uint32_t first_row, const std::string& pixels) {
-    grpc::ByteBuffer message = v1::make_band(first_row, grpc::Slice(pixels));
+    grpc::ByteBuffer message = v1::make_band(v1::kFrameBand, first_row, grpc::Slice(pixels));
     return reader_.read(message, [this](uint32_t y) {
       return std::span(reinterpret_cast<std::byte*>(rows_.at(y).data()), rows_.at(y).size());
     });

@@ -7,6 +7,7 @@
 #include <optional>
 #include <random>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "candela/v1/render.pb.h"
@@ -37,11 +38,11 @@ struct Read {
   std::string pixels;
 };
 
-absl::StatusOr<Read> read(const std::string& bytes, size_t slice_bytes = 7) {
+absl::StatusOr<Read> read(const std::string& bytes, size_t slice_bytes = 7, BandKind kind = kFrameBand) {
   grpc::ByteBuffer buffer = buffer_of(bytes, slice_bytes);
   Read result;
-  const absl::StatusOr<uint32_t> first_row =
-      read_band(buffer, [&](google::protobuf::io::CodedInputStream& input, uint64_t size) -> absl::Status {
+  const absl::StatusOr<uint32_t> first_row = read_band(
+      kind, buffer, [&](google::protobuf::io::CodedInputStream& input, uint64_t size) -> absl::Status {
         if (!input.ReadString(&result.pixels, static_cast<int>(size))) return absl::DataLossError("short");
         return absl::OkStatus();
       });
@@ -70,11 +71,30 @@ TEST(BandWire, BytesAreExactlyTheGeneratedClasses) {
       RenderResponse response;
       response.mutable_band()->set_first_row(first_row);
       response.mutable_band()->set_pixels(pixels);
-      const std::string ours = bytes_of(make_band(first_row, grpc::Slice(pixels)));
+      const std::string ours = bytes_of(make_band(kImageBand, first_row, grpc::Slice(pixels)));
       EXPECT_EQ(ours, response.SerializeAsString()) << first_row << " " << size;
       EXPECT_EQ(ours, request(first_row, pixels).SerializeAsString());
     }
   }
+}
+
+TEST(BandWire, TheErrorMapIsAnotherMemberOfTheSameMessage) {
+  RenderResponse image, map;
+  image.mutable_band()->set_pixels("abc");
+  map.mutable_error_map()->set_first_row(7);
+  map.mutable_error_map()->set_pixels("de");
+  EXPECT_EQ(bytes_of(make_band(kErrorMapBand, 7, grpc::Slice("de"))), map.SerializeAsString());
+  // Of the members of a oneof the last one counts.
+  for (const auto& [first, second, kind, other] : {std::tuple(image, map, kErrorMapBand, kImageBand),
+                                                   std::tuple(map, image, kImageBand, kErrorMapBand)}) {
+    const std::string bytes = first.SerializeAsString() + second.SerializeAsString();
+    const absl::StatusOr<Read> band = read(bytes, 7, kind);
+    ASSERT_TRUE(band.ok()) << band.status();
+    EXPECT_EQ(band->pixels, second.has_band() ? "abc" : "de");
+    EXPECT_TRUE(absl::IsInvalidArgument(read(bytes, 7, other).status()));
+  }
+  // In a request its number is a field that nobody knows.
+  EXPECT_EQ(read(request(0, "abc").SerializeAsString() + map.SerializeAsString())->pixels, "abc");
 }
 
 TEST(BandWire, ReadsTheGeneratedClassesBytesInSlicesOfAnySize) {
@@ -151,8 +171,8 @@ TEST(BandWire, RefusesABandOverTwoMebibytesBeforeItTakesAPixel) {
   const std::string message = request(0, pattern(kMaxBandBytes + 1)).SerializeAsString();
   grpc::ByteBuffer buffer = buffer_of(message, 1 << 16);
   bool taken = false;
-  const absl::StatusOr<uint32_t> band =
-      read_band(buffer, [&](google::protobuf::io::CodedInputStream&, uint64_t bytes) -> absl::Status {
+  const absl::StatusOr<uint32_t> band = read_band(
+      kFrameBand, buffer, [&](google::protobuf::io::CodedInputStream&, uint64_t bytes) -> absl::Status {
         taken |= bytes > 0;
         return absl::OkStatus();
       });

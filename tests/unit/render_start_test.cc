@@ -75,6 +75,19 @@ TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
   EXPECT_EQ(start->settings.prescale, 1.5);
 }
 
+TEST(RenderStart, VerificationIsReadAndAMapNeedsIt) {
+  v1::RenderRequest message = request(1, 1);
+  EXPECT_EQ(read(message)->verify, Verify::kNo);
+  message.mutable_start()->set_verify(true);
+  EXPECT_EQ(read(message)->verify, Verify::kYes);
+  message.mutable_start()->set_error_map(true);
+  EXPECT_EQ(read(message)->verify, Verify::kWithMap);
+  message.mutable_start()->set_verify(false);
+  const absl::Status status = read(message).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_NE(status.message().find("verify"), absl::string_view::npos) << status;
+}
+
 TEST(RenderStart, RefusesEmptyAndOversizedFrames) {
   EXPECT_EQ(code(request(0, 1)), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(code(request(1, 0)), absl::StatusCode::kInvalidArgument);

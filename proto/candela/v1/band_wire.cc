@@ -17,12 +17,11 @@ using google::protobuf::io::CodedInputStream;
 using google::protobuf::io::CodedOutputStream;
 
 constexpr uint32_t tag(uint32_t field, uint32_t wire_type) { return field << 3 | wire_type; }
+constexpr uint32_t field_of(uint32_t tag) { return tag >> 3; }
+constexpr uint32_t wire_type_of(uint32_t tag) { return tag & 7; }
 constexpr uint32_t kVarint = 0;
 constexpr uint32_t kLengthDelimited = 2;
 
-// RenderRequest and RenderResponse
-constexpr uint32_t kOtherPart = tag(1, kLengthDelimited);
-constexpr uint32_t kBand = tag(2, kLengthDelimited);
 // Band
 constexpr uint32_t kFirstRow = tag(1, kVarint);
 constexpr uint32_t kPixels = tag(2, kLengthDelimited);
@@ -58,13 +57,13 @@ absl::Status read_fields(CodedInputStream& input, uint32_t& first_row, TakePixel
 
 }  // namespace
 
-grpc::ByteBuffer make_band(uint32_t first_row, grpc::Slice pixels) {
+grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice pixels) {
   const auto bytes = static_cast<uint32_t>(pixels.size());
   size_t band_bytes = 1 + CodedOutputStream::VarintSize32(bytes) + bytes;
   if (first_row != 0) band_bytes += 1 + CodedOutputStream::VarintSize32(first_row);
 
   std::array<uint8_t, 4 + 3 * 5> head;
-  uint8_t* end = CodedOutputStream::WriteTagToArray(kBand, head.data());
+  uint8_t* end = CodedOutputStream::WriteTagToArray(tag(kind.field, kLengthDelimited), head.data());
   end = CodedOutputStream::WriteVarint32ToArray(static_cast<uint32_t>(band_bytes), end);
   if (first_row != 0) {
     end = CodedOutputStream::WriteTagToArray(kFirstRow, end);
@@ -78,7 +77,7 @@ grpc::ByteBuffer make_band(uint32_t first_row, grpc::Slice pixels) {
   return grpc::ByteBuffer(slices.data(), slices.size());
 }
 
-absl::StatusOr<uint32_t> read_band(grpc::ByteBuffer& message, TakePixels take) {
+absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, TakePixels take) {
   grpc::ProtoBufferReader slices(&message);
   CodedInputStream input(&slices);
   input.PushLimit(static_cast<int>(message.Length()));
@@ -87,7 +86,7 @@ absl::StatusOr<uint32_t> read_band(grpc::ByteBuffer& message, TakePixels take) {
   bool is_band = false;
   uint32_t first_row = 0;
   while (const uint32_t field = input.ReadTag()) {
-    if (field == kBand) {
+    if (field == tag(kind.field, kLengthDelimited)) {
       if (!is_band) {
         is_band = true;
         first_row = 0;
@@ -100,7 +99,8 @@ absl::StatusOr<uint32_t> read_band(grpc::ByteBuffer& message, TakePixels take) {
       input.PopLimit(outer);
       continue;
     }
-    if (field == kOtherPart) is_band = false;
+    const bool member = field_of(field) >= 1 && field_of(field) <= kind.members;
+    if (member && wire_type_of(field) == kLengthDelimited) is_band = false;
     if (!WireFormatLite::SkipField(&input, field)) return malformed();
   }
   if (!input.ConsumedEntireMessage()) return malformed();
