@@ -26,7 +26,9 @@ struct RenderOptions {
   v1::ExposureState previous;  // exposure 0: none
   WriteOptions write;
   ServerChoice server;
-  std::string json;  // a path, "-" for stdout, "" for none
+  bool verify = false;    // hold the image against the reference
+  std::string error_map;  // a .png, "" for none; only with `verify`
+  std::string json;       // a path, "-" for stdout, "" for none
   bool quiet = false;
   std::vector<std::string> notes;  // options that change nothing for this output
 };

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands.h"
+#include "client/cli/error_map.h"
 #include "client/cli/json_output.h"
 #include "client/cli/render_options.h"
 #include "client/cli/report.h"
@@ -61,6 +62,7 @@ class Rendering {
   absl::StatusOr<RenderReport> run() {
     report_.input = options_.input;
     report_.output = options_.output;
+    report_.error_map = options_.error_map;
     report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL;
     report_.notes = options_.notes;
     absl::StatusOr<Image> image = read();
@@ -68,6 +70,7 @@ class Rendering {
     absl::StatusOr<Image> picture = render(*std::move(image));
     if (!picture.ok()) return picture.status();
     if (absl::Status status = write(*picture); !status.ok()) return status;
+    if (absl::Status status = write_error_map(); !status.ok()) return status;
     report_.total_ms = ms_since(begin_);
     return std::move(report_);
   }
@@ -94,6 +97,8 @@ class Rendering {
     const absl::Time begin = absl::Now();
     FrameView view = view_of(frame);
     if (options_.previous.exposure() > 0) view.previous = options_.previous;
+    view.verify = options_.verify;
+    view.error_map = !options_.error_map.empty();
     view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
     absl::StatusOr<RenderResult> result =
         (*server)->render(settings_for(frame, options_), view, begin + kRenderTimeout);
@@ -102,6 +107,7 @@ class Rendering {
     link_.close();
 
     report_.header = std::move(result->header);
+    error_map_ = std::move(result->error_map);
     add_stages(call_ms);
     absl::StatusOr<Image> picture =
         make_image(report_.header.width(), report_.header.height(), image_format(report_.header.format()));
@@ -120,6 +126,15 @@ class Rendering {
     report_.stage_ms.emplace_back("write", ms_since(begin));
     add_notes(*std::move(notes));
     return absl::OkStatus();
+  }
+
+  absl::Status write_error_map() {
+    if (options_.error_map.empty()) return absl::OkStatus();
+    progress_.show("writing " + options_.error_map);
+    const absl::StatusOr<Image> map =
+        draw_error_map(error_map_, report_.header.width(), report_.header.height());
+    if (!map.ok()) return map.status();
+    return write_image(options_.error_map, *map, {.text = {{"Description", error_scale_words()}}}).status();
   }
 
   void add_notes(std::vector<std::string> notes) {
@@ -143,13 +158,17 @@ class Rendering {
   Progress& progress_;
   ServerLink link_;
   RenderReport report_;
+  std::vector<uint16_t> error_map_;
   double read_ms_ = 0;
 };
 
 }  // namespace
 
 absl::Status run_render(const RenderOptions& options) {
-  if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
+  for (const std::string& path : {options.output, options.error_map}) {
+    if (path.empty()) continue;
+    if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
+  }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   Progress progress(!options.quiet);

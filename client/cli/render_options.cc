@@ -19,6 +19,7 @@ constexpr char kExposure[] = "Exposure";
 constexpr char kMetering[] = "Metering";
 constexpr char kBloom[] = "Bloom";
 constexpr char kTone[] = "Tone";
+constexpr char kVerification[] = "Verification";
 constexpr char kOutput[] = "Output";
 constexpr char kServer[] = "Server";
 
@@ -241,6 +242,30 @@ void add_tone_options(CLI::App& app, v1::Settings& settings) {
                           [&settings](v1::BadValues policy) { settings.set_bad_values(policy); });
 }
 
+void add_verification_options(CLI::App& app, RenderOptions& options) {
+  app.add_flag("--verify", options.verify,
+               "Hold the image against a float64 reference and say how far it is off; takes seconds")
+      ->group(kVerification);
+  add_text(app, kVerification, "--error-map", "FILE.png",
+           "Draw where it is off and how far; implies --verify", [&options](const std::string& path) {
+             options.error_map = path;
+             options.verify = true;
+             return absl::OkStatus();
+           });
+}
+
+absl::Status check_error_map(const RenderOptions& options) {
+  if (options.error_map.empty()) return absl::OkStatus();
+  const absl::StatusOr<OutputKind> kind = output_kind(options.error_map);
+  if (!kind.ok() || *kind != OutputKind::kPng) {
+    return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", options.error_map));
+  }
+  if (options.error_map == options.output) {
+    return usage_error(absl::StrFormat("--error-map %s: OUT is that file; give two", options.error_map));
+  }
+  return absl::OkStatus();
+}
+
 void add_output_options(CLI::App& app, RenderArguments& arguments) {
   add_text(app, kOutput, "--bits", "8|16", "Bits a component of a .png (default 8)",
            [&arguments](const std::string& text) {
@@ -328,6 +353,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_metering_options(app, *options.settings.mutable_exposure()->mutable_metering());
   add_bloom_options(app, *options.settings.mutable_bloom());
   add_tone_options(app, options.settings);
+  add_verification_options(app, options);
   add_output_options(app, arguments);
   add_server_options(app, options.server);
 }
@@ -365,6 +391,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
     return usage_error("--weights spot needs --spot X0,Y0,X1,Y1");
   }
   absl::Status status = check_exposure_limits(options.settings.exposure());
+  status.Update(check_error_map(options));
   status.Update(check_server_options(options.server));
   return status;
 }

@@ -1,10 +1,12 @@
 #include "client/cli/report.h"
 
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/cli/error_map.h"
 
 namespace candela {
 namespace {
@@ -40,6 +42,37 @@ std::string time_words(const RenderReport& report) {
   return absl::StrFormat("%.0f ms: %s", report.total_ms, absl::StrJoin(report.stage_ms, ", ", stage));
 }
 
+void add_verification(const RenderReport& report, const std::function<void(const char*, std::string)>& line) {
+  const v1::ResultHeader& header = report.header;
+  if (!header.has_verify()) return;
+  const v1::Verification& v = header.verify();
+  const auto errors = [](const v1::Verification& e) {
+    return absl::StrFormat("at most %.3g codes, at %d,%d; p99.9 %.3g, mean %.3g", e.max_error_codes(),
+                           e.worst_x(), e.worst_y(), e.p999_error_codes(), e.mean_error_codes());
+  };
+  line("verify", "off the float64 reference by " + errors(v));
+  if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
+    line("",
+         absl::StrFormat("%.3g %% of the components differ once quantised", 100 * v.differing_components()));
+  }
+  line("", absl::StrFormat("metering off by %.2g EV, bloom by %.2g of its largest value", v.meter_error_ev(),
+                           v.bloom_error()));
+  line("", "with the scene not rounded to half, by " + errors(header.verify_unrounded()));
+  if (!report.error_map.empty()) {
+    line("error map", absl::StrFormat("%s: %s", report.error_map, error_scale_words()));
+  }
+}
+
+nlohmann::ordered_json to_json(const v1::Verification& v) {
+  return {{"max_error_codes", v.max_error_codes()},
+          {"p999_error_codes", v.p999_error_codes()},
+          {"mean_error_codes", v.mean_error_codes()},
+          {"worst_pixel", {v.worst_x(), v.worst_y()}},
+          {"differing_components", v.differing_components()},
+          {"meter_error_ev", v.meter_error_ev()},
+          {"bloom_error", v.bloom_error()}};
+}
+
 }  // namespace
 
 std::string to_text(const RenderReport& report) {
@@ -57,6 +90,7 @@ std::string to_text(const RenderReport& report) {
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");
   for (int i = 0; i < header.plan_size(); ++i) line(i == 0 ? "plan" : "", header.plan(i));
+  add_verification(report, line);
   line("time", time_words(report));
   return text;
 }
@@ -66,7 +100,7 @@ std::string to_json(const RenderReport& report) {
   const v1::FrameStatistics& statistics = header.statistics();
   nlohmann::ordered_json stages = nlohmann::ordered_json::object();
   for (const auto& [name, ms] : report.stage_ms) stages[name] = ms;
-  const nlohmann::ordered_json frame = {
+  nlohmann::ordered_json frame = {
       {"input", report.input},
       {"output", report.output},
       {"size", {{"width", header.width()}, {"height", header.height()}}},
@@ -87,6 +121,16 @@ std::string to_json(const RenderReport& report) {
       {"total_ms", report.total_ms},
       {"notes", report.notes},
   };
+  if (header.has_verify()) {
+    frame["verify"] = to_json(header.verify());
+    frame["verify_unrounded"] = to_json(header.verify_unrounded());
+  }
+  if (!report.error_map.empty()) {
+    frame["error_map"] = {{"file", report.error_map},
+                          {"least_codes", kLeastErrorCodes},
+                          {"most_codes", kMostErrorCodes},
+                          {"scale", error_scale_words()}};
+  }
   // A path need not be UTF-8.
   return frame.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }

@@ -13,7 +13,8 @@ struct RenderReport {
   std::string input;
   std::string output;
   v1::ResultHeader header;
-  bool metered = true;  // false: the exposure was given
+  std::string error_map;  // "" for none
+  bool metered = true;    // false: the exposure was given
   // In the order of the work: start, read, the server's own, other, write. A server of our own starts while
   // the image is read. `other` is what of the call is not in the server's stages: the frame's way there and
   // back, and with a first frame the driver's compiling.
@@ -27,7 +28,10 @@ std::string to_text(const RenderReport& report);
 
 // One object on one line: input, output, size {width, height}, device, tier, tier_reason, exposure, target,
 // mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, plan, stage_ms,
-// total_ms, notes. Numbers read back to the same bits.
+// total_ms, notes; of a verified frame also verify and verify_unrounded {max_error_codes, p999_error_codes,
+// mean_error_codes, worst_pixel [x, y], differing_components, meter_error_ev, bloom_error}, and of its error
+// map error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits; an infinite one
+// is null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -72,6 +73,8 @@ enum class EncodedTransfer { kSrgb, kGamma22, kLinear };
 struct WriteOptions {
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   int jpeg_quality = 92;  // 1..100
+  // Keyword (1..79 characters) and text, both Latin-1, of a PNG's tEXt chunks; other formats take none.
+  std::vector<std::pair<std::string, std::string>> text = {};
 };
 
 // Writes the image by the path's extension: .png from kRgba8 or kRgba16, .jpg from kRgba8, .exr and .pfm from

@@ -5,6 +5,9 @@
 
 #include <csetjmp>
 #include <cstdio>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "client/image/writers.h"
@@ -32,7 +35,7 @@ void on_warning(png_structp, png_const_charp) {}
 
 // Nothing in here has a destructor: libpng leaves it by longjmp. False on failure.
 bool encode(png_structp png, png_infop info, AtomicFile& file, const Image& image, bool alpha,
-            EncodedTransfer transfer) {
+            EncodedTransfer transfer, std::span<const png_text> text) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   const bool wide = image.format == ImageFormat::kRgba16;
   png_set_write_fn(png, &file, on_write, on_flush);
@@ -50,6 +53,7 @@ bool encode(png_structp png, png_infop info, AtomicFile& file, const Image& imag
     const AspectRatio ratio = aspect_ratio(image.pixel_aspect);
     png_set_pHYs(png, info, ratio.height, ratio.width, PNG_RESOLUTION_UNKNOWN);
   }
+  if (!text.empty()) png_set_text(png, info, text.data(), static_cast<int>(text.size()));
   // Run lengths and Huffman codes alone. Measured on a 1262x860 photograph: 37 ms and 1395 KB; zlib's level 3
   // takes 93 ms for 1611 KB, level 6 504 ms for 1436 KB. Filters have already taken what longer matches would
   // find.
@@ -63,6 +67,20 @@ bool encode(png_structp png, png_infop info, AtomicFile& file, const Image& imag
   }
   png_write_end(png, info);
   return true;
+}
+
+// They point into the options.
+std::vector<png_text> text_chunks(const WriteOptions& options) {
+  std::vector<png_text> chunks;
+  for (const auto& [keyword, text] : options.text) {
+    png_text chunk{};
+    chunk.compression = PNG_TEXT_COMPRESSION_NONE;
+    chunk.key = const_cast<char*>(keyword.c_str());  // libpng only reads them
+    chunk.text = const_cast<char*>(text.c_str());
+    chunk.text_length = text.size();
+    chunks.push_back(chunk);
+  }
+  return chunks;
 }
 
 }  // namespace
@@ -80,7 +98,8 @@ absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions&
   Failure failure;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &failure, on_error, on_warning);
   png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
-  const bool written = info != nullptr && encode(png, info, file, image, alpha, options.transfer);
+  const std::vector<png_text> text = text_chunks(options);
+  const bool written = info != nullptr && encode(png, info, file, image, alpha, options.transfer, text);
   png_destroy_write_struct(&png, &info);
   if (written || file.failed()) return absl::OkStatus();  // commit() has the system's reason
   return absl::InternalError(absl::StrFormat("%s: cannot encode the PNG: %s", file.path(),

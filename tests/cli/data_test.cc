@@ -29,15 +29,17 @@ class Data : public ::testing::Test {
 
 class EveryGoodFile : public Data, public ::testing::WithParamInterface<const char*> {};
 
-TEST_P(EveryGoodFile, BecomesAPictureOfItsSize) {
+TEST_P(EveryGoodFile, BecomesAPictureOfItsSizeWithinTheBounds) {
   for (const std::string& path : data_files(GetParam())) {
     if (path.ends_with("Trunks_deep.exr")) continue;
     const std::string png = folder_.path("out.png");
-    const nlohmann::json frame = candela_json({"render", path, png});
+    const nlohmann::json frame = candela_json({"render", path, png, "--verify"});
     ASSERT_TRUE(frame.is_object()) << path;
     const PngFacts facts = png_facts(png);
     EXPECT_EQ(frame.at("size").at("width"), facts.width) << path;
     EXPECT_EQ(frame.at("size").at("height"), facts.height) << path;
+    EXPECT_LE(frame.at("verify").at("max_error_codes").get<double>(), 0.5) << path;
+    EXPECT_LE(frame.at("verify").at("p999_error_codes").get<double>(), 0.05) << path;
   }
 }
 

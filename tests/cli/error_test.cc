@@ -70,6 +70,8 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "in.exr", "out"}, "use .png, .jpg, .jpeg, .exr or .pfm"},
            {render({"--server", "nowhere"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
            {render({"--server", "a:1", "--device", "0"}), "give one of them"},
+           {render({"--error-map", "map.jpg"}), "an error map is written as .png"},
+           {render({"--error-map", "out.png"}), "OUT is that file"},
            {{"sample", "scene.png"}, "written as .exr or .pfm"},
            {{"sample", "scene.exr", "--size", "0x5"}, "1x1 .. 16384x16384"},
            {{"sample", "scene.exr", "--size", "1920"}, "WIDTHxHEIGHT"},

@@ -4,6 +4,8 @@
 
 #include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "candela/v1/render.grpc.pb.h"
 #include "client/connection.h"
@@ -63,13 +65,33 @@ void send_band(Stream& stream, uint32_t first_row, size_t bytes) {
   stream.Write(response);
 }
 
+void send_verified_header(Stream& stream) {
+  v1::RenderResponse response;
+  v1::ResultHeader& header = *response.mutable_header();
+  header.set_width(31);
+  header.set_height(17);
+  header.set_format(v1::OUTPUT_FORMAT_RGBA8);
+  header.mutable_verify()->set_max_error_codes(1);
+  stream.Write(response);
+}
+
+void send_map_band(Stream& stream, uint32_t first_row, size_t bytes) {
+  v1::RenderResponse response;
+  response.mutable_error_map()->set_first_row(first_row);
+  response.mutable_error_map()->set_pixels(std::string(bytes, '\x11'));
+  stream.Write(response);
+}
+
 // What the command says of such an answer to its frame of 31 x 17 pixels.
-std::string words_for(Answer answer) {
+std::string words_for(Answer answer, const std::vector<std::string>& options = {}) {
   const Folder folder;
   write_small_exr(folder.path("in.exr"));
   const ForeignServer server(std::move(answer));
-  const Outcome outcome =
-      candela({"render", folder.path("in.exr"), folder.path("out.png"), "--server", server.address()});
+  std::vector<std::string> arguments{"render",   folder.path("in.exr"), folder.path("out.png"),
+                                     "--server", server.address(),      "-q"};
+  arguments.insert(arguments.end(), options.begin(), options.end());
+  if (!options.empty() && options.back() == "--error-map") arguments.push_back(folder.path("map.png"));
+  const Outcome outcome = candela(arguments);
   EXPECT_EQ(outcome.code, outcome.err.empty() ? 0 : 1) << outcome.err;
   return outcome.err;
 }
@@ -111,6 +133,61 @@ TEST(ForeignServer, AnEmptyBandIsRefused) {
     return grpc::Status::OK;
   });
   EXPECT_NE(words.find("an empty band"), std::string::npos) << words;
+}
+
+TEST(ForeignServer, AnErrorMapIsTakenAsTheImageIs) {
+  constexpr size_t kImage = 31 * 17 * 4, kMap = 31 * 17 * 2;
+  struct Case {
+    std::function<void(Stream&)> send;
+    std::string words;  // "" for success
+  };
+  for (const Case& c : std::vector<Case>{
+           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap); }, ""},
+           {[](Stream& s) {
+              send_band(s, 0, kImage), send_map_band(s, 0, 62), send_map_band(s, 1, kMap - 62);
+            },
+            ""},
+           {[](Stream& s) { send_band(s, 0, kImage); }, "before the error map was whole"},
+           {[](Stream& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); },
+            "no band where one is due"},
+           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 1, kMap); }, "out of order"},
+           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap + 2); }, "more than"},
+           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 0, 0); }, "an empty band"},
+           {[](Stream& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); },
+            "no band where one is due"}}) {
+    const std::string words = words_for(
+        [&c](grpc::ServerContext&, Stream& stream) {
+          send_verified_header(stream);
+          c.send(stream);
+          return grpc::Status::OK;
+        },
+        {"--error-map"});
+    EXPECT_EQ(words.empty(), c.words.empty()) << words;
+    EXPECT_NE(words.find(c.words), std::string::npos) << words;
+  }
+}
+
+TEST(ForeignServer, AMapThatNobodyAskedForIsRefused) {
+  const std::string words = words_for(
+      [](grpc::ServerContext&, Stream& stream) {
+        send_verified_header(stream);
+        send_band(stream, 0, 31 * 17 * 4);
+        send_map_band(stream, 0, 31 * 17 * 2);
+        return grpc::Status::OK;
+      },
+      {"--verify"});
+  EXPECT_NE(words.find("not what render.proto says"), std::string::npos) << words;
+}
+
+TEST(ForeignServer, AServerThatDoesNotVerifyIsNamedAsOne) {
+  const std::string words = words_for(
+      [](grpc::ServerContext&, Stream& stream) {
+        send_header(stream, 31, 17);
+        send_band(stream, 0, 31 * 17 * 4);
+        return grpc::Status::OK;
+      },
+      {"--verify"});
+  EXPECT_NE(words.find("does not verify frames"), std::string::npos) << words;
 }
 
 TEST(ForeignServer, AFrameWithoutPixelsIsRefusedBeforeItIsSent) {

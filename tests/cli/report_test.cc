@@ -46,6 +46,50 @@ TEST_F(Report, JsonIsOneLineWithEveryKey) {
   EXPECT_GT(frame.at("total_ms").get<double>(), frame.at("stage_ms").at("write").get<double>());
 }
 
+TEST_F(Report, AVerifiedFrameSaysHowFarItIsOff) {
+  EXPECT_FALSE(candela_json({"render", in_, out_}).contains("verify"));
+  for (const char* name : {"a.png", "b.jpg", "c.exr", "d.pfm"}) {
+    const json frame = candela_json({"render", in_, folder_.path(name), "--verify"});
+    for (const char* kind : {"verify", "verify_unrounded"}) {
+      const json& verify = frame.at(kind);
+      EXPECT_LE(verify.at("max_error_codes").get<double>(), 0.5) << name;
+      EXPECT_LE(verify.at("p999_error_codes").get<double>(), 0.05) << name;
+      EXPECT_LE(verify.at("mean_error_codes"), verify.at("p999_error_codes")) << name;
+      EXPECT_GT(verify.at("mean_error_codes"), 0) << name;
+      EXPECT_LT(verify.at("worst_pixel").at(0), 31) << name;
+      EXPECT_LT(verify.at("worst_pixel").at(1), 17) << name;
+      EXPECT_LE(verify.at("differing_components").get<double>(), 1e-3) << name;
+      EXPECT_LE(verify.at("meter_error_ev").get<double>(), 2e-5) << name;
+      EXPECT_LE(verify.at("bloom_error").get<double>(), 0x1p-9) << name;
+    }
+    EXPECT_GT(frame.at("stage_ms").at("verify"), 0) << name;
+  }
+  const Outcome text = candela({"render", in_, out_, "--verify"});
+  EXPECT_NE(text.out.find("off the float64 reference by at most"), std::string::npos) << text.out;
+}
+
+TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
+  const std::string map = folder_.path("map.png");
+  const Daemon daemon;
+  for (const std::vector<std::string>& options :
+       std::vector<std::vector<std::string>>{{}, {"--server", daemon.address()}}) {
+    std::vector<std::string> arguments{"render", in_, out_, "--error-map", map};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const json frame = candela_json(arguments);
+    EXPECT_TRUE(frame.contains("verify"));
+    EXPECT_EQ(frame.at("error_map").at("file"), map);
+    EXPECT_EQ(frame.at("error_map").at("least_codes"), 1e-5);
+    EXPECT_EQ(frame.at("error_map").at("most_codes"), 10);
+    const std::string scale = frame.at("error_map").at("scale");
+    EXPECT_NE(read_file(map).find("tEXtDescription" + std::string(1, '\0') + scale), std::string::npos);
+    // With the legend below, and beside a map that is narrower.
+    EXPECT_GE(png_facts(map).width, 31u);
+    EXPECT_GT(png_facts(map).height, 17u);
+    const Outcome text = candela({"render", in_, out_, "--error-map", map});
+    EXPECT_NE(text.out.find(scale), std::string::npos) << text.out;
+  }
+}
+
 TEST_F(Report, ManualExposureIsTwoToTheEv) {
   EXPECT_EQ(candela_json({"render", in_, out_, "--exposure", "-3"}).at("exposure"), 0.125);
   EXPECT_EQ(candela_json({"render", in_, out_, "--exposure=40"}).at("exposure"), 0x1p40);
@@ -101,8 +145,9 @@ TEST_F(Report, HelpAndVersion) {
   EXPECT_NE(candela({}).out.find("candela sample scene.exr"), std::string::npos);
   const std::string help = candela({"render", "--help"}).out;
   for (const char* words :
-       {"Exposure:", "Bloom:", "Tone:", "Output:", "Server:", "-40 .. 40", "0 .. 65504 (default 1)",
-        "linear, reinhard, aces-narkowicz, aces-hill", "1 .. 16 (default 5)", "2^-40 .. 2^40 (default 64)"}) {
+       {"Exposure:", "Bloom:", "Tone:", "Verification:", "Output:", "Server:", "-40 .. 40",
+        "0 .. 65504 (default 1)", "linear, reinhard, aces-narkowicz, aces-hill", "1 .. 16 (default 5)",
+        "2^-40 .. 2^40 (default 64)"}) {
     EXPECT_NE(help.find(words), std::string::npos) << words;
   }
 }
