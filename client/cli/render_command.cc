@@ -11,7 +11,7 @@
 #include "client/cli/error_map.h"
 #include "client/cli/json_output.h"
 #include "client/cli/render_options.h"
-#include "client/cli/report.h"
+#include "client/cli/render_report.h"
 #include "client/cli/server_link.h"
 #include "client/cli/terminal.h"
 #include "client/image/image.h"

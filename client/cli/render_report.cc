@@ -1,4 +1,4 @@
-#include "client/cli/report.h"
+#include "client/cli/render_report.h"
 
 #include <cmath>
 #include <functional>
