@@ -81,8 +81,7 @@ void RenderCall::choose_tier() {
 
 absl::Status RenderCall::admit() {
   const RenderStart& start = *start_;
-  absl::StatusOr<FrameMemory> memory =
-      backend_.renderer->allocate(start.desc, start.settings, start.verify);
+  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start.desc, start.settings, start.verify);
   if (!memory.ok()) return memory.status();
   frame_ = std::make_shared<Frame>(
       Frame{backend_.renderer, *std::move(memory), start.settings, {start.sequence, start.previous}});
