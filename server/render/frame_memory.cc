@@ -80,7 +80,8 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
   }
 
   // What can never fit is said now, before anything is taken or given up for it.
-  const uint64_t reference_bytes = verify == Verify::kNo ? 0 : reference_bytes_of(desc, settings);
+  const bool by_reference = verify != Verify::kNo || find_tier(settings.tier)->host_reference;
+  const uint64_t reference_bytes = by_reference ? reference_bytes_of(desc, settings) : 0;
   uint64_t bytes = reference_bytes;
   for (const Wanted& w : wanted) {
     bytes += w.key.bytes();
@@ -91,7 +92,7 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     }
   }
   if (bytes > pool.budget_bytes()) {
-    if (verify != Verify::kNo) {
+    if (by_reference) {
       return absl::ResourceExhaustedError(
           absl::StrFormat("a %dx%d %s frame needs %d bytes to be rendered and verified and the memory budget "
                           "is %d; send fewer "

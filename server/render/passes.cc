@@ -214,6 +214,8 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
     case Pass::kResolve:
       return record_resolve(context, pipelines, recorder, context.parts.output.buffer(),
                             static_cast<uint32_t>(context.parts.output_format));
+    case Pass::kReference:
+      break;  // nothing of the device's
   }
   return absl::InternalError("unknown pass");
 }

@@ -41,6 +41,8 @@ const char* name(Pass pass) {
       return "gaussian";
     case Pass::kResolve:
       return "resolve";
+    case Pass::kReference:
+      return "reference";
   }
   return "unknown";
 }
@@ -124,8 +126,13 @@ Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, c
   }
 
   plan_bloom(desc, stats, settings.bloom, tier, plan);
+  if (tier.host_reference) {
+    plan.steps.erase(std::remove_if(plan.steps.begin(), plan.steps.end(),
+                                    [](const Step& step) { return step.pass != Pass::kIngest; }),
+                     plan.steps.end());
+  }
 
-  plan.steps.push_back({Pass::kResolve});
+  plan.steps.push_back({tier.host_reference ? Pass::kReference : Pass::kResolve});
   plan.words.push_back(absl::StrFormat(
       "resolve%s: %s, %s, %s, tier %s", plan.bloom ? " with bloom" : "", name(settings.curve),
       settings.output_format == OutputFormat::kRgba16f ? "display-linear" : name(settings.transfer),

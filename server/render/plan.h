@@ -39,10 +39,11 @@ std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32
 // kGaussian works on one quarter-size level, and on a second one of that size in between.
 std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 
-enum class Pass : uint32_t { kIngest, kBloomDown, kBloomUp, kGaussian, kResolve };
-const char* name(Pass pass);  // "ingest", "bloom_down", "bloom_up", "gaussian", "resolve"
+enum class Pass : uint32_t { kIngest, kBloomDown, kBloomUp, kGaussian, kResolve, kReference };
+const char* name(Pass pass);  // "ingest", "bloom_down", "bloom_up", "gaussian", "resolve", "reference"
 
-// One dispatch over a texture. `level` is the level written: for kBloomDown n+1, for kBloomUp n, for
+// One dispatch over a texture; kReference is the host's work and stands for all that follows ingest.
+// `level` is the level written: for kBloomDown n+1, for kBloomUp n, for
 // kGaussian 1 in the vertical pass and 0 in the horizontal one.
 struct Step {
   Pass pass;

@@ -4,6 +4,7 @@
 #include <bit>
 #include <chrono>
 #include <cstring>
+#include <functional>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -99,6 +100,17 @@ void add_time(const StageTime& time, std::vector<StageTime>* stages) {
 
 void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
   for (const Recorder::Timing& timing : recorder.timings()) add_time({timing.name, timing.ns}, stages);
+}
+
+}  // namespace
+
+namespace {
+
+void add_host_time(const char* stage, std::vector<StageTime>* stages, const std::function<void()>& work) {
+  const auto begin = std::chrono::steady_clock::now();
+  work();
+  const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - begin;
+  add_time({stage, static_cast<uint64_t>(took.count())}, stages);
 }
 
 }  // namespace
@@ -227,13 +239,16 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
   context.gaussian_threshold = gaussian_threshold(settings.bloom, report.stats);
   context.dither_frame = static_cast<uint32_t>(moment.sequence);
   context.exposure = report.exposure * settings.prescale;
-  if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
-  add_timings(impl_->recorder, &report.stages);
+  if (context.tier.host_reference) {
+    add_host_time(name(Pass::kReference), &report.stages,
+                  [&] { render_by_reference(memory, settings, moment, report.exposure); });
+  } else {
+    if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
+    add_timings(impl_->recorder, &report.stages);
+  }
   if (parts.exact) {
-    const auto begin = std::chrono::steady_clock::now();
-    report.verification = verify_frame(memory, settings, report, moment);
-    const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - begin;
-    add_time({kVerify, static_cast<uint64_t>(took.count())}, &report.stages);
+    add_host_time(kVerify, &report.stages,
+                  [&] { report.verification = verify_frame(memory, settings, report, moment); });
   }
   return report;
 }

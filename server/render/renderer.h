@@ -62,7 +62,7 @@ struct FrameMoment {
 
 struct StageTime {
   const char* name;  // a pass's name, see plan.h, or "upload", "download", "verify"
-  uint64_t ns;       // device time; of "verify" the host's, too
+  uint64_t ns;       // device time; of "reference" and "verify" the host's
 };
 
 // How far an image is from the reference, over R, G and B. A code is 1/255 of the display range; codes are

@@ -43,10 +43,10 @@ absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, con
     const TierNumbers& nearest = accurate.empty()
                                      ? *std::min_element(numbers.begin(), numbers.end(), more_accurate)
                                      : *std::min_element(accurate.begin(), accurate.end(), faster);
-    return absl::FailedPreconditionError(
-        absl::StrFormat("no tier keeps %s for frames of this size and these settings on this device; the "
-                        "nearest is possible: %s",
-                        words(promise), words(nearest)));
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "no tier keeps %s for frames of this size and these settings on this device; the nearest that is "
+        "possible: %s",
+        words(promise), words(nearest)));
   }
   const TierNumbers& chosen = promise.max_error_codes
                                   ? *std::min_element(keeping.begin(), keeping.end(), faster)

@@ -21,6 +21,8 @@ namespace {
 
 constexpr int kTimedFrames = 3;
 constexpr uint64_t kMaxTimedPixels = uint64_t{8} << 20;
+constexpr uint64_t kMaxHostPixels = uint64_t{1}
+                                    << 17;  // of the reference, which takes a thousand times as long
 constexpr double kErrorMargin = 1.5;
 // Odd on both sides, several tiles.
 constexpr uint32_t kErrorWidth = 257;
@@ -130,7 +132,9 @@ absl::StatusOr<std::vector<TierNumbers>> TierMeter::numbers(const FrameDesc& des
 
 absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Settings& settings) {
   FrameDesc timed = desc;
-  timed.height = static_cast<uint32_t>(std::clamp<uint64_t>(kMaxTimedPixels / desc.width, 1, desc.height));
+  const bool host = find_tier(settings.tier)->host_reference;
+  const uint64_t most = host ? kMaxHostPixels : kMaxTimedPixels;
+  timed.height = static_cast<uint32_t>(std::clamp<uint64_t>(most / desc.width, 1, desc.height));
   absl::StatusOr<FrameMemory> memory = picture(renderer_, timed, settings);
   if (!memory.ok()) return memory.status();
   std::vector<double> times;

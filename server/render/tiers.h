@@ -15,6 +15,9 @@ struct Tier {
   uint32_t bloom_level_size;
   // Terms of the sRGB transfer's polynomial: 8 are within 0.0001 code of the exact curve, 6 within 0.083.
   uint32_t transfer_terms;
+  // Bloom and resolve run in the float64 reference on the host, from a scene that is not rounded to halves:
+  // seconds for a large frame.
+  bool host_reference;
   // Codes: the tests hold what the tier gives up on no frame to this, bloom's and tables' own error apart.
   double bound_codes;
 };

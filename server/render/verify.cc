@@ -185,6 +185,21 @@ struct Tally {
   Largest largest;
 };
 
+// Runs work(first, last, part) for each part of the rows, on every core; returns when all are done.
+template <typename Work>
+void for_row_parts(uint32_t height, uint32_t parts, const Work& work) {
+  std::vector<std::jthread> threads;
+  for (uint32_t i = 0; i < parts; ++i) {
+    const auto first = static_cast<uint32_t>(uint64_t{height} * i / parts);
+    const auto last = static_cast<uint32_t>(uint64_t{height} * (i + 1) / parts);
+    threads.emplace_back([&work, first, last, i] { work(first, last, i); });
+  }
+}
+
+uint32_t row_parts(uint32_t height) {
+  return std::clamp<uint32_t>(std::thread::hardware_concurrency(), 1, height);
+}
+
 // Compares rows [first, last): adds their errors to the tally and to row_sums[y], and maps them where a map
 // is wanted.
 void compare_rows(const Reference& truth, const Picture& codes, const Picture& image, uint32_t first,
@@ -226,19 +241,12 @@ Verification compare(const Reference& truth, const Picture& codes, const Picture
   // p99.9 is the least of these.
   const auto rank = static_cast<uint64_t>(static_cast<double>(components - 1) * kPercentile);
   const uint64_t beyond = components - rank;
-  const uint32_t parts = std::clamp<uint32_t>(std::thread::hardware_concurrency(), 1, height);
+  const uint32_t parts = row_parts(height);
   std::vector<Tally> tallies(parts, {{}, Largest(beyond)});
   std::vector<double> row_sums(height);
-  {
-    std::vector<std::jthread> threads;
-    for (uint32_t i = 0; i < parts; ++i) {
-      const auto first = static_cast<uint32_t>(uint64_t{height} * i / parts);
-      const auto last = static_cast<uint32_t>(uint64_t{height} * (i + 1) / parts);
-      threads.emplace_back([&, first, last, i] {
-        compare_rows(truth, codes, image, first, last, &tallies[i], &row_sums, map);
-      });
-    }
-  }
+  for_row_parts(height, parts, [&](uint32_t first, uint32_t last, uint32_t part) {
+    compare_rows(truth, codes, image, first, last, &tallies[part], &row_sums, map);
+  });
   Verification v;
   Largest largest(beyond);
   for (Tally& tally : tallies) {
@@ -271,6 +279,43 @@ FrameStats stats_of(const Reference& truth) {
 
 }  // namespace
 
+void render_by_reference(FrameMemory& memory, const Settings& settings, const FrameMoment& moment,
+                         double exposure) {
+  const FrameMemory::Parts& parts = memory.parts();
+  const Reference truth =
+      make_reference(parts, settings, moment, exposure, kWholeBloom, reference::Rounding::kNone);
+  const Picture image = {parts.host_output().mapped(), parts.pitch,
+                         static_cast<uint32_t>(parts.output_format)};
+  const double steps = image.steps();
+  const auto store = [&](std::byte* texels, size_t index, auto value) {
+    std::memcpy(texels + index * sizeof value, &value, sizeof value);
+  };
+  for_row_parts(
+      parts.desc.height, row_parts(parts.desc.height), [&](uint32_t first, uint32_t last, uint32_t) {
+        for (uint32_t y = first; y < last; ++y) {
+          const auto row = reference::resolve_row(truth.scene, truth.bloom, truth.levels, truth.params, y);
+          for (uint32_t x = 0; x < row.size(); ++x) {
+            for (size_t k = 0; k < 4; ++k) {
+              const double value = row[x][k];
+              const size_t index = (size_t{y} * parts.pitch + x) * 4 + k;
+              if (parts.exact) store(parts.host_exact().mapped(), index, static_cast<float>(value));
+              if (steps == 0.0) {
+                store(parts.host_output().mapped(), index, imath_float_to_half(static_cast<float>(value)));
+                continue;
+              }
+              const double code = std::round(k < 3 ? truth.quantised(value, steps, x, y, k)
+                                                   : std::clamp(value, 0.0, 1.0) * steps);
+              if (parts.output_format == OutputFormat::kRgba8) {
+                store(parts.host_output().mapped(), index, static_cast<uint8_t>(code));
+              } else {
+                store(parts.host_output().mapped(), index, static_cast<uint16_t>(code));
+              }
+            }
+          }
+        }
+      });
+}
+
 uint64_t reference_bytes_of(const FrameDesc& desc, const Settings& settings) {
   const uint64_t pixels = uint64_t{desc.width} * desc.height;
   std::vector<LevelSize> levels;
@@ -294,12 +339,13 @@ FrameVerification verify_frame(FrameMemory& memory, const Settings& settings, co
                          static_cast<uint32_t>(parts.output_format)};
   const Picture codes =
       parts.exact ? Picture{parts.host_exact().mapped(), parts.pitch, shader::OUTPUT_FLOAT} : image;
+  const bool host = find_tier(settings.tier)->host_reference;
   const auto hold = [&](reference::Rounding rounding, uint16_t* map, FrameStats* truth) {
     const Reference reference =
         make_reference(parts, settings, moment, report.exposure, bloom_level_size, rounding);
     Verification v = compare(reference, codes, image, map);
     v.meter_error_ev = std::abs(report.stats.mean_log2_luminance - reference.meter.mean_log2_luminance);
-    if (parts.exact) {
+    if (parts.exact && !host) {
       v.bloom_error = bloom_error(reference, pass_context(parts, settings), report.plan.bloom);
     }
     if (truth != nullptr) *truth = stats_of(reference);
@@ -307,9 +353,11 @@ FrameVerification verify_frame(FrameMemory& memory, const Settings& settings, co
   };
   auto* map = parts.error_map ? reinterpret_cast<uint16_t*>(parts.error_map.buffer().mapped()) : nullptr;
   FrameVerification verification;
-  verification.rounded = hold(reference::Rounding::kHalf, map, &verification.truth);
+  verification.rounded =
+      hold(host ? reference::Rounding::kNone : reference::Rounding::kHalf, map, &verification.truth);
   // Other frames' scenes are halves as they come.
-  const bool rounds = parts.desc.format == PixelFormat::kRgba32f || matrix_of(settings).has_value();
+  const bool rounds =
+      !host && (parts.desc.format == PixelFormat::kRgba32f || matrix_of(settings).has_value());
   verification.unrounded = rounds ? hold(reference::Rounding::kNone, nullptr, nullptr) : verification.rounded;
   return verification;
 }
