@@ -14,6 +14,7 @@
 #include <cmath>
 #include <random>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "absl/strings/str_cat.h"
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
