@@ -28,6 +28,8 @@
 namespace candela {
 namespace {
 
+constexpr size_t kMaxLibraryText = 1000;  // letters of an error of OpenEXR that are passed on
+
 struct Part {
   int index = 0;
   ExrChannels channels;
@@ -83,7 +85,7 @@ absl::Status check_sampling(const std::string& path, const Imf::Header& header, 
     if (channel != nullptr && (channel->xSampling != 1 || channel->ySampling != 1)) {
       return absl::UnimplementedError(absl::StrFormat(
           "%s: channel %s is subsampled %dx%d, which only RY and BY may be; store it at full size", path,
-          name, channel->xSampling, channel->ySampling));
+          printable(name), channel->xSampling, channel->ySampling));
     }
   }
   return absl::OkStatus();
@@ -155,9 +157,10 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
   read_attributes(header, *image);
   if (part->index > 0) {
     image->notes.push_back(absl::StrFormat("part %d of %d, %s, is shown", part->index + 1, file.parts(),
-                                           header.hasName() ? header.name() : "unnamed"));
+                                           header.hasName() ? printable(header.name()) : "unnamed"));
   }
-  if (!channels.layer.empty()) image->notes.push_back(absl::StrFormat("layer %s is shown", channels.layer));
+  if (!channels.layer.empty())
+    image->notes.push_back(absl::StrFormat("layer %s is shown", printable(channels.layer)));
 
   if (channels.kind == ExrChannels::Kind::kLumaChroma) {
     if (part->index > 0) {
@@ -187,11 +190,12 @@ absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits) {
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(absl::StrFormat("%s: no memory to decode it; scale it down", path));
   } catch (const std::exception& error) {
-    // The library names the file too; once is enough.
+    // The library names the file too; once is enough. It quotes what the file holds.
     const std::string quoted = absl::StrCat(" \"", path, "\"");
+    const std::string text =
+        absl::StrReplaceAll(error.what(), {{absl::string_view(quoted), ""}, {"\n", " "}});
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: damaged OpenEXR file: %s", path,
-                        absl::StrReplaceAll(error.what(), {{absl::string_view(quoted), ""}, {"\n", " "}})));
+        absl::StrFormat("%s: damaged OpenEXR file: %s", path, printable(text, kMaxLibraryText)));
   }
 }
 

@@ -164,6 +164,13 @@ TEST_F(RadianceReader, HonoursPrimariesAndPixelAspectAndReportsColourCorrection)
   EXPECT_EQ(zeros.notes.size(), 1u);
 }
 
+TEST_F(RadianceReader, TextOfAFileCannotCommandATerminal) {
+  const Image image = good(header("COLORCORR=\x1b[2J\xff\n", "-Y 1 +X 1"), bytes({1, 2, 3, 128}));
+  EXPECT_EQ(image.notes, std::vector<std::string>{"COLORCORR \\x1b[2J\\xff was not divided out"});
+  EXPECT_NE(error("#?RADIANCE\nFORMAT=\x1b[2J\n\n-Y 1 +X 1\n", "").find("format is \\x1b[2J;"),
+            std::string::npos);
+}
+
 TEST_F(RadianceReader, DeliversXyzAsItIs) {
   const Image image = good("#?RGBE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n", bytes({128, 64, 32, 129}));
   const std::array<float, 8> xyz{1, 0, 0, 1, 0, 0, 1 / 3.0f, 1 / 3.0f};
