@@ -32,18 +32,6 @@ uint64_t bytes_per_pixel(v1::PixelFormat format) {
   }
 }
 
-uint64_t bytes_per_pixel(v1::OutputFormat format) {
-  switch (format) {
-    case v1::OUTPUT_FORMAT_RGBA8:
-      return 4;
-    case v1::OUTPUT_FORMAT_RGBA16:
-    case v1::OUTPUT_FORMAT_RGBA16F:
-      return 8;
-    default:
-      return 0;
-  }
-}
-
 bool is_address(const std::string& address) {
   if (absl::StartsWith(address, "unix:")) return address.size() > 5;
   const size_t colon = address.rfind(':');
@@ -127,58 +115,6 @@ bool send_bands(RawCall& call, const FrameView& frame) {
   return true;
 }
 
-absl::Status not_the_protocol(const char* what) {
-  return absl::InternalError(absl::StrFormat("server's answer is not what render.proto says: %s", what));
-}
-
-absl::StatusOr<RenderResult> begin_result(grpc::ByteBuffer& message, const FrameView& frame) {
-  v1::RenderResponse response;
-  if (!parse(message, response) || !response.has_header()) return not_the_protocol("no header comes first");
-  RenderResult result;
-  result.header = std::move(*response.mutable_header());
-  if (result.header.width() != frame.width || result.header.height() != frame.height) {
-    return not_the_protocol("the image is not of the frame's size");
-  }
-  const uint64_t pixel_bytes = bytes_per_pixel(result.header.format());
-  if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
-  if (frame.verify && !result.header.has_verify()) {
-    return absl::UnimplementedError(
-        "the server does not verify frames: it is older than this client; do without verification or update "
-        "it");
-  }
-  result.bytes = uint64_t{frame.width} * frame.height * pixel_bytes;
-  result.data = std::make_unique_for_overwrite<std::byte[]>(result.bytes);
-  if (frame.error_map) result.error_map.resize(size_t{frame.width} * frame.height);
-  return result;
-}
-
-// What comes in bands: the image, then the error map where there is one.
-struct Incoming {
-  v1::BandKind kind;
-  std::span<std::byte> bytes;
-  uint64_t row_bytes;
-  size_t at = 0;  // how much of it is there
-};
-
-// Copies the band to its place and moves past it.
-absl::Status take_band(grpc::ByteBuffer& message, Incoming& whole) {
-  uint64_t taken = 0;
-  const auto take = [&](google::protobuf::io::CodedInputStream& input, uint64_t bytes) -> absl::Status {
-    if (bytes > whole.bytes.size() - whole.at) return not_the_protocol("it holds more than the frame has");
-    if (!input.ReadRaw(whole.bytes.data() + whole.at, static_cast<int>(bytes))) {
-      return not_the_protocol("cut short");
-    }
-    taken = bytes;
-    return absl::OkStatus();
-  };
-  const absl::StatusOr<uint32_t> first_row = v1::read_band(whole.kind, message, take);
-  if (!first_row.ok()) return not_the_protocol(std::string(first_row.status().message()).c_str());
-  if (taken == 0) return not_the_protocol("an empty band");
-  if (*first_row * whole.row_bytes != whole.at) return not_the_protocol("its bands are out of order");
-  whole.at += taken;
-  return absl::OkStatus();
-}
-
 template <typename Response>
 absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request,
                              const std::string& address) {
@@ -231,19 +167,12 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
     const absl::Status status = from_grpc(call.finish(), address_, call.connected());
     return status.ok() ? not_the_protocol("it ended before its header") : status;
   }
-  absl::StatusOr<RenderResult> result = begin_result(message, frame);
-  if (!result.ok()) return result;
-  Incoming image{v1::kImageBand, {result->data.get(), result->bytes}, result->bytes / frame.height};
-  const std::span<uint16_t> halves = result->error_map;
-  Incoming map{v1::kErrorMapBand, std::as_writable_bytes(halves), frame.width * sizeof(uint16_t)};
-  while (call.read(message)) {
-    Incoming& due = image.at < image.bytes.size() || map.bytes.empty() ? image : map;
-    if (absl::Status status = take_band(message, due); !status.ok()) return status;
-  }
+  ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map});
+  do {
+    if (absl::Status status = reader.read(message); !status.ok()) return status;
+  } while (call.read(message));
   if (absl::Status status = from_grpc(call.finish(), address_, true); !status.ok()) return status;
-  if (image.at != image.bytes.size()) return not_the_protocol("it ended before the image was whole");
-  if (map.at != map.bytes.size()) return not_the_protocol("it ended before the error map was whole");
-  return result;
+  return reader.take();
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> Connection::server_info(absl::Time deadline) const {

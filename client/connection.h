@@ -10,11 +10,11 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/result_reader.h"
 
 namespace candela {
 
@@ -32,18 +32,6 @@ struct FrameView {
       nullptr;             // called once all of `pixels` was copied out, before the result comes
   bool verify = false;     // have the image held against the reference; takes the server seconds
   bool error_map = false;  // have a map of its error, too; only with `verify`
-};
-
-// A rendered image and what the server says about it. Movable.
-struct RenderResult {
-  v1::ResultHeader header;
-  std::unique_ptr<std::byte[]> data;  // header.height rows of header.width pixels of header.format, tight
-  size_t bytes = 0;
-  // Where it was asked for: a half a pixel, rows from top to bottom, the largest error of R, G and B in
-  // codes.
-  std::vector<uint16_t> error_map;
-
-  std::span<const std::byte> pixels() const { return {data.get(), bytes}; }
 };
 
 // Any thread, several calls at once. Movable. Every failure is one line for the user; the codes are the

@@ -3,9 +3,9 @@
 #include <vector>
 
 #include "absl/algorithm/container.h"
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "client/image/readers.h"
 
 namespace candela {
 namespace {
@@ -67,14 +67,13 @@ std::optional<ExrChannels> choose_exr_channels(const Imf::ChannelList& channels,
 
 std::string channel_names(const Imf::ChannelList& channels) {
   constexpr size_t kShown = 12;
-  constexpr size_t kLetters = 40;
   std::vector<std::string> names;
   for (auto i = channels.begin(); i != channels.end(); ++i) {
     if (names.size() == kShown) {
       names.push_back("...");
       break;
     }
-    names.push_back(absl::CHexEscape(absl::string_view(i.name()).substr(0, kLetters)));
+    names.push_back(printable(i.name()));
   }
   return absl::StrJoin(names, ", ");
 }

@@ -24,7 +24,7 @@ struct ExrChannels {
 // the last resort a channel of any name that stands alone but for alpha. Nothing: the part has no colour.
 std::optional<ExrChannels> choose_exr_channels(const Imf::ChannelList& channels, bool lone);
 
-// "R, G, B, Z", cut after a dozen, with everything that is not plain ASCII escaped.
+// "R, G, B, Z", cut after a dozen, each printable().
 std::string channel_names(const Imf::ChannelList& channels);
 
 }  // namespace candela

@@ -4,9 +4,9 @@
 #include <string>
 #include <utility>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
+#include "client/image/readers.h"
 
 namespace candela {
 namespace {
@@ -111,12 +111,12 @@ absl::Status check_exr_header(FileReader& file) {
     if (whole && size > file.remaining()) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s: damaged OpenEXR file: its attribute %s claims %d bytes and %d are left",
-                          file.path(), absl::CHexEscape(name), size, file.remaining()));
+                          file.path(), printable(name), size, file.remaining()));
     }
     if (whole && !take_value(file, type, size)) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s: damaged OpenEXR file: its attribute %s is not of the %d bytes that it claims",
-                          file.path(), absl::CHexEscape(name), size));
+                          file.path(), printable(name), size));
     }
   }
   return absl::InvalidArgumentError(absl::StrFormat(

@@ -28,9 +28,7 @@
 namespace candela {
 namespace {
 
-// OpenEXR decodes whole chunks (some rows, or a tile) of all channels, several at once; a header may ask for
-// chunks of any size.
-constexpr int64_t kMaxChunkBytes = 256 << 20;
+constexpr size_t kMaxLibraryText = 1000;  // letters of an error of OpenEXR that are passed on
 
 struct Part {
   int index = 0;
@@ -58,24 +56,25 @@ absl::StatusOr<Part> choose_part(const std::string& path, const Imf::MultiPartIn
       channel_names(file.header(0).channels())));
 }
 
-absl::Status check_chunk(const std::string& path, const Imf::Header& header, const Window& data) {
-  int64_t pixel_bytes = 0;
+absl::Status check_chunk(const std::string& path, const Imf::Header& header, const Window& data,
+                         uint64_t max_bytes) {
+  uint64_t pixel_bytes = 0;
   for (auto i = header.channels().begin(); i != header.channels().end(); ++i) {
     pixel_bytes += i.channel().type == Imf::HALF ? 2 : 4;
   }
   constexpr int64_t kMostRows = 256;  // DWAB's, the tallest chunk of any compression
-  int64_t pixels = data.width() * std::min(data.height(), kMostRows);
+  auto pixels = static_cast<uint64_t>(data.width() * std::min(data.height(), kMostRows));
   if (header.hasTileDescription()) {
     // A row of tiles is held while scan lines are cut from it.
     const Imf::TileDescription& tile = header.tileDescription();
-    pixels = std::max<int64_t>(tile.xSize, data.width()) * int64_t{tile.ySize};
+    pixels = std::max(uint64_t{tile.xSize}, static_cast<uint64_t>(data.width())) * tile.ySize;
   }
-  if (pixels > kMaxChunkBytes || pixels * pixel_bytes > kMaxChunkBytes) {
+  if (pixels > max_bytes || pixels * pixel_bytes > max_bytes) {
     return absl::ResourceExhaustedError(
         absl::StrFormat("%s: its chunks of %d pixels with %d bytes each pass the %d bytes taken at once; "
                         "store fewer channels or "
                         "smaller tiles",
-                        path, pixels, pixel_bytes, kMaxChunkBytes));
+                        path, pixels, pixel_bytes, max_bytes));
   }
   return absl::OkStatus();
 }
@@ -86,7 +85,7 @@ absl::Status check_sampling(const std::string& path, const Imf::Header& header, 
     if (channel != nullptr && (channel->xSampling != 1 || channel->ySampling != 1)) {
       return absl::UnimplementedError(absl::StrFormat(
           "%s: channel %s is subsampled %dx%d, which only RY and BY may be; store it at full size", path,
-          name, channel->xSampling, channel->ySampling));
+          printable(name), channel->xSampling, channel->ySampling));
     }
   }
   return absl::OkStatus();
@@ -145,7 +144,7 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
   const ImageFormat format = is_half(header, channels) ? ImageFormat::kRgba16f : ImageFormat::kRgba32f;
   absl::Status status = check_image_size(path, "image", display.width(), display.height(), format, limits);
   status.Update(check_image_size(path, "data window", data.width(), data.height(), format, limits));
-  status.Update(check_chunk(path, header, data));
+  status.Update(check_chunk(path, header, data, limits.max_chunk_bytes));
   status.Update(check_sampling(path, header, channels));
   if (!status.ok()) return status;
 
@@ -158,9 +157,10 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
   read_attributes(header, *image);
   if (part->index > 0) {
     image->notes.push_back(absl::StrFormat("part %d of %d, %s, is shown", part->index + 1, file.parts(),
-                                           header.hasName() ? header.name() : "unnamed"));
+                                           header.hasName() ? printable(header.name()) : "unnamed"));
   }
-  if (!channels.layer.empty()) image->notes.push_back(absl::StrFormat("layer %s is shown", channels.layer));
+  if (!channels.layer.empty())
+    image->notes.push_back(absl::StrFormat("layer %s is shown", printable(channels.layer)));
 
   if (channels.kind == ExrChannels::Kind::kLumaChroma) {
     if (part->index > 0) {
@@ -190,11 +190,12 @@ absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits) {
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(absl::StrFormat("%s: no memory to decode it; scale it down", path));
   } catch (const std::exception& error) {
-    // The library names the file too; once is enough.
+    // The library names the file too; once is enough. It quotes what the file holds.
     const std::string quoted = absl::StrCat(" \"", path, "\"");
+    const std::string text =
+        absl::StrReplaceAll(error.what(), {{absl::string_view(quoted), ""}, {"\n", " "}});
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: damaged OpenEXR file: %s", path,
-                        absl::StrReplaceAll(error.what(), {{absl::string_view(quoted), ""}, {"\n", " "}})));
+        absl::StrFormat("%s: damaged OpenEXR file: %s", path, printable(text, kMaxLibraryText)));
   }
 }
 

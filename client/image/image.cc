@@ -1,5 +1,6 @@
 #include "client/image/image.h"
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "client/image/file_reader.h"
 #include "client/image/readers.h"
@@ -54,6 +55,18 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
         format == ImageFormat::kRgba32f ? "as half floats or smaller" : "smaller"));
   }
   return absl::OkStatus();
+}
+
+std::string printable(absl::string_view text, size_t most) {
+  std::string result;
+  for (const char letter : text.substr(0, most)) {
+    if (absl::ascii_isprint(static_cast<unsigned char>(letter))) {
+      result.push_back(letter);
+    } else {
+      absl::StrAppendFormat(&result, "\\x%02x", static_cast<unsigned char>(letter));
+    }
+  }
+  return result;
 }
 
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits) {

@@ -49,6 +49,9 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
 struct ImageLimits {
   uint32_t max_dimension = 16384;  // width or height, in pixels
   uint64_t max_bytes = 1u << 29;   // of the pixels in the format that the file is read to
+  // OpenEXR decodes whole chunks (some rows, or a tile) of all channels, several at once; a header may ask for
+  // chunks of any size.
+  uint64_t max_chunk_bytes = 256u << 20;
 };
 
 // Reads an OpenEXR, Radiance or PFM file, known by its first bytes, not by its name. Half-float files come as

@@ -54,7 +54,7 @@ absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits) {
   if (!std::isfinite(factor) || factor == 0) {
     return absl::InvalidArgumentError(
         absl::StrFormat("%s: the PFM scale is %s and has to be, as a float, a finite number other than 0",
-                        file.path(), scale_text));
+                        file.path(), printable(scale_text)));
   }
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
   if (absl::Status status = check_image_size(file.path(), "image", width, height, kFormat, limits);

@@ -56,7 +56,7 @@ absl::Status read_header(FileReader& file, Header& header) {
       if (!header.xyz && absl::StripAsciiWhitespace(text) != "32-bit_rle_rgbe") {
         return absl::InvalidArgumentError(
             absl::StrFormat("%s: its Radiance format is %s; 32-bit_rle_rgbe and 32-bit_rle_xyze are read",
-                            file.path(), text));
+                            file.path(), printable(text)));
       }
     } else if (absl::ConsumePrefix(&text, "EXPOSURE=") && absl::SimpleAtod(text, &value)) {
       header.exposure *= value;
@@ -112,7 +112,7 @@ void apply_header(const Header& header, Image& image) {
     }
   }
   for (const std::string& correction : header.color_corrections) {
-    image.notes.push_back(absl::StrFormat("COLORCORR %s was not divided out", correction));
+    image.notes.push_back(absl::StrFormat("COLORCORR %s was not divided out", printable(correction)));
   }
   if (header.height_to_width != 1.0) set_pixel_aspect(1.0 / header.height_to_width, image);
 }

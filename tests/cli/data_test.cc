@@ -5,7 +5,8 @@
 #include <algorithm>
 
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -24,7 +25,7 @@ class Data : public ::testing::Test {
     EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
   }
 
-  Folder folder_;
+  TemporaryFolder folder_;
 };
 
 class EveryGoodFile : public Data, public ::testing::WithParamInterface<const char*> {};

@@ -8,7 +8,8 @@
 #include <csignal>
 
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -99,7 +100,7 @@ class Failure : public ::testing::Test {
     return folder_.path(name);
   }
 
-  const Folder folder_;
+  const TemporaryFolder folder_;
   const std::string in_ = folder_.path("in.exr");
   const std::string out_ = folder_.path("out.png");
 };

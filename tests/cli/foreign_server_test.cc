@@ -10,7 +10,8 @@
 #include "candela/v1/render.grpc.pb.h"
 #include "client/connection.h"
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -84,7 +85,7 @@ void send_map_band(Stream& stream, uint32_t first_row, size_t bytes) {
 
 // What the command says of such an answer to its frame of 31 x 17 pixels.
 std::string words_for(Answer answer, const std::vector<std::string>& options = {}) {
-  const Folder folder;
+  const TemporaryFolder folder;
   write_small_exr(folder.path("in.exr"));
   const ForeignServer server(std::move(answer));
   std::vector<std::string> arguments{"render",   folder.path("in.exr"), folder.path("out.png"),

@@ -6,7 +6,8 @@
 #include "absl/strings/str_split.h"
 #include "client/image/image.h"
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -24,7 +25,7 @@ class Render : public ::testing::Test {
     return read_file(folder_.path(name));
   }
 
-  const Folder folder_;
+  const TemporaryFolder folder_;
   const std::string in_ = folder_.path("in.exr");
 };
 

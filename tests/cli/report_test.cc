@@ -4,7 +4,8 @@
 #include <cmath>
 
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -15,7 +16,7 @@ class Report : public ::testing::Test {
  protected:
   void SetUp() override { write_small_exr(in_); }
 
-  const Folder folder_;
+  const TemporaryFolder folder_;
   const std::string in_ = folder_.path("in.exr");
   const std::string out_ = folder_.path("out.png");
 };

@@ -2,7 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -13,7 +14,7 @@ class WithServer : public ::testing::Test {
     write_small_exr(in_);
     out_ = folder_.path("out.png");
   }
-  Folder folder_;
+  TemporaryFolder folder_;
   const std::string in_ = folder_.path("in.exr");
   std::string out_;
 };

@@ -14,6 +14,7 @@
 #include <cmath>
 #include <random>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
@@ -320,6 +321,38 @@ TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
                     {"forward.v", Imf::HALF, [](int, int) { return 0; }}});
   EXPECT_EQ(read_image(path_).status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_NE(error().find("no colour channels (it has forward.u, forward.v)"), std::string::npos) << error();
+}
+
+TEST_F(ExrReader, NamesOfAFileCannotBreakALineOrCommandATerminal) {
+  // A layer that is shown, and one whose red is subsampled.
+  write_scan_lines(path_, Imf::Header(2, 2), rgb_channels(Imf::HALF, "a\n\x1b[2J\xff."));
+  EXPECT_EQ(read().notes, std::vector<std::string>{"layer a\\x0a\\x1b[2J\\xff is shown"});
+
+  std::string bytes = read_file(path_);
+  const std::string red("[2J\xff.R\0\1\0\0\0\0\0\0\0\1", 16);
+  const size_t at = bytes.find(red);
+  ASSERT_NE(at, std::string::npos);
+  bytes[at + red.size() - 1] = 2;
+  write_file(path_, bytes);
+  EXPECT_NE(error().find("channel a\\x0a\\x1b[2J\\xff.R is subsampled 2x1"), std::string::npos) << error();
+
+  Imf::Header depth(2, 2), colour(2, 2);
+  const ExrPixels no_colour(
+      depth, {{"X", Imf::HALF, [](int, int) { return 1; }}, {"Z", Imf::HALF, [](int, int) { return 1; }}});
+  const ExrPixels pixels(colour, rgb_channels());
+  std::vector<Imf::Header> headers{depth, colour};
+  headers[0].setName("depth");
+  headers[1].setName("\x1b[2J");
+  for (Imf::Header& header : headers) header.setType(Imf::SCANLINEIMAGE);
+  {
+    Imf::MultiPartOutputFile file(path_.c_str(), headers.data(), 2);
+    for (int i = 0; i < 2; ++i) {
+      Imf::OutputPart part(file, i);
+      part.setFrameBuffer(i == 0 ? no_colour.frame() : pixels.frame());
+      part.writePixels(2);
+    }
+  }
+  EXPECT_EQ(read().notes, std::vector<std::string>{"part 2 of 2, \\x1b[2J, is shown"});
 }
 
 TEST_F(ExrReader, ChecksTheLimitsFromTheHeaderAlone) {

@@ -6,8 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -28,15 +28,6 @@ class ImageData : public ::testing::Test {
     absl::StatusOr<Image> image = read_image(root_ + "/" + name);
     EXPECT_TRUE(image.ok()) << image.status();
     return image.ok() ? *std::move(image) : Image{};
-  }
-  std::vector<std::string> files(const std::string& folder) {
-    std::vector<std::string> paths;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(root_ + "/" + folder)) {
-      const std::string extension = entry.path().extension();
-      if (extension == ".exr" || extension == ".hdr") paths.push_back(entry.path());
-    }
-    std::sort(paths.begin(), paths.end());
-    return paths;
   }
   const std::string root_ = data_folder();
 };
@@ -79,7 +70,7 @@ Image to_rec709(const Image& xyz) {
 TEST_F(ImageData, EveryGoodFileReads) {
   for (const char* folder :
        {"exr", "chromaticities", "display_window", "compression", "hdri", "radiance", "aces", "sequence"}) {
-    for (const std::string& path : files(folder)) {
+    for (const std::string& path : data_files(folder)) {
       if (path.ends_with("Trunks_deep.exr")) continue;
       const absl::StatusOr<Image> image = read_image(path);
       EXPECT_TRUE(image.ok()) << image.status();
@@ -93,7 +84,7 @@ TEST_F(ImageData, DeepImagesAreRefusedByName) {
 }
 
 TEST_F(ImageData, EveryDamagedFileIsRefusedFastAndInLittleMemory) {
-  for (const std::string& path : files("bad")) {
+  for (const std::string& path : data_files("bad")) {
     if (path.ends_with("21_type_attribute_lies.exr")) continue;  // readers differ; it holds a whole picture
     const pid_t child = fork();
     ASSERT_GE(child, 0);

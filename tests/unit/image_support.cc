@@ -6,43 +6,9 @@
 #include <OpenEXR/ImfTiledOutputFile.h>
 #include <half.h>
 
-#include <algorithm>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 
 namespace candela {
-
-TemporaryFolder::TemporaryFolder() {
-  std::string root = (std::filesystem::temp_directory_path() / "candela-image-XXXXXX").string();
-  if (mkdtemp(root.data()) == nullptr) std::abort();
-  root_ = root;
-}
-
-TemporaryFolder::~TemporaryFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(root_, ignored);
-}
-
-std::vector<std::string> TemporaryFolder::list() const {
-  std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(root_))
-    names.push_back(entry.path().filename());
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-void write_file(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
-
-std::string read_file(const std::string& path) {
-  std::ostringstream bytes;
-  bytes << std::ifstream(path, std::ios::binary).rdbuf();
-  return bytes.str();
-}
 
 float component(const Image& image, uint32_t x, uint32_t y, int c) {
   const size_t size = bytes_per_pixel(image.format) / 4;
@@ -67,12 +33,6 @@ bool same_pixels(const Image& a, const Image& b) {
   return a.width == b.width && a.height == b.height && a.format == b.format &&
          a.pixels.size() == b.pixels.size() &&
          std::memcmp(a.pixels.data(), b.pixels.data(), a.pixels.size()) == 0;
-}
-
-std::string data_folder() {
-  const char* named = std::getenv("CANDELA_DATA");
-  const std::string folder = named != nullptr ? named : CANDELA_DATA_DEFAULT;
-  return std::filesystem::is_directory(folder) ? folder : "";
 }
 
 ExrPixels::ExrPixels(Imf::Header& header, const std::vector<ExrChannel>& channels) {

@@ -1,5 +1,4 @@
-// What the tests of client/image share: a folder that goes away, pixels as floats, OpenEXR files of every
-// kind.
+// What the tests of client/image share: pixels as floats, OpenEXR files of every kind.
 #pragma once
 
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -14,30 +13,9 @@
 
 namespace candela {
 
-// A new folder, removed with all that is in it.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  std::string path(const std::string& name) const { return root_ + "/" + name; }
-  std::vector<std::string> list() const;  // names, sorted
-
- private:
-  std::string root_;
-};
-
-void write_file(const std::string& path, const std::string& bytes);
-std::string read_file(const std::string& path);
-
 // Component `c` of a pixel as a float; integer formats as their codes.
 float component(const Image& image, uint32_t x, uint32_t y, int c);
 bool same_pixels(const Image& a, const Image& b);  // bit for bit
-
-// The root of the test data (CANDELA_DATA, or where the build was told), "" when there is none.
-std::string data_folder();
 
 // One channel of an OpenEXR file to be made: a value for every pixel of the data window.
 struct ExrChannel {

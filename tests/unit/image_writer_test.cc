@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 // jpeglib.h wants FILE and size_t declared before it.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
@@ -63,6 +64,8 @@ TEST_F(PfmReader, RefusesWhatIsNotWholeOrHasNoSense) {
        {"PF\n1 1\n0\n", "PF\n1 1\nnan\n", "PF\n1 1\ninf\n", "PF\n1 1\n1e60\n", "PF\n1 1\n-1e-60\n"}) {
     EXPECT_NE(error(header + std::string(12, 'x')).find("scale"), std::string::npos) << header;
   }
+  // A vertical tab is white space to a number and not to the header.
+  EXPECT_NE(error("PF\n1 1\n\v1e60\n").find("scale is \\x0b1e60 and"), std::string::npos);
   EXPECT_NE(error("PF\n-1 1\n-1\n").find("at least 1x1"), std::string::npos);
   // 8 bytes a pixel would be within the limit, 16 are not.
   EXPECT_EQ(read("PF\n8000 8000\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "absl/strings/str_cat.h"
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
@@ -161,6 +162,13 @@ TEST_F(RadianceReader, HonoursPrimariesAndPixelAspectAndReportsColourCorrection)
   const Image zeros = good(header("PRIMARIES=0 0 0 0 0 0 0 0\n", "-Y 1 +X 1"), bytes({1, 2, 3, 128}));
   EXPECT_FALSE(zeros.chromaticities.has_value());
   EXPECT_EQ(zeros.notes.size(), 1u);
+}
+
+TEST_F(RadianceReader, TextOfAFileCannotCommandATerminal) {
+  const Image image = good(header("COLORCORR=\x1b[2J\xff\n", "-Y 1 +X 1"), bytes({1, 2, 3, 128}));
+  EXPECT_EQ(image.notes, std::vector<std::string>{"COLORCORR \\x1b[2J\\xff was not divided out"});
+  EXPECT_NE(error("#?RADIANCE\nFORMAT=\x1b[2J\n\n-Y 1 +X 1\n", "").find("format is \\x1b[2J;"),
+            std::string::npos);
 }
 
 TEST_F(RadianceReader, DeliversXyzAsItIs) {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {

@@ -1,47 +1,14 @@
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
 
 #include <gtest/gtest.h>
 #include <half.h>
 
-#include <algorithm>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "client/image/image.h"
+#include "tests/support/files.h"
 
 namespace candela {
-namespace fs = std::filesystem;
-
-Folder::Folder() {
-  std::string root = (fs::temp_directory_path() / "candela-cli-XXXXXX").string();
-  if (mkdtemp(root.data()) == nullptr) std::abort();
-  root_ = root;
-}
-
-Folder::~Folder() {
-  std::error_code ignored;
-  fs::remove_all(root_, ignored);
-}
-
-std::vector<std::string> Folder::list() const {
-  std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(root_)) names.push_back(entry.path().filename());
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-void write_file(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
-
-std::string read_file(const std::string& path) {
-  std::ostringstream bytes;
-  bytes << std::ifstream(path, std::ios::binary).rdbuf();
-  return bytes.str();
-}
 
 PngFacts png_facts(const std::string& path) {
   const std::string file = read_file(path);
@@ -78,22 +45,6 @@ void write_small_exr(const std::string& path, bool alpha_and_aspect) {
   if (alpha_and_aspect) image.pixel_aspect = 2;
   const auto notes = write_image(path, image);
   ASSERT_TRUE(notes.ok()) << notes.status();
-}
-
-std::string data_folder() {
-  const char* named = std::getenv("CANDELA_DATA");
-  const std::string folder = named != nullptr ? named : CANDELA_DATA_DEFAULT;
-  return fs::is_directory(folder) ? folder : "";
-}
-
-std::vector<std::string> data_files(const std::string& folder) {
-  std::vector<std::string> paths;
-  for (const auto& entry : fs::recursive_directory_iterator(data_folder() + "/" + folder)) {
-    const std::string extension = entry.path().extension();
-    if (extension == ".exr" || extension == ".hdr") paths.push_back(entry.path());
-  }
-  std::sort(paths.begin(), paths.end());
-  return paths;
 }
 
 }  // namespace candela

@@ -1,0 +1,83 @@
+// Image files of any kind from any bytes. The limits are small, so that memory beyond the fuzzer's own limits
+// (run.sh) is memory that a file took without having its pixels.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "client/image/image.h"
+#include "tests/fuzz/expect.h"
+
+namespace candela {
+namespace {
+
+// Large enough for the damaged files, small enough for some thousand a second.
+constexpr ImageLimits kLimits{.max_dimension = 4096, .max_bytes = 8 << 20, .max_chunk_bytes = 8 << 20};
+
+// A file in memory; FileReader and OpenEXR both open it by its path.
+class MemoryFile {
+ public:
+  MemoryFile()
+      : descriptor_(memfd_create("fuzz", MFD_CLOEXEC)), path_(absl::StrCat("/proc/self/fd/", descriptor_)) {
+    expect(descriptor_ >= 0, "there is a file in memory");
+  }
+  void set(const uint8_t* data, size_t size) {
+    expect(ftruncate(descriptor_, 0) == 0 && pwrite(descriptor_, data, size, 0) == static_cast<ssize_t>(size),
+           "the file holds the input");
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  const int descriptor_;
+  const std::string path_;
+};
+
+// One line that no file can make anything else of.
+bool is_plain(absl::string_view text) { return std::ranges::all_of(text, absl::ascii_isprint); }
+
+void check_image(const Image& image) {
+  expect(image.format == ImageFormat::kRgba16f || image.format == ImageFormat::kRgba32f,
+         "files are read to floats");
+  expect(image.width >= 1 && image.width <= kLimits.max_dimension, "the width is within the limits");
+  expect(image.height >= 1 && image.height <= kLimits.max_dimension, "the height is within the limits");
+  expect(image.bytes() <= kLimits.max_bytes, "the pixels are within the limits");
+  expect(image.pixels.size() == image.bytes(), "the pixels are all there");
+  expect(image.pixel_aspect >= 0.01 && image.pixel_aspect <= 100, "the pixel aspect is a usable number");
+  for (const std::string& note : image.notes) expect(is_plain(note), "a note is plain text", note);
+  if (image.chromaticities) {
+    for (const float v : *image.chromaticities) expect(std::isfinite(v), "chromaticities are numbers");
+  }
+}
+
+void check_error(const absl::Status& status, const std::string& path) {
+  const absl::StatusCode code = status.code();
+  expect(code == absl::StatusCode::kInvalidArgument || code == absl::StatusCode::kResourceExhausted ||
+             code == absl::StatusCode::kUnimplemented,
+         "the code is one of read_image's", status.ToString());
+  expect(absl::StartsWith(status.message(), path + ": "), "the error names the file", status.ToString());
+  expect(is_plain(status.message()), "the error is plain text", status.ToString());
+}
+
+}  // namespace
+}  // namespace candela
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace candela;
+  static MemoryFile file;
+  file.set(data, size);
+  const absl::StatusOr<Image> image = read_image(file.path(), kLimits);
+  if (image.ok()) {
+    check_image(*image);
+  } else {
+    check_error(image.status(), file.path());
+  }
+  return 0;
+}

@@ -1,0 +1,262 @@
+// Both ends of a Render call reading any bytes; wire_input.h says how an input is taken apart.
+#include <google/protobuf/empty.pb.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/stubs/logging.h>
+#include <google/protobuf/unknown_field_set.h>
+#include <grpcpp/support/byte_buffer.h>
+#include <grpcpp/support/slice.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "candela/v1/render.pb.h"
+#include "client/result_reader.h"
+#include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/limits.h"
+#include "server/render/exposure.h"
+#include "server/render/settings.h"
+#include "server/rpc/band_reader.h"
+#include "server/rpc/render_start.h"
+#include "tests/fuzz/expect.h"
+#include "tests/fuzz/wire_input.h"
+
+namespace candela {
+namespace {
+
+using google::protobuf::io::CodedInputStream;
+
+constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
+
+// As gRPC delivers it: in slices of no particular size, here each in memory of its own.
+grpc::ByteBuffer in_slices(const std::string& message, size_t slice_bytes) {
+  std::vector<grpc::Slice> slices;
+  for (size_t at = 0; at < message.size(); at += slice_bytes) {
+    slices.emplace_back(message.substr(at, slice_bytes));
+  }
+  return grpc::ByteBuffer(slices.data(), slices.size());
+}
+
+std::string bytes_of(const grpc::ByteBuffer& buffer) {
+  std::vector<grpc::Slice> slices;
+  expect(buffer.Dump(&slices).ok(), "a message can be looked at");
+  std::string bytes;
+  for (const grpc::Slice& slice : slices) {
+    bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+  }
+  return bytes;
+}
+
+// Where our codec may take a message that the generated classes do not: it skips what is inside the other
+// members of the oneof, and unknown fields whose tag is a varint of more than five bytes.
+bool may_be_looser(v1::BandKind kind, const std::string& bytes) {
+  google::protobuf::Empty message;
+  message.ParseFromString(bytes);
+  const google::protobuf::UnknownFieldSet& fields = message.GetReflection()->GetUnknownFields(message);
+  for (int i = 0; i < fields.field_count(); ++i) {
+    const auto number = static_cast<uint32_t>(fields.field(i).number());
+    if (number != kind.field && number <= kind.members) return true;
+  }
+  int high = 0;  // bytes in a row that say that a varint goes on
+  for (const char byte : bytes) {
+    high = static_cast<uint8_t>(byte) >= 0x80 ? high + 1 : 0;
+    if (high == 5) return true;
+  }
+  return false;
+}
+
+absl::StatusOr<v1::Band> read_band(v1::BandKind kind, const std::string& bytes, size_t slice_bytes) {
+  grpc::ByteBuffer buffer = in_slices(bytes, slice_bytes);
+  v1::Band band;
+  const auto take = [&](CodedInputStream& input, uint64_t size) -> absl::Status {
+    expect(size <= v1::kMaxBandBytes, "a band is within its limit");
+    expect(input.ReadString(band.mutable_pixels(), static_cast<int>(size)), "the announced pixels are there");
+    return absl::OkStatus();
+  };
+  const absl::StatusOr<uint32_t> first_row = v1::read_band(kind, buffer, take);
+  if (!first_row.ok()) return first_row.status();
+  band.set_first_row(*first_row);
+  return band;
+}
+
+// The generated classes' view of a message: the band of that kind.
+std::optional<v1::Band> parse_band(v1::BandKind kind, const std::string& bytes) {
+  v1::RenderRequest request;
+  v1::RenderResponse response;
+  if (kind.members == v1::kFrameBand.members) {
+    if (request.ParseFromString(bytes) && request.has_band()) return request.band();
+  } else if (response.ParseFromString(bytes)) {
+    const bool is_map = kind.field == v1::kErrorMapBand.field;
+    if (is_map && response.has_error_map()) return response.error_map();
+    if (!is_map && response.has_band()) return response.band();
+  }
+  return std::nullopt;
+}
+
+std::string serialize_band(v1::BandKind kind, const v1::Band& band) {
+  v1::RenderResponse message;  // a request's band has the same bytes
+  (kind.field == v1::kErrorMapBand.field ? *message.mutable_error_map() : *message.mutable_band()) = band;
+  return message.SerializeAsString();
+}
+
+// Our codec takes what the generated classes take and sees the same in it. Gives the band that it reads.
+std::optional<v1::Band> check_codec(v1::BandKind kind, const std::string& bytes, size_t slice_bytes) {
+  const absl::StatusOr<v1::Band> band = read_band(kind, bytes, slice_bytes);
+  const std::optional<v1::Band> theirs = parse_band(kind, bytes);
+  if (!band.ok()) {
+    expect(!theirs, "a band of the generated classes is read", band.status().ToString());
+    expect(absl::IsInvalidArgument(band.status()), "what is no band is an invalid argument");
+    return std::nullopt;
+  }
+  expect(theirs || may_be_looser(kind, bytes), "what is read is a band of the generated classes");
+  if (theirs) {
+    expect(band->first_row() == theirs->first_row(), "the first row is the generated classes'");
+    expect(band->pixels() == theirs->pixels(), "the pixels are the generated classes'");
+  }
+  if (!band->pixels().empty()) {
+    const grpc::ByteBuffer ours = v1::make_band(kind, band->first_row(), grpc::Slice(band->pixels()));
+    expect(bytes_of(ours) == serialize_band(kind, *band),
+           "a band's bytes are those of the generated classes");
+  }
+  return *band;
+}
+
+// What the settings make of a dark, a plain and a bright frame.
+void check_exposure(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous) {
+  for (const double mean_log2_luminance : {-40.0, 0.0, 16.0}) {
+    const double target = exposure_target(settings, mean_log2_luminance);
+    expect(std::isfinite(target) && target > 0, "the target is a factor", absl::StrCat(target));
+    const double exposure = adapt_exposure(settings.adaptation, previous, target);
+    const double from = previous ? previous->exposure : target;
+    // Its last digit may be off where it arrives.
+    expect(
+        exposure >= std::min(from, target) * (1 - 1e-12) && exposure <= std::max(from, target) * (1 + 1e-12),
+        "exposure goes towards its target and not beyond", absl::StrCat(from, " ", exposure, " ", target));
+  }
+}
+
+void check_start(const RenderStart& start) {
+  const FrameDesc& desc = start.desc;
+  expect(desc.width >= 1 && desc.width <= kLimits.max_dimension, "the width is within the limits");
+  expect(desc.height >= 1 && desc.height <= kLimits.max_dimension, "the height is within the limits");
+  expect(v1::PixelFormat_IsValid(static_cast<int>(desc.format)) && static_cast<int>(desc.format) != 0,
+         "the format is one of the contract's");
+  expect(desc.bytes() <= kLimits.max_frame_bytes, "the frame is within the limits");
+  expect(start.row_stride_bytes >= desc.row_bytes() && start.row_stride_bytes <= desc.row_bytes() + 4096,
+         "the row stride is within its range");
+  expect(check_settings(start.settings).ok(), "the settings are good");
+  expect(check_settings_for(start.settings, desc).ok(), "the settings suit the frame");
+  if (start.previous) expect(check_previous(*start.previous).ok(), "the previous exposure is good");
+  check_exposure(start.settings.exposure, start.previous);
+}
+
+bool fits(const v1::Band& band, const RenderStart& start, uint32_t next_row) {
+  const uint64_t bytes = band.pixels().size();
+  return bytes > 0 && bytes % start.row_stride_bytes == 0 &&
+         bytes / start.row_stride_bytes <= start.desc.height - next_row;
+}
+
+// The server: a start, then bands into rows that are each exactly as large as they are.
+void serve(const WireInput& input) {
+  const std::span<const std::string> messages = input.messages;
+  if (messages.empty()) return;
+  grpc::ByteBuffer first = in_slices(messages[0], input.slice_bytes);
+  const absl::StatusOr<RenderStart> start = read_render_start(first, kLimits);
+  if (!start.ok()) {
+    expect(absl::IsInvalidArgument(start.status()) || absl::IsResourceExhausted(start.status()),
+           "a start is refused with one of its codes", start.status().ToString());
+    return;
+  }
+  check_start(*start);
+
+  BandReader reader(start->desc, start->row_stride_bytes);
+  uint32_t next_row = 0;
+  for (const std::string& message : messages.subspan(1)) {
+    std::map<uint32_t, std::vector<std::byte>> rows;
+    const auto row = [&](uint32_t y) -> std::span<std::byte> {
+      expect(y >= next_row && y < start->desc.height, "a row is one of the frame's that are still due");
+      return rows.try_emplace(y, start->desc.row_bytes()).first->second;
+    };
+    grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
+    const absl::Status status = reader.read(buffer, row);
+    const std::optional<v1::Band> band = check_codec(v1::kFrameBand, message, input.slice_bytes);
+    if (!status.ok()) {
+      expect(absl::IsInvalidArgument(status), "a band is refused as an invalid argument", status.ToString());
+      // It may have held a field that a later one replaced; without that a band that fits is taken.
+      if (!band || band->first_row() != next_row || !fits(*band, *start, next_row)) return;
+      buffer = v1::make_band(v1::kFrameBand, band->first_row(), grpc::Slice(band->pixels()));
+      expect(reader.read(buffer, row).ok(), "a band that fits is taken");
+      return;
+    }
+    expect(band && band->first_row() == next_row, "a band that is taken begins where the last one ended");
+    const uint64_t count = band->pixels().size() / start->row_stride_bytes;
+    expect(count > 0 && band->pixels().size() % start->row_stride_bytes == 0,
+           "a band that is taken is whole rows");
+    for (uint64_t i = 0; i < count; ++i, ++next_row) {
+      const auto sent = std::as_bytes(std::span(band->pixels()))
+                            .subspan(i * start->row_stride_bytes, start->desc.row_bytes());
+      expect(std::ranges::equal(rows[next_row], sent), "a row holds what was sent", absl::StrCat(next_row));
+    }
+    expect(reader.check_complete().ok() == (next_row == start->desc.height),
+           "the frame is whole with its last row");
+  }
+}
+
+// The client: a header, then bands of the image and of the error map.
+void receive(const WireInput& input) {
+  ResultReader reader({input.width, input.height, input.error_map, input.error_map});
+  std::string image, map;
+  for (size_t i = 0; i < input.messages.size(); ++i) {
+    const std::string& message = input.messages[i];
+    grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
+    const absl::Status status = reader.read(buffer);
+    const std::optional<v1::Band> of_image = check_codec(v1::kImageBand, message, input.slice_bytes);
+    const std::optional<v1::Band> of_map = check_codec(v1::kErrorMapBand, message, input.slice_bytes);
+    if (!status.ok()) {
+      expect(absl::IsInternal(status) || absl::IsUnimplemented(status), "a message is refused as no answer",
+             status.ToString());
+      return;
+    }
+    if (i == 0) continue;
+    expect(of_image.has_value() != of_map.has_value(), "a message that is taken is a band");
+    expect(!of_map || input.error_map, "a map that is taken was asked for");
+    (of_image ? image : map) += of_image ? of_image->pixels() : of_map->pixels();
+  }
+  const absl::StatusOr<RenderResult> result = reader.take();
+  if (!result.ok()) return;
+  const v1::ResultHeader& header = result->header;
+  expect(header.width() == input.width && header.height() == input.height,
+         "the image is of the frame's size");
+  expect(result->bytes % (uint64_t{input.width} * input.height) == 0, "the image is whole pixels");
+  expect(std::ranges::equal(result->pixels(), std::as_bytes(std::span(image))),
+         "the image holds what was sent");
+  expect(std::ranges::equal(std::as_bytes(std::span(result->error_map)), std::as_bytes(std::span(map))),
+         "the map holds what was sent");
+}
+
+}  // namespace
+}  // namespace candela
+
+// protobuf would report every string that is not UTF-8.
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  google::protobuf::SetLogHandler(nullptr);
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace candela;
+  const WireInput input = parse_wire_input(std::string(reinterpret_cast<const char*>(data), size));
+  if (input.reader == WireInput::Reader::kServer) {
+    serve(input);
+  } else {
+    receive(input);
+  }
+  return 0;
+}

@@ -1,0 +1,273 @@
+// Writes what the fuzzers start from: fuzz_seeds FOLDER makes FOLDER/image and FOLDER/wire.
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfDeepFrameBuffer.h>
+#include <OpenEXR/ImfDeepScanLineOutputFile.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfMultiPartOutputFile.h>
+#include <OpenEXR/ImfOutputPart.h>
+#include <OpenEXR/ImfPartType.h>
+#include <OpenEXR/ImfRgbaFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfTileDescription.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "candela/v1/render.pb.h"
+#include "tests/fuzz/wire_input.h"
+#include "tests/support/files.h"
+#include "tests/unit/image_support.h"
+
+namespace candela {
+namespace {
+
+using Imath::Box2i;
+using Imath::V2i;
+
+// ---- OpenEXR ----
+
+void write_luma_chroma(const std::string& path) {
+  const std::vector<Imf::Rgba> pixels(16 * 12, Imf::Rgba(0.5f, 0.25f, 0.125f, 1.0f));
+  Imf::RgbaOutputFile file(path.c_str(), Imf::Header(16, 12), Imf::WRITE_YCA);
+  file.setFrameBuffer(pixels.data(), 1, 16);
+  file.writePixels(12);
+}
+
+// A part without colour, then one with `channels`.
+void write_parts(const std::string& path, const std::vector<ExrChannel>& channels) {
+  std::vector<Imf::Header> headers(2, Imf::Header(8, 6));
+  const ExrPixels pixels[] = {{headers[0], {{"Z", Imf::FLOAT, [](int, int) { return 5; }}}},
+                              {headers[1], channels}};
+  for (int i = 0; i < 2; ++i) {
+    headers[i].setName(i == 0 ? "depth" : "beauty");
+    headers[i].setType(Imf::SCANLINEIMAGE);
+  }
+  Imf::MultiPartOutputFile file(path.c_str(), headers.data(), 2);
+  for (int i = 0; i < 2; ++i) {
+    Imf::OutputPart part(file, i);
+    part.setFrameBuffer(pixels[i].frame());
+    part.writePixels(6);
+  }
+}
+
+// Without a sample in it.
+void write_deep(const std::string& path) {
+  Imf::Header header(4, 4);
+  header.channels().insert("R", Imf::Channel(Imf::HALF));
+  header.setType(Imf::DEEPSCANLINE);
+  header.compression() = Imf::ZIPS_COMPRESSION;
+  std::vector<unsigned> counts(16, 0);
+  std::vector<void*> samples(16, nullptr);
+  Imf::DeepFrameBuffer frame;
+  frame.insertSampleCountSlice(Imf::Slice::Make(Imf::UINT, counts.data(), header.dataWindow()));
+  frame.insert("R", Imf::DeepSlice(Imf::HALF, reinterpret_cast<char*>(samples.data()), sizeof(void*),
+                                   sizeof(void*) * 4, sizeof(uint16_t)));
+  Imf::DeepScanLineOutputFile file(path.c_str(), header);
+  file.setFrameBuffer(frame);
+  file.writePixels(4);
+}
+
+void write_open_exr(const std::string& folder) {
+  const auto one = [](int, int) { return 1; };
+  for (int c = 0; c < Imf::NUM_COMPRESSION_METHODS; ++c) {
+    Imf::Header header(20, 36);
+    header.compression() = static_cast<Imf::Compression>(c);
+    write_scan_lines(absl::StrCat(folder, "/lines_", c, ".exr"), header, rgb_channels());
+    write_tiles(absl::StrCat(folder, "/tiles_", c, ".exr"), header, Imf::TileDescription(16, 16),
+                rgb_channels(), 0);
+  }
+  for (const auto type : {Imf::FLOAT, Imf::UINT}) {
+    const auto value = [](int x, int y) { return x + y; };
+    write_scan_lines(absl::StrCat(folder, "/grey_", type, ".exr"), Imf::Header(9, 5), {{"Y", type, value}});
+  }
+  for (const auto mode : {Imf::MIPMAP_LEVELS, Imf::RIPMAP_LEVELS}) {
+    write_tiles(absl::StrCat(folder, "/levels_", mode, ".exr"), Imf::Header(20, 12),
+                Imf::TileDescription(8, 4, mode), rgb_channels(), 0);
+  }
+  Imf::Header windows(Box2i(V2i(-3, 5), V2i(12, 14)), Box2i(V2i(-20, -30), V2i(20, 30)), 1.5f);
+  Imf::addChromaticities(
+      windows, Imf::Chromaticities({0.7347f, 0.2653f}, {0, 1}, {0.0001f, -0.077f}, {0.32168f, 0.33767f}));
+  windows.lineOrder() = Imf::DECREASING_Y;
+  write_scan_lines(folder + "/windows.exr", windows, rgb_channels(Imf::HALF, "beauty."));
+  write_luma_chroma(folder + "/luma_chroma.exr");
+  write_parts(folder + "/parts.exr", rgb_channels());
+  write_parts(folder + "/luma_chroma_part.exr",
+              {{"Y", Imf::HALF, one}, {"RY", Imf::HALF, one}, {"BY", Imf::HALF, one}});
+  write_deep(folder + "/deep.exr");
+}
+
+// ---- Radiance and PFM ----
+
+void write_radiance(const std::string& folder) {
+  const std::string start =
+      "#?RADIANCE\nEXPOSURE=2\nPIXASPECT=0.5\nCOLORCORR=1 1 1\nFORMAT=32-bit_rle_rgbe\n\n";
+  const std::string pixel("\x80\x40\x20\x81", 4);
+  std::string flat = start + "-Y 3 +X 4\n";
+  for (int i = 0; i < 12; ++i) flat += pixel;
+  write_file(folder + "/flat.hdr", flat);
+  // Each component: a run of 5, then 4 literals.
+  const std::string line("\x02\x02\x00\x09", 4), component("\x85\x40\x04\x01\x02\x03\x04", 7);
+  const std::string coded = line + component + component + component + component;
+  write_file(folder + "/by_component.hdr", start + "+Y 2 -X 9\n" + coded + coded);
+  // A pixel, then 258 more of it: 2, and 1 of the next higher byte.
+  write_file(folder + "/by_pixel.hdr", start + "+X 1 -Y 259\n" + pixel + std::string("\1\1\1\2\1\1\1\1", 8));
+  write_file(
+      folder + "/xyze.hdr",
+      "#?RGBE\nPRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3 0.3\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n" + pixel);
+}
+
+void write_pfm(const std::string& folder) {
+  const std::string one("\x00\x00\x80\x3f", 4);
+  std::string pixels;
+  for (int i = 0; i < 6; ++i) pixels += one;
+  write_file(folder + "/colour.pfm", "PF\n2 1\n-1.0\n" + pixels);
+  write_file(folder + "/grey.pfm", "Pf\n3 2\n2.5\n" + pixels);
+}
+
+// ---- The wire ----
+
+std::string band(uint32_t first_row, size_t bytes) {
+  v1::RenderRequest message;
+  message.mutable_band()->set_first_row(first_row);
+  message.mutable_band()->set_pixels(std::string(bytes, 'p'));
+  return message.SerializeAsString();
+}
+
+// Every field, so that the fuzzer knows them all, but those that do not go with others.
+void set_all(v1::Settings& settings) {
+  v1::Exposure& exposure = *settings.mutable_exposure();
+  exposure.set_mode(v1::Exposure::MODE_MANUAL);
+  exposure.set_manual_ev(-2);
+  exposure.set_compensation_ev(1);
+  exposure.set_key(0.2);
+  exposure.set_min_exposure(0.5);
+  exposure.set_max_exposure(2);
+  v1::Metering& metering = *exposure.mutable_metering();
+  metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+  metering.set_percentile_low(5);
+  metering.set_percentile_high(95);
+  metering.set_weights(v1::Metering::WEIGHTS_SPOT);
+  metering.mutable_spot()->set_x0(1);
+  metering.mutable_spot()->set_x1(2);
+  metering.mutable_spot()->set_y0(1);
+  metering.mutable_spot()->set_y1(3);
+  v1::Adaptation& adaptation = *exposure.mutable_adaptation();
+  adaptation.set_domain(v1::Adaptation::DOMAIN_LINEAR);
+  adaptation.set_speed_up(2);
+  adaptation.set_speed_down(0.5);
+  v1::Bloom& bloom = *settings.mutable_bloom();
+  bloom.set_intensity(0.1f);
+  bloom.set_threshold(2);
+  bloom.set_softness(0.25f);
+  bloom.set_levels(3);
+  bloom.set_firefly_weights(false);
+  bloom.set_kind(v1::Bloom::KIND_GAUSSIAN);
+  settings.set_curve(v1::TONE_CURVE_REINHARD_EXTENDED);
+  settings.set_curve_white(8);
+  settings.set_prescale(1.5);
+  settings.set_transfer(v1::TRANSFER_GAMMA22);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
+  settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  settings.set_tier("standard");
+  settings.set_dither(true);
+  v1::Chromaticities& xy = *settings.mutable_input_chromaticities();
+  xy.set_red_x(0.7f);
+  xy.set_red_y(0.3f);
+  xy.set_green_x(0.2f);
+  xy.set_green_y(0.7f);
+  xy.set_blue_x(0.1f);
+  xy.set_blue_y(0.1f);
+  xy.set_white_x(0.31f);
+  xy.set_white_y(0.33f);
+}
+
+// A frame of 3 x 4 pixels in two bands.
+void write_request(const std::string& path, v1::PixelFormat format, uint32_t pixel_bytes, bool all_fields) {
+  const uint32_t stride = 3 * pixel_bytes + (all_fields ? 5 : 0);
+  v1::RenderRequest request;
+  v1::FrameHeader& frame = *request.mutable_start()->mutable_frame();
+  frame.set_width(3);
+  frame.set_height(4);
+  frame.set_format(format);
+  if (all_fields) {
+    frame.set_sequence(7);
+    frame.set_row_stride_bytes(stride);
+    frame.set_total_bytes(uint64_t{4} * stride);
+    set_all(*request.mutable_start()->mutable_settings());
+    request.mutable_start()->set_verify(true);
+    request.mutable_start()->set_error_map(true);
+    request.mutable_start()->mutable_previous()->set_exposure(1.5);
+    request.mutable_start()->mutable_previous()->set_elapsed_seconds(0.04);
+  } else {
+    v1::Settings& settings = *request.mutable_start()->mutable_settings();
+    settings.set_max_error_codes(1);
+    settings.set_max_ms(20);
+    settings.set_input_primaries(v1::PRIMARIES_REC2020);
+  }
+  WireInput input;
+  input.messages = {request.SerializeAsString(), band(0, size_t{3} * stride), band(3, stride)};
+  write_file(path, format_wire_input(input));
+}
+
+std::string map_band(uint32_t first_row, size_t bytes) {
+  v1::RenderResponse message;
+  message.mutable_error_map()->set_first_row(first_row);
+  message.mutable_error_map()->set_pixels(std::string(bytes, 'e'));
+  return message.SerializeAsString();
+}
+
+void write_response(const std::string& path, v1::OutputFormat format, uint32_t pixel_bytes, bool error_map) {
+  v1::RenderResponse response;
+  v1::ResultHeader& header = *response.mutable_header();
+  header.set_sequence(7);
+  header.set_width(3);
+  header.set_height(4);
+  header.set_format(format);
+  header.mutable_statistics()->set_mean_log2_luminance(-1);
+  header.set_exposure(2);
+  header.add_plan("ingest");
+  header.add_stages()->set_name("queue");
+  header.set_tier("standard");
+  if (error_map) header.mutable_verify()->set_max_error_codes(0.5);
+  WireInput input{.reader = WireInput::Reader::kClient,
+                  .error_map = error_map,
+                  .slice_bytes = 5,
+                  .width = 3,
+                  .height = 4};
+  input.messages = {response.SerializeAsString(), band(0, size_t{9} * pixel_bytes),
+                    band(3, size_t{3} * pixel_bytes)};
+  if (error_map) {
+    input.messages.push_back(map_band(0, 18));
+    input.messages.push_back(map_band(3, 6));
+  }
+  write_file(path, format_wire_input(input));
+}
+
+void write_wire(const std::string& folder) {
+  for (const bool all_fields : {false, true}) {
+    const std::string path = folder + (all_fields ? "/all_" : "/plain_");
+    write_request(path + "rgba16f", v1::PIXEL_FORMAT_RGBA16F, 8, all_fields);
+    write_request(path + "rgba32f", v1::PIXEL_FORMAT_RGBA32F, 16, all_fields);
+    write_request(path + "rgb9e5", v1::PIXEL_FORMAT_RGB9E5, 4, all_fields);
+  }
+  write_response(folder + "/response_rgba8", v1::OUTPUT_FORMAT_RGBA8, 4, false);
+  write_response(folder + "/response_rgba16", v1::OUTPUT_FORMAT_RGBA16, 8, false);
+  write_response(folder + "/response_rgba16f", v1::OUTPUT_FORMAT_RGBA16F, 8, true);
+}
+
+}  // namespace
+}  // namespace candela
+
+int main(int count, char** arguments) {
+  if (count != 2) return 2;
+  const std::string image = std::string(arguments[1]) + "/image", wire = std::string(arguments[1]) + "/wire";
+  std::filesystem::create_directories(image);
+  std::filesystem::create_directories(wire);
+  candela::write_open_exr(image);
+  candela::write_radiance(image);
+  candela::write_pfm(image);
+  candela::write_wire(wire);
+}
