@@ -229,10 +229,15 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
                         sums->first_bad_texel % parts.desc.width, sums->first_bad_texel / parts.desc.width,
                         report.stats.nan_components, report.stats.infinite_components));
   }
-  report.target = exposure_target(settings.exposure, report.stats.mean_log2_luminance);
-  const bool metered = settings.exposure.mode == ExposureMode::kAuto;
-  report.exposure =
-      adapt_exposure(settings.exposure.adaptation, metered ? moment.previous : std::nullopt, report.target);
+  const auto expose = [&](double mean_log2_luminance) {
+    report.stats.mean_log2_luminance = mean_log2_luminance;
+    report.target = exposure_target(settings.exposure, mean_log2_luminance);
+    const bool metered = settings.exposure.mode == ExposureMode::kAuto;
+    report.exposure =
+        adapt_exposure(settings.exposure.adaptation, metered ? moment.previous : std::nullopt, report.target);
+    return report.exposure;
+  };
+  expose(report.stats.mean_log2_luminance);
   report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, context.tier);
 
   context.bloom = report.plan.bloom;
@@ -241,7 +246,7 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
   context.exposure = report.exposure * settings.prescale;
   if (context.tier.host_reference) {
     add_host_time(name(Pass::kReference), &report.stages,
-                  [&] { render_by_reference(memory, settings, moment, report.exposure); });
+                  [&] { render_by_reference(memory, settings, moment, expose); });
   } else {
     if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
     add_timings(impl_->recorder, &report.stages);

@@ -80,6 +80,11 @@ std::optional<reference::Matrix> matrix_of(const Settings& settings) {
   return matrix.ok() ? *matrix : std::nullopt;
 }
 
+// E * prescale, cut as the pipeline cuts it.
+double exposed(double exposure, const Settings& settings) {
+  return std::min(exposure * settings.prescale, 0x1p46);
+}
+
 Reference make_reference(const FrameMemory::Parts& parts, const Settings& settings, const FrameMoment& moment,
                          double exposure, uint32_t level_size, reference::Rounding rounding) {
   const FrameDesc& desc = parts.desc;
@@ -102,7 +107,7 @@ Reference make_reference(const FrameMemory::Parts& parts, const Settings& settin
                                 settings.bloom.levels, settings.bloom.firefly_weights, level_size},
                                r.meter.mean_log2_luminance, &r.levels);
   }
-  r.params.exposure = std::min(exposure * settings.prescale, 0x1p46);
+  r.params.exposure = exposed(exposure, settings);
   r.params.level_size = settings.bloom.kind == BloomKind::kGaussian ? 4 : level_size;
   r.params.bloom_intensity = settings.bloom.intensity;
   r.params.curve = static_cast<uint32_t>(settings.curve);
@@ -280,10 +285,10 @@ FrameStats stats_of(const Reference& truth) {
 }  // namespace
 
 void render_by_reference(FrameMemory& memory, const Settings& settings, const FrameMoment& moment,
-                         double exposure) {
+                         const std::function<double(double)>& expose) {
   const FrameMemory::Parts& parts = memory.parts();
-  const Reference truth =
-      make_reference(parts, settings, moment, exposure, kWholeBloom, reference::Rounding::kNone);
+  Reference truth = make_reference(parts, settings, moment, 1.0, kWholeBloom, reference::Rounding::kNone);
+  truth.params.exposure = exposed(expose(truth.meter.mean_log2_luminance), settings);
   const Picture image = {parts.host_output().mapped(), parts.pitch,
                          static_cast<uint32_t>(parts.output_format)};
   const double steps = image.steps();

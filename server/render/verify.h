@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "server/render/renderer.h"
 
@@ -13,11 +14,11 @@ inline constexpr uint32_t kWholeBloom = 2;
 // What verify_frame allocates beside the frame's own memory: about 26 bytes a pixel.
 uint64_t reference_bytes_of(const FrameDesc& desc, const Settings& settings);
 
-// Makes the finished image of `memory` from the wire pixels in it, in float64 and at the exposure factor E,
-// from a scene that is not rounded to halves; where the memory was allocated for verification, the
-// unquantised image, too. Uses every core.
+// Makes the finished image of `memory` from the wire pixels in it, in float64 and from a scene that is not
+// rounded to halves; where the memory was allocated for verification, the unquantised image, too. `expose` is
+// called once, with the metered mean log2 luminance, and gives the exposure factor E. Uses every core.
 void render_by_reference(FrameMemory& memory, const Settings& settings, const FrameMoment& moment,
-                         double exposure);
+                         const std::function<double(double)>& expose);
 
 // Renders the wire pixels in `memory` once more, in float64 and at the reported exposure, and holds what the
 // device made of them against it; fills the error map where the memory has one. Codes are measured on the
