@@ -1,5 +1,5 @@
 // Tone curves (docs/pipeline.md section 5): exposed scene light to display-linear light in [0, 1].
-// The including shader declares CURVE and includes transfer.glsl.
+// The including shader declares CURVE and includes transfer.glsl and table.glsl.
 //
 // Sources: reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images",
 // 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the ACES
@@ -11,13 +11,18 @@ vec3 rrt_and_odt(vec3 v) {
   return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
 }
 
-vec3 aces_hill(vec3 x) {
-  vec3 v = rrt_and_odt(vec3(0.59719 * x.r + 0.35458 * x.g + 0.04823 * x.b,
-                            0.07600 * x.r + 0.90834 * x.g + 0.01566 * x.b,
-                            0.02840 * x.r + 0.13383 * x.g + 0.83777 * x.b));
-  return vec3(1.60475 * v.r - 0.53108 * v.g - 0.07367 * v.b, -0.10208 * v.r + 1.10813 * v.g - 0.00605 * v.b,
-              -0.00327 * v.r - 0.07276 * v.g + 1.07602 * v.b);
+vec3 rows(float m[9], vec3 x) {
+  return vec3(m[0] * x.r + m[1] * x.g + m[2] * x.b, m[3] * x.r + m[4] * x.g + m[5] * x.b,
+              m[6] * x.r + m[7] * x.g + m[8] * x.b);
 }
+
+// The matrices are those of the colour tables.
+vec3 aces_hill(vec3 x) {
+  vec3 v = rrt_and_odt(rows(float[](TABLE_FROM_SCENE), x));
+  return rows(float[](TABLE_TO_DISPLAY), v);
+}
+
+vec3 table(vec3 x) { return rows(float[](TABLE_TO_DISPLAY), look_up(rows(float[](TABLE_FROM_SCENE), x))); }
 
 vec3 hable_base(vec3 x) {
   return (x * (0.15 * x + 0.10 * 0.50) + 0.20 * 0.02) / (x * (0.15 * x + 0.50) + 0.20 * 0.30) - 0.02 / 0.30;
@@ -73,5 +78,7 @@ vec3 curve(vec3 x, float white) {
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);
+  if (CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) y = table(x);
+  if (CURVE == CURVE_TABLE_REC709) y = look_up(x);
   return at_most(at_least(y, 0.0), 1.0);
 }

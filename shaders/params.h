@@ -26,6 +26,9 @@ CANDELA_CONST(uint) CURVE_REINHARD_EXTENDED = 5u;
 CANDELA_CONST(uint) CURVE_HABLE = 6u;
 CANDELA_CONST(uint) CURVE_AGX = 7u;
 CANDELA_CONST(uint) CURVE_PBR_NEUTRAL = 8u;
+CANDELA_CONST(uint) CURVE_ACES_1 = 9u;
+CANDELA_CONST(uint) CURVE_TABLE = 10u;
+CANDELA_CONST(uint) CURVE_TABLE_REC709 = 11u;  // not on the wire: TABLE with AXES_REC709
 CANDELA_CONST(uint) WEIGHTS_AVERAGE = 1u;
 CANDELA_CONST(uint) WEIGHTS_CENTER = 2u;
 CANDELA_CONST(uint) WEIGHTS_SPOT = 3u;
@@ -70,6 +73,24 @@ CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 
+// Of colour tables (shaders/color_table.h): below the knee an axis is linear rather than logarithmic, and the
+// largest stored number stands for this square root of light.
+CANDELA_CONST(float) TABLE_AXIS_KNEE = 0.03125f;
+CANDELA_CONST(float) TABLE_MAX_ROOT = 1.25f;
+// The primaries of a table's axes and of what it holds: those of the two matrices below, or Rec.709 as it
+// comes.
+CANDELA_CONST(uint) AXES_ACES = 1u;
+CANDELA_CONST(uint) AXES_REC709 = 2u;
+// Of a position along an axis; more would not fit beside an axis' step, under 2^15, in a word.
+CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
+// Rec.709 to the primaries in which the ACES 1.x tone curve works (AP1, desaturated as the RRT does), and
+// from those of its output (AP1, before the ODT's desaturation) to Rec.709; row by row. Source: S. Hill's fit
+// of the ACES RRT and ODT, published in M. Pettineo's BakingLab.
+#define TABLE_FROM_SCENE \
+  0.59719f, 0.35458f, 0.04823f, 0.07600f, 0.90834f, 0.01566f, 0.02840f, 0.13383f, 0.83777f
+#define TABLE_TO_DISPLAY \
+  1.60475f, -0.53108f, -0.07367f, -0.10208f, 1.10813f, -0.00605f, -0.00327f, -0.07276f, 1.07602f
+
 // Input texels to scene texels; shared by the two passes that read the frame.
 struct InputParams {
   uint width, height;
@@ -112,6 +133,8 @@ struct ResolveParams {
   float scene_scale;  // of BLOOM_CONSERVE: 1 - intensity
   float curve_white;  // of reinhard-extended
   uint dither_frame;  // the frame's sequence number, low 32 bits
+  uint table_size;    // of aces-1 and TABLE: points a side,
+  float table_scale;  // and points an octave of the axes, times 2^TABLE_FRACTION_BITS
 };
 
 // What one tile of the frame adds up to. All-zero is empty: minima are kept as the maximum of the complement.

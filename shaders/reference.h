@@ -7,10 +7,12 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "shaders/color_table.h"
 #include "shaders/params.h"
 
 namespace candela::reference {
@@ -79,7 +81,9 @@ struct ResolveParams {
   uint curve = shader::CURVE_ACES_HILL;
   double curve_white = 4.0;  // of reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
-  bool encode = true;  // false: display-linear light, as RGBA16F output has it
+  // Exposed scene light to display light, not clamped; what CURVE_ACES_1 and CURVE_TABLE need in place of a
+  // formula.
+  std::function<Rgb(const Rgb&)> look;
 };
 
 // The scene's texels are halves, as the pipeline has them, or what they were before they were rounded.
@@ -111,7 +115,11 @@ Level gaussian_bloom(const Scene& scene, double threshold);
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y);
 
-// Exposed scene light to display-linear light in [0, 1]. `white`: of reinhard-extended.
+// Exposed scene light to display light by a table, not clamped.
+Rgb look_up(const ColorTable& table, const Rgb& exposed);
+
+// Exposed scene light to display-linear light in [0, 1]; of the curves without a table. `white`: of
+// reinhard-extended.
 Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);
 double transfer(uint transfer, double y);
 

@@ -1,6 +1,6 @@
 // Phase B's last pass: reads the frame a second time and makes the image.
 //
-// In: the wire's pixels, B_0 (where BLOOM is not BLOOM_NONE). Out: the image in OUTPUT's format.
+// In: the wire's pixels, B_0 (where BLOOM is not BLOOM_NONE), the table of the curves that have one. Out: the image in OUTPUT's format.
 // Method: docs/pipeline.md sections 4 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
 // dither, quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
 // that the next pair shares stay in registers, filtered along x.
@@ -24,6 +24,7 @@ layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "input.glsl"
 #include "transfer.glsl"
+#include "table.glsl"
 #include "curves.glsl"
 
 vec4 image_texel(vec4 wire, vec3 light) {
@@ -31,7 +32,7 @@ vec4 image_texel(vec4 wire, vec3 light) {
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
   if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
   vec3 y = curve(at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE), p.curve_white);
-  return vec4(OUTPUT == OUTPUT_RGBA16F ? y : encode(y), scene.a);
+  return vec4(encode(y), scene.a);
 }
 
 // Triangular noise in (-1, 1), zero on average, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano, "Hash

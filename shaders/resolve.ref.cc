@@ -154,8 +154,8 @@ std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& 
       for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
     }
     for (double& v : c) v = params.exposure * std::max(v, 0.0);
-    c = tone_curve(params.curve, c, params.curve_white);
-    for (int n = 0; n < 3; ++n) row[x][n] = params.encode ? transfer(params.transfer, c[n]) : c[n];
+    c = params.look ? params.look(c) : tone_curve(params.curve, c, params.curve_white);
+    for (int n = 0; n < 3; ++n) row[x][n] = transfer(params.transfer, std::clamp(c[n], 0.0, 1.0));
     row[x][3] = s[3];
   }
   return row;

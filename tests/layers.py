@@ -5,8 +5,8 @@ import re
 import sys
 
 SERVER = ["server/base", "server/vulkan", "server/render", "server/stream", "server/rpc", "server"]
-ALLOWED = {"proto": [], "shaders": [], "client/image": [], "client": ["client/image", "proto"],
-           "client/cli": ["client", "client/image", "proto"]}
+ALLOWED = {"proto": [], "shaders": [], "client/image": [], "client/color": ["shaders"], "client": ["client/image", "proto"],
+           "client/cli": ["client", "client/image", "client/color", "proto"]}
 for depth, folder in enumerate(SERVER):
     ALLOWED[folder] = ["proto", "shaders"] + SERVER[:depth]
 # The one door from the client into the server.

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/color/view_table.h"
 #include "client/image/image.h"
 
 namespace candela {
@@ -24,6 +25,7 @@ struct RenderOptions {
   std::string output;
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   v1::ExposureState previous;  // exposure 0: none
+  ViewChoice view;             // its config is empty where there is none
   WriteOptions write;
   ServerChoice server;
   bool verify = false;    // hold the image against the reference

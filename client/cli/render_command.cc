@@ -14,6 +14,7 @@
 #include "client/cli/render_report.h"
 #include "client/cli/server_link.h"
 #include "client/cli/terminal.h"
+#include "client/color/view_table.h"
 #include "client/image/image.h"
 
 namespace candela {
@@ -65,6 +66,7 @@ class Rendering {
     report_.error_map = options_.error_map;
     report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL;
     report_.notes = options_.notes;
+    if (absl::Status status = bake(); !status.ok()) return status;
     absl::StatusOr<Image> image = read();
     if (!image.ok()) return image.status();
     absl::StatusOr<Image> picture = render(*std::move(image));
@@ -76,6 +78,25 @@ class Rendering {
   }
 
  private:
+  // The view of --ocio, if there is one.
+  absl::Status bake() {
+    if (options_.view.config.empty()) return absl::OkStatus();
+    progress_.show("baking " + options_.view.config);
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<ViewTable> baked = bake_view(options_.view);
+    if (!baked.ok()) return baked.status();
+    const ColorTable& table = baked->table;
+    table_.set_size(table.size);
+    table_.set_axes(static_cast<v1::ColorTable::Axes>(table.axes));
+    table_.set_end(table.end);
+    table_.set_values(table.values.data(), table.values.size() * sizeof table.values[0]);
+    report_.view = ViewReport{baked->display, baked->view,      baked->input,      table.size,
+                              table.end,      baked->max_codes, baked->p999_codes, baked->mean_codes};
+    add_notes(std::move(baked->notes));
+    bake_ms_ = ms_since(begin);
+    return absl::OkStatus();
+  }
+
   absl::StatusOr<Image> read() {
     progress_.show("reading " + options_.input);
     const absl::StatusOr<v1::Limits> limits = link_.limits();
@@ -100,8 +121,9 @@ class Rendering {
     view.verify = options_.verify;
     view.error_map = !options_.error_map.empty();
     view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
-    absl::StatusOr<RenderResult> result =
-        (*server)->render(settings_for(frame, options_), view, begin + kRenderTimeout);
+    v1::Settings settings = settings_for(frame, options_);
+    if (table_.size() != 0) *settings.mutable_table() = std::move(table_);
+    absl::StatusOr<RenderResult> result = (*server)->render(settings, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(result.status(), options_.input);
     link_.close();
@@ -143,6 +165,7 @@ class Rendering {
 
   void add_stages(double call_ms) {
     if (link_.start_ms() > 0) report_.stage_ms.emplace_back("start", link_.start_ms());
+    if (report_.view) report_.stage_ms.emplace_back("view", bake_ms_);
     report_.stage_ms.emplace_back("read", read_ms_);
     double server_ms = 0;
     for (const v1::StageTime& stage : report_.header.stages()) {
@@ -159,6 +182,8 @@ class Rendering {
   ServerLink link_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
+  v1::ColorTable table_;  // size 0: none
+  double bake_ms_ = 0;
   double read_ms_ = 0;
 };
 

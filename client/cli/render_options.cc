@@ -10,6 +10,7 @@
 #include "client/cli/enum_words.h"
 #include "client/cli/option_kinds.h"
 #include "client/cli/usage.h"
+#include "client/cli/view_options.h"
 #include "client/image/image.h"
 
 namespace candela {
@@ -26,7 +27,6 @@ constexpr char kServer[] = "Server";
 constexpr v1::Range<double> kJpegQuality{1, 100};
 
 // The wire's defaults, see render.proto.
-constexpr v1::ToneCurve kDefaultCurve = v1::TONE_CURVE_ACES_HILL;
 constexpr v1::Metering::Statistic kDefaultStatistic = v1::Metering::STATISTIC_LOG_AVERAGE;
 constexpr v1::Metering::Weights kDefaultWeights = v1::Metering::WEIGHTS_AVERAGE;
 constexpr v1::Adaptation::Domain kDefaultDomain = v1::Adaptation::DOMAIN_LOG;
@@ -205,8 +205,6 @@ absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
 }
 
 void add_tone_options(CLI::App& app, v1::Settings& settings) {
-  add_enum<v1::ToneCurve>(app, kTone, "--curve", "curve", kDefaultCurve, "Tone curve",
-                          [&settings](v1::ToneCurve curve) { settings.set_curve(curve); });
   add_number(app, kTone, "--curve-white", "L", v1::kCurveWhite, v1::kDefaultCurveWhite,
              "Exposed luminance that reinhard-extended maps to white",
              [&settings](double white) { settings.set_curve_white(static_cast<float>(white)); });
@@ -352,6 +350,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_adaptation_options(app, options);
   add_metering_options(app, *options.settings.mutable_exposure()->mutable_metering());
   add_bloom_options(app, *options.settings.mutable_bloom());
+  add_view_options(app, kTone, options);
   add_tone_options(app, options.settings);
   add_verification_options(app, options);
   add_output_options(app, arguments);
@@ -369,7 +368,8 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   if (arguments.quality != 0 && *kind != OutputKind::kJpeg) {
     return usage_error(absl::StrFormat("--quality is for .jpg; %s loses nothing", options.output));
   }
-  if (!encoded && options.settings.transfer() != v1::TRANSFER_UNSPECIFIED) {
+  const bool view = !options.view.config.empty();
+  if (!encoded && !view && options.settings.transfer() != v1::TRANSFER_UNSPECIFIED) {
     options.notes.push_back(
         absl::StrFormat("--transfer changes nothing: %s holds display-linear light", options.output));
   }
@@ -378,6 +378,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
                                                             : v1::OUTPUT_FORMAT_RGBA8);
   options.write.transfer = encoded_transfer(options.settings.transfer());
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
+  if (absl::Status status = finish_view_options(options, encoded); !status.ok()) return status;
   if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
     return usage_error("--elapsed says how long ago --previous-exposure was; give that, too");
   }

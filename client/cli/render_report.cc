@@ -73,6 +73,14 @@ nlohmann::ordered_json to_json(const v1::Verification& v) {
           {"bloom_error", v.bloom_error()}};
 }
 
+nlohmann::ordered_json to_json(const std::optional<ViewReport>& view) {
+  if (!view) return nullptr;
+  return {{"display", view->display},       {"view", view->view},
+          {"input", view->input},           {"table_size", view->table_size},
+          {"table_end", view->table_end},   {"max_codes", view->max_codes},
+          {"p999_codes", view->p999_codes}, {"mean_codes", view->mean_codes}};
+}
+
 }  // namespace
 
 std::string to_text(const RenderReport& report) {
@@ -89,6 +97,11 @@ std::string to_text(const RenderReport& report) {
   line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");
+  if (report.view) {
+    line("view", absl::StrFormat("%s, %s, from %s; by %d^3 points, %.2g codes off at most, %.2g on average",
+                                 report.view->display, report.view->view, report.view->input,
+                                 report.view->table_size, report.view->max_codes, report.view->mean_codes));
+  }
   for (int i = 0; i < header.plan_size(); ++i) line(i == 0 ? "plan" : "", header.plan(i));
   add_verification(report, line);
   line("time", time_words(report));
@@ -116,6 +129,7 @@ std::string to_json(const RenderReport& report) {
        {{"nan", statistics.nan_components()},
         {"inf", statistics.infinite_components()},
         {"negative", statistics.negative_components()}}},
+      {"view", to_json(report.view)},
       {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},
       {"stage_ms", stages},
       {"total_ms", report.total_ms},

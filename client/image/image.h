@@ -70,8 +70,8 @@ absl::StatusOr<OutputKind> output_kind(const std::string& path);
 // that the path is a folder, a FIFO or a device: for calling before minutes of rendering.
 absl::StatusOr<OutputKind> check_output_path(const std::string& path);
 
-// How the integer formats were encoded; written into a PNG (sRGB or gAMA chunk). Floats are always linear.
-enum class EncodedTransfer { kSrgb, kGamma22, kLinear };
+// How the integer formats were encoded; written into a PNG (sRGB or gAMA chunk; nothing where it is unknown).
+enum class EncodedTransfer { kSrgb, kGamma22, kLinear, kUnknown };
 
 struct WriteOptions {
   EncodedTransfer transfer = EncodedTransfer::kSrgb;

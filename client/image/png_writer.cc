@@ -44,7 +44,7 @@ bool encode(png_structp png, png_infop info, AtomicFile& file, const Image& imag
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   if (transfer == EncodedTransfer::kSrgb) {
     png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
-  } else {
+  } else if (transfer != EncodedTransfer::kUnknown) {
     png_set_gAMA(png, info, transfer == EncodedTransfer::kGamma22 ? 1 / 2.2 : 1.0);
     png_set_cHRM(png, info, 0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06);  // Rec.709, D65
   }

@@ -132,6 +132,12 @@ absl::Status record_gaussian(const PassContext& context, PipelineCache& pipeline
                   groups(params.height, shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
 }
 
+uint32_t curve_constant(const PassContext& context) {
+  if (context.table != nullptr && context.table->axes == shader::AXES_REC709)
+    return shader::CURVE_TABLE_REC709;
+  return static_cast<uint32_t>(context.settings.curve);
+}
+
 // Into `output`, in a format of OUTPUT_*.
 absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
                             const Buffer& output, uint32_t format) {
@@ -146,6 +152,14 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
   params.exposure = static_cast<float>(std::min(context.exposure, 0x1p46));
   params.curve_white = context.settings.curve_white;
   params.dither_frame = context.dither_frame;
+  VkBufferView table = parts.input.buffer().view();
+  if (context.table != nullptr) {
+    table = context.table_points->view();
+    params.table_size = context.table->size;
+    params.table_scale =
+        static_cast<float>(std::ldexp(context.table->size - 1, shader::TABLE_FRACTION_BITS) /
+                           table_octaves(context.table->end / shader::TABLE_AXIS_KNEE + 1.0));
+  }
   // A binding that the shader does not use still has to hold something.
   VkBufferView bloom = parts.input.buffer().view();
   if (context.bloom) {
@@ -156,20 +170,19 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
     params.bloom_scale = intensity / static_cast<float>(summed_levels(context));
     params.scene_scale = 1.0f - intensity;
   }
-  const bool encoded = parts.output_format != OutputFormat::kRgba16f;
-  const Transfer transfer = encoded ? context.settings.transfer : Transfer::kLinear;
   const Constants constants = {static_cast<uint32_t>(parts.desc.format),
                                context.matrix,
                                context.scrub,
                                bloom_constant(context.bloom, context.settings.bloom),
-                               static_cast<uint32_t>(context.settings.curve),
-                               static_cast<uint32_t>(transfer),
+                               curve_constant(context),
+                               static_cast<uint32_t>(output_transfer(context.settings)),
                                format,
-                               context.settings.dither && encoded,
+                               context.settings.dither && parts.output_format != OutputFormat::kRgba16f,
                                level_size(context),
                                context.tier.transfer_terms};
-  return dispatch(pipelines, recorder, k_resolve_spirv, constants, {parts.input.buffer().view(), bloom},
-                  params, groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
+  return dispatch(pipelines, recorder, k_resolve_spirv, constants,
+                  {parts.input.buffer().view(), bloom, table}, params,
+                  groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
                   groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
 }
 

@@ -22,6 +22,9 @@ struct PassContext {
   float gaussian_threshold = 0.0;  // gaussian: scene luminance
   double exposure = 1.0;           // resolve: E * prescale
   uint32_t dither_frame = 0;       // resolve: the frame's sequence number, low 32 bits
+  // resolve, of the curves that have one: the table, and its points on the device.
+  const ColorTable* table = nullptr;
+  const Buffer* table_points = nullptr;
 };
 
 PassContext pass_context(const FrameMemory::Parts& parts, const Settings& settings);

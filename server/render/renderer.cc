@@ -8,10 +8,12 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/render/aces.h"
 #include "server/render/exposure.h"
 #include "server/render/frame_memory.h"
 #include "server/render/metering.h"
 #include "server/render/passes.h"
+#include "server/render/table_cache.h"
 #include "server/render/verify.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
@@ -120,9 +122,12 @@ struct Renderer::Impl {
   TexturePool& pool;
   PipelineCache pipelines;
   Recorder recorder;
+  TableCache tables;
 
   // Phase A: everything that one read of the frame can tell. Adds its times to *stages.
   absl::StatusOr<TileSums> measure(const PassContext& context, bool upload, std::vector<StageTime>* stages);
+  // The table of curves that have one.
+  absl::Status load_table(PassContext& context);
   // Phase B: what the plan says.
   absl::Status draw(const PassContext& context, const Plan& plan);
 };
@@ -157,6 +162,21 @@ absl::StatusOr<TileSums> Renderer::Impl::measure(const PassContext& context, boo
   if (absl::Status status = recorder.submit_and_wait(); !status.ok()) return status;
   add_timings(recorder, stages);
   return sum_tiles(parts, context.settings);
+}
+
+absl::Status Renderer::Impl::load_table(PassContext& context) {
+  std::shared_ptr<const ColorTable> table = context.settings.table;
+  if (context.settings.curve == ToneCurve::kAces1) {
+    absl::StatusOr<std::shared_ptr<const ColorTable>> baked = aces_1_table(context.tier.table_size);
+    if (!baked.ok()) return baked.status();
+    table = *std::move(baked);
+  }
+  if (!table) return absl::OkStatus();
+  const absl::StatusOr<const Buffer*> points = tables.get(table, recorder);
+  if (!points.ok()) return points.status();
+  context.table = table.get();
+  context.table_points = *points;
+  return absl::OkStatus();
 }
 
 absl::Status Renderer::Impl::draw(const PassContext& context, const Plan& plan) {
@@ -194,8 +214,8 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, Textu
   if (!pipelines.ok()) return pipelines.status();
   absl::StatusOr<Recorder> recorder = Recorder::create(device);
   if (!recorder.ok()) return recorder.status();
-  return std::unique_ptr<Renderer>(new Renderer(
-      std::unique_ptr<Impl>(new Impl{device, pool, *std::move(pipelines), *std::move(recorder)})));
+  return std::unique_ptr<Renderer>(new Renderer(std::unique_ptr<Impl>(
+      new Impl{device, pool, *std::move(pipelines), *std::move(recorder), TableCache(device)})));
 }
 
 absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings,
@@ -248,6 +268,7 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
     add_host_time(name(Pass::kReference), &report.stages,
                   [&] { render_by_reference(memory, settings, moment, expose); });
   } else {
+    if (absl::Status status = impl_->load_table(context); !status.ok()) return status;
     if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
     add_timings(impl_->recorder, &report.stages);
   }

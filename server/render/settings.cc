@@ -21,6 +21,33 @@ absl::Status in_range(const char* field, T value, const v1::Range<R>& range) {
                       static_cast<double>(range.min), static_cast<double>(range.max)));
 }
 
+absl::Status check_table(const Settings& settings) {
+  if (settings.curve == ToneCurve::kTable && !settings.table) {
+    return absl::InvalidArgumentError(
+        "curve is TABLE and there is no table; send one, or choose another curve");
+  }
+  if (!settings.table) return absl::OkStatus();
+  if (settings.curve != ToneCurve::kTable) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("there is a table and curve is %s; set curve to TABLE, or leave the table out",
+                        name(settings.curve)));
+  }
+  const ColorTable& table = *settings.table;
+  absl::Status status = in_range("table.size", table.size, v1::kTableSize);
+  if (table.axes != shader::AXES_ACES && table.axes != shader::AXES_REC709) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("table.axes is %d; it must be ACES (1) or REC709 (2)", table.axes));
+  }
+  status.Update(in_range("table.end", table.end, v1::kTableEnd));
+  const uint64_t values = uint64_t{table.size} * table.size * table.size * 3;
+  if (status.ok() && table.values.size() != values) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("table.values is %d bytes; %d^3 points of 6 bytes are %d",
+                        table.values.size() * sizeof(uint16_t), table.size, values * sizeof(uint16_t)));
+  }
+  return status;
+}
+
 }  // namespace
 
 const char* name(ToneCurve curve) {
@@ -41,6 +68,10 @@ const char* name(ToneCurve curve) {
       return "agx";
     case ToneCurve::kPbrNeutral:
       return "pbr-neutral";
+    case ToneCurve::kAces1:
+      return "aces-1";
+    case ToneCurve::kTable:
+      return "table";
   }
   return "unknown";
 }
@@ -55,6 +86,11 @@ const char* name(Transfer transfer) {
       return "linear";
   }
   return "unknown";
+}
+
+Transfer output_transfer(const Settings& settings) {
+  if (settings.curve == ToneCurve::kTable) return Transfer::kSrgb;
+  return settings.output_format == OutputFormat::kRgba16f ? Transfer::kLinear : settings.transfer;
 }
 
 absl::Status check_settings(const Settings& settings) {
@@ -105,6 +141,7 @@ absl::Status check_settings(const Settings& settings) {
         "tier is \"%s\"; there are: %s", settings.tier,
         absl::StrJoin(tiers(), ", ", [](std::string* out, const Tier& tier) { out->append(tier.name); })));
   }
+  if (absl::Status status = check_table(settings); !status.ok()) return status;
   if (settings.input_chromaticities) {
     return matrix_to_rec709(*settings.input_chromaticities).status();
   }

@@ -3,12 +3,14 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "absl/status/status.h"
 #include "proto/candela/v1/limits.h"
 #include "server/render/frame.h"
+#include "shaders/color_table.h"
 
 namespace candela {
 
@@ -34,7 +36,9 @@ enum class ToneCurve : uint32_t {
   kReinhardExtended = 5,
   kHable = 6,
   kAgx = 7,
-  kPbrNeutral = 8
+  kPbrNeutral = 8,
+  kAces1 = 9,
+  kTable = 10
 };
 enum class Transfer : uint32_t { kSrgb = 1, kGamma22 = 2, kLinear = 3 };
 enum class BadValues : uint32_t { kScrub = 1, kReject = 2 };
@@ -63,6 +67,11 @@ struct AdaptationSettings {
   double speed_up = v1::kDefaultSpeedUp;      // per second, while exposure rises
   double speed_down = v1::kDefaultSpeedDown;  // per second, while it falls
 };
+struct Settings;
+
+// What resolve encodes with: none for display-linear output, and for a client's own table always the curve by
+// which its values became light.
+Transfer output_transfer(const Settings& settings);
 
 struct ExposureSettings {
   ExposureMode mode = ExposureMode::kAuto;
@@ -110,6 +119,7 @@ struct Settings {
   Promise promise;  // chooses the tier, see tier_choice.h
   bool dither = false;
   std::optional<Chromaticities> input_chromaticities;  // absent: Rec.709, D65
+  std::shared_ptr<const ColorTable> table;             // of kTable, and only there
 };
 
 // What the names of primaries stand for: SMPTE ST 2065-1 and S-2014-004 (ACES), ITU-R BT.709 and BT.2020,

@@ -15,6 +15,7 @@ struct Tier {
   uint32_t bloom_level_size;
   // Terms of the sRGB transfer's polynomial: 8 are within 0.0001 code of the exact curve, 6 within 0.083.
   uint32_t transfer_terms;
+  uint32_t table_size;  // points a side of the table of aces-1; unused with host_reference
   // Bloom and resolve run in the float64 reference on the host, from a scene that is not rounded to halves:
   // seconds for a large frame.
   bool host_reference;

@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "server/render/aces.h"
 #include "server/render/frame_memory.h"
 #include "server/render/passes.h"
 #include "server/render/primaries.h"
@@ -85,6 +86,19 @@ double exposed(double exposure, const Settings& settings) {
   return std::min(exposure * settings.prescale, 0x1p46);
 }
 
+// aces-1 by OpenColorIO itself, so that the table's error counts; a client's table is what it is.
+std::function<reference::Rgb(const reference::Rgb&)> look(const Settings& settings) {
+  if (settings.curve == ToneCurve::kTable) {
+    return [table = settings.table](const reference::Rgb& c) { return reference::look_up(*table, c); };
+  }
+  if (settings.curve != ToneCurve::kAces1) return nullptr;
+  return [](const reference::Rgb& c) -> reference::Rgb {
+    std::array<float, 3> rgb = {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+    if (!aces_1(rgb).ok()) return {NAN, NAN, NAN};
+    return {rgb[0], rgb[1], rgb[2]};
+  };
+}
+
 Reference make_reference(const FrameMemory::Parts& parts, const Settings& settings, const FrameMoment& moment,
                          double exposure, uint32_t level_size, reference::Rounding rounding) {
   const FrameDesc& desc = parts.desc;
@@ -112,9 +126,10 @@ Reference make_reference(const FrameMemory::Parts& parts, const Settings& settin
   r.params.bloom_intensity = settings.bloom.intensity;
   r.params.curve = static_cast<uint32_t>(settings.curve);
   r.params.curve_white = settings.curve_white;
-  r.params.transfer = static_cast<uint32_t>(settings.transfer);
-  r.params.encode = settings.output_format != OutputFormat::kRgba16f;
-  if (settings.dither && r.params.encode) r.dither_frame = static_cast<uint32_t>(moment.sequence);
+  r.params.transfer = static_cast<uint32_t>(output_transfer(settings));
+  r.params.look = look(settings);
+  if (settings.dither && settings.output_format != OutputFormat::kRgba16f)
+    r.dither_frame = static_cast<uint32_t>(moment.sequence);
   return r;
 }
 

@@ -2,6 +2,8 @@
 
 #include <grpcpp/support/proto_buffer_reader.h>
 
+#include <cstring>
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -10,8 +12,8 @@
 namespace candela {
 namespace {
 
-// Room for every field with its longest value; more is not a start message.
-constexpr size_t kMaxStartBytes = 64 << 10;
+// Room for the largest table and for every other field with its longest value; more is not a start message.
+constexpr size_t kMaxStartBytes = v1::kMaxTableBytes + (64 << 10);
 constexpr uint64_t kMaxRowPaddingBytes = 4096;
 
 // `value` as `Ours`, whose values are those of the message's enum; 0 is the default that `field` has already.
@@ -49,6 +51,18 @@ absl::Status read_enums(const v1::Settings& message, Settings& settings) {
   status.Update(set_enum("bad_values", message.bad_values(), v1::BadValues_IsValid(message.bad_values()),
                          settings.bad_values));
   return status;
+}
+
+// An odd byte at the end is kept as one value more, which check_settings then refuses.
+std::shared_ptr<const ColorTable> table_from(const v1::ColorTable& message) {
+  const std::string& bytes = message.values();
+  auto table = std::make_shared<ColorTable>();
+  table->size = message.size();
+  if (message.axes() != v1::ColorTable::AXES_UNSPECIFIED) table->axes = static_cast<uint32_t>(message.axes());
+  table->end = message.has_end() ? message.end() : v1::kDefaultTableEnd;
+  table->values.resize((bytes.size() + 1) / 2);
+  std::memcpy(table->values.data(), bytes.data(), bytes.size());
+  return table;
 }
 
 absl::StatusOr<FrameDesc> frame_from(const v1::FrameHeader& header) {
@@ -122,6 +136,7 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   if (bloom.has_firefly_weights()) settings.bloom.firefly_weights = bloom.firefly_weights();
 
   if (message.has_curve_white()) settings.curve_white = message.curve_white();
+  if (message.has_table()) settings.table = table_from(message.table());
   if (message.has_prescale()) settings.prescale = message.prescale();
   if (!message.tier().empty()) settings.tier = message.tier();
   if (message.has_max_error_codes()) settings.promise.max_error_codes = message.max_error_codes();

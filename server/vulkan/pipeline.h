@@ -23,7 +23,7 @@ using Constants = std::vector<uint32_t>;
 class PipelineCache {
  public:
   static constexpr uint32_t kPushBytes = 128;
-  static constexpr uint32_t kReads = 2;
+  static constexpr uint32_t kReads = 3;
 
   static absl::StatusOr<PipelineCache> create(const Device& device);
   PipelineCache(PipelineCache&& other) noexcept;

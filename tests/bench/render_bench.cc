@@ -91,6 +91,7 @@ constexpr std::pair<const char*, Change> kVariants[] = {
     {"percentile", [](Settings& s) { s.exposure.metering.statistic = MeterStatistic::kPercentile; }},
     {"dither", [](Settings& s) { s.dither = true; }},
     {"agx", [](Settings& s) { s.curve = ToneCurve::kAgx; }},
+    {"aces-1", [](Settings& s) { s.curve = ToneCurve::kAces1; }},
     {"pbr-neutral", [](Settings& s) { s.curve = ToneCurve::kPbrNeutral; }},
 };
 

@@ -88,6 +88,68 @@ TEST(RenderStart, VerificationIsReadAndAMapNeedsIt) {
   EXPECT_NE(status.message().find("verify"), absl::string_view::npos) << status;
 }
 
+v1::RenderRequest table_request(uint32_t size, size_t bytes) {
+  v1::RenderRequest message = request(1, 1);
+  v1::Settings& settings = *message.mutable_start()->mutable_settings();
+  settings.set_curve(v1::TONE_CURVE_TABLE);
+  settings.mutable_table()->set_size(size);
+  settings.mutable_table()->set_values(std::string(bytes, '\1'));
+  return message;
+}
+
+TEST(RenderStart, ATableArrivesAsItIs) {
+  v1::RenderRequest message = table_request(2, 48);
+  v1::ColorTable& table = *message.mutable_start()->mutable_settings()->mutable_table();
+  (*table.mutable_values())[2] = '\2';
+  const absl::StatusOr<RenderStart> start = read(message);
+  ASSERT_TRUE(start.ok()) << start.status();
+  ASSERT_NE(start->settings.table, nullptr);
+  EXPECT_EQ(start->settings.table->size, 2u);
+  EXPECT_EQ(start->settings.table->axes, shader::AXES_ACES);
+  EXPECT_EQ(start->settings.table->end, 32.0f);
+  EXPECT_EQ(start->settings.table->values[0], 0x0101);
+  EXPECT_EQ(start->settings.table->values[1], 0x0102);
+  table.set_axes(v1::ColorTable::AXES_REC709);
+  table.set_end(100.0f);
+  EXPECT_EQ(read(message)->settings.table->axes, shader::AXES_REC709);
+  EXPECT_EQ(read(message)->settings.table->end, 100.0f);
+}
+
+TEST(RenderStart, TheLargestTableFits) {
+  EXPECT_EQ(code(table_request(65, v1::kMaxTableBytes)), absl::StatusCode::kOk);
+}
+
+TEST(RenderStart, RefusesBadTables) {
+  const auto refused = [](const char* part, const v1::RenderRequest& message) {
+    const absl::Status status = read(message).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << part << ": " << status;
+    EXPECT_NE(status.message().find(part), std::string::npos) << status;
+  };
+  refused("table.size is 0", table_request(0, 0));
+  refused("table.size is 1", table_request(1, 6));
+  refused("table.size is 66", table_request(66, 6));
+  refused("table.size is 4.29497e+09", table_request(0xffffffffu, 6));
+  refused("table.values is 0 bytes", table_request(2, 0));
+  refused("table.values is 46 bytes", table_request(2, 46));
+  refused("table.values is 50 bytes", table_request(2, 49));
+  refused("table.values is 54 bytes", table_request(2, 54));
+  for (float end : {0.0f, -1.0f, 65505.0f, NAN}) {
+    v1::RenderRequest message = table_request(2, 48);
+    message.mutable_start()->mutable_settings()->mutable_table()->set_end(end);
+    refused("table.end is ", message);
+  }
+  v1::RenderRequest message = table_request(2, 48);
+  v1::Settings& settings = *message.mutable_start()->mutable_settings();
+  settings.mutable_table()->set_axes(static_cast<v1::ColorTable::Axes>(3));
+  refused("table.axes is 3", message);
+  settings.mutable_table()->clear_axes();
+  settings.set_curve(v1::TONE_CURVE_ACES_1);
+  refused("there is a table and curve is aces-1", message);
+  settings.set_curve(v1::TONE_CURVE_TABLE);
+  settings.clear_table();
+  refused("curve is TABLE and there is no table", message);
+}
+
 TEST(RenderStart, RefusesEmptyAndOversizedFrames) {
   EXPECT_EQ(code(request(0, 1)), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(code(request(1, 0)), absl::StatusCode::kInvalidArgument);

@@ -12,6 +12,8 @@ inline constexpr uint64_t kMaxMessageBytes = 4u << 20;       // one gRPC message
 inline constexpr uint32_t kMaxDimension = 16384;             // width or height of a frame, in pixels
 inline constexpr uint64_t kDefaultMaxFrameBytes = 1u << 29;  // one frame, unless the server says otherwise
 
+inline constexpr uint64_t kMaxTableBytes = 65 * 65 * 65 * 6;  // values of the largest colour table
+
 template <typename T>
 struct Range {
   T min;
@@ -30,6 +32,8 @@ inline constexpr Range<double> kElapsedSeconds{0.0, 1e9};        // of media tim
 inline constexpr Range<double> kMaxErrorCodes{0.0, 255.0};       // codes
 inline constexpr Range<double> kMaxMs{0.001, 1e9};               // device time of a frame
 inline constexpr Range<double> kCurveWhite{0.01, 65504.0};       // exposed luminance
+inline constexpr Range<uint32_t> kTableSize{2, 65};              // points a side
+inline constexpr Range<double> kTableEnd{1.0, 65504.0};          // exposed light
 inline constexpr Range<double> kBloomIntensity{0.0, 10.0};       // factor; 0 is no bloom
 inline constexpr Range<double> kConserveIntensity{0.0, 1.0};     // of CONSERVE, a mix
 inline constexpr Range<double> kBloomThreshold{0.0, 65504.0};    // scene-linear luminance, before exposure
@@ -53,6 +57,7 @@ inline constexpr float kDefaultGaussianThreshold = 8.0f;  // times the metered m
 inline constexpr float kDefaultBloomSoftness = 0.5f;
 inline constexpr uint32_t kDefaultBloomLevels = 5;
 inline constexpr bool kDefaultFireflyWeights = true;
+inline constexpr float kDefaultTableEnd = 32.0f;
 inline constexpr char kDefaultTier[] = "standard";
 
 }  // namespace candela::v1

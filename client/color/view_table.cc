@@ -1,0 +1,247 @@
+#include "client/color/view_table.h"
+
+#include <OpenColorIO/OpenColorIO.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <random>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "shaders/reference.h"
+
+namespace candela {
+namespace {
+
+namespace ocio = OCIO_NAMESPACE;
+
+constexpr uint32_t kTableSize = 65;
+// No other kind of table is tried when 99.9 % of all colours are this near.
+constexpr double kGoodCodes = 0.75;
+
+// How configurations call linear light with Rec.709's primaries, by name or alias.
+constexpr const char* kRec709Names[] = {
+    "lin_rec709_scene",           "lin_rec709_srgb", "lin_rec709",    "lin_srgb",
+    "Linear Rec.709 (sRGB)",      "Linear Rec.709",  "Linear BT.709", "Utility - Linear - sRGB",
+    "Utility - Linear - Rec.709", "Linear sRGB",     "lnf_srgb"};
+
+std::string one_line(const char* text) {
+  return absl::StrJoin(absl::StrSplit(text, absl::ByAnyChar("\n\r\t"), absl::SkipWhitespace()), " ");
+}
+
+std::string list(int count, const std::function<const char*(int)>& name) {
+  std::vector<std::string> names;
+  for (int i = 0; i < count; ++i) names.push_back(name(i));
+  return names.empty() ? "none" : absl::StrJoin(names, ", ");
+}
+
+// Display, view and input with their defaults, or what there is instead.
+absl::Status choose_view(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice, ViewTable& chosen) {
+  chosen.display = choice.display.empty() ? config->getDefaultDisplay() : choice.display;
+  const char* display = chosen.display.c_str();
+  const int displays = config->getNumDisplays();
+  const auto display_name = [&](int i) { return config->getDisplay(i); };
+  bool known = false;
+  for (int i = 0; i < displays; ++i) known = known || chosen.display == display_name(i);
+  if (!known) {
+    return absl::NotFoundError(absl::StrFormat("%s has no display \"%s\"; there are: %s", choice.config,
+                                               display, list(displays, display_name)));
+  }
+  chosen.view = choice.view.empty() ? config->getDefaultView(display) : choice.view;
+  const int views = config->getNumViews(display);
+  const auto view_name = [&](int i) { return config->getView(display, i); };
+  known = false;
+  for (int i = 0; i < views; ++i) known = known || chosen.view == view_name(i);
+  if (known) return absl::OkStatus();
+  return absl::NotFoundError(absl::StrFormat("%s has no view \"%s\" for display \"%s\"; there are: %s",
+                                             choice.config, chosen.view, display, list(views, view_name)));
+}
+
+void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::TransformDirection direction) {
+  const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
+  builtin->setStyle(style);
+  builtin->setDirection(direction);
+  group->appendTransform(builtin);
+}
+
+// The way from the scene's Rec.709 into the configuration: appends what that takes and names where it leads.
+absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
+                          const ocio::GroupTransformRcPtr& group, ViewTable& chosen) {
+  if (!choice.input.empty()) {
+    if (!config->getColorSpace(choice.input.c_str())) {
+      return absl::NotFoundError(absl::StrFormat(
+          "%s has no colour space \"%s\"; there are: %s", choice.config, choice.input,
+          list(config->getNumColorSpaces(), [&](int i) { return config->getColorSpaceNameByIndex(i); })));
+    }
+    chosen.input = choice.input;
+    return absl::OkStatus();
+  }
+  if (config->hasRole(ocio::ROLE_INTERCHANGE_SCENE)) {
+    append(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_INVERSE);
+    append(group, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_FORWARD);
+    chosen.input = config->getColorSpace(ocio::ROLE_INTERCHANGE_SCENE)->getName();
+    return absl::OkStatus();
+  }
+  for (const char* name : kRec709Names) {
+    const ocio::ConstColorSpaceRcPtr space = config->getColorSpace(name);
+    if (!space) continue;
+    chosen.input = space->getName();
+    chosen.notes.push_back(absl::StrFormat(
+        "the view gets the scene as \"%s\", taken to be linear Rec.709; --ocio-input names another",
+        chosen.input));
+    return absl::OkStatus();
+  }
+  if (config->hasRole(ocio::ROLE_SCENE_LINEAR)) {
+    chosen.input = config->getColorSpace(ocio::ROLE_SCENE_LINEAR)->getName();
+    chosen.notes.push_back(absl::StrFormat(
+        "%s does not say what primaries its scene_linear, \"%s\", has: taken to be linear Rec.709; "
+        "--ocio-input names another colour space",
+        choice.config, chosen.input));
+    return absl::OkStatus();
+  }
+  return absl::NotFoundError(absl::StrFormat(
+      "%s has neither a role aces_interchange nor scene_linear; name its linear Rec.709 with --ocio-input: "
+      "%s",
+      choice.config,
+      list(config->getNumColorSpaces(), [&](int i) { return config->getColorSpaceNameByIndex(i); })));
+}
+
+void show(const ocio::ConstCPUProcessorRcPtr& view, std::span<float> rgb) {
+  ocio::PackedImageDesc image(rgb.data(), static_cast<long>(rgb.size() / 3), 1, 3);
+  view->apply(image);
+}
+
+// In codes of values as they are shown; NaN counts as black.
+double codes_apart(double a, double b) {
+  const auto shown = [](double v) { return v > 0.0 ? std::min(v, 1.0) : 0.0; };
+  return 255.0 * std::abs(shown(a) - shown(b));
+}
+
+// Pseudo-random in [low, high), the same on every machine.
+class Random {
+ public:
+  double operator()(double low, double high) { return low + (high - low) * (random_() / 4294967296.0); }
+
+ private:
+  std::mt19937 random_{1};
+};
+
+// The least end beyond which hardly any colour changes: 99 in 100 by half a code at most.
+float axis_end(const ocio::ConstCPUProcessorRcPtr& view, uint32_t axes) {
+  constexpr float kEnds[] = {2.0f, 8.0f, 32.0f, 128.0f, 512.0f, 2048.0f, 8192.0f};
+  constexpr size_t kColors = 1000;
+  for (const float end : kEnds) {
+    Random random;
+    std::vector<float> rgb;
+    std::vector<float> cut;
+    for (size_t i = 0; i < 3 * kColors; ++i) rgb.push_back(static_cast<float>(std::exp2(random(-2.0, 16.0))));
+    for (size_t i = 0; i < rgb.size(); i += 3) {
+      for (const float v : light_within_axes({rgb[i], rgb[i + 1], rgb[i + 2]}, axes, end)) cut.push_back(v);
+    }
+    show(view, rgb);
+    show(view, cut);
+    size_t changed = 0;
+    for (size_t i = 0; i < rgb.size(); ++i) changed += codes_apart(rgb[i], cut[i]) > 0.5;
+    if (changed * 100 <= rgb.size()) return end;
+  }
+  return 65504.0f;
+}
+
+// Light by the sRGB curve. Displays go on below 0 in one of two ways, or stop there.
+double to_light(double value, bool mirrored) {
+  const double v = mirrored ? std::abs(value) : value;
+  const double light = v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+  return mirrored ? std::copysign(light, value) : light;
+}
+
+void measure(const ocio::ConstCPUProcessorRcPtr& view, ViewTable& baked) {
+  constexpr int kGreys = 2000;
+  constexpr int kColors = 10000;
+  Random random;
+  std::vector<float> rgb;
+  for (int i = 0; i < kGreys; ++i)
+    rgb.insert(rgb.end(), 3, static_cast<float>(std::exp2(random(-12.0, 8.0))));
+  for (int i = 0; i < kColors; ++i) {
+    const double light = random(-11.0, 7.0);
+    for (int k = 0; k < 3; ++k) rgb.push_back(static_cast<float>(std::exp2(light + random(-1.0, 1.0))));
+    for (int k = 0; k < 3; ++k) rgb.push_back(static_cast<float>(std::exp2(random(-12.0, 8.0))));
+  }
+  const std::vector<float> scene = rgb;
+  show(view, rgb);
+  std::vector<double> codes;
+  double sum = 0.0;
+  for (size_t i = 0; i < rgb.size(); i += 3) {
+    const reference::Rgb light = reference::look_up(baked.table, {scene[i], scene[i + 1], scene[i + 2]});
+    for (size_t k = 0; k < 3; ++k) {
+      const double value = reference::transfer(shader::TRANSFER_SRGB, std::clamp(light[k], 0.0, 1.0));
+      codes.push_back(codes_apart(value, rgb[i + k]));
+      sum += codes.back();
+    }
+  }
+  std::sort(codes.begin(), codes.end());
+  baked.max_codes = codes.back();
+  baked.p999_codes = codes[codes.size() * 999 / 1000];
+  baked.mean_codes = sum / static_cast<double>(codes.size());
+}
+
+absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
+  const ocio::ConstConfigRcPtr config = ocio::Config::CreateFromFile(choice.config.c_str());
+  ViewTable baked;
+  if (absl::Status status = choose_view(config, choice, baked); !status.ok()) return status;
+  const ocio::GroupTransformRcPtr group = ocio::GroupTransform::Create();
+  if (absl::Status status = choose_input(config, choice, group, baked); !status.ok()) return status;
+  const ocio::DisplayViewTransformRcPtr transform = ocio::DisplayViewTransform::Create();
+  transform->setSrc(baked.input.c_str());
+  transform->setDisplay(baked.display.c_str());
+  transform->setView(baked.view.c_str());
+  group->appendTransform(transform);
+  // No approximations of logarithms and powers.
+  const ocio::ConstCPUProcessorRcPtr view =
+      config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
+
+  // The kind of table that fits the view best.
+  std::optional<ViewTable> best;
+  for (const uint32_t axes : {shader::AXES_ACES, shader::AXES_REC709}) {
+    const float end = axis_end(view, axes);
+    std::vector<float> values = lattice_light(kTableSize, axes, end);
+    show(view, values);
+    for (const bool mirrored : {false, true}) {
+      std::vector<float> light(values.size());
+      std::transform(values.begin(), values.end(), light.begin(),
+                     [mirrored](float v) { return static_cast<float>(to_light(v, mirrored)); });
+      baked.table = make_color_table(kTableSize, axes, end, light);
+      measure(view, baked);
+      if (!best || baked.p999_codes < best->p999_codes) best = baked;
+      if (best->p999_codes <= kGoodCodes) return *std::move(best);
+    }
+  }
+  return *std::move(best);
+}
+
+}  // namespace
+
+absl::StatusOr<ViewTable> bake_view(const ViewChoice& choice) {
+  std::error_code error;
+  if (!std::filesystem::exists(choice.config, error)) {
+    return absl::NotFoundError(
+        absl::StrFormat("%s: no such file; --ocio takes an OpenColorIO configuration", choice.config));
+  }
+  ocio::SetLoggingLevel(ocio::LOGGING_LEVEL_NONE);
+  try {
+    return bake(choice);
+  } catch (const std::exception& thrown) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: OpenColorIO cannot use it: %s", choice.config, one_line(thrown.what())));
+  }
+}
+
+}  // namespace candela

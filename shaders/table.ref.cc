@@ -1,0 +1,66 @@
+// Twin of table.glsl: the table's look-up.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "shaders/reference.h"
+
+namespace candela::reference {
+
+Rgb look_up(const ColorTable& table, const Rgb& exposed) {
+  static constexpr double kFromScene[] = {TABLE_FROM_SCENE};
+  static constexpr double kToDisplay[] = {TABLE_TO_DISPLAY};
+  static constexpr double kIdentity[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const bool rec709 = table.axes == shader::AXES_REC709;
+  const double* const from_scene = rec709 ? kIdentity : kFromScene;
+  const double* const to_display = rec709 ? kIdentity : kToDisplay;
+  const auto octaves = [](double light) {
+    const double x = light / shader::TABLE_AXIS_KNEE + 1.0;
+    const double e = std::floor(std::log2(x));
+    const double m = x / std::exp2(e) - 1.0;
+    return e + m * (4.0 - m) / 3.0;
+  };
+  struct Axis {
+    double fraction;
+    size_t step;  // in points, to the next one of this axis
+  };
+  std::array<Axis, 3> axes;
+  size_t point = 0;
+  size_t step = 1;
+  for (size_t k = 0; k < 3; ++k) {
+    double v = 0.0;
+    for (size_t c = 0; c < 3; ++c) v += from_scene[3 * k + c] * exposed[c];
+    v = std::clamp(v, 0.0, double{table.end});
+    const double position = octaves(v) / octaves(table.end) * (table.size - 1);
+    const double cell = std::clamp(std::floor(position), 0.0, table.size - 2.0);
+    axes[k] = {position - cell, step};
+    point += static_cast<size_t>(cell) * step;
+    step *= table.size;
+  }
+
+  // From the cell's first corner to its last, along the axis with the largest fraction first.
+  std::sort(axes.begin(), axes.end(), [](const Axis& a, const Axis& b) { return a.fraction > b.fraction; });
+  const auto root = [&table](size_t at, size_t k) {
+    return table.values[3 * at + k] / 65535.0 * shader::TABLE_MAX_ROOT;
+  };
+  Rgb light;
+  for (size_t k = 0; k < 3; ++k) {
+    size_t at = point;
+    double before = root(at, k);
+    double sum = before;
+    for (const Axis& axis : axes) {
+      at += axis.step;
+      const double here = root(at, k);
+      sum += axis.fraction * (here - before);
+      before = here;
+    }
+    light[k] = sum * sum;
+  }
+  Rgb out{};
+  for (size_t r = 0; r < 3; ++r) {
+    for (size_t c = 0; c < 3; ++c) out[r] += to_display[3 * r + c] * light[c];
+  }
+  return out;
+}
+
+}  // namespace candela::reference

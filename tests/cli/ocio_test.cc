@@ -1,0 +1,179 @@
+// `candela render --ocio`: any view of an OpenColorIO configuration.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <sstream>
+
+#include "tests/cli/command.h"
+#include "tests/cli/files.h"
+
+namespace candela {
+namespace {
+
+// A studio's configuration in small; `roles` decide what it says about its primaries.
+std::string config(const std::string& roles) {
+  return "ocio_profile_version: 2\n\nroles:\n" + roles +
+         "  default: ACEScg\n"
+         R"(
+file_rules:
+  - !<Rule> {name: Default, colorspace: default}
+
+displays:
+  sRGB:
+    - !<View> {name: ACES, view_transform: ACES, display_colorspace: sRGB - Display}
+    - !<View> {name: Plain, view_transform: Plain, display_colorspace: sRGB - Display}
+  Cinema:
+    - !<View> {name: ACES, view_transform: ACES, display_colorspace: P3 - Display}
+
+view_transforms:
+  - !<ViewTransform>
+    name: Plain
+    from_scene_reference: !<BuiltinTransform> {style: UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD}
+  - !<ViewTransform>
+    name: ACES
+    from_scene_reference: !<BuiltinTransform> {style: ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0}
+
+display_colorspaces:
+  - !<ColorSpace>
+    name: CIE-XYZ-D65
+  - !<ColorSpace>
+    name: sRGB - Display
+    from_display_reference: !<BuiltinTransform> {style: DISPLAY - CIE-XYZ-D65_to_sRGB}
+  - !<ColorSpace>
+    name: P3 - Display
+    from_display_reference: !<BuiltinTransform> {style: DISPLAY - CIE-XYZ-D65_to_G2.6-P3-D65}
+
+colorspaces:
+  - !<ColorSpace>
+    name: ACES2065-1
+  - !<ColorSpace>
+    name: ACEScg
+    to_scene_reference: !<BuiltinTransform> {style: ACEScg_to_ACES2065-1}
+)";
+}
+
+constexpr char kStudioRoles[] =
+    "  aces_interchange: ACES2065-1\n  cie_xyz_d65_interchange: CIE-XYZ-D65\n  scene_linear: ACEScg\n";
+
+std::vector<float> pfm_values(const std::string& path) {
+  const std::string bytes = read_file(path);
+  std::istringstream header(bytes);
+  std::string kind, order;
+  size_t width = 0;
+  size_t height = 0;
+  header >> kind >> width >> height >> order;
+  std::vector<float> values(width * height * 3);
+  const size_t size = values.size() * sizeof(float);
+  EXPECT_EQ(kind, "PF");
+  EXPECT_GE(bytes.size(), size);
+  if (bytes.size() >= size) std::memcpy(values.data(), bytes.data() + bytes.size() - size, size);
+  return values;
+}
+
+class Ocio : public ::testing::Test {
+ protected:
+  Ocio() {
+    write_small_exr(in_);
+    write_file(studio_, config(kStudioRoles));
+  }
+
+  static void expect_error(const Outcome& outcome, int code, const std::string& words) {
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
+  }
+
+  Folder folder_;
+  const std::string in_ = folder_.path("in.exr");
+  const std::string studio_ = folder_.path("studio.ocio");
+};
+
+TEST_F(Ocio, AnAcesViewIsTheCurveAces1) {
+  const auto report = candela_json({"render", in_, folder_.path("view.pfm"), "--ocio", studio_});
+  EXPECT_EQ(report["view"]["display"], "sRGB");
+  EXPECT_EQ(report["view"]["view"], "ACES");
+  EXPECT_EQ(report["view"]["input"], "ACES2065-1");
+  EXPECT_EQ(report["view"]["table_size"], 65);
+  EXPECT_LE(report["view"]["max_codes"], 1.6);
+  EXPECT_LE(report["view"]["mean_codes"], 0.06);
+  EXPECT_NE(report["notes"].dump().find("view's display values"), std::string::npos) << report["notes"];
+  EXPECT_TRUE(report["stage_ms"].contains("view"));
+  const auto curve = candela_json({"render", in_, folder_.path("curve.pfm"), "--curve", "aces-1"});
+  EXPECT_TRUE(curve["view"].is_null());
+  const std::vector<float> view = pfm_values(folder_.path("view.pfm"));
+  const std::vector<float> light = pfm_values(folder_.path("curve.pfm"));
+  ASSERT_EQ(view.size(), light.size());
+  for (size_t i = 0; i < view.size(); ++i) {
+    const double y = light[i];
+    const double value = y <= 0.0031308 ? 12.92 * y : 1.055 * std::pow(y, 1 / 2.4) - 0.055;
+    EXPECT_NEAR(view[i], value, 2.0 / 255.0) << i;
+  }
+}
+
+TEST_F(Ocio, EveryViewHasItsMeasuredError) {
+  const auto plain =
+      candela_json({"render", in_, folder_.path("plain.png"), "--ocio", studio_, "--view", "Plain"});
+  EXPECT_EQ(plain["view"]["view"], "Plain");
+  EXPECT_LE(plain["view"]["max_codes"], 3.0);
+  const auto cinema =
+      candela_json({"render", in_, folder_.path("cinema.png"), "--ocio", studio_, "--display", "Cinema"});
+  EXPECT_EQ(cinema["view"]["display"], "Cinema");
+  EXPECT_LE(cinema["view"]["mean_codes"], 0.3);
+}
+
+TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
+  const std::string loose = folder_.path("loose.ocio");
+  write_file(loose, config("  scene_linear: ACEScg\n"));
+  const auto report = candela_json({"render", in_, folder_.path("out.png"), "--ocio", loose});
+  EXPECT_EQ(report["view"]["input"], "ACEScg");
+  EXPECT_NE(report["notes"].dump().find("taken to be linear Rec.709; --ocio-input names another"),
+            std::string::npos)
+      << report["notes"];
+  const auto named =
+      candela_json({"render", in_, folder_.path("out.png"), "--ocio", loose, "--ocio-input", "ACES2065-1"});
+  EXPECT_EQ(named["view"]["input"], "ACES2065-1");
+  EXPECT_EQ(named["notes"].dump().find("taken to be"), std::string::npos) << named["notes"];
+
+  write_file(loose, config(""));
+  expect_error(
+      candela({"render", in_, folder_.path("out.png"), "--ocio", loose, "-q"}), 1,
+      "has neither a role aces_interchange nor scene_linear; name its linear Rec.709 with --ocio-input: ");
+}
+
+TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
+  const auto render = [this](std::vector<std::string> options) {
+    options.insert(options.begin(), {"render", in_, folder_.path("out.png"), "-q"});
+    return candela(options);
+  };
+  expect_error(render({"--ocio", studio_, "--display", "TV"}), 1,
+               "has no display \"TV\"; there are: sRGB, Cinema");
+  expect_error(render({"--ocio", studio_, "--view", "Film"}), 1,
+               "has no view \"Film\" for display \"sRGB\"; there are: ACES, Plain");
+  expect_error(render({"--ocio", studio_, "--ocio-input", "XYZ"}), 1,
+               "has no colour space \"XYZ\"; there are: ");
+  expect_error(render({"--ocio", folder_.path("none.ocio")}), 1,
+               "no such file; --ocio takes an OpenColorIO configuration");
+  expect_error(render({"--ocio", in_}), 1, "OpenColorIO cannot use it: ");
+  write_file(folder_.path("empty.ocio"), "");
+  expect_error(render({"--ocio", folder_.path("empty.ocio")}), 1, "OpenColorIO cannot use it: ");
+  expect_error(render({"--display", "sRGB"}), 2,
+               "--display is part of an OpenColorIO configuration; name that with --ocio CONFIG");
+  expect_error(render({"--view", "ACES"}), 2, "--view is part of");
+  expect_error(render({"--ocio-input", "ACEScg"}), 2, "--ocio-input is part of");
+  expect_error(render({"--ocio", studio_, "--curve", "agx"}), 2, "--ocio takes the place of --curve");
+  expect_error(render({"--ocio", studio_, "--view", ""}), 2, "--view is empty");
+  expect_error(render({"--curve", "table"}), 2, "unknown curve \"table\"");
+}
+
+TEST_F(Ocio, TransferChangesNothing) {
+  const auto srgb = candela_json({"render", in_, folder_.path("a.png"), "--ocio", studio_});
+  const auto linear =
+      candela_json({"render", in_, folder_.path("b.png"), "--ocio", studio_, "--transfer", "linear"});
+  EXPECT_NE(linear["notes"].dump().find("--transfer changes nothing"), std::string::npos) << linear["notes"];
+  EXPECT_EQ(read_file(folder_.path("a.png")), read_file(folder_.path("b.png")));
+}
+
+}  // namespace
+}  // namespace candela

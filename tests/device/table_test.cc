@@ -1,0 +1,271 @@
+// The curves that look a table up: aces-1 against OpenColorIO and published renders, a client's own table
+// against its float64 look-up.
+#include <gtest/gtest.h>
+#include <half.h>
+#include <png.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "client/image/image.h"
+#include "server/render/aces.h"
+#include "server/render/primaries.h"
+#include "shaders/reference.h"
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Table : public DeviceTest {
+ protected:
+  static Verification difference(const WireFrame& frame, const Settings& settings, const std::string& what) {
+    const auto rendered = render(frame, settings, {}, Verify::kYes);
+    EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+    if (!rendered.ok()) return {};
+    const Verification& d = rendered->report.verification->rounded;
+    std::printf("%-44s %9.5f %9.5f %9.6f\n", what.c_str(), d.max_codes, d.p999_codes, d.mean_codes);
+    return d;
+  }
+
+  static void print_header(const char* what) {
+    std::printf("%-44s %9s %9s %9s\n", what, "max", "p99.9", "mean");
+  }
+
+  static Settings with(ToneCurve curve) {
+    Settings settings;
+    settings.curve = curve;
+    return settings;
+  }
+
+  static Settings with_table(uint32_t size) {
+    Settings settings = with(ToneCurve::kTable);
+    settings.table = *aces_1_table(size);
+    return settings;
+  }
+};
+
+struct Size {
+  uint32_t width;
+  uint32_t height;
+};
+
+TEST_F(Table, Aces1IsWithinItsPublishedBoundOfOpenColorIO) {
+  print_header("aces-1, codes against OpenColorIO");
+  for (const Size& size : {Size{1, 1}, Size{3, 5}, Size{67, 67}, Size{333, 517}, Size{641, 359}}) {
+    const std::string what = std::to_string(size.width) + "x" + std::to_string(size.height);
+    const Verification d = difference(natural(size.width, size.height), with(ToneCurve::kAces1), what);
+    EXPECT_LE(d.max_codes, 1.4) << what;
+    EXPECT_LE(d.p999_codes, 0.7) << what;
+    EXPECT_LE(d.mean_codes, 0.08) << what;
+  }
+  for (const HardCase& hard : hard_cases(130, 67)) {
+    const Verification d = difference(make_frame(130, 67, PixelFormat::kRgba16f, hard.texel),
+                                      with(ToneCurve::kAces1), hard.name);
+    EXPECT_LE(d.max_codes, 1.4) << hard.name;
+  }
+}
+
+TEST_F(Table, OfAClientIsItsFloat64LookUp) {
+  print_header("table, codes against float64");
+  for (uint32_t size : {2u, 3u, 17u, 33u, 65u}) {
+    for (const Size& frame : {Size{1, 1}, Size{3, 5}, Size{333, 129}}) {
+      const std::string what =
+          std::to_string(size) + "^3, " + std::to_string(frame.width) + "x" + std::to_string(frame.height);
+      EXPECT_LE(difference(natural(frame.width, frame.height), with_table(size), what).max_codes, 0.01)
+          << what;
+    }
+    for (const HardCase& hard : hard_cases(130, 67)) {
+      const std::string what = std::to_string(size) + "^3, " + hard.name;
+      EXPECT_LE(difference(make_frame(130, 67, PixelFormat::kRgba32f, hard.texel), with_table(size), what)
+                    .max_codes,
+                0.01)
+          << what;
+    }
+  }
+}
+
+TEST_F(Table, WithNoiseInEveryPointIsItsFloat64LookUp) {
+  print_header("noise in every point");
+  for (uint32_t axes : {shader::AXES_ACES, shader::AXES_REC709}) {
+    auto table = std::make_shared<ColorTable>(ColorTable{9, axes, 8.0f, {}});
+    for (uint32_t i = 0; i < 9 * 9 * 9 * 3; ++i)
+      table->values.push_back(static_cast<uint16_t>(65535.0f * noise(i, 0, 0)));
+    Settings settings = with(ToneCurve::kTable);
+    settings.table = table;
+    EXPECT_LE(difference(natural(333, 129), settings, "9^3, axes " + std::to_string(axes)).max_codes, 0.1);
+  }
+}
+
+TEST_F(Table, TransferAndFormatApplyToAces1ButNotToATable) {
+  const WireFrame frame = natural(67, 33);
+  for (Transfer transfer : {Transfer::kSrgb, Transfer::kGamma22, Transfer::kLinear}) {
+    for (OutputFormat format : {OutputFormat::kRgba16, OutputFormat::kRgba16f}) {
+      Settings settings = with(ToneCurve::kAces1);
+      settings.transfer = transfer;
+      settings.output_format = format;
+      const std::string what = std::string(name(transfer)) + " " + name(format);
+      EXPECT_LE(difference(frame, settings, what).max_codes, 2.0) << what;
+
+      Settings view = with_table(65);
+      view.output_format = format;
+      auto plain = render(frame, view);
+      ASSERT_TRUE(plain.ok()) << plain.status();
+      view.transfer = transfer;
+      auto other = render(frame, view);
+      ASSERT_TRUE(other.ok()) << other.status();
+      EXPECT_EQ(image(plain->memory), image(other->memory)) << what;
+    }
+  }
+}
+
+TEST_F(Table, FramesAlternatingBetweenMoreTablesThanAreKeptStayThemselves) {
+  const WireFrame frame = natural(67, 33);
+  std::vector<std::vector<std::byte>> first;
+  for (int round = 0; round < 3; ++round) {
+    for (uint32_t i = 0; i < 7; ++i) {
+      auto rendered = render(frame, with_table(5 + i));
+      ASSERT_TRUE(rendered.ok()) << rendered.status();
+      if (round == 0) first.push_back(image(rendered->memory));
+      EXPECT_EQ(image(rendered->memory), first[i]) << round << " " << i;
+    }
+  }
+}
+
+TEST_F(Table, IsTheSameThroughStagingCopies) {
+  DeviceOptions options;
+  options.staging = true;
+  auto staged_device = Device::create(options);
+  ASSERT_TRUE(staged_device.ok()) << staged_device.status();
+  TexturePool staged_pool(**staged_device, uint64_t{1} << 30);
+  auto staged = Renderer::create(**staged_device, staged_pool);
+  ASSERT_TRUE(staged.ok()) << staged.status();
+  const WireFrame frame = natural(67, 33);
+  for (int round = 0; round < 2; ++round) {
+    auto here = render(frame, with(ToneCurve::kAces1));
+    auto there = render_on(**staged, frame, with(ToneCurve::kAces1));
+    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
+    EXPECT_EQ(image(here->memory), image(there->memory));
+  }
+}
+
+struct Png {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  std::vector<double> rgb;  // in [0, 1]
+  double half_code = 0.0;   // of its own rounding
+};
+
+Png read_png(const fs::path& path) {
+  Png png;
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  EXPECT_NE(file, nullptr) << path;
+  if (file == nullptr) return png;
+  png_structp reader = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(reader);
+  png_init_io(reader, file);
+  png_read_png(reader, info,
+               PNG_TRANSFORM_SWAP_ENDIAN | PNG_TRANSFORM_STRIP_ALPHA | PNG_TRANSFORM_GRAY_TO_RGB, nullptr);
+  png.width = png_get_image_width(reader, info);
+  png.height = png_get_image_height(reader, info);
+  const bool deep = png_get_bit_depth(reader, info) == 16;
+  png.half_code = deep ? 255.0 / 65535.0 / 2.0 : 0.5;
+  for (uint32_t y = 0; y < png.height; ++y) {
+    const png_byte* row = png_get_rows(reader, info)[y];
+    for (uint32_t i = 0; i < png.width * 3; ++i) {
+      uint16_t value = row[i];
+      if (deep) std::memcpy(&value, row + 2 * i, sizeof value);
+      png.rgb.push_back(value / (deep ? 65535.0 : 255.0));
+    }
+  }
+  png_destroy_read_struct(&reader, &info, nullptr);
+  std::fclose(file);
+  return png;
+}
+
+TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
+  const char* named = std::getenv("CANDELA_DATA");
+  const fs::path data = named != nullptr ? named : CANDELA_DATA_DEFAULT;
+  if (!fs::is_directory(data / "aces")) GTEST_SKIP() << "no test images at " << data << "; set CANDELA_DATA";
+  struct Case {
+    const char* input;
+    const char* render;
+    bool ap0;  // though the file does not say so
+  };
+  const Case cases[] = {{"exr/Carrots.exr", "Carrots", false},
+                        {"exr/StillLife.exr", "StillLife", false},
+                        {"exr/Desk.exr", "Desk", false},
+                        {"exr/GoldenGate.exr", "GoldenGate", false},
+                        {"exr/GrayRampsDiagonal.exr", "GrayRampsDiagonal", false},
+                        {"exr/WideColorGamut.exr", "WideColorGamut", false},
+                        {"exr/Flowers.exr", "Flowers", false},
+                        {"aces/target_ricd_190spectra.exr", "target_ricd_190spectra", true},
+                        {"aces/ACES2065-1_ColorChecker2005.exr", "ColorChecker2005", true}};
+  print_header("aces-1, codes beyond the file's own rounding");
+  for (const Case& c : cases) {
+    const absl::StatusOr<Image> input = read_image(data / c.input);
+    ASSERT_TRUE(input.ok()) << input.status();
+    const Png png = read_png(data / "aces" / (std::string(c.render) + ".aces1_srgb.png"));
+    ASSERT_EQ(png.width, input->width) << c.render;
+    ASSERT_EQ(png.height, input->height) << c.render;
+    const bool halves = input->format == ImageFormat::kRgba16f;
+    const auto pixels = input->pixels.span();
+    const WireFrame frame{
+        {input->width, input->height, halves ? PixelFormat::kRgba16f : PixelFormat::kRgba32f},
+        {pixels.begin(), pixels.end()}};
+    Settings settings = with(ToneCurve::kAces1);
+    settings.exposure.mode = ExposureMode::kManual;
+    settings.bloom.intensity = 0;
+    settings.output_format = OutputFormat::kRgba16;
+    if (c.ap0) settings.input_chromaticities = chromaticities(Primaries::kAcesAp0);
+    if (input->chromaticities) {
+      settings.input_chromaticities.emplace();
+      std::copy(input->chromaticities->begin(), input->chromaticities->end(),
+                settings.input_chromaticities->xy.begin());
+    }
+    auto rendered = render(frame, settings);
+    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    // Scene light, to leave negative components out.
+    std::optional<reference::Matrix> matrix;
+    if (settings.input_chromaticities) matrix = *matrix_to_rec709(*settings.input_chromaticities);
+    reference::BadCounts bad;
+    const reference::Scene scene =
+        reference::ingest(frame.pixels, frame.desc.row_bytes(), frame.desc.width, frame.desc.height,
+                          static_cast<uint32_t>(frame.desc.format), matrix, reference::Rounding::kHalf, &bad);
+    std::vector<float> codes;
+    for (uint32_t y = 0; y < png.height; ++y) {
+      const std::byte* row = rendered->memory.output_row(y).data();
+      for (uint32_t x = 0; x < png.width; ++x) {
+        const size_t at = size_t{y} * png.width + x;
+        const std::array<float, 4>& light = scene.texels[at];
+        if (std::min({light[0], light[1], light[2]}) < 0.0f) continue;
+        for (size_t k = 0; k < 3; ++k) {
+          uint16_t value;
+          std::memcpy(&value, row + 8 * x + 2 * k, sizeof value);
+          const double off = std::abs(value / 65535.0 - png.rgb[3 * at + k]) * 255.0 - png.half_code;
+          codes.push_back(static_cast<float>(std::max(off, 0.0)));
+        }
+      }
+    }
+    ASSERT_FALSE(codes.empty()) << c.render;
+    double sum = 0.0;
+    for (float code : codes) sum += code;
+    std::sort(codes.begin(), codes.end());
+    const double p999 = codes[static_cast<size_t>(static_cast<double>(codes.size() - 1) * 0.999)];
+    std::printf("%-44s %9.5f %9.5f %9.6f  of %.1f %% of its pixels\n", c.render, codes.back(), p999,
+                sum / static_cast<double>(codes.size()),
+                100.0 * static_cast<double>(codes.size()) / static_cast<double>(png.rgb.size()));
+    EXPECT_LE(codes.back(), 1.0) << c.render;
+    EXPECT_LE(p999, 0.6) << c.render;
+  }
+}
+
+}  // namespace
+}  // namespace candela::testing
