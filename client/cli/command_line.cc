@@ -10,6 +10,7 @@
 #include "client/cli/option_kinds.h"
 #include "client/cli/options.h"
 #include "client/cli/render_options.h"
+#include "client/cli/report_options.h"
 #include "client/cli/usage.h"
 
 #ifndef CANDELA_VERSION
@@ -38,6 +39,7 @@ constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
 struct Arguments {
   RenderArguments render;
   SampleOptions sample;
+  ReportOptions report;
   InfoOptions info;
   HealthOptions health;
 };
@@ -86,6 +88,8 @@ void define(CLI::App& app, Arguments& arguments) {
   render.footer(kRenderExamples);
   add_render_options(render, arguments.render);
   add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene."), arguments.sample);
+  add_report_options(*app.add_subcommand("report", "Measures this machine and writes a page about it."),
+                     arguments.report);
   CLI::App& info = *app.add_subcommand("info", "Says what a server is and can do.");
   add_json_option(info, "Output", "Write it as one line of JSON, - for stdout", arguments.info.json);
   add_server_options(info, arguments.info.server);
@@ -151,6 +155,10 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
                           arguments.sample.output));
     }
     return arguments.sample;
+  }
+  if (app.got_subcommand("report")) {
+    if (absl::Status status = finish_report_options(arguments.report); !status.ok()) return status;
+    return arguments.report;
   }
   if (app.got_subcommand("info")) {
     if (absl::Status status = check_server_options(arguments.info.server); !status.ok()) return status;

@@ -9,6 +9,7 @@ namespace candela {
 
 absl::Status run_render(const RenderOptions& options);
 absl::Status run_sample(const SampleOptions& options);
+absl::Status run_report(const ReportOptions& options);
 absl::Status run_info(const InfoOptions& options);
 absl::Status run_health(const HealthOptions& options);
 

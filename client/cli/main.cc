@@ -52,6 +52,7 @@ absl::Status run(const Invocation& invocation) try {
         if constexpr (std::is_same_v<Options, TextToPrint>) return print(options.text);
         if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options);
         if constexpr (std::is_same_v<Options, SampleOptions>) return run_sample(options);
+        if constexpr (std::is_same_v<Options, ReportOptions>) return run_report(options);
         if constexpr (std::is_same_v<Options, InfoOptions>) return run_info(options);
         if constexpr (std::is_same_v<Options, HealthOptions>) return run_health(options);
       },

@@ -42,6 +42,15 @@ struct SampleOptions {
   bool quiet = false;
 };
 
+struct ReportOptions {
+  std::string directory;
+  bool quick = false;
+  std::vector<double> megapixels;   // frame sizes, ascending, at least one
+  std::vector<std::string> images;  // files; none: the sample scene
+  ServerChoice server;
+  bool quiet = false;
+};
+
 struct InfoOptions {
   ServerChoice server;
   std::string json;  // as in RenderOptions
@@ -56,7 +65,8 @@ struct TextToPrint {
   std::string text;  // --help, --version
 };
 
-using Invocation = std::variant<TextToPrint, RenderOptions, SampleOptions, InfoOptions, HealthOptions>;
+using Invocation =
+    std::variant<TextToPrint, RenderOptions, SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
 
 // Looks at nothing but its arguments. Every failure is a usage error (see usage.h) of one line that says what
 // would have been understood.

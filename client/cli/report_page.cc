@@ -1,0 +1,294 @@
+#include "client/cli/report_page.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/cli/error_map.h"
+#include "client/cli/report_html.h"
+#include "client/cli/report_plots.h"
+#include "client/cli/report_summary.h"
+
+namespace candela {
+namespace {
+
+constexpr char kStyle[] = R"(
+body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:1060px;margin:2em auto;padding:0 1.2em}
+h1{font-size:1.7em;margin:0 0 .2em} h2{font-size:1.25em;margin:2.2em 0 .3em;border-top:1px solid #ddd;padding-top:.9em}
+h3{font-size:1.02em;margin:1.4em 0 .3em}
+p{max-width:52em;margin:.4em 0 .8em} code,pre{font:13px/1.5 ui-monospace,monospace;background:#f5f5f3}
+pre{padding:.7em 1em;white-space:pre-wrap} .wide{overflow-x:auto}
+table{border-collapse:collapse;font-size:13.5px;margin:.5em 0 1em;font-variant-numeric:tabular-nums}
+th{text-align:left;font-weight:600;border-bottom:1px solid #888;padding:.25em .8em .25em 0;vertical-align:bottom}
+td{border-bottom:1px solid #e8e8e8;padding:.22em .8em .22em 0;vertical-align:top}
+.n{text-align:right} .bad{color:#b00020;font-weight:600} .quiet{color:#666}
+svg{max-width:100%;height:auto;display:block;margin:.4em 0} img{max-width:100%;height:auto;display:block}
+.row{display:flex;flex-wrap:wrap;gap:16px} figure{margin:0 0 1em} figcaption{font-size:13px;color:#444}
+)";
+
+std::string heading(const std::string& text) { return absl::StrFormat("<h2>%s</h2>\n", html_escaped(text)); }
+
+std::string size_words(const Json& row) {
+  return absl::StrFormat("%dx%d", row["width"].get<int>(), row["height"].get<int>());
+}
+
+// "median (p10 .. p90)".
+Cell spread_cell(const Json& spread) {
+  return {
+      .text = absl::StrFormat("%s <span class=\"quiet\">(%s .. %s)</span>", short_number(spread["median"]),
+                              short_number(spread["p10"]), short_number(spread["p90"])),
+      .number = true};
+}
+
+// A message over the rest of a row.
+Cell message_cell(const Json& message, int columns, bool bad) {
+  return {.text = html_escaped(message.get<std::string>()), .bad = bad, .columns = columns};
+}
+
+std::string machine_section(const Json& report) {
+  const Json& machine = report["machine"];
+  HtmlTable table({"", ""});
+  for (const auto& [name, value] : machine.items())
+    table.add({text_cell(name), text_cell(value.get<std::string>())});
+  return heading("The machine") + table.html() + "<h3>To repeat it</h3>\n" +
+         absl::StrFormat(
+             "<pre>%s\n%s</pre>\n", html_escaped(report["command"].get<std::string>()),
+             "candela render IN.exr OUT.png --tier TIER --verify --error-map MAP.png   # one image") +
+         html_paragraph(
+             "report.json beside this page holds every number on it; times.csv, hard_cases.csv and aces.csv "
+             "hold the tables.");
+}
+
+std::string times_table(const Json& times) {
+  HtmlTable table({"size", "tier", "device, ms (p10 .. p90)", "memcpy, ms", "of a memcpy", "whole call, ms",
+                   "frames", "max error", "p99.9", "mean"});
+  for (const Json& row : times) {
+    std::vector<Cell> cells{text_cell(size_words(row)), text_cell(row["tier"])};
+    if (row.contains("skipped")) {
+      cells.push_back(message_cell(row["skipped"], 8, false));
+      table.add(std::move(cells));
+      continue;
+    }
+    cells.push_back(spread_cell(row["device_ms"]));
+    cells.push_back(number_cell(row["memcpy_ms"]["median"]));
+    cells.push_back({.text = short_number(row["memcpy_ratio"]) + "x", .number = true});
+    cells.push_back(number_cell(row["call_ms"]["median"]));
+    cells.push_back(number_cell(row["frames"]));
+    if (row.contains("error")) {
+      for (const char* key : {"max_codes", "p999_codes", "mean_codes"})
+        cells.push_back(number_cell(row["error"][key]));
+    } else {
+      cells.push_back(message_cell(row["error_skipped"], 3, false));
+    }
+    table.add(std::move(cells));
+  }
+  return table.html();
+}
+
+absl::StatusOr<std::string> times_section(const Json& report) {
+  const Json& times = report["times"];
+  const absl::StatusOr<std::string> plot = plot_time_against_error(times);
+  if (!plot.ok()) return plot;
+  const absl::StatusOr<std::string> scaling = plot_scaling(times);
+  if (!scaling.ok()) return scaling;
+  return heading("Time against error: left is faster, lower is nearer to the truth") +
+         html_paragraph(absl::StrFormat("Each point is a tier at a size; a line is the Pareto front of its "
+                                        "size, the least error for the time, and a "
+                                        "point above its line is beaten. Error is the largest of any pixel, "
+                                        "in codes of 1/255, before quantising, "
+                                        "against the float64 reference; 0.5 is where an 8-bit picture may "
+                                        "differ. Errors under %g codes, 0 among "
+                                        "them, are drawn at %g.",
+                                        kErrorFloorCodes, kErrorFloorCodes)) +
+         *plot + times_table(times) +
+         html_paragraph(
+             "Device time is the sum of the stages, without the queue. The memcpy is of the frame as it "
+             "comes in "
+             "(8 bytes a pixel), once beside every frame that is timed: what touching its memory costs on "
+             "this "
+             "machine at that moment. The whole call is what a client in front of the server waits.") +
+         "<h3>Time a megapixel: a level line is work in proportion to the pixels</h3>\n" + *scaling;
+}
+
+std::string stage_times_table(const Json& times) {
+  HtmlTable table({"size", "tier", "stages, median ms"});
+  for (const Json& row : times) {
+    if (!row.contains("stages")) continue;
+    std::vector<std::string> words;
+    for (const Json& stage : row["stages"]) {
+      words.push_back(html_escaped(stage["name"]) + " <b>" + short_number(stage["median_ms"]) + "</b>");
+    }
+    table.add(
+        {text_cell(size_words(row)), text_cell(row["tier"]), {.text = absl::StrJoin(words, " &nbsp; ")}});
+  }
+  return table.html();
+}
+
+absl::StatusOr<std::string> stages_section(const Json& report) {
+  const absl::StatusOr<std::string> plot = plot_stages(report["times"]);
+  if (!plot.ok()) return plot;
+  return heading("Where the time goes: stage by stage") +
+         html_paragraph(
+             "The largest size that most tiers were timed at is drawn; all sizes are in the table.") +
+         *plot + stage_times_table(report["times"]);
+}
+
+std::string bounds_section(const Json& report) {
+  HtmlTable table({"stage", "unit", "bound", "measured", "worst on", "verdict"});
+  for (const Json& row : report["stage_errors"]) {
+    const bool ok = row["ok"];
+    table.add({text_cell(row["stage"]),
+               text_cell(row["unit"]),
+               number_cell(row["bound"]),
+               number_cell(row["measured"]),
+               text_cell(row["where"]),
+               {.text = ok ? "within" : "BEYOND", .bad = !ok}});
+  }
+  return heading("Every stage's error against its bound") +
+         html_paragraph(
+             absl::StrFormat("The bounds that docs/pipeline.md promises, and the worst of all hard cases, "
+                             "curves and images on this page, at "
+                             "tier %s. Differing components are counted on frames of at least 1000 of them.",
+                             report["bounded_tier"].get<std::string>())) +
+         table.html();
+}
+
+std::string hard_cases_section(const Json& report) {
+  HtmlTable table({"case", "size", "tier", "finite", "max error, codes", "exposure", "NaN", "Inf", "negative",
+                   "what to see"});
+  std::string last;
+  for (const Json& row : report["hard_cases"]) {
+    const std::string name = row["case"];
+    std::vector<Cell> cells{text_cell(name), text_cell(size_words(row)), text_cell(row["tier"])};
+    if (row.contains("error")) {
+      cells.push_back(message_cell(row["error"], 7, true));
+    } else {
+      const bool finite = row["finite"];
+      cells.push_back({.text = finite ? "yes" : "NO", .bad = !finite});
+      cells.push_back(number_cell(row["max_error_codes"]));
+      for (const char* key : {"exposure", "nan", "inf", "negative"})
+        cells.push_back(number_cell(row[key], 4));
+      cells.push_back(text_cell(row["note"]));
+    }
+    table.add(std::move(cells));
+  }
+  return heading("Hard cases: frames on which image pipelines fail") +
+         html_paragraph(
+             "Finite: every value of the picture as floats is a number. Counts are of components of the "
+             "frame "
+             "that came in.") +
+         table.html();
+}
+
+std::string aces_section(const Json& report) {
+  const Json& aces = report["aces"];
+  std::string html = heading("How far the ACES approximations are from the whole transform");
+  if (aces.contains("missing"))
+    return html + html_paragraph("Not measured: " + aces["missing"].get<std::string>() + ".");
+  html +=
+      html_paragraph(absl::StrFormat("Against curve %s at tier %s, from 16-bit pictures. Codes: the largest "
+                                     "difference of R, G and B in 1/255 of the "
+                                     "display range. dE: CIEDE2000 by Little CMS under D65; about 1 is just "
+                                     "visible side by side. Charts at exposure "
+                                     "1, images as metered, all without bloom.",
+                                     aces["reference"].get<std::string>(), aces["tier"].get<std::string>()));
+  HtmlTable table({"colours", "curve", "codes: max", "p95", "mean", "dE: max", "p95", "mean"});
+  for (const Json& row : aces["rows"]) {
+    std::vector<Cell> cells{text_cell(row["set"]), text_cell(row["curve"])};
+    if (row.contains("error")) {
+      cells.push_back(message_cell(row["error"], 6, true));
+    } else {
+      for (const char* kind : {"codes", "delta_e"}) {
+        for (const char* key : {"max", "p95", "mean"}) cells.push_back(number_cell(row[kind][key]));
+      }
+    }
+    table.add(std::move(cells));
+  }
+  return html + table.html();
+}
+
+std::string figure(const std::string& png, const std::string& caption) {
+  return absl::StrFormat(
+      "<figure><img alt=\"\" src=\"data:image/png;base64,%s\"><figcaption>%s</figcaption></figure>\n", png,
+      html_escaped(caption));
+}
+
+std::string image_figures(const Json& image) {
+  std::string html = absl::StrFormat("<h3>%s, %s%s</h3>\n<div class=\"row\">\n",
+                                     html_escaped(image["name"].get<std::string>()), size_words(image),
+                                     html_escaped(image["note"].get<std::string>()));
+  if (image.contains("picture")) html += figure(image["picture"], "as rendered");
+  for (const Json& map : image["maps"]) {
+    const std::string tier = map["tier"];
+    if (map.contains("error")) {
+      html += html_paragraph(tier + ": " + map["error"].get<std::string>());
+      continue;
+    }
+    html += figure(
+        map["png"],
+        absl::StrFormat("%s: at most %s codes, p99.9 %s, mean %s; %s %% of components differ once quantised",
+                        tier, short_number(map["max_error_codes"]), short_number(map["p999_error_codes"]),
+                        short_number(map["mean_error_codes"]),
+                        short_number(100 * map["differing_components"].get<double>())));
+  }
+  return html + "</div>\n";
+}
+
+std::string images_section(const Json& report) {
+  std::string html =
+      heading("Error maps: where a picture is off") +
+      html_paragraph(absl::StrFormat(
+          "%s. The same scale for every map; where a map is smaller than its image, each pixel "
+          "is the worst of those it stands for.",
+          error_scale_words()));
+  for (const Json& image : report["images"]) html += image_figures(image);
+  return html;
+}
+
+std::string plan_cell_text(const Json& side) {
+  std::vector<std::string> lines{"<b>" + html_escaped(side["frame"]) + "</b>"};
+  for (const Json& line : side["plan"]) lines.push_back(html_escaped(line));
+  return absl::StrJoin(lines, "<br>");
+}
+
+std::string skips_section(const Json& report) {
+  HtmlTable table({"work", "frame and plan", "device, ms (p10 .. p90)", "saved where it is skipped"});
+  for (const Json& row : report["skips"]) {
+    if (row.contains("error")) {
+      table.add({text_cell(row["what"]), message_cell(row["error"], 3, true)});
+      continue;
+    }
+    const std::string saved =
+        absl::StrFormat("%s ms, %s %%", short_number(row["saved_ms"]), short_number(row["saved_percent"], 2));
+    table.add({text_cell(row["what"]),
+               {.text = plan_cell_text(row["with"])},
+               spread_cell(row["with"]["device_ms"]),
+               {}});
+    table.add({{},
+               {.text = plan_cell_text(row["without"])},
+               spread_cell(row["without"]["device_ms"]),
+               text_cell(saved)});
+  }
+  return heading("Work that a frame does not need is not done") +
+         html_paragraph(
+             "The same frame with and without what makes the work necessary; the plan is the server's own.") +
+         table.html();
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> report_page(const Json& report) {
+  const absl::StatusOr<std::string> times = times_section(report);
+  if (!times.ok()) return times;
+  const absl::StatusOr<std::string> stages = stages_section(report);
+  if (!stages.ok()) return stages;
+  return absl::StrCat(
+      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<title>Candela report</title>\n",
+      "<meta name=\"viewport\" content=\"width=device-width\">\n<style>", kStyle, "</style></head><body>\n",
+      summary_section(report), machine_section(report), *times, *stages, bounds_section(report),
+      hard_cases_section(report), aces_section(report), images_section(report), skips_section(report),
+      "</body></html>\n");
+}
+
+}  // namespace candela

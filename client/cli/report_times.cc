@@ -1,0 +1,252 @@
+#include "client/cli/report_times.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+namespace {
+
+constexpr int kWarmUp = 2;
+constexpr double kSlowMs = 2000;  // a frame that takes longer is timed kSlowFrames times, after one
+constexpr int kSlowFrames = 3;
+constexpr double kLongestMs = 20000;     // a frame that would take longer is not tried
+constexpr double kSkipMegapixels = 2.1;  // what skips save is measured at most there
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point begin) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+}
+
+// Between neighbours where it falls between.
+double quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  const double at = q * static_cast<double>(values.size() - 1);
+  const auto below = static_cast<size_t>(at);
+  return std::lerp(values[below], values[std::min(below + 1, values.size() - 1)], at - std::floor(at));
+}
+
+Json spread(const std::vector<double>& values) {
+  return {{"p10", quantile(values, 0.1)}, {"median", quantile(values, 0.5)}, {"p90", quantile(values, 0.9)}};
+}
+
+// What a number of frames took.
+struct Samples {
+  std::vector<double> device, call, copy;                           // ms
+  std::vector<std::pair<std::string, std::vector<double>>> stages;  // in the order of the work
+  std::vector<std::string> plan;                                    // of the last frame
+
+  void add(const v1::ResultHeader& header) {
+    device.push_back(device_ms(header));
+    plan.assign(header.plan().begin(), header.plan().end());
+    for (const v1::StageTime& stage : header.stages()) {
+      if (!is_device_stage(stage)) continue;
+      auto known = std::find_if(stages.begin(), stages.end(),
+                                [&stage](const auto& s) { return s.first == stage.name(); });
+      if (known == stages.end()) known = stages.insert(known, {stage.name(), {}});
+      known->second.push_back(static_cast<double>(stage.ns()) * 1e-6);
+    }
+  }
+
+  Json stage_medians() const {
+    Json rows = Json::array();
+    for (const auto& [name, ms] : stages) rows.push_back({{"name", name}, {"median_ms", quantile(ms, 0.5)}});
+    return rows;
+  }
+};
+
+// A plain copy of the frame: what memory alone costs, measured beside the frames.
+class Yardstick {
+ public:
+  explicit Yardstick(const Image& frame) : frame_(frame), copy_(frame.bytes()) {}
+
+  double copy_ms() {
+    if (copy_.empty()) return 0;
+    const Clock::time_point begin = Clock::now();
+    std::memcpy(copy_.data(), frame_.pixels.data(), frame_.bytes());
+    asm volatile("" ::"r"(copy_.data()) : "memory");  // the copy is used, as far as the compiler knows
+    return ms_since(begin);
+  }
+
+ private:
+  const Image& frame_;
+  PixelBuffer copy_;
+};
+
+absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Settings& settings,
+                                    const Image& frame, int frames) {
+  Samples samples;
+  Yardstick yardstick(frame);
+  int warm_up = kWarmUp;
+  for (int i = 0; i < warm_up + frames; ++i) {
+    const double copy = yardstick.copy_ms();
+    const Clock::time_point begin = Clock::now();
+    const absl::StatusOr<RenderResult> result = session.render(settings, frame);
+    if (!result.ok()) return result.status();
+    const double call = ms_since(begin);
+    if (i == 0 && device_ms(result->header) > kSlowMs) {
+      warm_up = 1;
+      frames = std::min(frames, kSlowFrames);
+    }
+    if (i < warm_up) continue;
+    samples.add(result->header);
+    samples.call.push_back(call);
+    samples.copy.push_back(copy);
+  }
+  return samples;
+}
+
+void add_error(const ReportSession& session, const TimePlan& plan, const FrameSize& size, const Image& frame,
+               Json& row) {
+  if (size.megapixels > plan.verify_megapixels) {
+    row["error_skipped"] =
+        absl::StrFormat("error is measured up to %g megapixels: the reference takes seconds a megapixel",
+                        plan.verify_megapixels);
+    return;
+  }
+  const absl::StatusOr<RenderResult> result =
+      session.render(ReportSession::settings(row["tier"]), frame, {.verify = true});
+  if (!result.ok()) {
+    row["error_skipped"] = std::string(result.status().message());
+    return;
+  }
+  const v1::Verification& v = result->header.verify();
+  row["error"] = {{"max_codes", json_number(v.max_error_codes())},
+                  {"p999_codes", json_number(v.p999_error_codes())},
+                  {"mean_codes", json_number(v.mean_error_codes())}};
+}
+
+// One size at one tier.
+Json time_row(const ReportSession& session, const TimePlan& plan, const FrameSize& size, const Image& frame,
+              Json row) {
+  const absl::StatusOr<Samples> samples =
+      time_frames(session, ReportSession::settings(row["tier"]), frame, plan.frames);
+  if (!samples.ok()) {
+    row["skipped"] = std::string(samples.status().message());
+    return row;
+  }
+  row["frames"] = samples->device.size();
+  row["device_ms"] = spread(samples->device);
+  row["call_ms"] = spread(samples->call);
+  row["memcpy_ms"] = spread(samples->copy);
+  row["memcpy_ratio"] = quantile(samples->device, 0.5) / std::max(1e-6, quantile(samples->copy, 0.5));
+  row["stages"] = samples->stage_medians();
+  add_error(session, plan, size, frame, row);
+  return row;
+}
+
+// Why a size cannot be rendered at all, "" if it can.
+std::string beyond_limits(const v1::Limits& limits, const FrameSize& size) {
+  const uint64_t bytes = uint64_t{size.width} * size.height * bytes_per_pixel(ImageFormat::kRgba16f);
+  if (std::max(size.width, size.height) > limits.max_dimension()) {
+    return absl::StrFormat("beyond this server's limit of %d pixels a side", limits.max_dimension());
+  }
+  if (bytes <= limits.max_frame_bytes()) return "";
+  return absl::StrFormat("%d bytes are beyond this server's limit of %d for a frame", bytes,
+                         limits.max_frame_bytes());
+}
+
+Json blank_row(const FrameSize& size, const std::string& tier) {
+  return {{"megapixels", size.megapixels}, {"width", size.width}, {"height", size.height}, {"tier", tier}};
+}
+
+// Device time of a tier at the size before, to tell that of the next one.
+struct Seen {
+  double megapixels = 0;
+  double ms = 0;
+};
+
+std::string too_slow(const Seen& seen, const FrameSize& size) {
+  if (seen.megapixels == 0) return "";
+  const double ms = seen.ms * size.megapixels / seen.megapixels;
+  if (ms <= kLongestMs) return "";
+  return absl::StrFormat(
+      "would take about %.0f s a frame, from its time at %g megapixels; at most %.0f s are spent", ms / 1000,
+      seen.megapixels, kLongestMs / 1000);
+}
+
+Json side(const std::string& frame, const Samples& samples) {
+  return {{"frame", frame}, {"plan", samples.plan}, {"device_ms", spread(samples.device)}};
+}
+
+// A frame and its settings, in words.
+struct Half {
+  std::string words;
+  const Image& frame;
+  v1::Settings settings;
+};
+
+Json skip_row(const ReportSession& session, const TimePlan& plan, const std::string& what, const Half& with,
+              const Half& without) {
+  Json row = {{"what", what}};
+  const absl::StatusOr<Samples> slow = time_frames(session, with.settings, with.frame, plan.frames);
+  const absl::StatusOr<Samples> fast = time_frames(session, without.settings, without.frame, plan.frames);
+  if (!slow.ok() || !fast.ok()) {
+    row["error"] = std::string((slow.ok() ? fast : slow).status().message());
+    return row;
+  }
+  const double ms = quantile(slow->device, 0.5), less = quantile(fast->device, 0.5);
+  row["width"] = with.frame.width;
+  row["height"] = with.frame.height;
+  row["with"] = side(with.words, *slow);
+  row["without"] = side(without.words, *fast);
+  row["saved_ms"] = ms - less;
+  row["saved_percent"] = 100 * (ms - less) / ms;
+  return row;
+}
+
+}  // namespace
+
+Json measure_times(const ReportSession& session, const TimePlan& plan) {
+  Json rows = Json::array();
+  std::map<std::string, Seen> seen;
+  for (const FrameSize& size : plan.sizes) {
+    session.show(absl::StrFormat("times: making %dx%d", size.width, size.height));
+    std::string why = beyond_limits(session.info().limits(), size);
+    const absl::StatusOr<Image> frame = why.empty() ? sample_frame(size.width, size.height) : Image();
+    if (!frame.ok()) why = std::string(frame.status().message());
+    for (const std::string& tier : session.tiers()) {
+      Json row = blank_row(size, tier);
+      const std::string reason = why.empty() ? too_slow(seen[tier], size) : why;
+      if (!reason.empty()) {
+        row["skipped"] = reason;
+        rows.push_back(std::move(row));
+        continue;
+      }
+      session.show(absl::StrFormat("times: %s at %dx%d", tier, size.width, size.height));
+      rows.push_back(time_row(session, plan, size, *frame, std::move(row)));
+      if (rows.back().contains("device_ms"))
+        seen[tier] = {size.megapixels, rows.back()["device_ms"]["median"]};
+    }
+  }
+  return rows;
+}
+
+Json measure_skips(const ReportSession& session, const TimePlan& plan) {
+  session.show("what was skipped");
+  FrameSize size = plan.sizes.front();
+  for (const FrameSize& other : plan.sizes) {
+    if (other.megapixels <= kSkipMegapixels) size = other;
+  }
+  const absl::StatusOr<Image> frame = sample_frame(size.width, size.height);
+  if (!frame.ok()) return Json::array({{{"what", "all"}, {"error", std::string(frame.status().message())}}});
+  const absl::StatusOr<Image> dirty = with_one_nan(*frame);
+  if (!dirty.ok()) return Json::array({{{"what", "all"}, {"error", std::string(dirty.status().message())}}});
+  const v1::Settings usual = ReportSession::settings(session.bounded_tier());
+  v1::Settings dim = usual;
+  dim.mutable_bloom()->set_threshold(65504);
+  dim.mutable_bloom()->set_softness(0);
+  return Json::array(
+      {skip_row(session, plan, "Bloom", {"lights above the threshold", *frame, usual},
+                {"the same frame, threshold above all of it", *frame, dim}),
+       skip_row(session, plan, "Scrubbing bad values", {"the same frame with one NaN", *dirty, usual},
+                {"a clean frame", *frame, usual})});
+}
+
+}  // namespace candela

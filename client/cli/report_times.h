@@ -1,0 +1,26 @@
+// The time half of a report: how long frames take, and what skipped work saves.
+#pragma once
+
+#include <vector>
+
+#include "client/cli/report_scenes.h"
+#include "client/cli/report_session.h"
+
+namespace candela {
+
+struct TimePlan {
+  std::vector<FrameSize> sizes;  // ascending
+  int frames = 11;               // timed, after a warm-up of two
+  double verify_megapixels = 8;  // the largest size whose error is measured, too
+};
+
+// A row a size and tier: megapixels, width, height, tier and either skipped (why) or frames, device_ms,
+// call_ms and memcpy_ms {p10, median, p90}, memcpy_ratio, stages [{name, median_ms}] and either error
+// {max_codes, p999_codes, mean_codes} or error_skipped (why).
+Json measure_times(const ReportSession& session, const TimePlan& plan);
+
+// Work that a frame needs against the same without it: what, with and without {frame, plan, device_ms},
+// saved_ms, saved_percent, or error (why not). At the largest planned size of at most 2 megapixels.
+Json measure_skips(const ReportSession& session, const TimePlan& plan);
+
+}  // namespace candela
