@@ -7,7 +7,8 @@
 #include <sstream>
 
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -85,7 +86,7 @@ class Ocio : public ::testing::Test {
     EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
   }
 
-  Folder folder_;
+  const TemporaryFolder folder_;
   const std::string in_ = folder_.path("in.exr");
   const std::string studio_ = folder_.path("studio.ocio");
 };

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <string>
@@ -18,6 +17,7 @@
 #include "server/render/primaries.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/files.h"
 
 namespace candela::testing {
 namespace {
@@ -191,9 +191,8 @@ Png read_png(const fs::path& path) {
 }
 
 TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
-  const char* named = std::getenv("CANDELA_DATA");
-  const fs::path data = named != nullptr ? named : CANDELA_DATA_DEFAULT;
-  if (!fs::is_directory(data / "aces")) GTEST_SKIP() << "no test images at " << data << "; set CANDELA_DATA";
+  if (data_folder().empty()) GTEST_SKIP() << "no test images; set CANDELA_DATA";
+  const fs::path data = data_folder();
   struct Case {
     const char* input;
     const char* render;

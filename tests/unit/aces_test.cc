@@ -8,16 +8,15 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 #include <vector>
 
 #include "server/render/primaries.h"
 #include "server/render/settings.h"
 #include "shaders/reference.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -39,10 +38,8 @@ Rgb aces(const Rgb& c) {
 double srgb(double light) { return reference::transfer(shader::TRANSFER_SRGB, std::clamp(light, 0.0, 1.0)); }
 
 std::optional<nlohmann::json> data(const char* file) {
-  const char* named = std::getenv("CANDELA_DATA");
-  const auto path = std::filesystem::path(named != nullptr ? named : CANDELA_DATA_DEFAULT) / "aces" / file;
-  if (!std::filesystem::exists(path)) return std::nullopt;
-  return nlohmann::json::parse(std::ifstream(path));
+  if (data_folder().empty()) return std::nullopt;
+  return nlohmann::json::parse(read_file(data_folder() + "/aces/" + file));
 }
 
 Color multiply(const std::array<float, 9>& m, const Color& v) {
