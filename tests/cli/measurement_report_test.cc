@@ -6,7 +6,7 @@
 #include <set>
 
 #include "tests/cli/command.h"
-#include "tests/cli/files.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -21,7 +21,7 @@ void find_blanks(const json& value, const std::string& where, std::vector<std::s
 }
 
 TEST(MeasurementReport, WritesAWholePageAndItsData) {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string at = folder.path("report");
   const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -68,7 +68,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
 }
 
 TEST(MeasurementReport, WithoutGnuplotItSaysWhatToInstallAndWritesNothing) {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string path = std::getenv("PATH");
   setenv("PATH", folder.path("empty").c_str(), 1);
   const Outcome outcome = candela({"report", folder.path("report")});
