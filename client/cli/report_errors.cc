@@ -239,6 +239,9 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
   if (!frame.ok()) return frame.status();
   Json rows = Json::array();
   for (const int value : session.info().curves()) {
+    // A table's own error is no stage's: that of aces-1 is published by its size, and a client's table is the
+    // client's.
+    if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE) continue;
     const std::string word = word_of(static_cast<v1::ToneCurve>(value));
     session.show("curve: " + word);
     v1::Settings settings = ReportSession::settings(session.bounded_tier());
