@@ -46,4 +46,11 @@ double adapt_exposure(const AdaptationSettings& settings, const std::optional<Pr
   return linear ? target + (from - target) * left : target * std::exp2(std::log2(from / target) * left);
 }
 
+Exposed expose(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous,
+               double mean_log2_luminance) {
+  const double target = exposure_target(settings, mean_log2_luminance);
+  if (settings.mode == ExposureMode::kManual) return {target, target};
+  return {adapt_exposure(settings.adaptation, previous, target), target};
+}
+
 }  // namespace candela

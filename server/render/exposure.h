@@ -18,6 +18,14 @@ struct PreviousExposure {
   double elapsed_seconds = 0.0;  // 0 changes nothing
 };
 
+// What a frame is rendered with, and what its metering asked for: factors.
+struct Exposed {
+  double exposure = 1.0;
+  double target = 1.0;
+
+  bool operator==(const Exposed&) const = default;
+};
+
 // INVALID_ARGUMENT naming the field, its value and its range.
 absl::Status check_previous(const PreviousExposure& previous);
 
@@ -26,5 +34,9 @@ absl::Status check_previous(const PreviousExposure& previous);
 // one step of their summed time within 1e-12, and never pass it.
 double adapt_exposure(const AdaptationSettings& settings, const std::optional<PreviousExposure>& previous,
                       double target);
+
+// The two together: MANUAL exposure does not adapt.
+Exposed expose(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous,
+               double mean_log2_luminance);
 
 }  // namespace candela

@@ -32,7 +32,7 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
         {&parts->center_weights, {1u << shader::CENTER_STEPS_LOG2, 1, sizeof(uint32_t), MemoryUse::kDevice}});
   }
   TextureKey histogram;
-  if (metering.statistic == MeterStatistic::kPercentile) {
+  if (metering.statistic == MeterStatistic::kPercentile || metering.histogram) {
     parts->histogram_copies = groups(parts->tiles_x * parts->tiles_y, shader::HISTOGRAM_TILES);
     histogram = {shader::HISTOGRAM_BINS, parts->histogram_copies, sizeof(shader::HistogramBin),
                  MemoryUse::kDevice};

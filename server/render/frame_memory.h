@@ -19,7 +19,8 @@ struct FrameMemory::Parts {
   TexturePool::Lease input;
   TexturePool::Lease output;
   TexturePool::Lease tiles;
-  uint32_t histogram_copies = 0;  // see shader::HISTOGRAM_TILES; 0 where the settings ask for no percentile
+  uint32_t histogram_copies =
+      0;  // see shader::HISTOGRAM_TILES; 0 where the settings ask for no percentile and no histogram
   TexturePool::Lease histogram;
   TexturePool::Lease center_weights;  // of MeterWeights::kCenter
   std::vector<TexturePool::Lease> levels;

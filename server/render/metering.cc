@@ -42,4 +42,20 @@ double percentile_mean(std::span<const MeterBin> bins, double low_percent, doubl
   return sum / (high - low);
 }
 
+double scene_difference(const ScenePrint& a, const ScenePrint& b) {
+  double sum = 0.0;
+  double squares = 0.0;
+  int cells = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double difference = double{b[i]} - double{a[i]};
+    if (std::isnan(difference)) continue;
+    sum += difference;
+    squares += difference * difference;
+    ++cells;
+  }
+  if (cells == 0) return 0.0;
+  const double mean = sum / cells;
+  return std::sqrt(std::max(0.0, squares / cells - mean * mean));
+}
+
 }  // namespace candela

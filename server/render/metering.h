@@ -1,6 +1,7 @@
 // What metering comes to, from what the device has summed (docs/pipeline.md section 2).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -21,5 +22,13 @@ struct MeterBin {
 // an octave from 2^-14 on; the two end bins count in proportion, each bin at its texels' mean. low < high;
 // some weight is not 0.
 double percentile_mean(std::span<const MeterBin> bins, double low_percent, double high_percent);
+
+// The picture of a frame by which scenes are told apart: log2 luminance, in EV, over a grid of 8 x 8 cells,
+// row by row. A cell is what its tiles meter; one without weight is NaN.
+using ScenePrint = std::array<float, 64>;
+
+// How much two pictures differ, whatever brightness they differ by as a whole: the standard deviation of
+// their cells' differences in EV, over the cells that both have; 0 where they share none.
+double scene_difference(const ScenePrint& a, const ScenePrint& b);
 
 }  // namespace candela

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "server/render/metering.h"
 #include "server/render/settings.h"
 #include "server/render/tiers.h"
 
@@ -22,6 +23,9 @@ struct FrameStats {
       0;  // of bloom level 0: those with D_0 > 0; 0 for kGaussian and where no bloom was asked for
   float max_bloom_luminance = 0.0f;  // of kGaussian's quarter-size texels
   uint64_t metered_weight = 0;       // the sum of all texels' metering weights
+  ScenePrint print{};
+  // By log2 luminance, 64 bins an octave from 2^-14 on, where the settings ask for it.
+  std::vector<uint64_t> histogram;
 };
 
 // Scene luminance above which kGaussian blooms.

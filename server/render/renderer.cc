@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <bit>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "server/render/aces.h"
-#include "server/render/exposure.h"
 #include "server/render/frame_memory.h"
 #include "server/render/metering.h"
 #include "server/render/passes.h"
@@ -34,7 +34,7 @@ struct TileSums {
 
 constexpr double kFixedPointPerEv = 1u << shader::LOG2_FRACTION_BITS;
 
-double percentile_of(const FrameMemory::Parts& parts, const MeteringSettings& metering) {
+std::vector<MeterBin> bins_of(const FrameMemory::Parts& parts, const MeteringSettings& metering) {
   const double offset_ev = (metering.weights == MeterWeights::kCenter ? 256.0 : 1.0) / kFixedPointPerEv;
   std::vector<MeterBin> bins(shader::HISTOGRAM_BINS);
   for (size_t i = 0; i < size_t{parts.histogram_copies} * shader::HISTOGRAM_BINS; ++i) {
@@ -43,7 +43,50 @@ double percentile_of(const FrameMemory::Parts& parts, const MeteringSettings& me
     bins[i % shader::HISTOGRAM_BINS].weight += bin.weight;
     bins[i % shader::HISTOGRAM_BINS].above_ev += bin.offset_sum * offset_ev;
   }
-  return percentile_mean(bins, metering.percentile_low, metering.percentile_high);
+  return bins;
+}
+
+shader::TileRecord tile_at(const FrameMemory::Parts& parts, uint32_t x, uint32_t y) {
+  shader::TileRecord tile;
+  std::memcpy(&tile, parts.host_tiles().mapped() + (size_t{y} * parts.tiles_x + x) * sizeof tile,
+              sizeof tile);
+  return tile;
+}
+
+uint64_t fixed_log2_of(const shader::TileRecord& tile) {
+  return tile.log2_sum_low + (uint64_t{tile.log2_sum_high} << 16);
+}
+
+double log2_of(uint64_t fixed_log2, uint64_t weight) {
+  return static_cast<double>(fixed_log2) / (kFixedPointPerEv * static_cast<double>(weight)) -
+         shader::LOG2_BIAS;
+}
+
+// Of the tiles of a cell, at least one each way.
+ScenePrint print_of(const FrameMemory::Parts& parts, bool weighted) {
+  constexpr uint32_t kCells = 8;
+  ScenePrint print;
+  const auto first = [](uint32_t cell, uint32_t tiles) { return cell * tiles / kCells; };
+  const auto last = [&](uint32_t cell, uint32_t tiles) {
+    return std::max(first(cell, tiles) + 1, first(cell + 1, tiles));
+  };
+  const auto texels = [](uint32_t tile, uint32_t size) {
+    return std::min(shader::TILE_TEXELS, size - tile * shader::TILE_TEXELS);
+  };
+  for (uint32_t cell = 0; cell < print.size(); ++cell) {
+    uint64_t fixed_log2 = 0;
+    uint64_t weight = 0;
+    for (uint32_t y = first(cell / kCells, parts.tiles_y); y < last(cell / kCells, parts.tiles_y); ++y) {
+      for (uint32_t x = first(cell % kCells, parts.tiles_x); x < last(cell % kCells, parts.tiles_x); ++x) {
+        const shader::TileRecord tile = tile_at(parts, x, y);
+        fixed_log2 += fixed_log2_of(tile);
+        weight +=
+            weighted ? tile.weight_sum : uint64_t{texels(x, parts.desc.width)} * texels(y, parts.desc.height);
+      }
+    }
+    print[cell] = weight == 0 ? NAN : static_cast<float>(log2_of(fixed_log2, weight));
+  }
+  return print;
 }
 
 TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
@@ -58,9 +101,9 @@ TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
   uint32_t bloom_luminance = 0;
   const size_t count = size_t{parts.tiles_x} * parts.tiles_y;
   for (size_t i = 0; i < count; ++i) {
-    shader::TileRecord tile;
-    std::memcpy(&tile, parts.host_tiles().mapped() + i * sizeof tile, sizeof tile);
-    fixed_log2 += tile.log2_sum_low + (uint64_t{tile.log2_sum_high} << 16);
+    const shader::TileRecord tile =
+        tile_at(parts, static_cast<uint32_t>(i % parts.tiles_x), static_cast<uint32_t>(i / parts.tiles_x));
+    fixed_log2 += fixed_log2_of(tile);
     brightest = std::max(brightest, tile.max_luminance_bits);
     darkest_inverted = std::max(darkest_inverted, tile.min_luminance_bits_inverted);
     magnitude = std::max(magnitude, tile.max_magnitude_bits);
@@ -72,14 +115,20 @@ TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
     bloom_luminance = std::max(bloom_luminance, tile.max_bloom_luminance_bits);
     sums.first_bad_texel = std::min(sums.first_bad_texel, ~tile.first_bad_texel_inverted);
   }
-  stats.metered_weight = settings.exposure.metering.weights == MeterWeights::kAverage
-                             ? uint64_t{parts.desc.width} * parts.desc.height
-                             : weight;
-  stats.mean_log2_luminance =
-      parts.histogram_copies > 0
-          ? percentile_of(parts, settings.exposure.metering)
-          : static_cast<double>(fixed_log2) / (kFixedPointPerEv * static_cast<double>(stats.metered_weight)) -
-                shader::LOG2_BIAS;
+  const MeteringSettings& metering = settings.exposure.metering;
+  const bool weighted = metering.weights != MeterWeights::kAverage;
+  stats.metered_weight = weighted ? weight : uint64_t{parts.desc.width} * parts.desc.height;
+  stats.mean_log2_luminance = log2_of(fixed_log2, stats.metered_weight);
+  if (parts.histogram_copies > 0) {
+    const std::vector<MeterBin> bins = bins_of(parts, metering);
+    if (metering.statistic == MeterStatistic::kPercentile) {
+      stats.mean_log2_luminance = percentile_mean(bins, metering.percentile_low, metering.percentile_high);
+    }
+    if (metering.histogram) {
+      for (const MeterBin& bin : bins) stats.histogram.push_back(bin.weight);
+    }
+  }
+  stats.print = print_of(parts, weighted);
   stats.max_bloom_luminance = std::bit_cast<float>(bloom_luminance);
   stats.max_luminance = std::bit_cast<float>(brightest);
   stats.min_luminance = std::bit_cast<float>(~darkest_inverted);
@@ -103,10 +152,6 @@ void add_time(const StageTime& time, std::vector<StageTime>* stages) {
 void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
   for (const Recorder::Timing& timing : recorder.timings()) add_time({timing.name, timing.ns}, stages);
 }
-
-}  // namespace
-
-namespace {
 
 void add_host_time(const char* stage, std::vector<StageTime>* stages, const std::function<void()>& work) {
   const auto begin = std::chrono::steady_clock::now();
@@ -230,44 +275,62 @@ absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Sett
 
 absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings,
                                              const FrameMoment& moment) {
+  const absl::StatusOr<Metered> metered = meter(memory, settings);
+  if (!metered.ok()) return metered.status();
+  return draw(memory, settings, moment.sequence, *metered, [&](double mean_log2_luminance) {
+    return expose(settings.exposure, moment.previous, mean_log2_luminance);
+  });
+}
+
+absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& settings) {
   const FrameMemory::Parts& parts = *memory.parts_;
   impl_->pipelines.trim(kMaxPipelines);
   PassContext context = pass_context(parts, settings);
-  FrameReport report;
-  absl::StatusOr<TileSums> sums = impl_->measure(context, /*upload=*/true, &report.stages);
+  Metered metered;
+  absl::StatusOr<TileSums> sums = impl_->measure(context, /*upload=*/true, &metered.stages);
   if (sums.ok() && sums->needs_scrub) {
-    context.scrub = true;
-    sums = impl_->measure(context, /*upload=*/false, &report.stages);
+    context.scrub = metered.scrubbed = true;
+    sums = impl_->measure(context, /*upload=*/false, &metered.stages);
   }
   if (!sums.ok()) return sums.status();
-  report.stats = sums->stats;
+  metered.stats = std::move(sums->stats);
   if (settings.bad_values == BadValues::kReject && sums->first_bad_texel != UINT32_MAX) {
     return absl::InvalidArgumentError(
         absl::StrFormat("the pixel at x %d, y %d is not finite (%d NaN and %d infinite components in all); "
                         "repair the frame or use "
                         "bad_values SCRUB",
                         sums->first_bad_texel % parts.desc.width, sums->first_bad_texel / parts.desc.width,
-                        report.stats.nan_components, report.stats.infinite_components));
+                        metered.stats.nan_components, metered.stats.infinite_components));
   }
-  const auto expose = [&](double mean_log2_luminance) {
-    report.stats.mean_log2_luminance = mean_log2_luminance;
-    report.target = exposure_target(settings.exposure, mean_log2_luminance);
-    const bool metered = settings.exposure.mode == ExposureMode::kAuto;
-    report.exposure =
-        adapt_exposure(settings.exposure.adaptation, metered ? moment.previous : std::nullopt, report.target);
-    return report.exposure;
-  };
-  expose(report.stats.mean_log2_luminance);
-  report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, context.tier);
+  return metered;
+}
 
-  context.bloom = report.plan.bloom;
-  context.gaussian_threshold = gaussian_threshold(settings.bloom, report.stats);
-  context.dither_frame = static_cast<uint32_t>(moment.sequence);
-  context.exposure = report.exposure * settings.prescale;
+absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                           const Metered& metered, const Expose& expose) {
+  const FrameMemory::Parts& parts = *memory.parts_;
+  impl_->pipelines.trim(kMaxPipelines);
+  PassContext context = pass_context(parts, settings);
+  context.scrub = metered.scrubbed;
+  FrameReport report;
+  report.stats = metered.stats;
+  report.stages = metered.stages;
+  report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, context.tier);
+  const auto expose_by = [&](double mean_log2_luminance) {
+    report.stats.mean_log2_luminance = mean_log2_luminance;
+    const Exposed exposed = expose(mean_log2_luminance);
+    report.exposure = exposed.exposure;
+    report.target = exposed.target;
+    return exposed.exposure;
+  };
+  const FrameMoment moment{sequence, std::nullopt};
   if (context.tier.host_reference) {
     add_host_time(name(Pass::kReference), &report.stages,
-                  [&] { render_by_reference(memory, settings, moment, expose); });
+                  [&] { render_by_reference(memory, settings, moment, expose_by); });
   } else {
+    context.exposure = expose_by(report.stats.mean_log2_luminance) * settings.prescale;
+    context.bloom = report.plan.bloom;
+    context.gaussian_threshold = gaussian_threshold(settings.bloom, report.stats);
+    context.dither_frame = static_cast<uint32_t>(sequence);
     if (absl::Status status = impl_->load_table(context); !status.ok()) return status;
     if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;
     add_timings(impl_->recorder, &report.stages);

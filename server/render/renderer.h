@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -96,8 +97,18 @@ struct FrameReport {
   std::optional<FrameVerification> verification;  // where the memory was allocated for it
 };
 
+// What phase A came to.
+struct Metered {
+  FrameStats stats;
+  bool scrubbed = false;  // the frame had to be read again with the scrub
+  std::vector<StageTime> stages{};
+};
+
 class Renderer {
  public:
+  // Gives a frame its exposure once it is metered.
+  using Expose = std::function<Exposed(double mean_log2_luminance)>;
+
   // `device` and `pool` outlive the renderer.
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool);
   ~Renderer();
@@ -114,6 +125,13 @@ class Renderer {
   // verification is seconds for a large one.
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,
                                      const FrameMoment& moment = {});
+
+  // The two halves of render(), with what is between them left to the caller: meter() may be followed by
+  // other frames before draw(), which is called once. `expose` is called once, in draw(); on a tier of the
+  // host's by what the reference meters.
+  absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings);
+  absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                   const Metered& metered, const Expose& expose);
 
  private:
   struct Impl;

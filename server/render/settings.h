@@ -59,7 +59,8 @@ struct MeteringSettings {
   double percentile_low = v1::kDefaultPercentileLow;    // percent
   double percentile_high = v1::kDefaultPercentileHigh;  // percent
   MeterWeights weights = MeterWeights::kAverage;
-  Rectangle spot;  // of kSpot
+  Rectangle spot;          // of kSpot
+  bool histogram = false;  // wanted among the frame's statistics
 };
 
 struct AdaptationSettings {

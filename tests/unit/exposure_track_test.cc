@@ -1,0 +1,199 @@
+// A session's exposure over its frames, as docs/pipeline.md sections 3 and 7 define it.
+#include "server/stream/exposure_track.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace candela {
+namespace {
+
+constexpr int64_t kFrameNs = 41'666'667;  // 24 a second
+
+FrameStats metered_at(double mean_log2_luminance) {
+  FrameStats stats;
+  stats.mean_log2_luminance = mean_log2_luminance;
+  stats.metered_weight = 1;
+  stats.print.fill(static_cast<float>(mean_log2_luminance));
+  return stats;
+}
+
+// A track whose frames come 24 a second, numbered from 0.
+struct Film {
+  explicit Film(uint32_t lookahead = 0, double cut_threshold_ev = 0.0, ExposureState state = {})
+      : track(lookahead, cut_threshold_ev, state) {}
+
+  absl::Status add(uint64_t sequence, bool cut = false) {
+    return track.add(sequence, static_cast<int64_t>(sequence) * kFrameNs, cut, settings);
+  }
+  // Adds and meters it; what is decided then.
+  std::vector<FrameExposure> show(uint64_t sequence, double mean, bool cut = false) {
+    EXPECT_TRUE(add(sequence, cut).ok());
+    track.metered(sequence, metered_at(mean));
+    return decided();
+  }
+  std::vector<FrameExposure> decided() {
+    std::vector<FrameExposure> all;
+    while (std::optional<FrameExposure> one = track.next()) all.push_back(*one);
+    return all;
+  }
+
+  ExposureSettings settings;
+  ExposureTrack track;
+};
+
+double target(double mean) { return exposure_target(ExposureSettings(), mean); }
+
+TEST(ExposureTrack, FirstFrameTakesItsTarget) {
+  Film film;
+  const auto decided = film.show(7, -3.0);
+  ASSERT_EQ(decided.size(), 1u);
+  EXPECT_EQ(decided[0].sequence, 7u);
+  EXPECT_EQ(decided[0].state.exposed.exposure, target(-3.0));
+  EXPECT_EQ(decided[0].state.before, target(-3.0));
+}
+
+TEST(ExposureTrack, LaterFramesFollowTheRecursion) {
+  Film film;
+  double exposure = film.show(0, 0.0).at(0).state.exposed.exposure;
+  for (uint64_t i = 1; i < 20; ++i) {
+    const double mean = std::sin(static_cast<double>(i));
+    const auto decided = film.show(i, mean);
+    ASSERT_EQ(decided.size(), 1u);
+    const double next = adapt_exposure({}, PreviousExposure{exposure, kFrameNs * 1e-9}, target(mean));
+    EXPECT_EQ(decided[0].state.exposed.exposure, next);
+    EXPECT_EQ(decided[0].state.before, exposure);
+    EXPECT_EQ(decided[0].state.exposed.target, target(mean));
+    exposure = next;
+  }
+}
+
+TEST(ExposureTrack, ACutTakesItsTarget) {
+  Film film;
+  film.show(0, 0.0);
+  const auto decided = film.show(1, 5.0, /*cut=*/true);
+  EXPECT_EQ(decided.at(0).state.exposed.exposure, target(5.0));
+  EXPECT_TRUE(decided.at(0).state.cut);
+}
+
+TEST(ExposureTrack, ARepeatedFrameTakesTheExposureOfItsFirstTimeAndLeavesNoTrace) {
+  Film film;
+  film.show(0, 0.0);
+  const auto first = film.show(1, 3.0);
+  EXPECT_EQ(film.show(1, 9.0, /*cut=*/true).at(0).state, first.at(0).state);
+  Film plain;
+  plain.show(0, 0.0);
+  plain.show(1, 3.0);
+  EXPECT_EQ(film.show(2, 1.0).at(0).state, plain.show(2, 1.0).at(0).state);
+}
+
+TEST(ExposureTrack, RefusesNumbersAndTimesThatRunBackwards) {
+  Film film;
+  film.show(5, 0.0);
+  const absl::Status number = film.track.add(4, 5 * kFrameNs, false, {});
+  EXPECT_EQ(number.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(number.message().find("frame.sequence is 4 after 5"), std::string::npos) << number;
+  const absl::Status time = film.track.add(6, 5 * kFrameNs - 1, false, {});
+  EXPECT_EQ(time.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_FALSE(film.track.add(5, 6 * kFrameNs, false, {}).ok());
+  EXPECT_FALSE(film.track.add(6, -1, false, {}).ok());
+  EXPECT_TRUE(film.add(6).ok());
+}
+
+TEST(ExposureTrack, AFailedFrameTakesNoPartAndPassesItsCutOn) {
+  Film film;
+  film.show(0, 0.0);
+  ASSERT_TRUE(film.add(1, /*cut=*/true).ok());
+  film.track.failed(1);
+  EXPECT_TRUE(film.decided().empty());
+  const auto decided = film.show(2, 4.0);
+  EXPECT_EQ(decided.at(0).state.exposed.exposure, target(4.0));
+  EXPECT_FALSE(film.show(3, 4.0).at(0).state.cut);
+}
+
+TEST(ExposureTrack, LookaheadWaitsForItsFramesAndWeighsThem) {
+  Film film(2);
+  EXPECT_TRUE(film.show(0, 1.0).empty());
+  EXPECT_TRUE(film.show(1, 2.0).empty());
+  const auto decided = film.show(2, 6.0);
+  ASSERT_EQ(decided.size(), 1u);
+  EXPECT_EQ(decided[0].sequence, 0u);
+  EXPECT_EQ(decided[0].state.exposed.target, target((3 * 1.0 + 2 * 2.0 + 6.0) / 6));
+  film.track.end();
+  const auto rest = film.decided();
+  ASSERT_EQ(rest.size(), 2u);
+  EXPECT_EQ(rest[0].state.exposed.target, target((3 * 2.0 + 2 * 6.0) / 5));
+  EXPECT_EQ(rest[1].state.exposed.target, target(6.0));
+}
+
+TEST(ExposureTrack, LookaheadEndsAtACut) {
+  Film film(3);
+  EXPECT_TRUE(film.show(0, 1.0).empty());
+  ASSERT_TRUE(film.add(1, /*cut=*/true).ok());  // not even metered
+  const auto decided = film.decided();
+  ASSERT_EQ(decided.size(), 1u);
+  EXPECT_EQ(decided[0].state.exposed.target, target(1.0));
+}
+
+TEST(ExposureTrack, OrderOfMeteringChangesNothing) {
+  Film forwards(2);
+  Film backwards(2);
+  std::vector<FrameExposure> a;
+  for (uint64_t i = 0; i < 6; ++i) {
+    for (const FrameExposure& one : forwards.show(i, static_cast<double>(i))) a.push_back(one);
+    ASSERT_TRUE(backwards.add(i).ok());
+  }
+  for (uint64_t i = 6; i-- > 0;) backwards.track.metered(i, metered_at(static_cast<double>(i)));
+  const std::vector<FrameExposure> b = backwards.decided();
+  ASSERT_EQ(a.size(), b.size());
+  for (size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i].state, b[i].state);
+}
+
+TEST(ExposureTrack, GoesOnFromAnyStateAsIfItHadNotStopped) {
+  for (const uint32_t lookahead : {0u, 2u}) {
+    Film whole(lookahead, 1.0);
+    std::vector<FrameExposure> all;
+    const auto mean = [](uint64_t i) { return std::sin(static_cast<double>(i)) * 3; };
+    for (uint64_t i = 0; i < 12; ++i) {
+      for (const FrameExposure& one : whole.show(i, mean(i))) all.push_back(one);
+    }
+    whole.track.end();
+    for (const FrameExposure& one : whole.decided()) all.push_back(one);
+    ASSERT_EQ(all.size(), 12u);
+    for (uint64_t stop = 0; stop < 11; ++stop) {
+      Film resumed(lookahead, 1.0, all[stop].state);
+      std::vector<FrameExposure> rest;
+      for (uint64_t i = stop + 1; i < 12; ++i) {
+        for (const FrameExposure& one : resumed.show(i, mean(i))) rest.push_back(one);
+      }
+      resumed.track.end();
+      for (const FrameExposure& one : resumed.decided()) rest.push_back(one);
+      ASSERT_EQ(rest.size(), 11 - stop);
+      for (size_t i = 0; i < rest.size(); ++i) EXPECT_EQ(rest[i].state, all[stop + 1 + i].state);
+    }
+  }
+}
+
+TEST(ExposureTrack, DetectsACutByThePictureAndNotByItsBrightness) {
+  Film film(0, 1.0);
+  film.show(0, 0.0);
+  EXPECT_FALSE(film.show(1, 10.0).at(0).state.cut) << "a light went on";
+  ASSERT_TRUE(film.add(2).ok());
+  FrameStats other = metered_at(10.0);
+  for (size_t i = 0; i < other.print.size(); i += 2) other.print[i] += 4.0f;  // deviation 2 EV
+  film.track.metered(2, other);
+  const auto decided = film.decided();
+  EXPECT_TRUE(decided.at(0).state.cut);
+  EXPECT_EQ(decided.at(0).state.exposed.exposure, target(10.0));
+}
+
+TEST(ExposureTrack, ManualExposureDoesNotAdapt) {
+  Film film;
+  film.settings.mode = ExposureMode::kManual;
+  film.settings.manual_ev = 2.0;
+  film.show(0, 0.0);
+  EXPECT_EQ(film.show(1, 9.0).at(0).state.exposed, (Exposed{4.0, 4.0}));
+}
+
+}  // namespace
+}  // namespace candela
