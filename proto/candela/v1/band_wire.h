@@ -18,9 +18,11 @@ struct BandKind {
   uint32_t field;
   uint32_t members;
 };
-inline constexpr BandKind kFrameBand{2, 2};     // RenderRequest.band
-inline constexpr BandKind kImageBand{2, 3};     // RenderResponse.band
-inline constexpr BandKind kErrorMapBand{3, 3};  // RenderResponse.error_map
+inline constexpr BandKind kFrameBand{2, 2};        // RenderRequest.band
+inline constexpr BandKind kImageBand{2, 3};        // RenderResponse.band
+inline constexpr BandKind kErrorMapBand{3, 3};     // RenderResponse.error_map
+inline constexpr BandKind kStreamFrameBand{2, 4};  // StreamRequest.band
+inline constexpr BandKind kStreamImageBand{2, 6};  // StreamResponse.band
 
 // A message that holds the band whose first row is `first_row`. `pixels` is referred to, not copied, and is
 // not empty.

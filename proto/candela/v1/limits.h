@@ -12,6 +12,10 @@ inline constexpr uint64_t kMaxMessageBytes = 4u << 20;       // one gRPC message
 inline constexpr uint32_t kMaxDimension = 16384;             // width or height of a frame, in pixels
 inline constexpr uint64_t kDefaultMaxFrameBytes = 1u << 29;  // one frame, unless the server says otherwise
 
+inline constexpr uint32_t kMaxSessionNameBytes = 64;
+inline constexpr uint32_t kMaxTokenBytes = 1024;
+inline constexpr uint32_t kMaxPendingChanges = 16;  // SettingsChanges that no frame has reached yet
+
 inline constexpr uint64_t kMaxTableBytes = 65 * 65 * 65 * 6;  // values of the largest colour table
 
 template <typename T>
@@ -39,6 +43,13 @@ inline constexpr Range<double> kConserveIntensity{0.0, 1.0};     // of CONSERVE,
 inline constexpr Range<double> kBloomThreshold{0.0, 65504.0};    // scene-linear luminance, before exposure
 inline constexpr Range<double> kBloomSoftness{0.0, 1.0};         // knee as a fraction of the threshold
 inline constexpr Range<uint32_t> kBloomLevels{1, 16};
+
+// Sessions.
+inline constexpr Range<uint32_t> kLookahead{0, 16};         // frames
+inline constexpr Range<double> kCutThresholdEv{0.0, 16.0};  // 0: no detection
+inline constexpr Range<uint32_t> kJpegQuality{1, 100};
+inline constexpr Range<int64_t> kMediaTimeNs{0, int64_t{1} << 62};
+inline constexpr uint32_t kDefaultJpegQuality = 90;
 
 inline constexpr double kDefaultManualEv = 0.0;
 inline constexpr double kDefaultCompensationEv = 0.0;
