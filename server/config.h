@@ -25,7 +25,9 @@ struct Config {
   uint64_t memory_budget_bytes = uint64_t{2} << 30;      // for the texture pool
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // of one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels
-  uint32_t max_calls = 64;                               // Render calls at once
+  uint32_t max_calls = 64;                               // Render and Meter calls at once
+  uint32_t max_sessions = 64;                            // streams at once
+  uint32_t max_frames_in_flight = 2;                     // of a session, without a result
   absl::Duration idle_timeout =
       absl::Seconds(60);  // a client that neither sends nor reads for so long is cut off
   absl::Duration drain_timeout =

@@ -80,6 +80,8 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
   info.mutable_limits()->set_max_dimension(limits.max_dimension);
   info.mutable_limits()->set_max_band_bytes(v1::kMaxBandBytes);
   info.mutable_limits()->set_memory_budget_bytes(config.memory_budget_bytes);
+  info.mutable_limits()->set_max_sessions(config.max_sessions);
+  info.mutable_limits()->set_max_frames_in_flight(config.max_frames_in_flight);
   return info;
 }
 
@@ -102,6 +104,7 @@ struct Server::Parts {
   std::shared_ptr<Engine> engine;
   std::unique_ptr<TierMeter> tier_meter;
   std::unique_ptr<RenderLoop> loop;
+  std::unique_ptr<WorkerPool> encoders;
   std::unique_ptr<Backend> backend;
   std::unique_ptr<RenderService> service;
   std::unique_ptr<grpc::Server> grpc;
@@ -125,7 +128,7 @@ absl::Status Server::Parts::listen() {
   quota.SetMaxThreads(kMaxThreads);
   builder.SetResourceQuota(quota);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
-                             static_cast<int>(config.max_calls) + kOtherStreams);
+                             static_cast<int>(config.max_calls + config.max_sessions) + kOtherStreams);
   std::vector<int> ports(config.listen.size(), 0);
   for (const std::string& address : config.listen) {
     if (absl::Status status = check_socket_is_free(address); !status.ok()) return status;
@@ -151,9 +154,11 @@ absl::Status Server::Parts::listen() {
 void Server::Parts::stop(absl::Duration grace) {
   if (grpc == nullptr) return;
   backend->gate.close();
+  backend->session_gate.close();
   grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
   grpc->Wait();
   loop->stop();
+  encoders->stop();
   grpc.reset();
 }
 
@@ -171,15 +176,23 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
       *renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(
-      [renderer](Frame& frame) { return renderer->render(frame.memory, frame.settings, frame.moment); },
-      config.max_calls);
+      render_frame,
+      config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
+  parts->encoders = std::make_unique<WorkerPool>(0);
+  absl::StatusOr<TokenKeys> keys = TokenKeys::random();
+  if (!keys.ok()) return keys.status();
   parts->backend.reset(new Backend{.renderer = renderer,
                                    .loop = *parts->loop,
                                    .tier_meter = *parts->tier_meter,
                                    .limits = limits_of(config, device),
                                    .idle_timeout = config.idle_timeout,
+                                   .max_frames_in_flight = config.max_frames_in_flight,
+                                   .memory_budget_bytes = config.memory_budget_bytes,
                                    .device = device.name,
-                                   .gate = CallGate(config.max_calls)});
+                                   .encoders = *parts->encoders,
+                                   .keys = *std::move(keys),
+                                   .gate = CallGate("calls", config.max_calls),
+                                   .session_gate = CallGate("sessions", config.max_sessions)});
   parts->service =
       std::make_unique<RenderService>(*parts->backend, parts->engine->pool, server_info(config, device));
   if (absl::Status status = parts->listen(); !status.ok()) return status;
@@ -202,8 +215,13 @@ uint64_t Server::validation_messages() const { return parts_->engine->device->va
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
   parts_->grpc->GetHealthCheckService()->Shutdown();
-  parts_->backend->gate.close();
-  const bool drained = parts_->backend->gate.wait_until_empty(parts_->config.drain_timeout);
+  Backend& backend = *parts_->backend;
+  const absl::Time deadline = absl::Now() + parts_->config.drain_timeout;
+  backend.gate.close();
+  backend.session_gate.close();
+  for (const std::shared_ptr<SessionCall>& session : backend.sessions.all()) session->go_away();
+  const bool drained = backend.gate.wait_until_empty(deadline - absl::Now()) &&
+                       backend.session_gate.wait_until_empty(deadline - absl::Now());
   if (drained && on_drained) on_drained();
   parts_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }

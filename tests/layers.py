@@ -4,8 +4,8 @@ import pathlib
 import re
 import sys
 
-SERVER = ["server/base", "server/vulkan", "server/render", "server/stream", "server/rpc", "server"]
-ALLOWED = {"proto": [], "shaders": [], "client/image": [], "client/color": ["shaders"], "client": ["client/image", "proto"],
+SERVER = ["server/base", "server/encode", "server/vulkan", "server/render", "server/stream", "server/rpc", "server"]
+ALLOWED = {"proto": [], "shaders": [], "client/image": ["server/encode"], "client/color": ["shaders"], "client": ["client/image", "proto"],
            "client/cli": ["client", "client/image", "client/color", "proto"]}
 for depth, folder in enumerate(SERVER):
     ALLOWED[folder] = ["proto", "shaders"] + SERVER[:depth]

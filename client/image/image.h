@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/image/pixel_buffer.h"
+#include "server/encode/picture.h"
 
 namespace candela {
 
@@ -49,8 +50,8 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
 struct ImageLimits {
   uint32_t max_dimension = 16384;  // width or height, in pixels
   uint64_t max_bytes = 1u << 29;   // of the pixels in the format that the file is read to
-  // OpenEXR decodes whole chunks (some rows, or a tile) of all channels, several at once; a header may ask for
-  // chunks of any size.
+  // OpenEXR decodes whole chunks (some rows, or a tile) of all channels, several at once; a header may ask
+  // for chunks of any size.
   uint64_t max_chunk_bytes = 256u << 20;
 };
 
@@ -70,10 +71,9 @@ absl::StatusOr<OutputKind> output_kind(const std::string& path);
 // that the path is a folder, a FIFO or a device: for calling before minutes of rendering.
 absl::StatusOr<OutputKind> check_output_path(const std::string& path);
 
-// How the integer formats were encoded; written into a PNG (sRGB or gAMA chunk; nothing where it is unknown).
-enum class EncodedTransfer { kSrgb, kGamma22, kLinear, kUnknown };
-
 struct WriteOptions {
+  // How the integer formats were encoded; written into a PNG (sRGB or gAMA chunk; nothing where it is
+  // unknown).
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   int jpeg_quality = 92;  // 1..100
   // Keyword (1..79 characters) and text, both Latin-1, of a PNG's tEXt chunks; other formats take none.

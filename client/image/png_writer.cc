@@ -1,109 +1,23 @@
-// PNG: 8 bit from kRgba8, 16 from kRgba16; with alpha only where the image has it. Colour is stored as it is,
-// not divided by alpha (pipeline.md section 7).
-#include <png.h>
-#include <zlib.h>
-
-#include <csetjmp>
-#include <cstdio>
-#include <span>
-#include <string>
-#include <vector>
-
+// PNG: 8 bit from kRgba8, 16 from kRgba16; with alpha only where the image has it.
 #include "absl/strings/str_format.h"
 #include "client/image/writers.h"
 
 namespace candela {
-namespace {
-
-struct Failure {
-  char text[200] = "";
-};
-
-[[noreturn]] void on_error(png_structp png, png_const_charp message) {
-  auto* failure = static_cast<Failure*>(png_get_error_ptr(png));
-  std::snprintf(failure->text, sizeof failure->text, "%s", message);
-  png_longjmp(png, 1);
-}
-
-void on_write(png_structp png, png_bytep bytes, size_t count) {
-  if (!static_cast<AtomicFile*>(png_get_io_ptr(png))->write(bytes, count)) png_error(png, "write failed");
-}
-
-void on_flush(png_structp) {}
-
-void on_warning(png_structp, png_const_charp) {}
-
-// Nothing in here has a destructor: libpng leaves it by longjmp. False on failure.
-bool encode(png_structp png, png_infop info, AtomicFile& file, const Image& image, bool alpha,
-            EncodedTransfer transfer, std::span<const png_text> text) {
-  if (setjmp(png_jmpbuf(png)) != 0) return false;
-  const bool wide = image.format == ImageFormat::kRgba16;
-  png_set_write_fn(png, &file, on_write, on_flush);
-  png_set_IHDR(png, info, image.width, image.height, wide ? 16 : 8,
-               alpha ? PNG_COLOR_TYPE_RGBA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  if (transfer == EncodedTransfer::kSrgb) {
-    png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
-  } else if (transfer != EncodedTransfer::kUnknown) {
-    png_set_gAMA(png, info, transfer == EncodedTransfer::kGamma22 ? 1 / 2.2 : 1.0);
-    png_set_cHRM(png, info, 0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06);  // Rec.709, D65
-  }
-  if (image.pixel_aspect != 1.0) {
-    // Pixels per unit: the wider a pixel, the fewer.
-    const AspectRatio ratio = aspect_ratio(image.pixel_aspect);
-    png_set_pHYs(png, info, ratio.height, ratio.width, PNG_RESOLUTION_UNKNOWN);
-  }
-  if (!text.empty()) png_set_text(png, info, text.data(), static_cast<int>(text.size()));
-  // Run lengths and Huffman codes alone. Measured on a 1262x860 photograph: 37 ms and 1395 KB; zlib's level 3
-  // takes 93 ms for 1611 KB, level 6 504 ms for 1436 KB. Filters have already taken what longer matches would
-  // find.
-  png_set_compression_strategy(png, Z_RLE);
-  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB | PNG_FILTER_UP);
-  png_write_info(png, info);
-  if (!alpha) png_set_filler(png, 0, PNG_FILLER_AFTER);  // in writing: drops the fourth component
-  if (wide) png_set_swap(png);
-  for (uint32_t y = 0; y < image.height; ++y) {
-    png_write_row(png, reinterpret_cast<png_const_bytep>(image.pixels.data() + y * image.row_bytes()));
-  }
-  png_write_end(png, info);
-  return true;
-}
-
-// They point into the options.
-std::vector<png_text> text_chunks(const WriteOptions& options) {
-  std::vector<png_text> chunks;
-  for (const auto& [keyword, text] : options.text) {
-    png_text chunk{};
-    chunk.compression = PNG_TEXT_COMPRESSION_NONE;
-    chunk.key = const_cast<char*>(keyword.c_str());  // libpng only reads them
-    chunk.text = const_cast<char*>(text.c_str());
-    chunk.text_length = text.size();
-    chunks.push_back(chunk);
-  }
-  return chunks;
-}
-
-}  // namespace
 
 absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes) {
   if (image.format != ImageFormat::kRgba8 && image.format != ImageFormat::kRgba16) {
     return absl::InvalidArgumentError(absl::StrFormat("%s: a PNG is written from rgba8 or rgba16, not %s",
                                                       file.path(), name(image.format)));
   }
-  bool alpha = image.has_alpha;
-  if (alpha && alpha_hides_everything(image)) {
-    alpha = false;
+  PngOptions png{image.has_alpha, options.transfer, options.text};
+  if (png.alpha && alpha_hides_everything(image)) {
+    png.alpha = false;
     notes.push_back("alpha dropped: it is 0 everywhere and would hide the whole picture");
   }
-  Failure failure;
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &failure, on_error, on_warning);
-  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
-  const std::vector<png_text> text = text_chunks(options);
-  const bool written = info != nullptr && encode(png, info, file, image, alpha, options.transfer, text);
-  png_destroy_write_struct(&png, &info);
-  if (written || file.failed()) return absl::OkStatus();  // commit() has the system's reason
-  return absl::InternalError(absl::StrFormat("%s: cannot encode the PNG: %s", file.path(),
-                                             failure.text[0] ? failure.text : "no memory"));
+  const absl::Status status = encode_png(
+      picture_of(image), png, [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
+  if (status.ok() || file.failed()) return absl::OkStatus();  // commit() has the system's reason
+  return absl::InternalError(absl::StrFormat("%s: %s", file.path(), status.message()));
 }
 
 }  // namespace candela

@@ -61,6 +61,17 @@ AspectRatio aspect_ratio(double pixel_aspect) {
   return {};
 }
 
+PictureView picture_of(const Image& image) {
+  const AspectRatio aspect = aspect_ratio(image.pixel_aspect);
+  return {.width = image.width,
+          .height = image.height,
+          .wide = image.format == ImageFormat::kRgba16,
+          .rows = image.pixels.data(),
+          .row_stride_bytes = image.row_bytes(),
+          .aspect_width = aspect.width,
+          .aspect_height = aspect.height};
+}
+
 absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
                                                      const WriteOptions& options) {
   absl::StatusOr<OutputKind> kind = check_output_path(path);

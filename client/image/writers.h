@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "client/image/atomic_file.h"
 #include "client/image/image.h"
+#include "server/encode/picture.h"
 
 namespace candela {
 
@@ -29,5 +30,8 @@ struct AspectRatio {
   uint16_t height = 1;
 };
 AspectRatio aspect_ratio(double pixel_aspect);
+
+// An image of kRgba8 or kRgba16, for the encoders.
+PictureView picture_of(const Image& image);
 
 }  // namespace candela

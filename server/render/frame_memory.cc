@@ -114,6 +114,7 @@ absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool
     if (!lease.ok()) return lease.status();
     parts->reference = *std::move(lease);
   }
+  parts->bytes = bytes;
   return parts;
 }
 
@@ -123,6 +124,8 @@ FrameMemory& FrameMemory::operator=(FrameMemory&&) noexcept = default;
 FrameMemory::~FrameMemory() = default;
 
 const FrameDesc& FrameMemory::desc() const { return parts_->desc; }
+
+uint64_t FrameMemory::bytes() const { return parts_->bytes; }
 
 std::span<std::byte> FrameMemory::input_row(uint32_t y) {
   const uint64_t pitch_bytes = uint64_t{parts_->pitch} * bytes_per_pixel(parts_->desc.format);

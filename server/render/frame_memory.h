@@ -11,6 +11,7 @@ namespace candela {
 struct FrameMemory::Parts {
   FrameDesc desc;
   OutputFormat output_format = OutputFormat::kRgba8;
+  uint64_t bytes = 0;  // of the pool's budget, for all that follows
   uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
   uint32_t tiles_x = 0;
   uint32_t tiles_y = 0;

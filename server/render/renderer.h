@@ -42,6 +42,8 @@ class FrameMemory {
   // Row y of the error map as halves: the largest error of R, G and B in codes, infinite for a NaN. Rows
   // follow each other without a gap. Valid as output_row() is; empty where no map was asked for.
   std::span<const uint16_t> error_map_row(uint32_t y) const;
+  // What it takes of the pool's budget until then.
+  uint64_t bytes() const;
   // Gives everything but the finished image and its error map back to the pool: a slow reader holds no more
   // than it reads.
   void keep_output_only();

@@ -7,9 +7,12 @@
 #include <string>
 
 #include "absl/time/time.h"
+#include "server/base/worker_pool.h"
 #include "server/render/renderer.h"
 #include "server/render/tier_numbers.h"
 #include "server/rpc/call_gate.h"
+#include "server/rpc/resume_token.h"
+#include "server/rpc/session_table.h"
 #include "server/stream/render_loop.h"
 
 namespace candela {
@@ -21,8 +24,15 @@ struct Backend {
   TierMeter& tier_meter;  // on the loop's thread
   FrameLimits limits;
   absl::Duration idle_timeout;
+  uint32_t max_frames_in_flight;  // of a session
+  uint64_t memory_budget_bytes;
   std::string device;  // its own name
-  CallGate gate;
+  WorkerPool& encoders;
+  TokenKeys keys;
+  CallGate gate;          // Render and Meter calls
+  CallGate session_gate;  // streams
+  SessionTable sessions;
+  std::atomic<Flow> next_session_flow{1};  // odd: a session's; even: a connection's
   std::atomic<uint64_t> frames_rendered{0};
 };
 

@@ -33,7 +33,7 @@ absl::Status BandReader::read(grpc::ByteBuffer& message, Row row) {
     }
     return absl::OkStatus();
   };
-  const absl::StatusOr<uint32_t> first_row = v1::read_band(v1::kFrameBand, message, take);
+  const absl::StatusOr<uint32_t> first_row = v1::read_band(kind_, message, take);
   if (!first_row.ok()) return first_row.status();
   if (count == 0) return absl::InvalidArgumentError("band holds no pixels");
   if (*first_row != rows_) {

@@ -6,10 +6,13 @@ namespace candela {
 
 absl::Status CallGate::enter() {
   absl::MutexLock lock(&mutex_);
-  if (closed_) return absl::UnavailableError("server is draining and takes no new calls; use another one");
+  if (closed_) {
+    return absl::UnavailableError(
+        absl::StrFormat("server is draining and takes no new %s; use another one", what_));
+  }
   if (calls_ >= max_calls_) {
     return absl::UnavailableError(
-        absl::StrFormat("server has %d calls, as many as it takes at once; try again soon", calls_));
+        absl::StrFormat("server has %d %s, as many as it takes at once; try again soon", calls_, what_));
   }
   ++calls_;
   return absl::OkStatus();
@@ -23,6 +26,11 @@ void CallGate::leave() {
 void CallGate::close() {
   absl::MutexLock lock(&mutex_);
   closed_ = true;
+}
+
+bool CallGate::closed() const {
+  absl::MutexLock lock(&mutex_);
+  return closed_;
 }
 
 bool CallGate::wait_until_empty(absl::Duration timeout) {

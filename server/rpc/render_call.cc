@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
 #include "server/base/log.h"
 #include "server/rpc/status.h"
@@ -24,7 +25,11 @@ RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& bac
 }
 
 RenderCall::RenderCall(grpc::CallbackServerContext* context, Backend& backend)
-    : context_(*context), backend_(backend), begun_(absl::Now()), last_progress_(begun_) {}
+    : context_(*context),
+      backend_(backend),
+      flow_(absl::HashOf(context->peer()) << 1),
+      begun_(absl::Now()),
+      last_progress_(begun_) {}
 
 void RenderCall::enter() {
   if (absl::Status status = backend_.gate.enter(); !status.ok()) return finish(status);
@@ -85,7 +90,7 @@ absl::Status RenderCall::admit() {
   if (!memory.ok()) return memory.status();
   frame_ = std::make_shared<Frame>(
       Frame{backend_.renderer, *std::move(memory), start.settings, {start.sequence, start.previous}});
-  bands_.emplace(start.desc, start.row_stride_bytes);
+  bands_.emplace(v1::kFrameBand, start.desc, start.row_stride_bytes);
   state_ = State::kBands;
   return absl::OkStatus();
 }
@@ -103,6 +108,7 @@ absl::Status RenderCall::enqueue() {
   if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
   FrameJob job;
   job.frame = frame_;
+  job.flow = flow_;
   job.deadline = absl::FromChrono(context_.deadline());
   job.done = [self = self_](absl::StatusOr<RenderedFrame> rendered) {
     self->on_rendered(std::move(rendered));
@@ -121,9 +127,10 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   if (!rendered.ok()) return finish(rendered.status());
   state_ = State::kSending;
   last_progress_ = absl::Now();
-  v1::ResultHeader header = result_header(*frame_, *rendered, backend_.device);
-  header.set_tier_reason(tier_reason_);
-  result_.emplace(frame_, header);
+  v1::RenderResponse response;
+  *response.mutable_header() = result_header(*frame_, *rendered, backend_.device);
+  response.mutable_header()->set_tier_reason(tier_reason_);
+  result_.emplace(frame_, serialize(response));
   send_next();
 }
 

@@ -62,6 +62,7 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
 
   grpc::CallbackServerContext& context_;
   Backend& backend_;
+  const Flow flow_;                   // its connection's
   std::shared_ptr<RenderCall> self_;  // until OnDone
 
   absl::Mutex mutex_;

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "server/rpc/render_call.h"
+#include "server/rpc/stream_call.h"
 
 namespace candela {
 
@@ -12,6 +13,11 @@ RenderService::RenderService(Backend& backend, const TexturePool& pool, v1::GetS
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Render(
     grpc::CallbackServerContext* context) {
   return RenderCall::begin(context, backend_);
+}
+
+grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Stream(
+    grpc::CallbackServerContext* context) {
+  return StreamCall::begin(context, backend_);
 }
 
 grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerContext* context,

@@ -11,13 +11,16 @@ namespace candela {
 
 // Pixels come and go as raw bytes; everything else as the generated classes.
 class RenderService final
-    : public v1::RenderService::WithRawCallbackMethod_Render<
-          v1::RenderService::WithCallbackMethod_GetServerInfo<v1::RenderService::Service>> {
+    : public v1::RenderService::WithRawCallbackMethod_Render<v1::RenderService::WithRawCallbackMethod_Stream<
+          v1::RenderService::WithCallbackMethod_GetServerInfo<v1::RenderService::Service>>> {
  public:
   // `info` holds what does not change while the server runs. `backend` and `pool` outlive the service.
   RenderService(Backend& backend, const TexturePool& pool, v1::GetServerInfoResponse info);
 
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Render(
+      grpc::CallbackServerContext* context) override;
+
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Stream(
       grpc::CallbackServerContext* context) override;
 
   grpc::ServerUnaryReactor* GetServerInfo(grpc::CallbackServerContext* context,

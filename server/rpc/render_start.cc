@@ -170,36 +170,50 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   return settings;
 }
 
-absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits) {
+absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
+  absl::StatusOr<FrameDesc> desc = frame_from(header);
+  if (!desc.ok()) return desc.status();
+  if (absl::Status status = check_frame(*desc, limits); !status.ok()) return status;
+  const absl::StatusOr<uint64_t> stride = row_stride(header, *desc);
+  if (!stride.ok()) return stride.status();
+  return FrameLayout{*desc, *stride};
+}
+
+absl::Status parse_request(grpc::ByteBuffer& message, google::protobuf::Message& request) {
   if (message.Length() > kMaxStartBytes) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "first message is %d bytes and a start message has at most %d; send `start`, then bands",
+        "message is %d bytes, and one that holds no band has at most %d; send what begins a call "
+        "or a frame first, then its bands",
         message.Length(), kMaxStartBytes));
   }
-  v1::RenderRequest request;
   grpc::ProtoBufferReader slices(&message);
   if (!request.ParseFromZeroCopyStream(&slices)) {
     return absl::InvalidArgumentError(
-        "first message is not what render.proto says: its bytes are damaged or cut short");
+        "message is not what render.proto says: its bytes are damaged or cut short");
   }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits) {
+  v1::RenderRequest request;
+  if (absl::Status status = parse_request(message, request); !status.ok()) return status;
   if (!request.has_start()) {
     return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
   }
   const v1::RenderStart& start = request.start();
 
-  absl::StatusOr<FrameDesc> desc = frame_from(start.frame());
-  if (!desc.ok()) return desc.status();
-  if (absl::Status status = check_frame(*desc, limits); !status.ok()) return status;
-  const absl::StatusOr<uint64_t> stride = row_stride(start.frame(), *desc);
-  if (!stride.ok()) return stride.status();
+  const absl::StatusOr<FrameLayout> layout = frame_layout_from(start.frame(), limits);
+  if (!layout.ok()) return layout.status();
   absl::StatusOr<Settings> settings = settings_from(start.settings());
   if (!settings.ok()) return settings.status();
-  if (absl::Status status = check_settings_for(*settings, *desc); !status.ok()) return status;
+  if (absl::Status status = check_settings_for(*settings, layout->desc); !status.ok()) return status;
   absl::StatusOr<std::optional<PreviousExposure>> previous = previous_from(start);
   if (!previous.ok()) return previous.status();
   const absl::StatusOr<Verify> verify = verify_from(start);
   if (!verify.ok()) return verify.status();
-  return RenderStart{*desc, start.frame().sequence(), *stride, *std::move(settings), *previous, *verify};
+  return RenderStart{
+      layout->desc, start.frame().sequence(), layout->row_stride_bytes, *std::move(settings), *previous,
+      *verify};
 }
 
 }  // namespace candela

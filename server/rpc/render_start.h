@@ -28,6 +28,19 @@ struct RenderStart {
 // row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED; takes no memory for the frame.
 absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits);
 
+// How a frame comes, as its header says.
+struct FrameLayout {
+  FrameDesc desc;
+  uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
+};
+
+// check_frame, the row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED.
+absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, const FrameLimits& limits);
+
+// The request that `message` holds; for messages without pixels. INVALID_ARGUMENT for one that is too long to
+// be such a message, or damaged.
+absl::Status parse_request(grpc::ByteBuffer& message, google::protobuf::Message& request);
+
 // Absent fields take their defaults. INVALID_ARGUMENT for an enum's value that this server does not know, and
 // as check_settings.
 absl::StatusOr<Settings> settings_from(const v1::Settings& message);

@@ -14,11 +14,6 @@ namespace {
 
 void let_go(void* holder) { delete static_cast<std::shared_ptr<const Frame>*>(holder); }
 
-grpc::ByteBuffer serialize(const v1::RenderResponse& response) {
-  const grpc::Slice bytes(response.SerializeAsString());
-  return grpc::ByteBuffer(&bytes, 1);
-}
-
 uint32_t rows_of_a_band(uint32_t left, uint64_t row_bytes) {
   return static_cast<uint32_t>(std::min<uint64_t>(left, v1::kMaxBandBytes / row_bytes));
 }
@@ -38,6 +33,11 @@ v1::Verification verification(const Verification& ours) {
 }
 
 }  // namespace
+
+grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
+  const grpc::Slice bytes(message.SerializeAsString());
+  return grpc::ByteBuffer(&bytes, 1);
+}
 
 v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device) {
   const FrameReport& report = rendered.report;
@@ -74,12 +74,22 @@ v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered
   return header;
 }
 
-ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, const v1::ResultHeader& header)
+ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header)
     : frame_(std::move(frame)),
-      row_bytes_(uint64_t{frame_->memory.desc().width} * bytes_per_pixel(frame_->settings.output_format)) {
-  v1::RenderResponse response;
-  *response.mutable_header() = header;
-  header_ = serialize(response);
+      row_bytes_(uint64_t{frame_->memory.desc().width} * bytes_per_pixel(frame_->settings.output_format)),
+      header_(std::move(header)) {}
+
+ResultWriter::ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header)
+    : file_(std::move(file)), header_(std::move(header)) {}
+
+bool ResultWriter::next_part(grpc::ByteBuffer& message) {
+  if (next_byte_ == file_->size()) return false;
+  const size_t count = std::min<size_t>(file_->size() - next_byte_, v1::kMaxBandBytes);
+  v1::StreamResponse response;
+  response.mutable_encoded()->set_data(file_->data() + next_byte_, count);
+  message = serialize(response);
+  next_byte_ += count;
+  return true;
 }
 
 bool ResultWriter::next(grpc::ByteBuffer& message) {
@@ -88,6 +98,7 @@ bool ResultWriter::next(grpc::ByteBuffer& message) {
     message.Swap(&header_);
     return true;
   }
+  if (file_) return next_part(message);
   const uint32_t height = frame_->memory.desc().height;
   if (next_row_ < height) {
     const uint32_t count = rows_of_a_band(height - next_row_, row_bytes_);

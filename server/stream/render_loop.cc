@@ -75,10 +75,14 @@ void RenderLoop::serve(FrameJob job) {
     return;
   }
   absl::StatusOr<FrameReport> report = render_(*job.frame);
+  {
+    absl::MutexLock lock(&mutex_);
+    queue_.charge(job.flow, absl::Now() - start);
+  }
   if (!report.ok()) {
     job.done(report.status());
   } else {
-    job.frame->memory.keep_output_only();
+    if (job.frame->work != Work::kMeter) job.frame->memory.keep_output_only();
     job.done(RenderedFrame{*std::move(report), start - job.submitted});
   }
 }

@@ -1,4 +1,4 @@
-// The one thread that renders: it takes frames from the queue, one at a time, in order.
+// The one thread that renders: it takes frames from the queue, one at a time.
 #pragma once
 
 #include <deque>
@@ -14,7 +14,7 @@ namespace candela {
 // Any thread may call it, except that `done` callbacks do not stop it.
 class RenderLoop {
  public:
-  // What renders a frame to completion: Renderer::render, or a test's stand-in. Called by one thread.
+  // What does a frame's work to completion: render_frame, or a test's stand-in. Called by one thread.
   using Render = std::function<absl::StatusOr<FrameReport>(Frame&)>;
 
   // At most `capacity` frames wait at a time.

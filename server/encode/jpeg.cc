@@ -1,0 +1,85 @@
+// jpeglib.h wants FILE and size_t declared before it.
+#include <cstdio>
+
+// clang-format off
+#include <jpeglib.h>
+// clang-format on
+
+#include <csetjmp>
+#include <cstdlib>
+
+#include "absl/strings/str_format.h"
+#include "server/encode/picture.h"
+
+namespace candela {
+namespace {
+
+struct Failure {
+  jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is one to this
+  std::jmp_buf leave;
+  char text[JMSG_LENGTH_MAX] = "";
+};
+
+[[noreturn]] void on_error(j_common_ptr codec) {
+  auto* failure = reinterpret_cast<Failure*>(codec->err);
+  failure->manager.format_message(codec, failure->text);
+  std::longjmp(failure->leave, 1);
+}
+
+void on_message(j_common_ptr) {}
+
+struct Encoded {
+  unsigned char* bytes = nullptr;  // from malloc
+  unsigned long size = 0;
+};
+
+// Nothing in here has a destructor: libjpeg leaves it by longjmp. False on failure.
+bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const PictureView& picture,
+            int quality) {
+  codec.err = jpeg_std_error(&failure.manager);
+  failure.manager.error_exit = on_error;
+  failure.manager.output_message = on_message;
+  if (setjmp(failure.leave) != 0) return false;
+  jpeg_create_compress(&codec);
+  jpeg_mem_dest(&codec, &out.bytes, &out.size);
+  codec.image_width = picture.width;
+  codec.image_height = picture.height;
+  codec.input_components = 4;
+  codec.in_color_space = JCS_EXT_RGBX;  // libjpeg-turbo: the fourth component is skipped
+  jpeg_set_defaults(&codec);
+  jpeg_set_quality(&codec, quality, TRUE);
+  for (int i = 0; i < codec.num_components; ++i) {
+    codec.comp_info[i].h_samp_factor = codec.comp_info[i].v_samp_factor = 1;
+  }
+  // Dots per unit of no size: the wider a pixel, the fewer.
+  codec.density_unit = 0;
+  codec.X_density = picture.aspect_height;
+  codec.Y_density = picture.aspect_width;
+  jpeg_start_compress(&codec, TRUE);
+  for (uint32_t y = 0; y < picture.height; ++y) {
+    auto* row = reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(picture.row(y)));
+    jpeg_write_scanlines(&codec, &row, 1);
+  }
+  jpeg_finish_compress(&codec);
+  return true;
+}
+
+}  // namespace
+
+absl::Status encode_jpeg(const PictureView& picture, int quality, ByteSink sink) {
+  jpeg_compress_struct codec{};
+  Failure failure;
+  Encoded encoded;
+  const bool whole = encode(codec, failure, encoded, picture, quality);
+  jpeg_destroy_compress(&codec);
+  if (!whole) {
+    // After a failure libjpeg may have freed these bytes already (it grows them); the rare leak is the lesser
+    // evil.
+    return absl::InternalError(absl::StrFormat("cannot encode the JPEG: %s", failure.text));
+  }
+  const bool taken = sink(encoded.bytes, encoded.size);
+  std::free(encoded.bytes);
+  return taken ? absl::OkStatus() : absl::InternalError("cannot encode the JPEG: write failed");
+}
+
+}  // namespace candela

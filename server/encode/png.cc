@@ -1,0 +1,95 @@
+#include <png.h>
+#include <zlib.h>
+
+#include <csetjmp>
+#include <cstdio>
+#include <span>
+
+#include "absl/strings/str_format.h"
+#include "server/encode/picture.h"
+
+namespace candela {
+namespace {
+
+struct Failure {
+  char text[200] = "";
+};
+
+[[noreturn]] void on_error(png_structp png, png_const_charp message) {
+  auto* failure = static_cast<Failure*>(png_get_error_ptr(png));
+  std::snprintf(failure->text, sizeof failure->text, "%s", message);
+  png_longjmp(png, 1);
+}
+
+void on_write(png_structp png, png_bytep bytes, size_t count) {
+  if (!(*static_cast<ByteSink*>(png_get_io_ptr(png)))(bytes, count)) png_error(png, "write failed");
+}
+
+void on_flush(png_structp) {}
+
+void on_warning(png_structp, png_const_charp) {}
+
+// Nothing in here has a destructor: libpng leaves it by longjmp. False on failure.
+bool encode(png_structp png, png_infop info, ByteSink& sink, const PictureView& picture, bool alpha,
+            EncodedTransfer transfer, std::span<const png_text> text) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_set_write_fn(png, &sink, on_write, on_flush);
+  png_set_IHDR(png, info, picture.width, picture.height, picture.wide ? 16 : 8,
+               alpha ? PNG_COLOR_TYPE_RGBA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  if (transfer == EncodedTransfer::kSrgb) {
+    png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+  } else if (transfer != EncodedTransfer::kUnknown) {
+    png_set_gAMA(png, info, transfer == EncodedTransfer::kGamma22 ? 1 / 2.2 : 1.0);
+    png_set_cHRM(png, info, 0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06);  // Rec.709, D65
+  }
+  if (picture.aspect_width != picture.aspect_height) {
+    // Pixels per unit: the wider a pixel, the fewer.
+    png_set_pHYs(png, info, picture.aspect_height, picture.aspect_width, PNG_RESOLUTION_UNKNOWN);
+  }
+  if (!text.empty()) png_set_text(png, info, text.data(), static_cast<int>(text.size()));
+  // Run lengths and Huffman codes alone. Measured on a 1262x860 photograph: 37 ms and 1395 KB; zlib's level 3
+  // takes 93 ms for 1611 KB, level 6 504 ms for 1436 KB. Filters have already taken what longer matches would
+  // find.
+  png_set_compression_strategy(png, Z_RLE);
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB | PNG_FILTER_UP);
+  png_write_info(png, info);
+  if (!alpha) png_set_filler(png, 0, PNG_FILLER_AFTER);  // in writing: drops the fourth component
+  if (picture.wide) png_set_swap(png);
+  for (uint32_t y = 0; y < picture.height; ++y) {
+    png_write_row(png, reinterpret_cast<png_const_bytep>(picture.row(y)));
+  }
+  png_write_end(png, info);
+  return true;
+}
+
+// They point into the options.
+std::vector<png_text> text_chunks(const PngOptions& options) {
+  std::vector<png_text> chunks;
+  for (const auto& [keyword, text] : options.text) {
+    png_text chunk{};
+    chunk.compression = PNG_TEXT_COMPRESSION_NONE;
+    chunk.key = const_cast<char*>(keyword.c_str());  // libpng only reads them
+    chunk.text = const_cast<char*>(text.c_str());
+    chunk.text_length = text.size();
+    chunks.push_back(chunk);
+  }
+  return chunks;
+}
+
+}  // namespace
+
+absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink) {
+  Failure failure;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &failure, on_error, on_warning);
+  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
+  const std::vector<png_text> text = text_chunks(options);
+  const bool written =
+      info != nullptr && encode(png, info, sink, picture, options.alpha, options.transfer, text);
+  png_destroy_write_struct(&png, &info);
+  if (written) return absl::OkStatus();
+  return absl::InternalError(
+      absl::StrFormat("cannot encode the PNG: %s", failure.text[0] ? failure.text : "no memory"));
+}
+
+}  // namespace candela

@@ -1,0 +1,602 @@
+#include "server/rpc/stream_call.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "server/base/log.h"
+#include "server/rpc/status.h"
+
+namespace candela {
+
+namespace {
+
+// How many idle timeouts a frame's upload may take in all.
+constexpr int kMaxUploadTimeouts = 10;
+// How often a frame that found no memory asks again.
+constexpr absl::Duration kMemoryRetry = absl::Milliseconds(5);
+
+// Of a frame, and not of the session.
+bool is_frames_own(const absl::Status& status) {
+  return absl::IsInvalidArgument(status) || absl::IsDeadlineExceeded(status);
+}
+
+std::string words(absl::Duration duration) {
+  return absl::FormatDuration(absl::Trunc(duration, absl::Milliseconds(1)));
+}
+
+}  // namespace
+
+StreamCall* StreamCall::begin(grpc::CallbackServerContext* context, Backend& backend) {
+  std::shared_ptr<StreamCall> call(new StreamCall(context, backend));
+  call->self_ = call;
+  absl::MutexLock lock(&call->mutex_);
+  call->enter();
+  return call.get();
+}
+
+StreamCall::StreamCall(grpc::CallbackServerContext* context, Backend& backend)
+    : context_(*context),
+      backend_(backend),
+      flow_(backend.next_session_flow.fetch_add(2)),
+      last_read_(absl::Now()),
+      last_write_(last_read_) {}
+
+void StreamCall::enter() {
+  if (absl::Status status = backend_.session_gate.enter(); !status.ok()) return finish(status);
+  inside_ = true;
+  watch_idle(backend_.idle_timeout / 2);
+  read_on();
+}
+
+size_t StreamCall::capacity() const {
+  return backend_.max_frames_in_flight + (start_ ? start_->lookahead : 0);
+}
+
+// ---- Reading
+// ------------------------------------------------------------------------------------------------
+
+void StreamCall::read_on() {
+  if (finished_ || ending_ || reading_) return;
+  const bool wanted = state_ == Reading::kOpen || state_ == Reading::kBands ||
+                      (state_ == Reading::kBetween && frames_.size() < capacity());
+  if (!wanted) return;
+  reading_ = true;
+  last_read_ = absl::Now();
+  StartRead(&incoming_);
+}
+
+void StreamCall::OnReadDone(bool ok) {
+  absl::MutexLock lock(&mutex_);
+  reading_ = false;
+  if (finished_ || ending_) return;
+  last_read_ = absl::Now();
+  const absl::Status status = ok ? take_message() : half_closed();
+  incoming_.Clear();
+  if (!status.ok()) return finish(status);
+  read_on();
+}
+
+absl::Status StreamCall::take_message() {
+  if (state_ == Reading::kOpen) return take_open();
+  return state_ == Reading::kBands ? take_band() : take_between();
+}
+
+absl::Status StreamCall::take_open() {
+  v1::StreamRequest request;
+  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  if (!request.has_open()) {
+    return absl::InvalidArgumentError("first message holds no `open`; send it before the frames");
+  }
+  absl::StatusOr<StreamStart> start = stream_start_from(request.open());
+  if (!start.ok()) return start.status();
+  ResumePoint point;
+  const bool resumed = !start->resume_token.empty();
+  if (resumed) {
+    absl::StatusOr<ResumePoint> opened = backend_.keys.open(start->resume_token, start->session, absl::Now());
+    if (!opened.ok()) return opened.status();
+    point = *std::move(opened);
+    if (point.settings_hash != start->settings.hash) {
+      return absl::FailedPreconditionError(
+          "resume_token was given with a result that had other settings; open with those, and change them "
+          "after");
+    }
+    epoch_ = point.epoch + 1;
+    tier_ = point.tier;
+    last_sequence_ = point.sequence;
+  }
+  absl::StatusOr<std::shared_ptr<SessionCall>> before =
+      backend_.sessions.enter(start->session, epoch_, resumed, self_);
+  if (!before.ok()) return before.status();
+  if (*before) (*before)->give_up();
+  // Too late for go_away, which is told to the sessions in the table when the gate has closed.
+  if (backend_.session_gate.closed()) {
+    backend_.sessions.leave(start->session, this);
+    return absl::UnavailableError("server is draining and takes no new sessions; use another one");
+  }
+  told_ = point.exposure;
+  settings_ = std::move(start->settings);
+  track_.emplace(start->lookahead, start->cut_threshold_ev, point.exposure);
+  start_ = *std::move(start);
+  log_event(LogLevel::kInfo, resumed ? "session resumed" : "session opened",
+            {{"session", start_->session}, {"peer", context_.peer()}, {"epoch", epoch_}});
+  v1::StreamResponse response;
+  v1::StreamOpened& opened = *response.mutable_opened();
+  opened.set_session(start_->session);
+  opened.set_max_frames_in_flight(backend_.max_frames_in_flight);
+  opened.set_epoch(epoch_);
+  notices_.push_back(serialize(response));
+  state_ = Reading::kBetween;
+  write_on();
+  return absl::OkStatus();
+}
+
+absl::Status StreamCall::take_between() {
+  v1::StreamRequest request;
+  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  if (request.has_frame()) return take_header(request.frame());
+  if (request.has_change()) return take_change(request.change());
+  return absl::InvalidArgumentError(
+      request.has_band() ? "a band came and the frame before it has every row; send `frame` first"
+                         : "message holds neither `frame` nor `change` where one is due");
+}
+
+absl::Status StreamCall::take_change(const v1::SettingsChange& change) {
+  if (last_sequence_ && change.from_sequence() <= *last_sequence_) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("change.from_sequence is %d and frame %d came already; name a later one",
+                        change.from_sequence(), *last_sequence_));
+  }
+  if (changes_.size() >= v1::kMaxPendingChanges && changes_.count(change.from_sequence()) == 0) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%d changes of settings wait for their frames already, the most there may be", changes_.size()));
+  }
+  absl::StatusOr<SessionSettings> settings = session_settings_from(change.settings(), start_->encoding);
+  if (!settings.ok()) return settings.status();
+  changes_.insert_or_assign(change.from_sequence(), *std::move(settings));
+  return absl::OkStatus();
+}
+
+absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
+  const absl::StatusOr<FrameLayout> layout = frame_layout_from(header, backend_.limits);
+  if (!layout.ok()) return layout.status();
+  while (!changes_.empty() && changes_.begin()->first <= header.sequence()) {
+    settings_ = std::move(changes_.begin()->second);
+    tier_.clear();
+    changes_.erase(changes_.begin());
+  }
+  if (absl::Status status = check_settings_for(settings_.settings, layout->desc); !status.ok()) return status;
+  if (absl::Status status =
+          track_->add(header.sequence(), header.media_time_ns(), header.cut(), settings_.settings.exposure);
+      !status.ok()) {
+    return status;
+  }
+  last_sequence_ = header.sequence();
+  auto frame = std::make_shared<SessionFrame>();
+  frame->sequence = header.sequence();
+  frame->cut = header.cut();
+  frame->layout = *layout;
+  if (header.timeout_ms() > 0) frame->deadline = absl::Now() + absl::Milliseconds(header.timeout_ms());
+  frame->settings_hash = settings_.hash;
+  frames_.push_back(std::move(frame));
+  memory_deadline_ = absl::Now() + backend_.idle_timeout;
+  if (!settings_.settings.promise.given() || !tier_.empty()) return admit();
+  state_ = Reading::kChoosing;
+  return backend_.loop.post([self = self_] { self->choose_tier(); });
+}
+
+void StreamCall::choose_tier() {
+  FrameDesc desc;
+  Settings settings;
+  {
+    absl::MutexLock lock(&mutex_);
+    if (finished_ || ending_) return;
+    desc = frames_.back()->layout.desc;
+    settings = settings_.settings;
+  }
+  const absl::StatusOr<std::vector<TierNumbers>> numbers = backend_.tier_meter.numbers(desc, settings);
+  absl::StatusOr<TierChoice> choice = numbers.status();
+  if (numbers.ok()) choice = candela::choose_tier(*numbers, settings.promise);
+  absl::MutexLock lock(&mutex_);
+  if (finished_ || ending_) return;
+  if (!choice.ok()) return finish(choice.status());
+  tier_ = choice->tier;
+  tier_reason_ = choice->reason;
+  memory_deadline_ = absl::Now() + backend_.idle_timeout;
+  if (absl::Status status = admit(); !status.ok()) return finish(status);
+  read_on();
+}
+
+absl::Status StreamCall::admit() {
+  const FramePtr& frame = frames_.back();
+  Settings settings = settings_.settings;
+  if (!tier_.empty()) {
+    settings.tier = tier_;
+    frame->tier_reason = tier_reason_;
+  }
+  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(frame->layout.desc, settings);
+  if (absl::IsUnavailable(memory.status()) && absl::Now() < memory_deadline_) {
+    state_ = Reading::kMemory;
+    memory_alarm_ = std::make_unique<grpc::Alarm>();
+    memory_alarm_->Set(absl::ToChronoTime(absl::Now() + kMemoryRetry),
+                       [weak = weak_from_this()](bool expired) {
+                         if (!expired) return;
+                         if (std::shared_ptr<StreamCall> call = weak.lock()) call->retry_admission();
+                       });
+    return absl::OkStatus();
+  }
+  if (!memory.ok()) return memory.status();
+  const uint64_t wanted = memory->bytes() * (start_->lookahead + 1);
+  if (wanted > backend_.memory_budget_bytes) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("a look-ahead of %d frames of %dx%d takes %d bytes and this server's memory budget "
+                        "is %d; ask for one of at "
+                        "most %d",
+                        start_->lookahead, frame->layout.desc.width, frame->layout.desc.height, wanted,
+                        backend_.memory_budget_bytes, backend_.memory_budget_bytes / memory->bytes() - 1));
+  }
+  frame->frame = std::make_shared<Frame>(
+      Frame{backend_.renderer, *std::move(memory), std::move(settings), {frame->sequence, std::nullopt}});
+  frame->begun = absl::Now();
+  bands_.emplace(v1::kStreamFrameBand, frame->layout.desc, frame->layout.row_stride_bytes);
+  state_ = Reading::kBands;
+  return absl::OkStatus();
+}
+
+void StreamCall::retry_admission() {
+  absl::MutexLock lock(&mutex_);
+  if (finished_ || ending_ || state_ != Reading::kMemory) return;
+  if (absl::Status status = admit(); !status.ok()) return finish(status);
+  read_on();
+}
+
+absl::Status StreamCall::take_band() {
+  const FramePtr frame = frames_.back();
+  FrameMemory& memory = frame->frame->memory;
+  absl::Status status = bands_->read(incoming_, [&memory](uint32_t y) { return memory.input_row(y); });
+  if (!status.ok() || !bands_->complete()) return status;
+  bands_.reset();
+  state_ = Reading::kBetween;
+  return submit(frame, plain() ? Work::kRender : Work::kMeter);
+}
+
+absl::Status StreamCall::half_closed() {
+  // A client that vanished looks like one that half-closed.
+  if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
+  if (state_ == Reading::kOpen) {
+    return absl::InvalidArgumentError("call was half-closed before its open message");
+  }
+  if (state_ == Reading::kBands) return bands_->check_complete();
+  state_ = Reading::kClosed;
+  track_->end();
+  if (absl::Status status = submit_decided(); !status.ok()) return status;
+  write_on();
+  return absl::OkStatus();
+}
+
+// ---- Rendering
+// ----------------------------------------------------------------------------------------------
+
+absl::Status StreamCall::submit(const FramePtr& frame, Work work) {
+  frame->frame->work = work;
+  if (work == Work::kRender) {
+    frame->frame->expose = [self = self_, weak = std::weak_ptr(frame)](const FrameStats& stats) {
+      const FramePtr metered = weak.lock();
+      return metered ? self->expose(metered, stats) : Exposed();
+    };
+  } else if (work == Work::kDraw) {
+    frame->frame->expose = [exposed = frame->exposure.exposed](const FrameStats&) { return exposed; };
+  }
+  FrameJob job;
+  job.frame = frame->frame;
+  job.flow = flow_;
+  // Once it has taken part in the exposure of others it is rendered, too.
+  if (work != Work::kDraw) job.deadline = frame->deadline;
+  job.done = [self = self_, frame, work](absl::StatusOr<RenderedFrame> rendered) {
+    self->on_worked(frame, work, std::move(rendered));
+  };
+  absl::StatusOr<Ticket> ticket = backend_.loop.submit(std::move(job));
+  if (!ticket.ok()) return ticket.status();
+  frame->ticket = *ticket;
+  frame->stage = work == Work::kDraw ? Stage::kDrawing : Stage::kQueued;
+  return absl::OkStatus();
+}
+
+// On the render thread, between a frame's two phases. Frames of a session are rendered in order, so that
+// without look-ahead the one that was metered is the one that is decided.
+Exposed StreamCall::expose(const FramePtr& frame, const FrameStats& stats) {
+  absl::MutexLock lock(&mutex_);
+  if (finished_ || frame->stage != Stage::kQueued) return {};
+  track_->metered(frame->sequence, stats);
+  frame->exposure = track_->next()->state;
+  frame->decided = true;
+  return frame->exposure.exposed;
+}
+
+void StreamCall::on_worked(const FramePtr& frame, Work work, absl::StatusOr<RenderedFrame> rendered) {
+  if (rendered.ok() && work != Work::kMeter) ++backend_.frames_rendered;
+  std::shared_ptr<Frame> dropped;  // outlives the lock: giving memory back takes its time
+  absl::MutexLock lock(&mutex_);
+  frame->frame->expose = nullptr;
+  if (finished_ || frame->stage == Stage::kFailed) {
+    dropped = std::move(frame->frame);
+    return;
+  }
+  absl::Status status = rendered.status();
+  if (status.ok()) {
+    frame->queued += rendered->queued;
+    if (work == Work::kMeter) {
+      frame->meter_stages = std::move(rendered->report.stages);
+      frame->stage = Stage::kWaiting;
+      track_->metered(frame->sequence, rendered->report.stats);
+      status = submit_decided();
+    } else {
+      frame->report = std::move(rendered->report);
+      frame->report->stages.insert(frame->report->stages.begin(), frame->meter_stages.begin(),
+                                   frame->meter_stages.end());
+      finish_frame(frame);
+    }
+  } else if (is_frames_own(status) && !frame->decided) {
+    dropped = std::move(frame->frame);
+    frame->failure = std::exchange(status, absl::OkStatus());
+    frame->stage = Stage::kFailed;
+    track_->failed(frame->sequence);
+    status = submit_decided();
+  }
+  if (!status.ok()) {
+    const auto at = std::find(frames_.begin(), frames_.end(), frame);
+    end_before(static_cast<size_t>(at - frames_.begin()), status);
+  }
+  write_on();
+}
+
+absl::Status StreamCall::submit_decided() {
+  while (std::optional<FrameExposure> decided = track_->next()) {
+    const auto frame = std::find_if(frames_.begin(), frames_.end(), [&](const FramePtr& candidate) {
+      return candidate->stage == Stage::kWaiting && candidate->sequence == decided->sequence;
+    });
+    (*frame)->exposure = decided->state;
+    (*frame)->decided = true;
+    if (absl::Status status = submit(*frame, Work::kDraw); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+void StreamCall::finish_frame(const FramePtr& frame) {
+  if (start_->encoding == Encoding::kRaw) {
+    frame->stage = Stage::kDone;
+    return;
+  }
+  frame->stage = Stage::kEncoding;
+  backend_.encoders.run([self = self_, frame, image = frame->frame, encoding = start_->encoding,
+                         quality = start_->jpeg_quality] {
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<std::string> file = encode_image(image->memory, image->settings, encoding, quality);
+    self->on_encoded(frame, std::move(file), absl::Now() - begin);
+  });
+}
+
+void StreamCall::on_encoded(const FramePtr& frame, absl::StatusOr<std::string> file, absl::Duration took) {
+  absl::MutexLock lock(&mutex_);
+  if (finished_ || frame->stage == Stage::kFailed) return;
+  if (!file.ok()) {
+    const auto at = std::find(frames_.begin(), frames_.end(), frame);
+    end_before(static_cast<size_t>(at - frames_.begin()), file.status());
+  } else {
+    frame->file = std::make_shared<const std::string>(*std::move(file));
+    frame->report->stages.push_back({"encode", static_cast<uint64_t>(absl::ToInt64Nanoseconds(took))});
+    frame->stage = Stage::kDone;
+  }
+  write_on();
+}
+
+// ---- Writing
+// ------------------------------------------------------------------------------------------------
+
+void StreamCall::OnWriteDone(bool ok) {
+  absl::MutexLock lock(&mutex_);
+  writing_ = false;
+  if (finished_) return;
+  if (!ok) return finish(absl::CancelledError("client went away before it had its results"));
+  last_write_ = absl::Now();
+  write_on();
+}
+
+void StreamCall::write_on() {
+  if (finished_ || writing_) return;
+  if (next_message()) {
+    writing_ = true;
+    last_write_ = absl::Now();
+    StartWrite(&outgoing_);
+  } else if (frames_.empty() && (ending_ || state_ == Reading::kClosed)) {
+    return finish(ending_.value_or(absl::OkStatus()));
+  }
+  read_on();
+}
+
+// Into outgoing_; false when there is none yet.
+bool StreamCall::next_message() {
+  if (!notices_.empty() && (frames_.empty() || !frames_.front()->writer)) {
+    outgoing_.Swap(&notices_.front());
+    notices_.pop_front();
+    return true;
+  }
+  while (!frames_.empty()) {
+    SessionFrame& frame = *frames_.front();
+    if (frame.stage == Stage::kFailed) {
+      outgoing_ = failure_message(frame);
+      ++answered_;
+      frames_.pop_front();
+      return true;
+    }
+    if (frame.stage != Stage::kDone) return false;
+    if (!frame.writer && frame.file) {
+      frame.writer.emplace(frame.file, header_message(frame));
+    } else if (!frame.writer) {
+      frame.writer.emplace(frame.frame, header_message(frame));
+    }
+    if (frame.writer->next(outgoing_)) return true;
+    ++answered_;
+    frames_.pop_front();
+    // A notice that waited for the end of this result.
+    if (!notices_.empty()) return next_message();
+  }
+  return false;
+}
+
+std::string StreamCall::token(const SessionFrame& frame) {
+  return backend_.keys.seal({.session = start_->session,
+                             .epoch = epoch_,
+                             .sequence = frame.sequence,
+                             .exposure = told_,
+                             .settings_hash = frame.settings_hash,
+                             .tier = tier_},
+                            absl::Now());
+}
+
+grpc::ByteBuffer StreamCall::header_message(const SessionFrame& frame) {
+  told_ = frame.exposure;
+  v1::StreamResponse response;
+  v1::ResultHeader& header = *response.mutable_header();
+  header = result_header(*frame.frame, {*frame.report, frame.queued}, backend_.device);
+  header.set_tier_reason(frame.tier_reason);
+  header.set_exposure_before(frame.exposure.before);
+  header.set_cut(frame.exposure.cut);
+  header.set_resume_token(token(frame));
+  header.set_encoding(static_cast<v1::Encoding>(start_->encoding));
+  if (frame.file) header.set_encoded_bytes(frame.file->size());
+  return serialize(response);
+}
+
+grpc::ByteBuffer StreamCall::failure_message(const SessionFrame& frame) {
+  told_.cut_pending |= frame.cut;
+  v1::StreamResponse response;
+  v1::FrameFailure& failure = *response.mutable_failure();
+  failure.set_sequence(frame.sequence);
+  failure.set_code(static_cast<uint32_t>(frame.failure.code()));
+  failure.set_message(std::string(frame.failure.message()));
+  failure.set_resume_token(token(frame));
+  return serialize(response);
+}
+
+// ---- Ends
+// ---------------------------------------------------------------------------------------------------
+
+void StreamCall::go_away() {
+  absl::MutexLock lock(&mutex_);
+  if (finished_ || ending_) return;
+  const absl::Status status =
+      absl::UnavailableError("server is draining; go on with the session's last resume token on another one");
+  if (!start_) return finish(status);
+  v1::StreamResponse response;
+  response.mutable_go_away()->set_reason("server is draining");
+  notices_.push_back(serialize(response));
+  const auto undecided = std::find_if(frames_.begin(), frames_.end(), [this](const FramePtr& frame) {
+    return frame->stage == Stage::kReceiving ||
+           (!plain() && (frame->stage == Stage::kQueued || frame->stage == Stage::kWaiting));
+  });
+  end_before(static_cast<size_t>(undecided - frames_.begin()), status);
+  write_on();
+}
+
+void StreamCall::give_up() {
+  absl::MutexLock lock(&mutex_);
+  if (!finished_) finish(absl::AbortedError("another call went on with this session"));
+}
+
+void StreamCall::OnCancel() {
+  absl::MutexLock lock(&mutex_);
+  if (!finished_) finish(absl::CancelledError("call was cancelled"));
+}
+
+// A frame that is being rendered already finishes, is discarded, and only then gives its memory back.
+void StreamCall::drop(const FramePtr& frame) {
+  if (frame->stage == Stage::kQueued || frame->stage == Stage::kDrawing) backend_.loop.cancel(frame->ticket);
+  const bool working = frame->stage == Stage::kQueued || frame->stage == Stage::kDrawing;
+  frame->stage = Stage::kFailed;
+  frame->writer.reset();
+  if (!working) frame->frame.reset();
+}
+
+void StreamCall::end_before(size_t first, const absl::Status& status) {
+  if (!ending_) ending_ = status;
+  state_ = Reading::kClosed;
+  while (frames_.size() > first) {
+    drop(frames_.back());
+    frames_.pop_back();
+  }
+}
+
+void StreamCall::finish(const absl::Status& status) {
+  finished_ = true;
+  const grpc::Status told = to_grpc(status);
+  log_event(LogLevel::kInfo, "session ended",
+            {{"session", start_ ? start_->session : ""},
+             {"peer", context_.peer()},
+             {"answered", answered_},
+             {"status", absl::StatusCodeToString(status.code())},
+             {"message", told.error_message()}});
+  if (start_) backend_.sessions.leave(start_->session, this);
+  for (const FramePtr& frame : frames_) drop(frame);
+  frames_.clear();
+  memory_alarm_.reset();
+  if (inside_) watch_idle(backend_.idle_timeout);
+  Finish(told);
+}
+
+void StreamCall::OnDone() {
+  std::shared_ptr<StreamCall> self;  // outlives the lock
+  bool inside = false;
+  {
+    absl::MutexLock lock(&mutex_);
+    idle_alarm_.reset();
+    inside = inside_;
+    self = std::move(self_);
+  }
+  if (inside) backend_.session_gate.leave();
+}
+
+void StreamCall::watch_idle(absl::Duration wait) {
+  // A fresh alarm each time: one that has fired is still inside its callback when it would be set again.
+  idle_alarm_ = std::make_unique<grpc::Alarm>();
+  idle_alarm_->Set(absl::ToChronoTime(absl::Now() + wait), [weak = weak_from_this()](bool expired) {
+    if (!expired) return;
+    if (std::shared_ptr<StreamCall> call = weak.lock()) call->on_idle();
+  });
+}
+
+void StreamCall::on_idle() {
+  absl::MutexLock lock(&mutex_);
+  if (finished_) {
+    // gRPC cannot even deliver the status, for the peer reads nothing. Its place is not kept for it. After
+    // OnDone, which lets go of self_, there is no place to give up.
+    if (self_ != nullptr && std::exchange(inside_, false)) {
+      context_.TryCancel();
+      backend_.session_gate.leave();
+    }
+    return;
+  }
+  const absl::Time now = absl::Now();
+  const absl::Duration timeout = backend_.idle_timeout;
+  // A write that nobody reads never ends by itself, and no status could follow it.
+  if (writing_ && now - last_write_ >= timeout) return context_.TryCancel();
+  if (state_ == Reading::kBands && now - frames_.back()->begun > kMaxUploadTimeouts * timeout) {
+    // A row a minute is progress too, but not for days.
+    return finish(absl::DeadlineExceededError(absl::StrFormat(
+        "frame %d was not complete after %s, %d times this server's idle timeout; send it faster",
+        frames_.back()->sequence, words(now - frames_.back()->begun), kMaxUploadTimeouts)));
+  }
+  const bool busy = writing_ || std::any_of(frames_.begin(), frames_.end(), [](const FramePtr& frame) {
+                      return frame->stage != Stage::kReceiving && frame->stage != Stage::kWaiting;
+                    });
+  if (reading_ && !busy && now - std::max(last_read_, last_write_) >= timeout) {
+    return finish(absl::DeadlineExceededError(absl::StrFormat(
+        "nothing arrived for %s, this server's idle timeout; send frames without such pauses, or resume",
+        words(timeout))));
+  }
+  watch_idle(timeout / 2);
+}
+
+}  // namespace candela

@@ -1,0 +1,77 @@
+#include "server/rpc/stream_start.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
+#include "server/rpc/render_start.h"
+#include "server/rpc/resume_token.h"
+
+namespace candela {
+namespace {
+
+absl::Status check_name(const std::string& session) {
+  const bool plain = std::all_of(session.begin(), session.end(), [](char c) {
+    return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '_';
+  });
+  if (!session.empty() && session.size() <= v1::kMaxSessionNameBytes && plain) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "open.session has %d bytes; a session's name is 1 to %d letters, digits, dots, dashes and "
+      "underscores",
+      session.size(), v1::kMaxSessionNameBytes));
+}
+
+}  // namespace
+
+absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, Encoding encoding) {
+  absl::StatusOr<Settings> settings = settings_from(message);
+  if (!settings.ok()) return settings.status();
+  if (absl::Status status = check_encoding(encoding, settings->output_format); !status.ok()) return status;
+  return SessionSettings{*std::move(settings), settings_hash(message)};
+}
+
+absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
+  StreamStart start;
+  if (absl::Status status = check_name(open.session()); !status.ok()) return status;
+  start.session = open.session();
+  if (open.lookahead() > v1::kLookahead.max) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("open.lookahead is %d; it must be between %d and %d frames", open.lookahead(),
+                        v1::kLookahead.min, v1::kLookahead.max));
+  }
+  start.lookahead = open.lookahead();
+  // Written so that NaN fails.
+  if (!(open.cut_threshold_ev() >= v1::kCutThresholdEv.min &&
+        open.cut_threshold_ev() <= v1::kCutThresholdEv.max)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("open.cut_threshold_ev is %g; it must be between %g and %g EV",
+                        open.cut_threshold_ev(), v1::kCutThresholdEv.min, v1::kCutThresholdEv.max));
+  }
+  start.cut_threshold_ev = open.cut_threshold_ev();
+  if (!v1::Encoding_IsValid(open.encoding())) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "open.encoding is %d, which this server does not know; it has RAW (1), PNG (2) and JPEG (3)",
+        static_cast<int>(open.encoding())));
+  }
+  if (open.encoding() != v1::ENCODING_UNSPECIFIED) start.encoding = static_cast<Encoding>(open.encoding());
+  const uint32_t quality = open.jpeg_quality() == 0 ? v1::kDefaultJpegQuality : open.jpeg_quality();
+  if (quality > v1::kJpegQuality.max) {
+    return absl::InvalidArgumentError(absl::StrFormat("open.jpeg_quality is %d; it must be between %d and %d",
+                                                      quality, v1::kJpegQuality.min, v1::kJpegQuality.max));
+  }
+  start.jpeg_quality = static_cast<int>(quality);
+  if (open.resume_token().size() > v1::kMaxTokenBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("open.resume_token has %d bytes and a token has at most %d; give it as it came",
+                        open.resume_token().size(), v1::kMaxTokenBytes));
+  }
+  start.resume_token = open.resume_token();
+  absl::StatusOr<SessionSettings> settings = session_settings_from(open.settings(), start.encoding);
+  if (!settings.ok()) return settings.status();
+  start.settings = *std::move(settings);
+  return start;
+}
+
+}  // namespace candela
