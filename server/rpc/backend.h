@@ -31,7 +31,7 @@ struct Backend {
   TokenKeys keys;
   CallGate gate;          // Render and Meter calls
   CallGate session_gate;  // streams
-  SessionTable sessions;
+  SessionTable sessions{};
   std::atomic<Flow> next_session_flow{1};  // odd: a session's; even: a connection's
   std::atomic<uint64_t> frames_rendered{0};
 };

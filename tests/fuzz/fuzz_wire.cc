@@ -176,7 +176,7 @@ void serve(const WireInput& input) {
   }
   check_start(*start);
 
-  BandReader reader(start->desc, start->row_stride_bytes);
+  BandReader reader(v1::kFrameBand, start->desc, start->row_stride_bytes);
   uint32_t next_row = 0;
   for (const std::string& message : messages.subspan(1)) {
     std::map<uint32_t, std::vector<std::byte>> rows;

@@ -28,7 +28,7 @@ class BandReaderTest : public ::testing::Test {
     return bytes;
   }
 
-  BandReader reader_{kDesc, kStride};
+  BandReader reader_{v1::kFrameBand, kDesc, kStride};
   std::vector<std::string> rows_ = std::vector<std::string>(5, std::string(12, '.'));
 };
 
