@@ -10,6 +10,7 @@ namespace candela {
 namespace {
 
 constexpr double kBinsPerOctave = 1u << (shader::LOG2_FRACTION_BITS - shader::HISTOGRAM_SHIFT);
+static_assert(kBinsPerOctave == kHistogramBinsPerEv && -kHistogramFirstEv == shader::LOG2_BIAS);
 
 }  // namespace
 

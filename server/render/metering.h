@@ -18,8 +18,11 @@ struct MeterBin {
   double above_ev = 0.0;
 };
 
-// The mean log2 luminance of the mass between two percentiles of the bins, which come in rising luminance, 64
-// an octave from 2^-14 on; the two end bins count in proportion, each bin at its texels' mean. low < high;
+inline constexpr double kHistogramFirstEv = -14.0;
+inline constexpr uint32_t kHistogramBinsPerEv = 64;
+
+// The mean log2 luminance of the mass between two percentiles of the bins, which come in rising luminance
+// from kHistogramFirstEv on; the two end bins count in proportion, each bin at its texels' mean. low < high;
 // some weight is not 0.
 double percentile_mean(std::span<const MeterBin> bins, double low_percent, double high_percent);
 

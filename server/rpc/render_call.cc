@@ -16,17 +16,18 @@ constexpr int kMaxUploadTimeouts = 10;
 
 }  // namespace
 
-RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& backend) {
-  std::shared_ptr<RenderCall> call(new RenderCall(context, backend));
+RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& backend, Work work) {
+  std::shared_ptr<RenderCall> call(new RenderCall(context, backend, work));
   call->self_ = call;
   absl::MutexLock lock(&call->mutex_);
   call->enter();
   return call.get();
 }
 
-RenderCall::RenderCall(grpc::CallbackServerContext* context, Backend& backend)
+RenderCall::RenderCall(grpc::CallbackServerContext* context, Backend& backend, Work work)
     : context_(*context),
       backend_(backend),
+      work_(work),
       flow_(absl::HashOf(context->peer()) << 1),
       begun_(absl::Now()),
       last_progress_(begun_) {}
@@ -57,6 +58,12 @@ absl::Status RenderCall::take_start() {
   incoming_.Clear();
   if (!start.ok()) return start.status();
   start_ = *std::move(start);
+  if (work_ == Work::kMeter) {
+    start_->verify = Verify::kNo;
+    start_->settings.promise = {};
+    start_->settings.bloom.intensity = 0.0f;
+    start_->settings.exposure.metering.histogram = true;
+  }
   if (!start_->settings.promise.given()) return admit();
   state_ = State::kChoosing;
   return backend_.loop.post([self = self_] { self->choose_tier(); });
@@ -89,7 +96,7 @@ absl::Status RenderCall::admit() {
   absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start.desc, start.settings, start.verify);
   if (!memory.ok()) return memory.status();
   frame_ = std::make_shared<Frame>(
-      Frame{backend_.renderer, *std::move(memory), start.settings, {start.sequence, start.previous}});
+      Frame{backend_.renderer, *std::move(memory), start.settings, {start.sequence, start.previous}, work_});
   bands_.emplace(v1::kFrameBand, start.desc, start.row_stride_bytes);
   state_ = State::kBands;
   return absl::OkStatus();
@@ -127,6 +134,11 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   if (!rendered.ok()) return finish(rendered.status());
   state_ = State::kSending;
   last_progress_ = absl::Now();
+  if (work_ == Work::kMeter) {
+    frame_->memory = {};
+    result_.emplace(std::make_shared<const std::string>(), serialize(meter_response(*frame_, *rendered)));
+    return send_next();
+  }
   v1::RenderResponse response;
   *response.mutable_header() = result_header(*frame_, *rendered, backend_.device);
   response.mutable_header()->set_tier_reason(tier_reason_);

@@ -1,4 +1,4 @@
-// One Render call, from its start message to its last band.
+// One Render or Meter call, from its start message to its last band.
 #pragma once
 
 #include <grpcpp/alarm.h>
@@ -34,8 +34,8 @@ namespace candela {
 class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                          public std::enable_shared_from_this<RenderCall> {
  public:
-  // Owns itself until gRPC is done with it. `backend` outlives it.
-  static RenderCall* begin(grpc::CallbackServerContext* context, Backend& backend);
+  // Owns itself until gRPC is done with it. `backend` outlives it. kMeter answers with one MeterResponse.
+  static RenderCall* begin(grpc::CallbackServerContext* context, Backend& backend, Work work);
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
@@ -45,7 +45,7 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
  private:
   enum class State { kStart, kChoosing, kBands, kQueued, kSending, kFinished };
 
-  RenderCall(grpc::CallbackServerContext* context, Backend& backend);
+  RenderCall(grpc::CallbackServerContext* context, Backend& backend, Work work);
 
   void enter() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -62,6 +62,7 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
 
   grpc::CallbackServerContext& context_;
   Backend& backend_;
+  const Work work_;
   const Flow flow_;                   // its connection's
   std::shared_ptr<RenderCall> self_;  // until OnDone
 

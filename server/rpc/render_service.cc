@@ -1,5 +1,7 @@
 #include "server/rpc/render_service.h"
 
+#include <grpcpp/support/server_callback.h>
+
 #include <utility>
 
 #include "server/rpc/render_call.h"
@@ -7,12 +9,26 @@
 
 namespace candela {
 
+namespace {
+
+// Of `rpc Meter` in render.proto. On the wire a call with one answer is a stream of one, and RenderCall is
+// written for streams; the generated class has no raw handler of that kind.
+constexpr int kMeterIndex = 2;
+
+}  // namespace
+
 RenderService::RenderService(Backend& backend, const TexturePool& pool, v1::GetServerInfoResponse info)
-    : backend_(backend), pool_(pool), info_(std::move(info)), started_(absl::Now()) {}
+    : backend_(backend), pool_(pool), info_(std::move(info)), started_(absl::Now()) {
+  MarkMethodRawCallback(kMeterIndex,
+                        new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
+                            [&backend](grpc::CallbackServerContext* context) {
+                              return RenderCall::begin(context, backend, Work::kMeter);
+                            }));
+}
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Render(
     grpc::CallbackServerContext* context) {
-  return RenderCall::begin(context, backend_);
+  return RenderCall::begin(context, backend_, Work::kRender);
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Stream(

@@ -8,6 +8,7 @@
 
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
+#include "server/render/metering.h"
 
 namespace candela {
 namespace {
@@ -32,7 +33,43 @@ v1::Verification verification(const Verification& ours) {
   return message;
 }
 
+v1::FrameStatistics statistics(const FrameStats& stats) {
+  v1::FrameStatistics message;
+  message.set_mean_log2_luminance(stats.mean_log2_luminance);
+  message.set_min_luminance(stats.min_luminance);
+  message.set_max_luminance(stats.max_luminance);
+  message.set_nan_components(stats.nan_components);
+  message.set_infinite_components(stats.infinite_components);
+  message.set_negative_components(stats.negative_components);
+  return message;
+}
+
+void add_stages(const RenderedFrame& rendered, google::protobuf::RepeatedPtrField<v1::StageTime>& stages) {
+  v1::StageTime& queue = *stages.Add();
+  queue.set_name("queue");
+  queue.set_ns(static_cast<uint64_t>(absl::ToInt64Nanoseconds(rendered.queued)));
+  for (const StageTime& stage : rendered.report.stages) {
+    v1::StageTime& time = *stages.Add();
+    time.set_name(stage.name);
+    time.set_ns(stage.ns);
+  }
+}
+
 }  // namespace
+
+v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metered) {
+  const FrameStats& stats = metered.report.stats;
+  const Exposed exposed = expose(frame.settings.exposure, frame.moment.previous, stats.mean_log2_luminance);
+  v1::MeterResponse response;
+  *response.mutable_statistics() = statistics(stats);
+  response.set_exposure(exposed.exposure);
+  response.set_target(exposed.target);
+  *response.mutable_histogram() = {stats.histogram.begin(), stats.histogram.end()};
+  response.set_histogram_first_ev(kHistogramFirstEv);
+  response.set_histogram_bins_per_ev(kHistogramBinsPerEv);
+  add_stages(metered, *response.mutable_stages());
+  return response;
+}
 
 grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
   const grpc::Slice bytes(message.SerializeAsString());
@@ -46,25 +83,12 @@ v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered
   header.set_width(frame.memory.desc().width);
   header.set_height(frame.memory.desc().height);
   header.set_format(static_cast<v1::OutputFormat>(frame.settings.output_format));
-  v1::FrameStatistics& statistics = *header.mutable_statistics();
-  statistics.set_mean_log2_luminance(report.stats.mean_log2_luminance);
-  statistics.set_min_luminance(report.stats.min_luminance);
-  statistics.set_max_luminance(report.stats.max_luminance);
-  statistics.set_nan_components(report.stats.nan_components);
-  statistics.set_infinite_components(report.stats.infinite_components);
-  statistics.set_negative_components(report.stats.negative_components);
+  *header.mutable_statistics() = statistics(report.stats);
   header.set_exposure(report.exposure);
   header.set_target(report.target);
   header.set_prescale(frame.settings.prescale);
   for (const std::string& line : report.plan.words) header.add_plan(line);
-  v1::StageTime& queue = *header.add_stages();
-  queue.set_name("queue");
-  queue.set_ns(static_cast<uint64_t>(absl::ToInt64Nanoseconds(rendered.queued)));
-  for (const StageTime& stage : report.stages) {
-    v1::StageTime& time = *header.add_stages();
-    time.set_name(stage.name);
-    time.set_ns(stage.ns);
-  }
+  add_stages(rendered, *header.mutable_stages());
   header.set_tier(frame.settings.tier);
   header.set_device(device);
   if (report.verification) {

@@ -16,6 +16,9 @@ namespace candela {
 // `device` is the device's own name.
 v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device);
 
+// Of a frame whose Work was kMeter, with its histogram.
+v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metered);
+
 grpc::ByteBuffer serialize(const google::protobuf::Message& message);
 
 // One thread at a time.

@@ -1,0 +1,61 @@
+// Meter: what Render says of a frame, without its image.
+#include <numeric>
+
+#include "tests/service/service_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class Meter : public ServiceTest {
+ protected:
+  static grpc::Status meter(const WireFrame& frame, const v1::Settings& settings,
+                            v1::MeterResponse* response) {
+    grpc::ClientContext context;
+    const auto stub = v1::RenderService::NewStub(channel());
+    const auto writer = stub->Meter(&context, response);
+    v1::RenderRequest start = start_of(frame);
+    *start.mutable_start()->mutable_settings() = settings;
+    writer->Write(start);
+    writer->Write(band_of(frame, 0, frame.desc.height));
+    writer->WritesDone();
+    return writer->Finish();
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Transport, Meter, ::testing::Bool(), transport_name);
+
+TEST_P(Meter, SaysWhatRenderSaysOfTheSameFrame) {
+  const WireFrame frame = natural(131, 67);
+  for (const auto statistic : {v1::Metering::STATISTIC_LOG_AVERAGE, v1::Metering::STATISTIC_PERCENTILE}) {
+    v1::Settings settings;
+    settings.mutable_exposure()->mutable_metering()->set_statistic(statistic);
+    v1::MeterResponse metered;
+    const grpc::Status status = meter(frame, settings, &metered);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    const absl::StatusOr<RenderResult> rendered = connection().render(settings, view(frame));
+    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    EXPECT_EQ(metered.exposure(), rendered->header.exposure());
+    EXPECT_EQ(metered.target(), rendered->header.target());
+    EXPECT_EQ(metered.statistics().SerializeAsString(), rendered->header.statistics().SerializeAsString());
+    EXPECT_EQ(std::accumulate(metered.histogram().begin(), metered.histogram().end(), uint64_t{0}),
+              131u * 67u);
+  }
+}
+
+TEST_P(Meter, HistogramHasAFlatFrameInItsBin) {
+  v1::MeterResponse metered;
+  ASSERT_TRUE(meter(flat(40, 30, {2.0f, 2.0f, 2.0f, 1.0f}), {}, &metered).ok());
+  const auto bin = static_cast<int>((1.0 - metered.histogram_first_ev()) * metered.histogram_bins_per_ev());
+  // Luminance weights add up to 1 but for rounding, so that it may be the bin below.
+  EXPECT_EQ(metered.histogram(bin) + metered.histogram(bin - 1), 1200u);
+}
+
+TEST_P(Meter, RefusesWhatRenderRefuses) {
+  WireFrame frame = natural(16, 16);
+  v1::Settings settings;
+  settings.mutable_exposure()->set_key(-1);
+  v1::MeterResponse metered;
+  EXPECT_EQ(meter(frame, settings, &metered).error_code(), grpc::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace candela::testing
