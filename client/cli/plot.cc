@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
@@ -47,9 +48,20 @@ class Stream {
 };
 
 struct Outcome {
-  int code = -1;  // -1: ended by a signal
+  int status = 0;  // of waitpid
   std::string out;
   std::string err;
+
+  bool ok() const { return WIFEXITED(status) && WEXITSTATUS(status) == 0; }
+
+  // How it ended and what it said, in one line.
+  std::string reason() const {
+    const std::string end = WIFEXITED(status) ? absl::StrFormat("it ended with code %d", WEXITSTATUS(status))
+                                              : absl::StrFormat("it ended by signal %d", WTERMSIG(status));
+    std::string said = err;
+    absl::RemoveExtraAsciiWhitespace(&said);
+    return said.empty() ? end + " and said nothing" : absl::StrCat(end, ": ", said);
+  }
 };
 
 absl::Status missing(int error) {
@@ -76,7 +88,7 @@ absl::StatusOr<Outcome> run_gnuplot(const std::string& script) {
   if (error != 0) return missing(error);
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
-  return Outcome{WIFEXITED(status) ? WEXITSTATUS(status) : -1, out.contents(), err.contents()};
+  return Outcome{status, out.contents(), err.contents()};
 }
 
 }  // namespace
@@ -86,7 +98,7 @@ absl::Status check_gnuplot() {
   return svg.ok() || absl::IsFailedPrecondition(svg.status())
              ? svg.status()
              : absl::FailedPreconditionError(absl::StrFormat(
-                   "gnuplot draws no SVG (%s); install the package gnuplot-nox", svg.status().message()));
+                   "%s; the report needs the gnuplot of the package gnuplot-nox", svg.status().message()));
 }
 
 absl::StatusOr<std::string> plot_svg(const std::string& name, int width, int height,
@@ -98,8 +110,8 @@ absl::StatusOr<std::string> plot_svg(const std::string& name, int width, int hei
   if (!outcome.ok()) return outcome.status();
   const size_t begin = outcome->out.find("<svg");
   const size_t end = outcome->out.rfind("</svg>");
-  if (outcome->code != 0 || begin == std::string::npos || end == std::string::npos) {
-    return absl::InternalError(absl::StrFormat("gnuplot did not draw %s: %s", name, outcome->err));
+  if (!outcome->ok() || begin == std::string::npos || end == std::string::npos) {
+    return absl::InternalError(absl::StrFormat("gnuplot did not draw %s: %s", name, outcome->reason()));
   }
   // Ids of the point shapes are the same in every plot; a page holds many.
   return absl::StrReplaceAll(outcome->out.substr(begin, end + 6 - begin),

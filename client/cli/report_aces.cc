@@ -15,7 +15,7 @@ namespace candela {
 namespace {
 
 constexpr char kReference[] = "aces-1";
-constexpr const char* kApproximations[] = {"aces-narkowicz", "aces-hill"};
+constexpr const char* kFits[] = {"aces-narkowicz", "aces-hill"};
 constexpr double kFullScale = 65535;
 
 using Codes = std::array<uint16_t, 4>;
@@ -87,25 +87,30 @@ class ColorSet {
   ColorSet(const ReportSession& session, std::string name, const Image& frame, bool metered)
       : session_(session), name_(std::move(name)), frame_(frame), metered_(metered) {}
 
-  void add_rows(v1::ToneCurve reference, Json& rows) const {
-    const absl::StatusOr<RenderResult> whole = render(reference);
-    for (const char* word : kApproximations) {
-      const std::optional<v1::ToneCurve> curve = session_.curve(word);
-      if (!curve) continue;
-      Json row = {{"curve", word}, {"set", name_}};
-      const absl::StatusOr<RenderResult> approximation = whole.ok() ? render(*curve) : whole.status();
+  void add_rows(v1::ToneCurve whole_curve, Json& rows) const {
+    const std::string best = session_.most_accurate_tier();
+    const absl::StatusOr<RenderResult> whole = render(whole_curve, best);
+    const auto add = [&](const std::string& word, v1::ToneCurve curve, const std::string& tier) {
+      Json row = {{"curve", word}, {"tier", tier}, {"set", name_}};
+      const absl::StatusOr<RenderResult> approximation = whole.ok() ? render(curve, tier) : whole.status();
       if (approximation.ok()) {
         add_distances(*whole, *approximation, row);
       } else {
         row["error"] = std::string(approximation.status().message());
       }
       rows.push_back(std::move(row));
+    };
+    for (const char* word : kFits) {
+      if (const std::optional<v1::ToneCurve> curve = session_.curve(word)) add(word, *curve, best);
+    }
+    for (const std::string& tier : session_.tiers()) {
+      if (tier != best) add(kReference, whole_curve, tier);
     }
   }
 
  private:
-  absl::StatusOr<RenderResult> render(v1::ToneCurve curve) const {
-    v1::Settings settings = ReportSession::settings(session_.most_accurate_tier());
+  absl::StatusOr<RenderResult> render(v1::ToneCurve curve, const std::string& tier) const {
+    v1::Settings settings = ReportSession::settings(tier);
     settings.set_curve(curve);
     settings.mutable_bloom()->set_intensity(0);
     settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -24,15 +25,21 @@
 namespace candela {
 namespace {
 
-// What is verified takes seconds a megapixel: larger images are cut, and larger frames not verified.
+// What is verified takes seconds a megapixel: larger images are cut.
 constexpr double kQuickImageMegapixels = 1;
 constexpr double kImageMegapixels = 4;
 
-TimePlan time_plan(const ReportOptions& options) {
+// When the last measurement of --quick ends, so that all is written within five minutes.
+constexpr absl::Duration kQuickTime = absl::Seconds(280);
+
+TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
   TimePlan plan;
   for (const double megapixels : options.megapixels) plan.sizes.push_back(frame_size(megapixels));
-  plan.frames = options.quick ? 5 : 11;
-  plan.verify_megapixels = options.quick ? 2 : 8;
+  if (options.quick) {
+    plan.frames = 5;
+    plan.slow_frames = 1;
+    plan.deadline = begin + kQuickTime;
+  }
   return plan;
 }
 
@@ -73,6 +80,13 @@ absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& option
   return images;
 }
 
+// Of the last minute, before anything is measured.
+std::string load() {
+  double processes = 0;
+  if (getloadavg(&processes, 1) != 1) return "unknown";
+  return absl::StrFormat("%.2f processes of other work, over the minute before", processes);
+}
+
 std::string processor() {
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);) {
@@ -81,12 +95,13 @@ std::string processor() {
   return "unknown";
 }
 
-Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice) {
+Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice, const std::string& load) {
   const v1::DeviceInfo& device = info.device();
   const std::string here =
       absl::StrFormat("%s, %d threads%s", processor(), std::thread::hardware_concurrency(),
                       choice.address.empty() ? "" : " (of the client; the server may run elsewhere)");
   return {{"processor", here},
+          {"load", load},
           {"device", device.name()},
           {"kind", absl::StrFormat("%s%s", device.type(),
                                    device.unified_memory() ? ", unified memory" : ", staging copies")},
@@ -112,36 +127,32 @@ Json tiers_of(const v1::GetServerInfoResponse& info) {
   return tiers;
 }
 
-absl::StatusOr<Json> measure(const ReportSession& session, const ReportOptions& options,
-                             const std::vector<ReportImage>& images) {
-  const TimePlan plan = time_plan(options);
+// All that a report holds of measurements; what takes longest comes last, where time may be short.
+absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
+                             const std::vector<ReportImage>& images, const std::string& folder) {
   absl::StatusOr<Json> hard = measure_hard_cases(session);
   if (!hard.ok()) return hard;
-  const absl::StatusOr<Json> curves = measure_curves(session);
+  const absl::StatusOr<Json> ingest = measure_ingest(session);
+  if (!ingest.ok()) return ingest;
+  absl::StatusOr<Json> curves = measure_curves(session);
   if (!curves.ok()) return curves;
   absl::StatusOr<Json> aces = compare_aces(session, images);
   if (!aces.ok()) return aces;
-  absl::StatusOr<Json> pictures = measure_images(session, images, options.directory);
+  absl::StatusOr<Json> pictures = measure_images(session, images, folder);
   if (!pictures.ok()) return pictures;
-  Json report = {{"command", command_of(options)},
-                 {"quick", options.quick},
-                 {"date", absl::FormatTime("%Y-%m-%d %H:%M UTC", absl::Now(), absl::UTCTimeZone())},
-                 {"seconds", 0.0},
-                 {"machine", machine(session.info(), options.server)},
-                 {"tiers", tiers_of(session.info())},
-                 {"bounded_tier", session.bounded_tier()},
-                 {"times", measure_times(session, plan)},
-                 {"stage_errors", judge_stages(session, *hard, *pictures, *curves)},
-                 {"hard_cases", *std::move(hard)},
-                 {"curves", *curves},
-                 {"aces", *std::move(aces)},
-                 {"skips", measure_skips(session, plan)},
-                 {"images", *std::move(pictures)}};
-  return report;
+  Json stages = judge_stages(session, {*hard, *curves, *pictures});
+  stages.insert(stages.begin(), *ingest);
+  Json skips = measure_skips(session, plan);
+  Json times = measure_times(session, plan);
+  return Json{{"times", std::move(times)},      {"stage_errors", std::move(stages)},
+              {"hard_cases", *std::move(hard)}, {"curves", *std::move(curves)},
+              {"aces", *std::move(aces)},       {"skips", std::move(skips)},
+              {"images", *std::move(pictures)}};
 }
 
 absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progress) {
   const absl::Time begin = absl::Now();
+  const std::string load_before = load();
   ServerLink link(options.server);
   const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   if (!info.ok()) return info.status();
@@ -149,12 +160,21 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
   if (!server.ok()) return server.status();
   const absl::StatusOr<std::vector<ReportImage>> images = read_images(options, info->limits());
   if (!images.ok()) return images.status();
-  absl::StatusOr<Json> report = measure(ReportSession(**server, *info, progress), options, *images);
-  if (!report.ok()) return report.status();
+  const ReportSession session(**server, *info, progress);
+  const absl::StatusOr<Json> measured =
+      measure(session, time_plan(options, begin), *images, options.directory);
+  if (!measured.ok()) return measured.status();
   progress.show("writing " + options.directory);
   const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);
-  (*report)["seconds"] = seconds;
-  if (absl::Status status = write_report(*report, options.directory); !status.ok()) return status;
+  Json report = {{"command", command_of(options)},
+                 {"quick", options.quick},
+                 {"date", absl::FormatTime("%Y-%m-%d %H:%M UTC", begin, absl::UTCTimeZone())},
+                 {"seconds", seconds},
+                 {"machine", machine(*info, options.server, load_before)},
+                 {"tiers", tiers_of(*info)},
+                 {"bounded_tier", session.bounded_tier()}};
+  report.update(*measured);
+  if (absl::Status status = write_report(report, options.directory); !status.ok()) return status;
   return seconds;
 }
 

@@ -51,8 +51,27 @@ double summed_light(const RenderResult& result) {
   return sum;
 }
 
-Json row_of(const std::string& name, const Image& frame, const std::string& tier) {
-  return {{"case", name}, {"width", frame.width}, {"height", frame.height}, {"tier", tier}};
+// Of an RGBA8 result's R, G and B.
+Json picture_codes(const RenderResult& result) {
+  int least = 255, most = 0;
+  double sum = 0;
+  for (size_t i = 0; i < result.bytes; ++i) {
+    if (i % 4 == 3) continue;
+    const int code = std::to_integer<int>(result.data.get()[i]);
+    least = std::min(least, code);
+    most = std::max(most, code);
+    sum += code;
+  }
+  return {{"min", least}, {"max", most}, {"mean", sum / (static_cast<double>(result.bytes) / 4 * 3)}};
+}
+
+Json row_of(const std::string& name, const std::string& expected, const Image& frame,
+            const std::string& tier) {
+  return {{"case", name},
+          {"expected", expected},
+          {"width", frame.width},
+          {"height", frame.height},
+          {"tier", tier}};
 }
 
 Json failed(Json row, const absl::Status& status) {
@@ -77,9 +96,10 @@ Json verified_row(const ReportSession& session, Json row, v1::Settings settings,
   row["nan"] = header.statistics().nan_components();
   row["inf"] = header.statistics().infinite_components();
   row["negative"] = header.statistics().negative_components();
-  row["note"] = previous ? absl::StrFormat("exposure from %.4g to %.6g, target %.6g", previous->exposure(),
+  row["picture"] = picture_codes(*codes);
+  row["note"] = previous ? absl::StrFormat("exposure from %.4g to %.4g, target %.4g", previous->exposure(),
                                            header.exposure(), header.target())
-                         : absl::StrFormat("%d steps", header.plan_size());
+                         : "";
   return row;
 }
 
@@ -122,8 +142,10 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
   const absl::StatusOr<Image> frame = moving_highlight(3);
   if (!frame.ok()) return frame.status();
   const v1::Settings settings = highlight_settings(tier, weights);
+  const std::string expected =
+      weights ? "its light varies: the weights' price" : "its light varies by 0.3 % at most";
   const std::string name = weights ? "highlight moving by 1/8 pixel" : "the same, without firefly weights";
-  Json row = verified_row(session, row_of(name, *frame, tier), settings, *frame, std::nullopt);
+  Json row = verified_row(session, row_of(name, expected, *frame, tier), settings, *frame, std::nullopt);
   if (row.contains("error")) return row;
   const absl::StatusOr<double> varies = flicker(session, settings);
   if (!varies.ok()) return failed(std::move(row), varies.status());
@@ -208,8 +230,8 @@ absl::StatusOr<Json> measure_hard_cases(const ReportSession& session) {
   for (const HardCase& hard : *cases) {
     session.show("hard case: " + hard.name);
     for (const std::string& tier : session.tiers()) {
-      rows.push_back(verified_row(session, row_of(hard.name, hard.frame, tier), ReportSession::settings(tier),
-                                  hard.frame, hard.previous));
+      rows.push_back(verified_row(session, row_of(hard.name, hard.expected, hard.frame, tier),
+                                  ReportSession::settings(tier), hard.frame, hard.previous));
     }
   }
   for (const bool weights : {true, false}) {
@@ -246,16 +268,39 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
     session.show("curve: " + word);
     v1::Settings settings = ReportSession::settings(session.bounded_tier());
     settings.set_curve(static_cast<v1::ToneCurve>(value));
-    Json row = row_of("sample scene, " + word, *frame, settings.tier());
+    Json row = row_of("sample scene, " + word, "the curve's own", *frame, settings.tier());
     rows.push_back(verified_row(session, std::move(row), settings, *frame, std::nullopt));
   }
   return rows;
 }
 
-Json judge_stages(const ReportSession& session, const Json& hard_cases, const Json& images,
-                  const Json& curves) {
+absl::StatusOr<Json> measure_ingest(const ReportSession& session) {
+  session.show("ingest: every half");
+  const absl::StatusOr<Image> frame = every_half();
+  if (!frame.ok()) return frame.status();
+  v1::Settings settings = ReportSession::settings(session.bounded_tier());
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  const absl::StatusOr<RenderResult> result = session.render(settings, *frame);
+  if (!result.ok()) return result.status();
+  Worst worst = {"codes", "ingest: every half, NaN and Inf among them", "codes", 0};
+  for (size_t half = 0; half < pixel_count(*result); ++half) {
+    const float in = imath_half_to_float(static_cast<uint16_t>(half));
+    const float light = std::isnan(in) ? 0 : std::clamp(in, 0.0f, 1.0f);
+    for (size_t k = 0; k < 3; ++k) {
+      const double codes = 255 * std::abs(double{component(*result, half, k)} - double{light});
+      if (codes != 0) worst.look_at(absl::StrFormat("half 0x%04x", half), {{"codes", json_number(codes)}});
+    }
+  }
+  if (worst.measured == 0) worst.where = "all 65536 exact";
+  return worst.json();
+}
+
+Json judge_stages(const ReportSession& session, const Measured& measured) {
   Worst stages[] = {{"meter_error_ev", "metering", "EV", 2e-5},
-                    {"bloom_error", "bloom, relative to its largest value", "", 0x1p-9},
+                    {"bloom_error", "bloom, relative to its largest value", "fraction", 0x1p-9},
                     {"max_error_codes", "whole frame, largest error", "codes", 0.5},
                     {"p999_error_codes", "whole frame, 99.9 % of the pixels", "codes", 0.05},
                     {"differing_components", "components differing once quantised", "fraction", 1e-3}};
@@ -269,10 +314,10 @@ Json judge_stages(const ReportSession& session, const Json& hard_cases, const Js
   const auto pixels = [](const Json& row) {
     return row["width"].get<double>() * row["height"].get<double>();
   };
-  for (const Json* rows : {&hard_cases, &curves}) {
+  for (const Json* rows : {&measured.hard_cases, &measured.curves}) {
     for (const Json& row : *rows) look(row["case"], row, pixels(row));
   }
-  for (const Json& image : images) {
+  for (const Json& image : measured.images) {
     for (const Json& row : image["maps"]) look(image["name"], row, pixels(image));
   }
   Json judged = Json::array();

@@ -16,9 +16,10 @@ struct ReportImage {
   std::string note;  // "" or what was done to it
 };
 
-// A row a case and tier: case, width, height, tier and either error (why it failed) or finite,
-// max_error_codes, p999_error_codes, differing_components, meter_error_ev, bloom_error, exposure, nan, inf,
-// negative, note (what is to be seen); of the moving highlight flicker, too, (max - min) / mean of its light.
+// A row a case and tier: case, expected (the stated result), width, height, tier and either error (why it
+// failed) or finite, max_error_codes, p999_error_codes, differing_components, meter_error_ev, bloom_error,
+// exposure, nan, inf, negative, picture {min, max, mean} (8-bit codes of R, G and B) and note (what else came
+// out, "" for nothing); of the moving highlight flicker, too, (max - min) / mean of its light.
 absl::StatusOr<Json> measure_hard_cases(const ReportSession& session);
 
 // A row an image: name, width, height, note, picture (PNG, base64) and maps, a row a tier: tier and either
@@ -30,9 +31,18 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
 // A row a curve of the server, on a small sample scene at bounded_tier(): as the rows of hard cases.
 absl::StatusOr<Json> measure_curves(const ReportSession& session);
 
-// A row a stage: stage, unit, bound, measured, where (the frame that was worst), ok. Over what the three
-// above measured at bounded_tier().
-Json judge_stages(const ReportSession& session, const Json& hard_cases, const Json& images,
-                  const Json& curves);
+// The row of ingest for the stages below: every half, as linear light in and out, against what the pipeline's
+// rules make of it.
+absl::StatusOr<Json> measure_ingest(const ReportSession& session);
+
+// What the bounds are held against, at bounded_tier().
+struct Measured {
+  const Json& hard_cases;
+  const Json& curves;
+  const Json& images;
+};
+
+// A row a stage: stage, unit, bound, measured, where (the frame that was worst), ok.
+Json judge_stages(const ReportSession& session, const Measured& measured);
 
 }  // namespace candela

@@ -31,6 +31,7 @@ constexpr Column kTimes[] = {{"megapixels", "/megapixels"},
                              {"error_skipped", "/error_skipped"}};
 
 constexpr Column kHardCases[] = {{"case", "/case"},
+                                 {"expected", "/expected"},
                                  {"width", "/width"},
                                  {"height", "/height"},
                                  {"tier", "/tier"},
@@ -44,11 +45,15 @@ constexpr Column kHardCases[] = {{"case", "/case"},
                                  {"nan", "/nan"},
                                  {"inf", "/inf"},
                                  {"negative", "/negative"},
+                                 {"picture_min_code", "/picture/min"},
+                                 {"picture_max_code", "/picture/max"},
+                                 {"picture_mean_code", "/picture/mean"},
                                  {"flicker", "/flicker"},
                                  {"error", "/error"}};
 
 constexpr Column kAces[] = {{"set", "/set"},
                             {"curve", "/curve"},
+                            {"tier", "/tier"},
                             {"pixels", "/pixels"},
                             {"max_codes", "/codes/max"},
                             {"p95_codes", "/codes/p95"},

@@ -17,7 +17,7 @@ std::string short_number(const Json& number, int digits) {
   const double value = number;
   if (value == 0) return "0";
   const int magnitude = static_cast<int>(std::floor(std::log10(std::abs(value))));
-  if (magnitude < -5 || magnitude > 6) return absl::StrFormat("%.*e", digits - 1, value);
+  if (magnitude < -4 || magnitude > 6) return absl::StrFormat("%.*e", digits - 1, value);
   return absl::StrFormat("%.*f", std::max(0, digits - 1 - magnitude), value);
 }
 
@@ -33,13 +33,15 @@ Cell number_cell(const Json& number, int digits) {
 }
 
 std::string HtmlTable::html() const {
-  std::string html = "<div class=\"wide\"><table><thead><tr>";
+  std::string html = "<div class=\"wide\"><table>";
+  if (!heads_.empty()) html += "<thead><tr>";
   for (size_t i = 0; i < heads_.size(); ++i) {
     const bool number = std::any_of(rows_.begin(), rows_.end(),
                                     [i](const auto& row) { return i < row.size() && row[i].number; });
     absl::StrAppendFormat(&html, "<th%s>%s</th>", number ? " class=\"n\"" : "", html_escaped(heads_[i]));
   }
-  html += "</tr></thead>\n<tbody>\n";
+  if (!heads_.empty()) html += "</tr></thead>";
+  html += "\n<tbody>\n";
   for (const std::vector<Cell>& row : rows_) {
     html += "<tr>";
     for (const Cell& cell : row) {

@@ -10,8 +10,8 @@ namespace candela {
 
 std::string html_escaped(const std::string& text);
 
-// Few digits, as a table wants them: 0.000312, 24.3, 1830. What json_number made of an infinity comes as that
-// word.
+// Few digits, as a table wants them: 24.3, 1830, 0.000312, and 3.12e-05 where it is below 1e-4. What
+// json_number made of an infinity comes as that word.
 std::string short_number(const Json& number, int digits = 3);
 
 std::string html_paragraph(const std::string& text);
@@ -28,8 +28,8 @@ Cell number_cell(const Json& number, int digits = 3);
 
 class HtmlTable {
  public:
-  // The head takes its alignment from the first row.
-  explicit HtmlTable(std::vector<std::string> heads) : heads_(std::move(heads)) {}
+  // A column of numbers has its head on the right, too. Without heads there is no head row.
+  explicit HtmlTable(std::vector<std::string> heads = {}) : heads_(std::move(heads)) {}
 
   void add(std::vector<Cell> cells) { rows_.push_back(std::move(cells)); }
   bool empty() const { return rows_.empty(); }

@@ -33,11 +33,12 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
   app.add_option("DIR", options.directory, "Folder to write into; made where it is missing")
       ->required()
       ->option_text(" ");
-  app.add_flag("--quick", options.quick, "Fewer frames and smaller sizes: at most five minutes")
+  app.add_flag("--quick", options.quick,
+               "At most five minutes: fewer frames, smaller images; what would take longer is left out, and "
+               "the page says so")
       ->group(kSection);
   add_text(app, kSection, "--megapixels", "LIST",
-           absl::StrFormat("Frame sizes with commas between; each %s (default 0.25,1,2,8,33; with --quick "
-                           "0.25,1,2)",
+           absl::StrFormat("Frame sizes with commas between; each %s (default 0.25,1,2,8,33)",
                            format_range(kMegapixels)),
            [&options](const std::string& text) { return set_megapixels(options, text); });
   app.add_option("--images", options.images,
@@ -49,10 +50,7 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
 }
 
 absl::Status finish_report_options(ReportOptions& options) {
-  if (options.megapixels.empty()) {
-    options.megapixels =
-        options.quick ? std::vector<double>{0.25, 1, 2} : std::vector<double>{0.25, 1, 2, 8, 33};
-  }
+  if (options.megapixels.empty()) options.megapixels = {0.25, 1, 2, 8, 33};
   return check_server_options(options.server);
 }
 

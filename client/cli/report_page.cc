@@ -24,7 +24,7 @@ th{text-align:left;font-weight:600;border-bottom:1px solid #888;padding:.25em .8
 td{border-bottom:1px solid #e8e8e8;padding:.22em .8em .22em 0;vertical-align:top}
 .n{text-align:right} .bad{color:#b00020;font-weight:600} .quiet{color:#666}
 svg{max-width:100%;height:auto;display:block;margin:.4em 0} img{max-width:100%;height:auto;display:block}
-.row{display:flex;flex-wrap:wrap;gap:16px} figure{margin:0 0 1em} figcaption{font-size:13px;color:#444}
+.row{display:flex;flex-wrap:wrap;gap:16px} figure{margin:0 0 1em;width:480px;max-width:100%} figcaption{font-size:13px;color:#444}
 )";
 
 std::string heading(const std::string& text) { return absl::StrFormat("<h2>%s</h2>\n", html_escaped(text)); }
@@ -33,13 +33,15 @@ std::string size_words(const Json& row) {
   return absl::StrFormat("%dx%d", row["width"].get<int>(), row["height"].get<int>());
 }
 
-// "median (p10 .. p90)".
-Cell spread_cell(const Json& spread) {
-  return {
-      .text = absl::StrFormat("%s <span class=\"quiet\">(%s .. %s)</span>", short_number(spread["median"]),
-                              short_number(spread["p10"]), short_number(spread["p90"])),
-      .number = true};
+// "median (p10 .. p90)", as markup; the median alone of a single frame.
+std::string spread_words(const Json& spread) {
+  const std::string median = "<b>" + short_number(spread["median"]) + "</b>";
+  if (spread["p10"] == spread["p90"]) return median;
+  return absl::StrFormat("%s <span class=\"quiet\">(%s .. %s)</span>", median, short_number(spread["p10"]),
+                         short_number(spread["p90"]));
 }
+
+Cell spread_cell(const Json& spread) { return {.text = spread_words(spread), .number = true}; }
 
 // A message over the rest of a row.
 Cell message_cell(const Json& message, int columns, bool bad) {
@@ -48,7 +50,7 @@ Cell message_cell(const Json& message, int columns, bool bad) {
 
 std::string machine_section(const Json& report) {
   const Json& machine = report["machine"];
-  HtmlTable table({"", ""});
+  HtmlTable table;
   for (const auto& [name, value] : machine.items())
     table.add({text_cell(name), text_cell(value.get<std::string>())});
   return heading("The machine") + table.html() + "<h3>To repeat it</h3>\n" +
@@ -93,31 +95,29 @@ absl::StatusOr<std::string> times_section(const Json& report) {
   const absl::StatusOr<std::string> scaling = plot_scaling(times);
   if (!scaling.ok()) return scaling;
   return heading("Time against error: left is faster, lower is nearer to the truth") +
-         html_paragraph(absl::StrFormat("Each point is a tier at a size; a line is the Pareto front of its "
-                                        "size, the least error for the time, and a "
-                                        "point above its line is beaten. Error is the largest of any pixel, "
-                                        "in codes of 1/255, before quantising, "
-                                        "against the float64 reference; 0.5 is where an 8-bit picture may "
-                                        "differ. Errors under %g codes, 0 among "
-                                        "them, are drawn at %g.",
-                                        kErrorFloorCodes, kErrorFloorCodes)) +
+         html_paragraph(absl::StrFormat(
+             "Each point is a tier at a size; a line is the Pareto front of its size, the least error for "
+             "the time, and a point above its line is beaten. Error is the largest of any pixel, in codes of "
+             "1/255, before quantising, against the float64 reference, on the sample scene with all settings "
+             "at their defaults; above 0.5 an 8-bit picture may differ by more than one code. Errors "
+             "under %g codes, 0 among them, are drawn at %g.",
+             kErrorFloorCodes, kErrorFloorCodes)) +
          *plot + times_table(times) +
          html_paragraph(
-             "Device time is the sum of the stages, without the queue. The memcpy is of the frame as it "
-             "comes in "
-             "(8 bytes a pixel), once beside every frame that is timed: what touching its memory costs on "
-             "this "
-             "machine at that moment. The whole call is what a client in front of the server waits.") +
+             "Device time is the sum of the stages, without the queue: median, and tenth and ninetieth "
+             "percentile in parentheses. The memcpy is of the frame as it comes in (8 bytes a pixel), once "
+             "beside every frame that is timed: what touching its memory costs on this machine at that "
+             "moment. The whole call is what a client in front of the server waits. Errors are in codes.") +
          "<h3>Time a megapixel: a level line is work in proportion to the pixels</h3>\n" + *scaling;
 }
 
 std::string stage_times_table(const Json& times) {
-  HtmlTable table({"size", "tier", "stages, median ms"});
+  HtmlTable table({"size", "tier", "stages, ms: median (p10 .. p90)"});
   for (const Json& row : times) {
     if (!row.contains("stages")) continue;
     std::vector<std::string> words;
     for (const Json& stage : row["stages"]) {
-      words.push_back(html_escaped(stage["name"]) + " <b>" + short_number(stage["median_ms"]) + "</b>");
+      words.push_back(html_escaped(stage["name"]) + " " + spread_words(stage["ms"]));
     }
     table.add(
         {text_cell(size_words(row)), text_cell(row["tier"]), {.text = absl::StrJoin(words, " &nbsp; ")}});
@@ -129,8 +129,10 @@ absl::StatusOr<std::string> stages_section(const Json& report) {
   const absl::StatusOr<std::string> plot = plot_stages(report["times"]);
   if (!plot.ok()) return plot;
   return heading("Where the time goes: stage by stage") +
-         html_paragraph(
-             "The largest size that most tiers were timed at is drawn; all sizes are in the table.") +
+         html_paragraph(absl::StrFormat("The largest size that most tiers were timed at is drawn, without "
+                                        "tiers that take over %g times as long as the fastest; all are in "
+                                        "the table.",
+                                        kBeyondScale)) +
          *plot + stage_times_table(report["times"]);
 }
 
@@ -154,30 +156,57 @@ std::string bounds_section(const Json& report) {
          table.html();
 }
 
+std::string picture_words(const Json& picture) {
+  return absl::StrFormat("%d .. %d, mean %s", picture["min"].get<int>(), picture["max"].get<int>(),
+                         short_number(picture["mean"]));
+}
+
+Cell error_cell(const Json& row) {
+  if (row.contains("error")) return message_cell(row["error"], 1, true);
+  if (!row["finite"].get<bool>()) return {.text = "NOT FINITE", .bad = true};
+  return number_cell(row["max_error_codes"]);
+}
+
+// One case's rows, a tier each.
+std::vector<Cell> hard_case_cells(const Json& report, const std::vector<const Json*>& rows) {
+  const Json* shown = rows.front();
+  for (const Json* row : rows) {
+    if ((*row)["tier"] == report["bounded_tier"]) shown = row;
+  }
+  std::vector<Cell> cells{text_cell((*shown)["case"]), text_cell(size_words(*shown)),
+                          text_cell((*shown)["expected"])};
+  if (shown->contains("error")) {
+    cells.push_back(message_cell((*shown)["error"], 3, true));
+  } else {
+    const std::string note = (*shown)["note"];
+    cells.push_back(text_cell(picture_words((*shown)["picture"]) + (note.empty() ? "" : "; " + note)));
+    cells.push_back(number_cell((*shown)["exposure"], 4));
+    cells.push_back({.text = absl::StrFormat("%s / %s / %s", (*shown)["nan"].dump(), (*shown)["inf"].dump(),
+                                             (*shown)["negative"].dump()),
+                     .number = true});
+  }
+  for (const Json* row : rows) cells.push_back(error_cell(*row));
+  return cells;
+}
+
 std::string hard_cases_section(const Json& report) {
-  HtmlTable table({"case", "size", "tier", "finite", "max error, codes", "exposure", "NaN", "Inf", "negative",
-                   "what to see"});
-  std::string last;
+  std::vector<std::string> heads{
+      "case", "size", "stated result", "picture, 8-bit codes", "exposure", "NaN / Inf / negative in"};
+  for (const Json& tier : report["tiers"]) heads.push_back(tier["name"].get<std::string>() + ", codes");
+  HtmlTable table(heads);
+  std::vector<const Json*> rows;
   for (const Json& row : report["hard_cases"]) {
-    const std::string name = row["case"];
-    std::vector<Cell> cells{text_cell(name), text_cell(size_words(row)), text_cell(row["tier"])};
-    if (row.contains("error")) {
-      cells.push_back(message_cell(row["error"], 7, true));
-    } else {
-      const bool finite = row["finite"];
-      cells.push_back({.text = finite ? "yes" : "NO", .bad = !finite});
-      cells.push_back(number_cell(row["max_error_codes"]));
-      for (const char* key : {"exposure", "nan", "inf", "negative"})
-        cells.push_back(number_cell(row[key], 4));
-      cells.push_back(text_cell(row["note"]));
-    }
-    table.add(std::move(cells));
+    rows.push_back(&row);
+    if (rows.size() < report["tiers"].size()) continue;
+    table.add(hard_case_cells(report, rows));
+    rows.clear();
   }
   return heading("Hard cases: frames on which image pipelines fail") +
-         html_paragraph(
-             "Finite: every value of the picture as floats is a number. Counts are of components of the "
-             "frame "
-             "that came in.") +
+         html_paragraph(absl::StrFormat(
+             "The last columns are each tier's largest error against the float64 reference, which follows "
+             "the stated result; a number there means that every value of the picture as floats is finite, "
+             "too. Picture and exposure are of tier %s. Counts are of components of the frame that came in.",
+             report["bounded_tier"].get<std::string>())) +
          table.html();
 }
 
@@ -186,16 +215,17 @@ std::string aces_section(const Json& report) {
   std::string html = heading("How far the ACES approximations are from the whole transform");
   if (aces.contains("missing"))
     return html + html_paragraph("Not measured: " + aces["missing"].get<std::string>() + ".");
-  html +=
-      html_paragraph(absl::StrFormat("Against curve %s at tier %s, from 16-bit pictures. Codes: the largest "
-                                     "difference of R, G and B in 1/255 of the "
-                                     "display range. dE: CIEDE2000 by Little CMS under D65; about 1 is just "
-                                     "visible side by side. Charts at exposure "
-                                     "1, images as metered, all without bloom.",
-                                     aces["reference"].get<std::string>(), aces["tier"].get<std::string>()));
-  HtmlTable table({"colours", "curve", "codes: max", "p95", "mean", "dE: max", "p95", "mean"});
+  html += html_paragraph(absl::StrFormat(
+      "Against curve %s at tier %s, the whole transform by OpenColorIO without a table, from 16-bit "
+      "pictures. The rows of %s itself are the tables of cheaper tiers; docs/pipeline.md, section 5, has "
+      "their errors by table size. Codes: the largest difference of R, G and B in 1/255 of the display "
+      "range. dE: CIEDE2000 by Little CMS under D65; about 1 is just visible side by side. Charts at "
+      "exposure 1, images as metered, all without bloom.",
+      aces["reference"].get<std::string>(), aces["tier"].get<std::string>(),
+      aces["reference"].get<std::string>()));
+  HtmlTable table({"colours", "curve", "tier", "codes: max", "p95", "mean", "dE: max", "p95", "mean"});
   for (const Json& row : aces["rows"]) {
-    std::vector<Cell> cells{text_cell(row["set"]), text_cell(row["curve"])};
+    std::vector<Cell> cells{text_cell(row["set"]), text_cell(row["curve"]), text_cell(row["tier"])};
     if (row.contains("error")) {
       cells.push_back(message_cell(row["error"], 6, true));
     } else {
@@ -239,7 +269,7 @@ std::string images_section(const Json& report) {
   std::string html =
       heading("Error maps: where a picture is off") +
       html_paragraph(absl::StrFormat(
-          "%s. The same scale for every map; where a map is smaller than its image, each pixel "
+          "Colours are %s. The same scale for every map; where a map is smaller than its image, each pixel "
           "is the worst of those it stands for.",
           error_scale_words()));
   for (const Json& image : report["images"]) html += image_figures(image);

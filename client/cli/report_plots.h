@@ -12,12 +12,14 @@ namespace candela {
 // drawn. Fails as plot_svg does.
 
 // Errors below this, 0 among them, have no place on a log scale and are drawn here.
-inline constexpr double kErrorFloorCodes = 1e-4;
+inline constexpr double kErrorFloorCodes = 1e-6;
 
 // Device time against the largest error, log-log: a point a tier and size, and each size's Pareto front.
 absl::StatusOr<std::string> plot_time_against_error(const Json& times);
 
-// Each tier's stages at the largest size that all of the tiers were timed at, as bars.
+// Each tier's stages at the largest size that all of the tiers were timed at, as bars; without tiers that
+// take kBeyondScale times as long as the fastest, beside which the others' stages could not be seen.
+inline constexpr double kBeyondScale = 8;
 absl::StatusOr<std::string> plot_stages(const Json& times);
 
 // Device time a megapixel against size.

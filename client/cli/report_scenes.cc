@@ -72,7 +72,7 @@ Texel hue(float turn) {
 }
 
 struct CaseShape {
-  std::string name;
+  std::string name, expected;
   uint32_t width, height;
   TexelFunction texel;
   std::optional<v1::ExposureState> previous = std::nullopt;
@@ -91,28 +91,29 @@ std::vector<CaseShape> case_shapes() {
   constexpr uint32_t kW = kCaseWidth, kH = kCaseHeight;
   const TexelFunction checkers = [](uint32_t x, uint32_t y) { return grey((x + y) % 2 == 0 ? 0.0f : kMax); };
   return {
-      {"all black", kW, kH, everywhere(0)},
-      {"all 65504", kW, kH, everywhere(kMax)},
-      {"one 65504 on 1e-4", kW, kH, alone(kMax, 1e-4f)},
-      {"one NaN", kW, kH, alone(kNan, 0.18f)},
-      {"all NaN", kW, kH, everywhere(kNan)},
-      {"one +Inf", kW, kH, alone(kInf, 0.18f)},
-      {"all +Inf", kW, kH, everywhere(kInf)},
-      {"one -Inf", kW, kH, alone(-kInf, 0.18f)},
-      {"all -Inf", kW, kH, everywhere(-kInf)},
-      {"one negative", kW, kH, alone(-3, 0.18f)},
-      {"all negative", kW, kH, everywhere(-3)},
-      {"one denormal", kW, kH, alone(0x1p-20f, 0.18f)},
-      {"all denormal", kW, kH, everywhere(0x1p-24f)},
-      {"1x1", 1, 1, ramp},
-      {"1x7", 1, 7, ramp},
-      {"16384x1", 16384, 1, ramp},
-      {"3x5", 3, 5, ramp},
-      {"checkerboard of 0 and 65504", kW, kH, checkers},
-      {"step from black to 65504 in 1/24 s", kW, kH, everywhere(kMax), state(64, 1.0 / 24)},
-      {"elapsed 0 s", kW, kH, ramp, state(64, 0)},
-      {"elapsed 1e-9 s", kW, kH, ramp, state(64, 1e-9)},
-      {"elapsed 1e9 s", kW, kH, ramp, state(64, 1e9)},
+      {"all black", "black at the largest exposure", kW, kH, everywhere(0)},
+      {"all 65504", "white at the smallest exposure", kW, kH, everywhere(kMax)},
+      {"one 65504 on 1e-4", "sums and bloom stay finite", kW, kH, alone(kMax, 1e-4f)},
+      {"one NaN", "taken as 0", kW, kH, alone(kNan, 0.18f)},
+      {"all NaN", "taken as 0: black", kW, kH, everywhere(kNan)},
+      {"one +Inf", "taken as 65504", kW, kH, alone(kInf, 0.18f)},
+      {"all +Inf", "taken as 65504: white", kW, kH, everywhere(kInf)},
+      {"one -Inf", "taken as -65504, shown as 0", kW, kH, alone(-kInf, 0.18f)},
+      {"all -Inf", "taken as -65504: black", kW, kH, everywhere(-kInf)},
+      {"one negative", "kept, shown as 0", kW, kH, alone(-3, 0.18f)},
+      {"all negative", "kept, shown black", kW, kH, everywhere(-3)},
+      {"one denormal", "kept", kW, kH, alone(0x1p-20f, 0.18f)},
+      {"all denormal", "metered as 1e-4", kW, kH, everywhere(0x1p-24f)},
+      {"1x1", "metered whole, no bloom beyond level 0", 1, 1, ramp},
+      {"1x7", "metered whole, edges clamped", 1, 7, ramp},
+      {"16384x1", "metered whole, edges clamped", 16384, 1, ramp},
+      {"3x5", "metered whole, edges clamped", 3, 5, ramp},
+      {"checkerboard of 0 and 65504", "sums and bloom stay finite", kW, kH, checkers},
+      {"step from black to 65504 in 1/24 s", "exposure falls at its speed", kW, kH, everywhere(kMax),
+       state(64, 1.0 / 24)},
+      {"elapsed 0 s", "exposure stays", kW, kH, ramp, state(64, 0)},
+      {"elapsed 1e-9 s", "exposure all but stays", kW, kH, ramp, state(64, 1e-9)},
+      {"elapsed 1e9 s", "exposure arrives", kW, kH, ramp, state(64, 1e9)},
   };
 }
 
@@ -176,9 +177,21 @@ absl::StatusOr<std::vector<HardCase>> hard_cases() {
   for (CaseShape& shape : case_shapes()) {
     absl::StatusOr<Image> frame = make_frame(shape.width, shape.height, shape.texel);
     if (!frame.ok()) return frame.status();
-    cases.push_back({std::move(shape.name), *std::move(frame), std::move(shape.previous)});
+    cases.push_back(
+        {std::move(shape.name), std::move(shape.expected), *std::move(frame), std::move(shape.previous)});
   }
   return cases;
+}
+
+absl::StatusOr<Image> every_half() {
+  absl::StatusOr<Image> image = make_image(256, 256, ImageFormat::kRgba16f);
+  if (!image.ok()) return image;
+  for (uint32_t half = 0; half < 65536; ++half) {
+    const auto bits = static_cast<uint16_t>(half);
+    const std::array<uint16_t, 4> texel = {bits, bits, bits, 0x3c00};  // alpha 1
+    std::memcpy(image->pixels.data() + size_t{half} * sizeof texel, texel.data(), sizeof texel);
+  }
+  return image;
 }
 
 absl::StatusOr<Image> moving_highlight(std::optional<int> eighths) {

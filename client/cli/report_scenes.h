@@ -34,10 +34,14 @@ absl::StatusOr<Image> cropped(Image image, double megapixels);
 // A frame on which programs like this one fail.
 struct HardCase {
   std::string name;
+  std::string expected;  // the stated result
   Image frame;
   std::optional<v1::ExposureState> previous;
 };
 absl::StatusOr<std::vector<HardCase>> hard_cases();
+
+// 256 x 256, every half in turn as the value of R, G and B, row by row.
+absl::StatusOr<Image> every_half();
 
 // A light of 1.5 x 1.5 pixels and luminance 500 on 0.01, moved to the right by `eighths` of a pixel; without
 // `eighths` the ground alone.

@@ -57,7 +57,7 @@ std::string tier_table(const Json& report) {
                text_cell(summary_of(report, row["tier"]))});
   }
   if (rows.empty()) return html_paragraph("No tier was both timed and verified.");
-  return html_paragraph(absl::StrFormat("At %dx%d, half floats in, 8-bit sRGB out, five levels of bloom:",
+  return html_paragraph(absl::StrFormat("At %dx%d, half floats in, 8-bit sRGB out, with bloom:",
                                         rows[0]["width"].get<int>(), rows[0]["height"].get<int>())) +
          table.html();
 }

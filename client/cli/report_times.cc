@@ -8,14 +8,14 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 
 namespace candela {
 namespace {
 
 constexpr int kWarmUp = 2;
-constexpr double kSlowMs = 2000;  // a frame that takes longer is timed kSlowFrames times, after one
-constexpr int kSlowFrames = 3;
-constexpr double kLongestMs = 20000;     // a frame that would take longer is not tried
+constexpr double kSlowMs = 2000;         // a frame that takes longer is slow: timed less often, not warmed up
+constexpr double kLongestMs = 30000;     // a frame that would take longer is not tried
 constexpr double kSkipMegapixels = 2.1;  // what skips save is measured at most there
 
 using Clock = std::chrono::steady_clock;
@@ -54,9 +54,9 @@ struct Samples {
     }
   }
 
-  Json stage_medians() const {
+  Json stage_spreads() const {
     Json rows = Json::array();
-    for (const auto& [name, ms] : stages) rows.push_back({{"name", name}, {"median_ms", quantile(ms, 0.5)}});
+    for (const auto& [name, ms] : stages) rows.push_back({{"name", name}, {"ms", spread(ms)}});
     return rows;
   }
 };
@@ -64,7 +64,9 @@ struct Samples {
 // A plain copy of the frame: what memory alone costs, measured beside the frames.
 class Yardstick {
  public:
-  explicit Yardstick(const Image& frame) : frame_(frame), copy_(frame.bytes()) {}
+  explicit Yardstick(const Image& frame) : frame_(frame), copy_(frame.bytes()) {
+    copy_ms();  // the first one pays for the pages
+  }
 
   double copy_ms() {
     if (copy_.empty()) return 0;
@@ -80,10 +82,10 @@ class Yardstick {
 };
 
 absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Settings& settings,
-                                    const Image& frame, int frames) {
+                                    const Image& frame, const TimePlan& plan) {
   Samples samples;
   Yardstick yardstick(frame);
-  int warm_up = kWarmUp;
+  int warm_up = kWarmUp, frames = plan.frames;
   for (int i = 0; i < warm_up + frames; ++i) {
     const double copy = yardstick.copy_ms();
     const Clock::time_point begin = Clock::now();
@@ -91,8 +93,8 @@ absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Sett
     if (!result.ok()) return result.status();
     const double call = ms_since(begin);
     if (i == 0 && device_ms(result->header) > kSlowMs) {
-      warm_up = 1;
-      frames = std::min(frames, kSlowFrames);
+      warm_up = 0;
+      frames = std::min(frames, plan.slow_frames);
     }
     if (i < warm_up) continue;
     samples.add(result->header);
@@ -102,42 +104,72 @@ absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Sett
   return samples;
 }
 
-void add_error(const ReportSession& session, const TimePlan& plan, const FrameSize& size, const Image& frame,
+// What a tier took at the size before, to tell what it takes at the next one.
+struct Seen {
+  double megapixels = 0;
+  double frame_ms = 0;
+  double verify_ms = 0;  // of the whole call
+
+  Seen at(const FrameSize& size) const {
+    const double ratio = megapixels > 0 ? size.megapixels / megapixels : 0;
+    return {size.megapixels, frame_ms * ratio, verify_ms * ratio};
+  }
+};
+
+// Why something that takes about that long is not done, "" if it is.
+std::string too_late(const TimePlan& plan, double ms) {
+  const double left_ms = absl::ToDoubleMilliseconds(plan.deadline - absl::Now());
+  if (ms <= left_ms) return "";
+  return absl::StrFormat("would take about %.0f s, and %.0f s are left of those that --quick has", ms / 1000,
+                         std::max(0.0, left_ms) / 1000);
+}
+
+std::string too_slow(const TimePlan& plan, const Seen& expected) {
+  if (expected.frame_ms > kLongestMs) {
+    return absl::StrFormat("would take about %.0f s a frame; at most %.0f s are spent",
+                           expected.frame_ms / 1000, kLongestMs / 1000);
+  }
+  const int frames = expected.frame_ms > kSlowMs ? plan.slow_frames : kWarmUp + plan.frames;
+  return too_late(plan, frames * expected.frame_ms);
+}
+
+void add_error(const ReportSession& session, const TimePlan& plan, const Image& frame, Seen& seen,
                Json& row) {
-  if (size.megapixels > plan.verify_megapixels) {
-    row["error_skipped"] =
-        absl::StrFormat("error is measured up to %g megapixels: the reference takes seconds a megapixel",
-                        plan.verify_megapixels);
+  const std::string late = too_late(plan, seen.verify_ms);
+  if (!late.empty()) {
+    row["error_skipped"] = "the error " + late;
     return;
   }
+  const Clock::time_point begin = Clock::now();
   const absl::StatusOr<RenderResult> result =
       session.render(ReportSession::settings(row["tier"]), frame, {.verify = true});
   if (!result.ok()) {
     row["error_skipped"] = std::string(result.status().message());
     return;
   }
+  seen.verify_ms = ms_since(begin);
   const v1::Verification& v = result->header.verify();
   row["error"] = {{"max_codes", json_number(v.max_error_codes())},
                   {"p999_codes", json_number(v.p999_error_codes())},
                   {"mean_codes", json_number(v.mean_error_codes())}};
 }
 
-// One size at one tier.
-Json time_row(const ReportSession& session, const TimePlan& plan, const FrameSize& size, const Image& frame,
-              Json row) {
+// One size at one tier; `seen` is what is expected of it and becomes what it took.
+Json time_row(const ReportSession& session, const TimePlan& plan, const Image& frame, Seen& seen, Json row) {
   const absl::StatusOr<Samples> samples =
-      time_frames(session, ReportSession::settings(row["tier"]), frame, plan.frames);
+      time_frames(session, ReportSession::settings(row["tier"]), frame, plan);
   if (!samples.ok()) {
     row["skipped"] = std::string(samples.status().message());
     return row;
   }
+  seen.frame_ms = quantile(samples->device, 0.5);
   row["frames"] = samples->device.size();
   row["device_ms"] = spread(samples->device);
   row["call_ms"] = spread(samples->call);
   row["memcpy_ms"] = spread(samples->copy);
-  row["memcpy_ratio"] = quantile(samples->device, 0.5) / std::max(1e-6, quantile(samples->copy, 0.5));
-  row["stages"] = samples->stage_medians();
-  add_error(session, plan, size, frame, row);
+  row["memcpy_ratio"] = seen.frame_ms / std::max(1e-6, quantile(samples->copy, 0.5));
+  row["stages"] = samples->stage_spreads();
+  add_error(session, plan, frame, seen, row);
   return row;
 }
 
@@ -156,21 +188,6 @@ Json blank_row(const FrameSize& size, const std::string& tier) {
   return {{"megapixels", size.megapixels}, {"width", size.width}, {"height", size.height}, {"tier", tier}};
 }
 
-// Device time of a tier at the size before, to tell that of the next one.
-struct Seen {
-  double megapixels = 0;
-  double ms = 0;
-};
-
-std::string too_slow(const Seen& seen, const FrameSize& size) {
-  if (seen.megapixels == 0) return "";
-  const double ms = seen.ms * size.megapixels / seen.megapixels;
-  if (ms <= kLongestMs) return "";
-  return absl::StrFormat(
-      "would take about %.0f s a frame, from its time at %g megapixels; at most %.0f s are spent", ms / 1000,
-      seen.megapixels, kLongestMs / 1000);
-}
-
 Json side(const std::string& frame, const Samples& samples) {
   return {{"frame", frame}, {"plan", samples.plan}, {"device_ms", spread(samples.device)}};
 }
@@ -185,8 +202,8 @@ struct Half {
 Json skip_row(const ReportSession& session, const TimePlan& plan, const std::string& what, const Half& with,
               const Half& without) {
   Json row = {{"what", what}};
-  const absl::StatusOr<Samples> slow = time_frames(session, with.settings, with.frame, plan.frames);
-  const absl::StatusOr<Samples> fast = time_frames(session, without.settings, without.frame, plan.frames);
+  const absl::StatusOr<Samples> slow = time_frames(session, with.settings, with.frame, plan);
+  const absl::StatusOr<Samples> fast = time_frames(session, without.settings, without.frame, plan);
   if (!slow.ok() || !fast.ok()) {
     row["error"] = std::string((slow.ok() ? fast : slow).status().message());
     return row;
@@ -213,16 +230,16 @@ Json measure_times(const ReportSession& session, const TimePlan& plan) {
     if (!frame.ok()) why = std::string(frame.status().message());
     for (const std::string& tier : session.tiers()) {
       Json row = blank_row(size, tier);
-      const std::string reason = why.empty() ? too_slow(seen[tier], size) : why;
+      Seen expected = seen[tier].at(size);
+      const std::string reason = why.empty() ? too_slow(plan, expected) : why;
       if (!reason.empty()) {
         row["skipped"] = reason;
         rows.push_back(std::move(row));
         continue;
       }
       session.show(absl::StrFormat("times: %s at %dx%d", tier, size.width, size.height));
-      rows.push_back(time_row(session, plan, size, *frame, std::move(row)));
-      if (rows.back().contains("device_ms"))
-        seen[tier] = {size.megapixels, rows.back()["device_ms"]["median"]};
+      rows.push_back(time_row(session, plan, *frame, expected, std::move(row)));
+      if (rows.back().contains("device_ms")) seen[tier] = expected;
     }
   }
   return rows;

@@ -3,20 +3,22 @@
 
 #include <vector>
 
+#include "absl/time/time.h"
 #include "client/cli/report_scenes.h"
 #include "client/cli/report_session.h"
 
 namespace candela {
 
 struct TimePlan {
-  std::vector<FrameSize> sizes;  // ascending
-  int frames = 11;               // timed, after a warm-up of two
-  double verify_megapixels = 8;  // the largest size whose error is measured, too
+  std::vector<FrameSize> sizes;                  // ascending
+  int frames = 11;                               // timed, after a warm-up of two
+  int slow_frames = 3;                           // of those that take seconds, timed without a warm-up
+  absl::Time deadline = absl::InfiniteFuture();  // what would pass it is left out, and the rows say so
 };
 
 // A row a size and tier: megapixels, width, height, tier and either skipped (why) or frames, device_ms,
-// call_ms and memcpy_ms {p10, median, p90}, memcpy_ratio, stages [{name, median_ms}] and either error
-// {max_codes, p999_codes, mean_codes} or error_skipped (why).
+// call_ms and memcpy_ms {p10, median, p90}, memcpy_ratio, stages [{name, ms {p10, median, p90}}] and either
+// error {max_codes, p999_codes, mean_codes} or error_skipped (why).
 Json measure_times(const ReportSession& session, const TimePlan& plan);
 
 // Work that a frame needs against the same without it: what, with and without {frame, plan, device_ms},

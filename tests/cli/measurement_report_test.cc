@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <set>
 
@@ -41,15 +42,19 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
     EXPECT_FALSE(row.contains("error")) << row;
     EXPECT_TRUE(row.at("finite").get<bool>()) << row;
     EXPECT_TRUE(row.at("max_error_codes").is_number()) << row;
+    EXPECT_NE(row.at("expected"), "") << row;
   }
   EXPECT_GE(cases.size(), 20u);
   for (const auto& [name, seen] : cases) EXPECT_EQ(seen, tiers) << name;
-  ASSERT_EQ(report.at("stage_errors").size(), 5u);
+  ASSERT_EQ(report.at("stage_errors").size(), 6u);
   for (const json& row : report.at("stage_errors")) EXPECT_TRUE(row.at("ok").get<bool>()) << row;
   for (const json& row : report.at("times")) {
     EXPECT_GT(row.at("device_ms").at("median"), 0) << row;
     EXPECT_LE(row.at("device_ms").at("p10"), row.at("device_ms").at("p90")) << row;
     EXPECT_TRUE(row.at("error").at("max_codes").is_number()) << row;
+    for (const json& stage : row.at("stages")) {
+      EXPECT_LE(stage.at("ms").at("p10"), stage.at("ms").at("p90")) << row;
+    }
   }
   EXPECT_EQ(report.at("skips").size(), 2u);
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
@@ -76,6 +81,20 @@ TEST(MeasurementReport, WithoutGnuplotItSaysWhatToInstallAndWritesNothing) {
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("gnuplot-nox"), std::string::npos) << outcome.err;
   EXPECT_EQ(folder.list(), std::vector<std::string>{});
+}
+
+TEST(MeasurementReport, AGnuplotThatFailsGivesItsReason) {
+  const TemporaryFolder folder;
+  const std::string gnuplot = folder.path("gnuplot");
+  write_file(gnuplot, "#!/bin/sh\necho 'no terminal\n  svg' >&2\nexit 3\n");
+  std::filesystem::permissions(gnuplot, std::filesystem::perms::owner_all);
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", folder.path("").c_str(), 1);
+  const Outcome outcome = candela({"report", folder.path("report")});
+  setenv("PATH", path.c_str(), 1);
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("it ended with code 3: no terminal svg"), std::string::npos) << outcome.err;
+  EXPECT_EQ(folder.list(), std::vector<std::string>{"gnuplot"});
 }
 
 TEST(MeasurementReport, SizesAreNumbersInTheirRange) {
