@@ -29,7 +29,7 @@ namespace {
 constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
 
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
-constexpr int kOtherStreams = 64;  // on one connection, beside Render calls
+constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
 
 // What a frame's memory lives on.
 struct Engine {
@@ -164,6 +164,10 @@ void Server::Parts::stop(absl::Duration grace) {
 
 absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   if (absl::Status status = check_config(config); !status.ok()) return status;
+  absl::StatusOr<TokenKeys> keys = config.resume_keys.empty()
+                                       ? TokenKeys::random(config.resume_ttl)
+                                       : TokenKeys::read(config.resume_keys, config.resume_ttl);
+  if (!keys.ok()) return keys.status();
   prepare_driver_environment();
   absl::StatusOr<std::shared_ptr<Engine>> engine = start_engine(config);
   if (!engine.ok()) return engine.status();
@@ -178,9 +182,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   parts->loop = std::make_unique<RenderLoop>(
       render_frame,
       config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
-  parts->encoders = std::make_unique<WorkerPool>(0);
-  absl::StatusOr<TokenKeys> keys = TokenKeys::random();
-  if (!keys.ok()) return keys.status();
+  parts->encoders = std::make_unique<WorkerPool>(config.encoder_threads);
   parts->backend.reset(new Backend{.renderer = renderer,
                                    .loop = *parts->loop,
                                    .tier_meter = *parts->tier_meter,
@@ -216,6 +218,7 @@ void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
   parts_->grpc->GetHealthCheckService()->Shutdown();
   Backend& backend = *parts_->backend;
+  absl::SleepFor(parts_->config.pre_drain);
   const absl::Time deadline = absl::Now() + parts_->config.drain_timeout;
   backend.gate.close();
   backend.session_gate.close();

@@ -36,9 +36,10 @@ class Server {
   // Warnings and errors that Vulkan's validation layers have reported, where the config turned them on.
   uint64_t validation_messages() const;
 
-  // Health says NOT_SERVING and new calls get UNAVAILABLE; frames in flight have config.drain_timeout to
-  // finish, then their calls are cancelled. `on_drained` is called when none is in flight any more, unless
-  // that took too long; then connections are closed. Returns when nothing runs any more. Once.
+  // Health says NOT_SERVING; config.pre_drain later new calls get UNAVAILABLE, and frames in flight have
+  // config.drain_timeout to finish, then their calls are cancelled. `on_drained` is called when none is in
+  // flight any more, unless that took too long; then connections are closed. Returns when nothing runs any
+  // more. Once.
   void drain_and_stop(const std::function<void()>& on_drained = {});
 
  private:
