@@ -110,7 +110,10 @@ int serve(const Invocation& invocation) {
   const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
   absl::PrintF("listening on %s\n", addresses);
   std::fflush(stdout);
-  log_event(LogLevel::kInfo, "serving", {{"address", addresses}, {"device", (*server)->device_name()}});
+  log_event(LogLevel::kInfo, "serving",
+            {{"address", addresses},
+             {"device", (*server)->device_name()},
+             {"metrics", (*server)->metrics_address()}});
   signals.wait_for_stop();
   (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");

@@ -30,6 +30,9 @@ class Server {
   // Where it listens, with the ports that were taken for port 0; empty when nowhere.
   const std::vector<std::string>& addresses() const;
 
+  // Where it serves metrics, with the port that was taken for port 0; empty when nowhere.
+  const std::string& metrics_address() const;
+
   // The device's own name.
   const std::string& device_name() const;
 
