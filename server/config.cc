@@ -46,8 +46,14 @@ absl::Status check_config(const Config& config) {
   status.Update(check_bytes("max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes));
   status.Update(check_number("max-dimension", config.max_dimension, kMaxDimension));
   status.Update(check_number("max-calls", config.max_calls, kMaxCalls));
+  status.Update(check_number("max-sessions", config.max_sessions, kMaxSessions));
+  status.Update(check_number("max-frames-in-flight", config.max_frames_in_flight, kMaxFramesInFlight));
+  status.Update(check_number("encoder-threads", config.encoder_threads, kEncoderThreads));
   status.Update(check_duration("idle-timeout", config.idle_timeout, kIdleTimeout));
   status.Update(check_duration("drain-timeout", config.drain_timeout, kDrainTimeout));
+  status.Update(check_duration("pre-drain", config.pre_drain, kPreDrain));
+  status.Update(check_duration("resume-ttl", config.resume_ttl, kResumeTtl));
+  if (!config.metrics.empty()) status.Update(check_metrics_address(config.metrics, config.insecure));
   for (const std::string& address : config.listen) {
     status.Update(check_listen_address(address, config.insecure));
   }

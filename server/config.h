@@ -28,10 +28,16 @@ struct Config {
   uint32_t max_calls = 64;                               // Render and Meter calls at once
   uint32_t max_sessions = 64;                            // streams at once
   uint32_t max_frames_in_flight = 2;                     // of a session, without a result
+  uint32_t encoder_threads = 0;                          // for PNG and JPEG results; 0: one per core
   absl::Duration idle_timeout =
       absl::Seconds(60);  // a client that neither sends nor reads for so long is cut off
   absl::Duration drain_timeout =
       absl::Seconds(30);  // how long frames in flight may take once the server stops
+  // Between health's NOT_SERVING and the first refusal: time for proxies to look elsewhere.
+  absl::Duration pre_drain = absl::ZeroDuration();
+  std::string resume_keys;  // file of keys that sign resume tokens; empty: a key of this server's own
+  absl::Duration resume_ttl = absl::Minutes(10);  // how long a resume token is good
+  std::string metrics;                            // "HOST:PORT" where /metrics is served; empty: nowhere
 };
 
 // Inclusive.
@@ -39,8 +45,13 @@ inline constexpr v1::Range<uint64_t> kMemoryBudgetBytes{uint64_t{1} << 20, uint6
 inline constexpr v1::Range<uint64_t> kMaxFrameBytes{4, uint64_t{1} << 32};
 inline constexpr v1::Range<uint32_t> kMaxDimension{1, v1::kMaxDimension};
 inline constexpr v1::Range<uint32_t> kMaxCalls{1, 4096};
+inline constexpr v1::Range<uint32_t> kMaxSessions{1, 4096};
+inline constexpr v1::Range<uint32_t> kMaxFramesInFlight{1, 16};
+inline constexpr v1::Range<uint32_t> kEncoderThreads{0, 256};
 inline constexpr v1::Range<absl::Duration> kIdleTimeout{absl::Milliseconds(10), absl::Hours(24)};
 inline constexpr v1::Range<absl::Duration> kDrainTimeout{absl::ZeroDuration(), absl::Hours(1)};
+inline constexpr v1::Range<absl::Duration> kPreDrain{absl::ZeroDuration(), absl::Minutes(10)};
+inline constexpr v1::Range<absl::Duration> kResumeTtl{absl::Seconds(1), absl::Hours(24)};
 
 // $XDG_CACHE_HOME/candela or ~/.cache/candela; empty where there is neither.
 std::string default_cache_dir();

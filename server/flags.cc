@@ -46,6 +46,14 @@ void add_flag(CLI::App& app, const std::string& name, bool& value, const std::st
   finish(app.add_flag("--" + name, value, help), name);
 }
 
+void add_text(CLI::App& app, const std::string& name, const std::string& type, std::string& value,
+              const std::string& help) {
+  add(app, name, type, value, help, [&value](const std::string& text) {
+    value = text;
+    return absl::OkStatus();
+  });
+}
+
 void add_bytes(CLI::App& app, const std::string& name, uint64_t& value, v1::Range<uint64_t> range,
                const std::string& help) {
   const std::string limits = absl::StrFormat(", %s .. %s", format_bytes(range.min), format_bytes(range.max));
@@ -97,26 +105,31 @@ void add_options(CLI::App& app, Invocation& invocation) {
         return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
       });
   add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback, without TLS");
-  add(app, "device", "NAME|INDEX", "", "Vulkan device: a part of its name or its index; empty takes the best",
-      [&config](const std::string& text) {
-        config.device = text;
-        return absl::OkStatus();
-      });
+  add_text(app, "device", "NAME|INDEX", config.device,
+           "Vulkan device: a part of its name or its index; empty takes the best");
   add_flag(app, "validation", config.validation, "Run with Vulkan's validation layers (slow)");
-  add(app, "cache-dir", "PATH", "",
-      "Where to keep what was measured about the device; empty takes the user's cache",
-      [&config](const std::string& text) {
-        config.cache_dir = text;
-        return absl::OkStatus();
-      });
+  add_text(app, "cache-dir", "PATH", config.cache_dir,
+           "Where to keep what was measured about the device; empty takes the user's cache");
   add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes, "Memory for textures");
   add_bytes(app, "max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes, "Largest frame on the wire");
   add_number(app, "max-dimension", config.max_dimension, kMaxDimension, "Largest width or height, in pixels");
-  add_number(app, "max-calls", config.max_calls, kMaxCalls, "Render calls at once");
+  add_number(app, "max-calls", config.max_calls, kMaxCalls, "Render and Meter calls at once");
+  add_number(app, "max-sessions", config.max_sessions, kMaxSessions, "Streams at once");
+  add_number(app, "max-frames-in-flight", config.max_frames_in_flight, kMaxFramesInFlight,
+             "Frames of a session without a result");
+  add_number(app, "encoder-threads", config.encoder_threads, kEncoderThreads,
+             "Threads for PNG and JPEG results; 0: one per core");
   add_duration(app, "idle-timeout", config.idle_timeout, kIdleTimeout,
                "A client that neither sends nor reads for so long is cut off");
   add_duration(app, "drain-timeout", config.drain_timeout, kDrainTimeout,
                "How long frames in flight may take after SIGTERM");
+  add_duration(app, "pre-drain", config.pre_drain, kPreDrain,
+               "How long after SIGTERM calls are still taken while health says NOT_SERVING");
+  add_text(app, "resume-keys", "FILE", config.resume_keys,
+           "Keys that sign resume tokens, one a line in hex; empty takes a key of this server's own");
+  add_duration(app, "resume-ttl", config.resume_ttl, kResumeTtl, "How long a resume token is good");
+  add_text(app, "metrics", "ADDRESS", config.metrics,
+           "Where to serve Prometheus metrics: HOST:PORT; empty: nowhere");
   add_log_options(app, invocation.log);
 }
 

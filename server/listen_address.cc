@@ -54,6 +54,12 @@ absl::Status check_listen_address(const std::string& address, bool insecure) {
   return absl::OkStatus();
 }
 
+absl::Status check_metrics_address(const std::string& address, bool insecure) {
+  if (!absl::StartsWith(address, "unix:")) return check_listen_address(address, insecure);
+  return absl::InvalidArgumentError(
+      absl::StrFormat("metrics is '%s'; it must be HOST:PORT, for metrics are served over HTTP", address));
+}
+
 absl::Status check_socket_is_free(const std::string& address) {
   absl::string_view path = address;
   if (!absl::ConsumePrefix(&path, "unix:")) return absl::OkStatus();

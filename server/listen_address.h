@@ -12,6 +12,9 @@ namespace candela {
 // and read.
 absl::Status check_listen_address(const std::string& address, bool insecure);
 
+// The same for metrics, which are served over HTTP: no "unix:PATH".
+absl::Status check_metrics_address(const std::string& address, bool insecure);
+
 // UNAVAILABLE where a "unix:PATH" is served by somebody else already, or is a file that is no socket: gRPC
 // unlinks whatever lies there. OK for all others, TCP among them.
 absl::Status check_socket_is_free(const std::string& address);

@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
-// How much longer than its drain timeout a server may take to stop before the process is ended.
+// How much longer than its pre-drain and drain timeout a server may take to stop before the process is ended.
 constexpr absl::Duration kStopGrace = absl::Seconds(10);
 
 // SIGTERM and SIGINT on a thread of their own: the first asks the server to drain; the second, or a server
@@ -101,7 +101,7 @@ int print_devices() {
 
 int serve(const Invocation& invocation) {
   start_logging(invocation.log);
-  Signals signals(invocation.config.drain_timeout + kStopGrace);
+  Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
   Config config = invocation.config;
   if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
@@ -110,7 +110,10 @@ int serve(const Invocation& invocation) {
   const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
   absl::PrintF("listening on %s\n", addresses);
   std::fflush(stdout);
-  log_event(LogLevel::kInfo, "serving", {{"address", addresses}, {"device", (*server)->device_name()}});
+  log_event(LogLevel::kInfo, "serving",
+            {{"address", addresses},
+             {"device", (*server)->device_name()},
+             {"metrics", (*server)->metrics_address()}});
   signals.wait_for_stop();
   (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");

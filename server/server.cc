@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/base/driver_environment.h"
+#include "server/base/metrics.h"
 #include "server/listen_address.h"
 #include "server/render/renderer.h"
 #include "server/render/self_test.h"
@@ -29,7 +30,7 @@ namespace {
 constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
 
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
-constexpr int kOtherStreams = 64;  // on one connection, beside Render calls
+constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
 
 // What a frame's memory lives on.
 struct Engine {
@@ -97,10 +98,12 @@ struct Server::Parts {
   explicit Parts(const Config& c) : config(c) {}
 
   absl::Status listen();
+  absl::Status serve_metrics();
   // Calls that still run after `grace` are cancelled.
   void stop(absl::Duration grace);
 
   const Config config;
+  std::unique_ptr<Metrics> metrics;
   std::shared_ptr<Engine> engine;
   std::unique_ptr<TierMeter> tier_meter;
   std::unique_ptr<RenderLoop> loop;
@@ -109,6 +112,8 @@ struct Server::Parts {
   std::unique_ptr<RenderService> service;
   std::unique_ptr<grpc::Server> grpc;
   std::vector<std::string> addresses;
+  std::unique_ptr<MetricsServer> metrics_server;
+  std::string metrics_address;
 };
 
 absl::Status Server::Parts::listen() {
@@ -151,6 +156,19 @@ absl::Status Server::Parts::listen() {
   return absl::OkStatus();
 }
 
+absl::Status Server::Parts::serve_metrics() {
+  if (config.metrics.empty()) return absl::OkStatus();
+  metrics->set_sampler([this]() -> Metrics::Sample {
+    const PoolCounters pool = engine->pool.counters();
+    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle};
+  });
+  absl::StatusOr<std::unique_ptr<MetricsServer>> started = MetricsServer::start(*metrics, config.metrics);
+  if (!started.ok()) return started.status();
+  metrics_server = *std::move(started);
+  metrics_address = metrics_server->address();
+  return absl::OkStatus();
+}
+
 void Server::Parts::stop(absl::Duration grace) {
   if (grpc == nullptr) return;
   backend->gate.close();
@@ -160,10 +178,16 @@ void Server::Parts::stop(absl::Duration grace) {
   loop->stop();
   encoders->stop();
   grpc.reset();
+  metrics_server.reset();
+  metrics->set_sampler({});
 }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   if (absl::Status status = check_config(config); !status.ok()) return status;
+  absl::StatusOr<TokenKeys> keys = config.resume_keys.empty()
+                                       ? TokenKeys::random(config.resume_ttl)
+                                       : TokenKeys::read(config.resume_keys, config.resume_ttl);
+  if (!keys.ok()) return keys.status();
   prepare_driver_environment();
   absl::StatusOr<std::shared_ptr<Engine>> engine = start_engine(config);
   if (!engine.ok()) return engine.status();
@@ -171,6 +195,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   auto parts = std::make_unique<Parts>(config);
   parts->engine = *std::move(engine);
   const DeviceSummary& device = parts->engine->device->summary();
+  parts->metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
   const std::shared_ptr<Renderer> renderer(parts->engine, parts->engine->renderer.get());
   parts->tier_meter = std::make_unique<TierMeter>(
       *renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
@@ -178,9 +203,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
   parts->loop = std::make_unique<RenderLoop>(
       render_frame,
       config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
-  parts->encoders = std::make_unique<WorkerPool>(0);
-  absl::StatusOr<TokenKeys> keys = TokenKeys::random();
-  if (!keys.ok()) return keys.status();
+  parts->encoders = std::make_unique<WorkerPool>(config.encoder_threads);
   parts->backend.reset(new Backend{.renderer = renderer,
                                    .loop = *parts->loop,
                                    .tier_meter = *parts->tier_meter,
@@ -191,12 +214,15 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
                                    .device = device.name,
                                    .encoders = *parts->encoders,
                                    .keys = *std::move(keys),
+                                   .metrics = *parts->metrics,
                                    .gate = CallGate("calls", config.max_calls),
                                    .session_gate = CallGate("sessions", config.max_sessions)});
   parts->service =
       std::make_unique<RenderService>(*parts->backend, parts->engine->pool, server_info(config, device));
+  if (absl::Status status = parts->serve_metrics(); !status.ok()) return status;
   if (absl::Status status = parts->listen(); !status.ok()) return status;
   parts->grpc->GetHealthCheckService()->SetServingStatus(v1::RenderService::service_full_name(), true);
+  parts->metrics->serving(true);
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
@@ -208,14 +234,18 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() { return parts_->grp
 
 const std::vector<std::string>& Server::addresses() const { return parts_->addresses; }
 
+const std::string& Server::metrics_address() const { return parts_->metrics_address; }
+
 const std::string& Server::device_name() const { return parts_->engine->device->summary().name; }
 
 uint64_t Server::validation_messages() const { return parts_->engine->device->validation_messages(); }
 
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
+  parts_->metrics->serving(false);
   parts_->grpc->GetHealthCheckService()->Shutdown();
   Backend& backend = *parts_->backend;
+  absl::SleepFor(parts_->config.pre_drain);
   const absl::Time deadline = absl::Now() + parts_->config.drain_timeout;
   backend.gate.close();
   backend.session_gate.close();

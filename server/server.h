@@ -30,15 +30,19 @@ class Server {
   // Where it listens, with the ports that were taken for port 0; empty when nowhere.
   const std::vector<std::string>& addresses() const;
 
+  // Where it serves metrics, with the port that was taken for port 0; empty when nowhere.
+  const std::string& metrics_address() const;
+
   // The device's own name.
   const std::string& device_name() const;
 
   // Warnings and errors that Vulkan's validation layers have reported, where the config turned them on.
   uint64_t validation_messages() const;
 
-  // Health says NOT_SERVING and new calls get UNAVAILABLE; frames in flight have config.drain_timeout to
-  // finish, then their calls are cancelled. `on_drained` is called when none is in flight any more, unless
-  // that took too long; then connections are closed. Returns when nothing runs any more. Once.
+  // Health says NOT_SERVING; config.pre_drain later new calls get UNAVAILABLE, and frames in flight have
+  // config.drain_timeout to finish, then their calls are cancelled. `on_drained` is called when none is in
+  // flight any more, unless that took too long; then connections are closed. Returns when nothing runs any
+  // more. Once.
   void drain_and_stop(const std::function<void()>& on_drained = {});
 
  private:

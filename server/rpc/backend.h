@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/time/time.h"
+#include "server/base/metrics.h"
 #include "server/base/worker_pool.h"
 #include "server/render/renderer.h"
 #include "server/render/tier_numbers.h"
@@ -29,6 +30,7 @@ struct Backend {
   std::string device;  // its own name
   WorkerPool& encoders;
   TokenKeys keys;
+  Metrics& metrics;
   CallGate gate;          // Render and Meter calls
   CallGate session_gate;  // streams
   SessionTable sessions{};

@@ -5,6 +5,7 @@
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
 #include "server/base/log.h"
+#include "server/rpc/frame_metrics.h"
 #include "server/rpc/status.h"
 
 namespace candela {
@@ -43,6 +44,7 @@ void RenderCall::OnReadDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (state_ == State::kFinished) return;
   last_progress_ = absl::Now();
+  if (ok) backend_.metrics.bytes_in(incoming_.Length());
   absl::Status status;
   if (state_ == State::kStart) {
     status = ok ? take_start() : absl::InvalidArgumentError("call was half-closed before its start message");
@@ -128,10 +130,14 @@ absl::Status RenderCall::enqueue() {
 }
 
 void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
-  if (rendered.ok()) ++backend_.frames_rendered;
+  if (rendered.ok()) {
+    ++backend_.frames_rendered;
+    count_stages(backend_.metrics, *rendered);
+  }
   absl::MutexLock lock(&mutex_);
   if (state_ == State::kFinished) return;
   if (!rendered.ok()) return finish(rendered.status());
+  backend_.metrics.frame_ended(absl::StatusCode::kOk);
   state_ = State::kSending;
   last_progress_ = absl::Now();
   if (work_ == Work::kMeter) {
@@ -156,6 +162,7 @@ void RenderCall::OnWriteDone(bool ok) {
 
 void RenderCall::send_next() {
   if (!result_->next(outgoing_)) return finish(absl::OkStatus());
+  backend_.metrics.bytes_out(outgoing_.Length());
   StartWrite(&outgoing_);
 }
 
@@ -167,7 +174,16 @@ void RenderCall::OnCancel() {
   finish(absl::CancelledError("call was cancelled"));
 }
 
+void RenderCall::count_end(const absl::Status& status) {
+  Metrics& metrics = backend_.metrics;
+  if (state_ == State::kBands || state_ == State::kQueued) return metrics.frame_ended(status.code());
+  if (state_ == State::kSending) return;  // counted when it was rendered
+  if (!inside_) return metrics.rejected(backend_.gate.closed() ? Rejection::kDraining : Rejection::kCalls);
+  if (const std::optional<Rejection> reason = rejection_of(status)) metrics.rejected(*reason);
+}
+
 void RenderCall::finish(const absl::Status& status) {
+  count_end(status);
   state_ = State::kFinished;
   const grpc::Status told = to_grpc(status);
   log_event(LogLevel::kInfo, "render call ended",

@@ -54,6 +54,7 @@ class RenderCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   absl::Status take_band() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status enqueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_rendered(absl::StatusOr<RenderedFrame> rendered);
+  void count_end(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void send_next() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void finish(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

@@ -32,6 +32,11 @@ bool RenderLoop::cancel(Ticket ticket) {
   return job.has_value();
 }
 
+size_t RenderLoop::waiting() const {
+  absl::MutexLock lock(&mutex_);
+  return queue_.size();
+}
+
 void RenderLoop::stop() {
   {
     absl::MutexLock lock(&mutex_);

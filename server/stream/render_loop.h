@@ -35,6 +35,9 @@ class RenderLoop {
   // done.
   bool cancel(Ticket ticket);
 
+  // Frames that wait for their turn.
+  size_t waiting() const;
+
   // Takes no more jobs, finishes those it has, and returns when the thread has ended. Idempotent.
   void stop();
 
@@ -43,7 +46,7 @@ class RenderLoop {
   void serve(FrameJob job);
 
   const Render render_;
-  absl::Mutex mutex_;
+  mutable absl::Mutex mutex_;
   std::deque<std::function<void()>> tasks_ ABSL_GUARDED_BY(mutex_);
   FrameQueue queue_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;

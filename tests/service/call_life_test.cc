@@ -191,6 +191,22 @@ TEST(Drain, AFrameInFlightFinishesWhileNewCallsAreRefused) {
   drain.join();
 }
 
+TEST(Drain, ThePreDrainTakesCallsWhileHealthAlreadyWarns) {
+  Config config = test_config();
+  config.pre_drain = absl::Seconds(2);
+  const std::unique_ptr<Server> server = start_server(config);
+  const Connection connection(server->in_process_channel());
+  const absl::Time start = absl::Now();
+  std::thread drain([&server] { server->drain_and_stop(); });
+  while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));
+  absl::Status status = connection.render({}, view(natural(16, 16))).status();
+  EXPECT_TRUE(status.ok()) << status;
+  while (status.ok()) status = connection.render({}, view(natural(16, 16))).status();
+  EXPECT_GE(absl::Now() - start, absl::Seconds(2));
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  drain.join();
+}
+
 TEST(Drain, CallsThatOutlastTheDrainTimeoutAreCancelled) {
   Config config = test_config();
   config.drain_timeout = absl::Milliseconds(100);

@@ -141,6 +141,14 @@ TEST(Candelad, BadOptionsEndWithTwoAndOneLine) {
   }
 }
 
+TEST(Candelad, KeysThatCannotBeUsedEndWithOneAndOneLine) {
+  Daemon daemon({"--resume-keys", "/no/such/keys"});
+  EXPECT_EQ(daemon.wait(), 1);
+  const std::string errors = daemon.errors();
+  EXPECT_EQ(errors.rfind("candelad: resume-keys: cannot read /no/such/keys", 0), 0u) << errors;
+  EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+}
+
 TEST(Candelad, AnUnknownDeviceEndsWithOneAndNamesThoseThereAre) {
   Daemon daemon({"--device", "no such device"});
   EXPECT_EQ(daemon.wait(), 1);

@@ -66,6 +66,8 @@ TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
   EXPECT_EQ(info->limits().max_dimension(), v1::kMaxDimension);
   EXPECT_EQ(info->limits().max_band_bytes(), v1::kMaxBandBytes);
   EXPECT_EQ(info->limits().memory_budget_bytes(), uint64_t{256} << 20);
+  EXPECT_EQ(info->limits().max_sessions(), 5u);
+  EXPECT_EQ(info->limits().max_frames_in_flight(), 3u);
   ASSERT_GT(info->tiers_size(), 0);
   std::set<std::string> tiers;
   for (const v1::Tier& tier : info->tiers()) tiers.insert(tier.name());

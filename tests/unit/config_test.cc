@@ -65,6 +65,13 @@ void expect_equal(const Invocation& a, const Invocation& b) {
   EXPECT_EQ(a.config.max_calls, b.config.max_calls);
   EXPECT_EQ(a.config.idle_timeout, b.config.idle_timeout);
   EXPECT_EQ(a.config.drain_timeout, b.config.drain_timeout);
+  EXPECT_EQ(a.config.max_sessions, b.config.max_sessions);
+  EXPECT_EQ(a.config.max_frames_in_flight, b.config.max_frames_in_flight);
+  EXPECT_EQ(a.config.encoder_threads, b.config.encoder_threads);
+  EXPECT_EQ(a.config.pre_drain, b.config.pre_drain);
+  EXPECT_EQ(a.config.resume_keys, b.config.resume_keys);
+  EXPECT_EQ(a.config.resume_ttl, b.config.resume_ttl);
+  EXPECT_EQ(a.config.metrics, b.config.metrics);
   EXPECT_EQ(a.log.level, b.log.level);
   EXPECT_EQ(a.log.json, b.log.json);
 }
@@ -87,7 +94,7 @@ TEST(Config, TheAnnotatedFileListsExactlyTheOptionsThatExist) {
   }
   for (const char* not_a_key : {"config", "list-devices", "version"}) EXPECT_EQ(options.erase(not_a_key), 1u);
   EXPECT_EQ(keys_of(CANDELA_CONF), options);
-  EXPECT_EQ(options.size(), 13u);
+  EXPECT_EQ(options.size(), 20u);
 }
 
 TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
@@ -100,6 +107,23 @@ TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
   EXPECT_EQ(invocation->config.max_dimension, 200u);
   EXPECT_EQ(invocation->config.memory_budget_bytes, uint64_t{1} << 30);
   EXPECT_TRUE(invocation->log.json);
+}
+
+TEST(Config, SessionsOptionsAreRead) {
+  const Variable keys("CANDELA_RESUME_KEYS", "/etc/candela/keys");
+  const TemporaryFile file("resume-ttl = \"1h\"\nmetrics = \"127.0.0.1:9090\"\n");
+  const absl::StatusOr<Invocation> invocation =
+      parse({"--config", file.path(), "--max-sessions", "3", "--max-frames-in-flight", "4",
+             "--encoder-threads", "5", "--pre-drain", "6s"});
+  ASSERT_TRUE(invocation.ok()) << invocation.status();
+  EXPECT_EQ(invocation->config.max_sessions, 3u);
+  EXPECT_EQ(invocation->config.max_frames_in_flight, 4u);
+  EXPECT_EQ(invocation->config.encoder_threads, 5u);
+  EXPECT_EQ(invocation->config.pre_drain, absl::Seconds(6));
+  EXPECT_EQ(invocation->config.resume_keys, "/etc/candela/keys");
+  EXPECT_EQ(invocation->config.resume_ttl, absl::Hours(1));
+  EXPECT_EQ(invocation->config.metrics, "127.0.0.1:9090");
+  EXPECT_TRUE(parse({"--metrics", "0.0.0.0:9090", "--insecure"}).ok());
 }
 
 TEST(Config, ListenTakesSeveralAddresses) {
@@ -121,6 +145,15 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
       {{"--idle-timeout", "60"}, "idle-timeout"},
       {{"--idle-timeout", "-1s"}, "idle-timeout"},
       {{"--drain-timeout", "2h"}, "drain-timeout"},
+      {{"--max-sessions", "0"}, "max-sessions"},
+      {{"--max-sessions", "4097"}, "max-sessions"},
+      {{"--max-frames-in-flight", "17"}, "max-frames-in-flight"},
+      {{"--encoder-threads", "257"}, "encoder-threads"},
+      {{"--pre-drain", "601s"}, "pre-drain"},
+      {{"--resume-ttl", "0"}, "resume-ttl"},
+      {{"--metrics", "unix:/tmp/m.sock"}, "metrics"},
+      {{"--metrics", "9090"}, "9090"},
+      {{"--metrics", "0.0.0.0:9090"}, "--insecure"},
       {{"--log-level", "loud"}, "log-level"},
       {{"--listen", "nowhere"}, "nowhere"},
       {{"--lisen", "127.0.0.1:1"}, "--lisen"},

@@ -1,0 +1,181 @@
+#include "server/base/metrics.h"
+
+#include <prometheus/counter.h>
+#include <prometheus/exposer.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+
+#include <exception>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace candela {
+namespace {
+
+using prometheus::BuildCounter;
+using prometheus::BuildGauge;
+using prometheus::BuildHistogram;
+using prometheus::Counter;
+using prometheus::Family;
+using prometheus::Gauge;
+using prometheus::Histogram;
+
+// Seconds: a small frame's pass takes a tenth of a millisecond, a large one's verification some seconds.
+const Histogram::BucketBoundaries kStageSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
+                                                   0.05,   0.1,     0.25,   0.5,   1.0,    2.5,   5.0,  10.0};
+
+const char* word(Rejection reason) {
+  switch (reason) {
+    case Rejection::kCalls:
+      return "calls";
+    case Rejection::kSessions:
+      return "sessions";
+    case Rejection::kDraining:
+      return "draining";
+    case Rejection::kMemory:
+      return "memory";
+    case Rejection::kSize:
+      return "size";
+    case Rejection::kRequest:
+      return "request";
+    case Rejection::kPromise:
+      return "promise";
+    case Rejection::kToken:
+      return "token";
+  }
+  return "other";
+}
+
+}  // namespace
+
+struct Metrics::Impl final : prometheus::Collectable {
+  prometheus::Registry registry;
+  Family<Histogram>& stages = BuildHistogram()
+                                  .Name("candela_frame_stage_duration_seconds")
+                                  .Help("Time of a frame's stages; device time where the device did the work")
+                                  .Register(registry);
+  Family<Counter>& frames = BuildCounter()
+                                .Name("candela_frames_total")
+                                .Help("Frames whose memory was taken, by the status that they ended with")
+                                .Register(registry);
+  Family<Counter>& rejections = BuildCounter()
+                                    .Name("candela_rejections_total")
+                                    .Help("Calls and sessions turned away before they had a frame")
+                                    .Register(registry);
+  Family<Counter>& bytes = BuildCounter()
+                               .Name("candela_bytes_total")
+                               .Help("Bytes of the messages of calls with frames, as the server sees them")
+                               .Register(registry);
+  Counter& bytes_in = bytes.Add({{"direction", "in"}});
+  Counter& bytes_out = bytes.Add({{"direction", "out"}});
+  Counter& device_rebuilds = BuildCounter()
+                                 .Name("candela_device_rebuilds_total")
+                                 .Help("Devices opened anew after one was lost")
+                                 .Register(registry)
+                                 .Add({});
+  Gauge& sessions = BuildGauge().Name("candela_sessions").Help("Open sessions").Register(registry).Add({});
+  Gauge& serving =
+      BuildGauge().Name("candela_serving").Help("1 where health says SERVING").Register(registry).Add({});
+  Gauge& queue_frames = BuildGauge()
+                            .Name("candela_queue_frames")
+                            .Help("Frames that wait for the device")
+                            .Register(registry)
+                            .Add({});
+  Family<Gauge>& memory =
+      BuildGauge().Name("candela_memory_bytes").Help("Memory of the texture pool").Register(registry);
+  Gauge& memory_in_use = memory.Add({{"pool", "textures_in_use"}});
+  Gauge& memory_idle = memory.Add({{"pool", "textures_idle"}});
+
+  mutable std::mutex mutex;
+  std::function<Sample()> sampler;  // guarded by mutex
+
+  std::vector<prometheus::MetricFamily> Collect() const override {
+    {
+      const std::lock_guard lock(mutex);
+      const Sample sample = sampler ? sampler() : Sample();
+      queue_frames.Set(static_cast<double>(sample.queue_frames));
+      memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
+      memory_idle.Set(static_cast<double>(sample.memory_idle_bytes));
+    }
+    return registry.Collect();
+  }
+};
+
+Metrics::Metrics(const std::string& version, const std::string& device, const std::string& driver)
+    : impl_(std::make_shared<Impl>()) {
+  BuildGauge()
+      .Name("candela_build_info")
+      .Help("What runs; always 1")
+      .Register(impl_->registry)
+      .Add({{"version", version}, {"device", device}, {"driver", driver}})
+      .Set(1);
+  // What has not happened yet is 0 and not absent.
+  impl_->frames.Add({{"result", "ok"}});
+  for (int i = 0; i <= static_cast<int>(Rejection::kToken); ++i) {
+    impl_->rejections.Add({{"reason", word(static_cast<Rejection>(i))}});
+  }
+}
+
+Metrics::~Metrics() = default;
+
+void Metrics::stage(absl::string_view stage, absl::Duration time) {
+  impl_->stages.Add({{"stage", std::string(stage)}}, kStageSeconds).Observe(absl::ToDoubleSeconds(time));
+}
+
+void Metrics::frame_ended(absl::StatusCode code) {
+  impl_->frames.Add({{"result", absl::AsciiStrToLower(absl::StatusCodeToString(code))}}).Increment();
+}
+
+void Metrics::rejected(Rejection reason) { impl_->rejections.Add({{"reason", word(reason)}}).Increment(); }
+void Metrics::session_began() { impl_->sessions.Increment(); }
+void Metrics::session_ended() { impl_->sessions.Decrement(); }
+void Metrics::bytes_in(uint64_t bytes) { impl_->bytes_in.Increment(static_cast<double>(bytes)); }
+void Metrics::bytes_out(uint64_t bytes) { impl_->bytes_out.Increment(static_cast<double>(bytes)); }
+void Metrics::device_rebuilt() { impl_->device_rebuilds.Increment(); }
+void Metrics::serving(bool serving) { impl_->serving.Set(serving ? 1 : 0); }
+
+void Metrics::set_sampler(std::function<Sample()> sampler) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->sampler = std::move(sampler);
+}
+
+struct MetricsServer::Impl {
+  explicit Impl(const std::string& address)
+      : exposer(std::vector<std::string>{"listening_ports", address, "num_threads", "2", "request_timeout_ms",
+                                         "5000"}) {}
+
+  std::shared_ptr<Metrics::Impl> metrics;
+  prometheus::Exposer exposer;
+};
+
+absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::start(const Metrics& metrics,
+                                                                    const std::string& address) {
+  try {
+    auto impl = std::make_unique<Impl>(address);
+    impl->metrics = metrics.impl_;
+    impl->exposer.RegisterCollectable(impl->metrics);
+    const std::vector<int> ports = impl->exposer.GetListeningPorts();
+    const std::string host = address.substr(0, address.rfind(':') + 1);
+    return std::unique_ptr<MetricsServer>(
+        new MetricsServer(std::move(impl), absl::StrCat(host, ports.empty() ? 0 : ports.front())));
+  } catch (const std::exception&) {  // it says no more than that it failed
+    return absl::UnavailableError(
+        absl::StrFormat("cannot serve metrics on %s: it is in use or not an address of this machine; stop "
+                        "what listens there or pass "
+                        "another --metrics",
+                        address));
+  }
+}
+
+MetricsServer::MetricsServer(std::unique_ptr<Impl> impl, std::string address)
+    : impl_(std::move(impl)), address_(std::move(address)) {}
+
+MetricsServer::~MetricsServer() = default;
+
+}  // namespace candela

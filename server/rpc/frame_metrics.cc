@@ -1,0 +1,26 @@
+#include "server/rpc/frame_metrics.h"
+
+namespace candela {
+
+void count_stages(Metrics& metrics, const RenderedFrame& rendered) {
+  metrics.stage("queue", rendered.queued);
+  for (const StageTime& stage : rendered.report.stages)
+    metrics.stage(stage.name, absl::Nanoseconds(stage.ns));
+}
+
+std::optional<Rejection> rejection_of(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+      return Rejection::kRequest;
+    case absl::StatusCode::kResourceExhausted:
+      return Rejection::kSize;
+    case absl::StatusCode::kUnavailable:
+      return Rejection::kMemory;
+    case absl::StatusCode::kFailedPrecondition:
+      return Rejection::kPromise;
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace candela
