@@ -1,91 +1,18 @@
 #include "client/connection.h"
 
 #include <google/protobuf/wrappers.pb.h>
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
-#include <grpcpp/support/channel_arguments.h>
-#include <grpcpp/support/proto_buffer_reader.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "client/raw_call.h"
+#include "client/result_reader.h"
+#include "client/wire.h"
 #include "proto/candela/v1/band_wire.h"
-#include "proto/candela/v1/limits.h"
 
 namespace candela {
 namespace {
-
-uint64_t bytes_per_pixel(v1::PixelFormat format) {
-  switch (format) {
-    case v1::PIXEL_FORMAT_RGBA16F:
-      return 8;
-    case v1::PIXEL_FORMAT_RGBA32F:
-      return 16;
-    case v1::PIXEL_FORMAT_RGB9E5:
-      return 4;
-    default:
-      return 0;
-  }
-}
-
-bool is_address(const std::string& address) {
-  if (absl::StartsWith(address, "unix:")) return address.size() > 5;
-  const size_t colon = address.rfind(':');
-  uint32_t port = 0;
-  return colon != std::string::npos && colon != 0 && address.find('/') == std::string::npos &&
-         absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 1 && port <= 65535;
-}
-
-// The one place where gRPC's errors become ours. `connected`: a message reached the server.
-absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected) {
-  if (status.ok()) return absl::OkStatus();
-  const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
-  const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
-                                                    : std::string(plain.message()));
-  switch (status.error_code()) {
-    case grpc::UNAVAILABLE:
-      // A server's own refusal carries details; without any it is the transport's.
-      if (!status.error_details().empty()) break;
-      if (connected) {
-        return absl::UnavailableError(absl::StrFormat(
-            "lost the server at %s: %s; it may have stopped, so look at its log and try again", address,
-            message));
-      }
-      return absl::UnavailableError(
-          absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
-                          address, message, address));
-    case grpc::CANCELLED:
-      // This side never cancels: a server does, by gRPC when it stops or when its idle timeout is over.
-      return absl::UnavailableError(
-          absl::StrFormat("the server at %s ended the call: it is stopping, or this side read nothing for "
-                          "longer than its --idle-timeout; try again",
-                          address));
-    case grpc::UNIMPLEMENTED:
-      return absl::UnimplementedError(
-          absl::StrFormat("%s does not speak candela.v1: %s; is it a candelad?", address, message));
-    case grpc::DEADLINE_EXCEEDED:
-      if (message != "Deadline Exceeded") break;
-      return absl::DeadlineExceededError(
-          absl::StrFormat("no answer from %s in the time given; give it more", address));
-    default:
-      break;
-  }
-  return absl::Status(plain.code(), message);
-}
-
-grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
-  const grpc::Slice bytes(message.SerializeAsString());
-  return grpc::ByteBuffer(&bytes, 1);
-}
-
-bool parse(grpc::ByteBuffer& bytes, google::protobuf::Message& message) {
-  grpc::ProtoBufferReader slices(&bytes);
-  return message.ParseFromZeroCopyStream(&slices);
-}
 
 grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& frame) {
   v1::RenderRequest request;
@@ -105,8 +32,7 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
 // gRPC may hold on to a message after its call has ended, so a band is copied and not referred to.
 bool send_bands(RawCall& call, const FrameView& frame) {
   const uint64_t row_bytes = frame.width * bytes_per_pixel(frame.format);
-  if (row_bytes == 0) return true;
-  const uint64_t rows = std::max<uint64_t>(1, v1::kMaxBandBytes / row_bytes);
+  const uint64_t rows = rows_of_band(row_bytes);
   for (uint64_t y = 0; y < frame.height; y += rows) {
     const uint64_t bytes = std::min<uint64_t>(rows, frame.height - y) * row_bytes;
     const grpc::Slice pixels(frame.pixels.data() + y * row_bytes, bytes);
@@ -129,16 +55,9 @@ absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& req
 }  // namespace
 
 absl::StatusOr<Connection> Connection::open(const std::string& address) {
-  if (!is_address(address)) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
-  }
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY,
-                   0);  // the address is the server's, whatever the environment says
-  arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
-  return Connection(grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments),
-                    address);
+  absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = open_channel(address);
+  if (!channel.ok()) return channel.status();
+  return Connection(*std::move(channel), address);
 }
 
 Connection::Connection(std::shared_ptr<grpc::Channel> channel)
@@ -149,14 +68,9 @@ Connection::Connection(std::shared_ptr<grpc::Channel> channel, std::string addre
 
 absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, const FrameView& frame,
                                                 absl::Time deadline) const {
-  if (frame.width == 0 || frame.height == 0) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("frame is %dx%d pixels and has to be at least 1x1", frame.width, frame.height));
-  }
-  if (frame.pixels.size() != uint64_t{frame.width} * frame.height * bytes_per_pixel(frame.format)) {
-    return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", frame.width,
-                                                      frame.height, v1::PixelFormat_Name(frame.format),
-                                                      frame.pixels.size()));
+  if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
+      !status.ok()) {
+    return status;
   }
   RawCall call(channel_, "/candela.v1.RenderService/Render", deadline);
   grpc::ByteBuffer message;
@@ -173,6 +87,22 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
   } while (call.read(message));
   if (absl::Status status = from_grpc(call.finish(), address_, true); !status.ok()) return status;
   return reader.take();
+}
+
+absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings, const FrameView& frame,
+                                                    absl::Time deadline) const {
+  if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
+      !status.ok()) {
+    return status;
+  }
+  RawCall call(channel_, "/candela.v1.RenderService/Meter", deadline);
+  grpc::ByteBuffer message;
+  const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
+                        call.half_close() && call.read(message);
+  if (absl::Status status = from_grpc(call.finish(), address_, call.connected()); !status.ok()) return status;
+  v1::MeterResponse response;
+  if (!answered || !parse(message, response)) return not_the_protocol("it cannot be read");
+  return response;
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> Connection::server_info(absl::Time deadline) const {

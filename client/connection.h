@@ -14,7 +14,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
-#include "client/result_reader.h"
+#include "client/render_result.h"
 
 namespace candela {
 
@@ -51,6 +51,11 @@ class Connection {
   absl::StatusOr<RenderResult> render(const v1::Settings& settings, const FrameView& frame,
                                       absl::Time deadline = absl::InfiniteFuture()) const;
 
+  // Sends the frame in bands and has it metered; no image is made. FrameView's `on_sent`, `verify` and
+  // `error_map` are not looked at.
+  absl::StatusOr<v1::MeterResponse> meter(const v1::Settings& settings, const FrameView& frame,
+                                          absl::Time deadline = absl::InfiniteFuture()) const;
+
   absl::StatusOr<v1::GetServerInfoResponse> server_info(absl::Time deadline = absl::InfiniteFuture()) const;
 
   // OK when the server says SERVING; UNAVAILABLE when it says anything else or cannot be reached.
@@ -58,6 +63,7 @@ class Connection {
 
   // As it was given to open(); "this process" for a channel.
   const std::string& address() const { return address_; }
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
  private:
   Connection(std::shared_ptr<grpc::Channel> channel, std::string address);

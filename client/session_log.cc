@@ -1,0 +1,88 @@
+#include "client/session_log.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/wire.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+
+absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
+  if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
+      !status.ok()) {
+    return status;
+  }
+  if (last_sequence_ && frame.sequence <= *last_sequence_) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "frame %d comes after frame %d: number a session's frames upwards", frame.sequence, *last_sequence_));
+  }
+  if (frame.media_time_ns < last_time_ns_ || frame.media_time_ns > v1::kMediaTimeNs.max) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame %d is at %d ns; media time goes on from the frame before, %d ns, up to %d ns",
+                        frame.sequence, frame.media_time_ns, last_time_ns_, v1::kMediaTimeNs.max));
+  }
+  last_sequence_ = frame.sequence;
+  last_time_ns_ = frame.media_time_ns;
+  steps_.push_back({std::make_shared<const SessionFrame>(std::move(frame)), now, 0, {}});
+  ++unanswered_;
+  return absl::OkStatus();
+}
+
+absl::Status SessionLog::change(uint64_t from_sequence, const v1::Settings& settings) {
+  const uint64_t least = std::max(last_sequence_ ? *last_sequence_ + 1 : 0, last_from_);
+  if (from_sequence < least) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("settings change from frame %d: that is too late, the first one possible is %d",
+                        from_sequence, least));
+  }
+  const auto ahead = [this](const SessionStep& step) {
+    return step.frame == nullptr && (!last_sequence_ || step.from_sequence > *last_sequence_);
+  };
+  if (std::count_if(steps_.begin(), steps_.end(), ahead) >= v1::kMaxPendingChanges) {
+    return absl::FailedPreconditionError(
+        absl::StrFormat("%d changes of settings are ahead of the frames already; submit frames first",
+                        v1::kMaxPendingChanges));
+  }
+  last_from_ = from_sequence;
+  steps_.push_back({nullptr, absl::InfinitePast(), from_sequence, settings});
+  return absl::OkStatus();
+}
+
+uint64_t SessionLog::rewind() {
+  const auto sent = std::count_if(steps_.begin(), steps_.begin() + static_cast<ptrdiff_t>(given_),
+                                  [](const SessionStep& step) { return step.frame != nullptr; });
+  given_ = 0;
+  return static_cast<uint64_t>(sent);
+}
+
+const SessionStep* SessionLog::next() { return given_ == steps_.size() ? nullptr : &steps_[given_++]; }
+
+std::deque<SessionStep>::const_iterator SessionLog::first_frame() const {
+  return std::find_if(steps_.begin(), steps_.end(),
+                      [](const SessionStep& step) { return step.frame != nullptr; });
+}
+
+const SessionStep* SessionLog::due() const {
+  const auto first = first_frame();
+  return first == steps_.end() || static_cast<size_t>(first - steps_.begin()) >= given_ ? nullptr : &*first;
+}
+
+void SessionLog::answered(const std::string& token) {
+  const auto frame = first_frame();
+  const uint64_t sequence = frame->frame->sequence;
+  steps_.erase(frame);
+  --given_;
+  --unanswered_;
+  if (token.empty()) return;
+  token_ = token;
+  // Changes stand in the order of their numbers, and those for this frame before it.
+  while (!steps_.empty() && steps_.front().frame == nullptr && steps_.front().from_sequence <= sequence) {
+    settings_ = std::move(steps_.front().settings);
+    steps_.pop_front();
+    --given_;
+  }
+}
+
+}  // namespace candela

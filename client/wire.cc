@@ -1,0 +1,123 @@
+#include "client/wire.h"
+
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+#include <grpcpp/support/channel_arguments.h>
+#include <grpcpp/support/proto_buffer_reader.h>
+
+#include <algorithm>
+
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+namespace {
+
+constexpr int kFirstReconnectMs = 100;
+constexpr int kSlowestReconnectMs = 1000;
+
+bool is_address(const std::string& address) {
+  if (absl::StartsWith(address, "unix:")) return address.size() > 5;
+  const size_t colon = address.rfind(':');
+  uint32_t port = 0;
+  return colon != std::string::npos && colon != 0 && address.find('/') == std::string::npos &&
+         absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 1 && port <= 65535;
+}
+
+}  // namespace
+
+uint64_t bytes_per_pixel(v1::PixelFormat format) {
+  switch (format) {
+    case v1::PIXEL_FORMAT_RGBA16F:
+      return 8;
+    case v1::PIXEL_FORMAT_RGBA32F:
+      return 16;
+    case v1::PIXEL_FORMAT_RGB9E5:
+      return 4;
+    default:
+      return 0;
+  }
+}
+
+absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes) {
+  if (width == 0 || height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame is %dx%d pixels and has to be at least 1x1", width, height));
+  }
+  if (bytes != uint64_t{width} * height * bytes_per_pixel(format)) {
+    return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", width, height,
+                                                      v1::PixelFormat_Name(format), bytes));
+  }
+  return absl::OkStatus();
+}
+
+uint64_t rows_of_band(uint64_t row_bytes) {
+  return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address, bool own_connection) {
+  if (!is_address(address)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
+  }
+  grpc::ChannelArguments arguments;
+  // The address is the server's, whatever the environment says.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
+  if (own_connection) {
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
+  }
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected) {
+  if (status.ok()) return absl::OkStatus();
+  const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+  const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
+                                                    : std::string(plain.message()));
+  switch (status.error_code()) {
+    case grpc::UNAVAILABLE:
+      // A server's own refusal carries details; without any it is the transport's.
+      if (!status.error_details().empty()) break;
+      if (connected) {
+        return absl::UnavailableError(absl::StrFormat(
+            "lost the server at %s: %s; it may have stopped, so look at its log and try again", address,
+            message));
+      }
+      return absl::UnavailableError(
+          absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
+                          address, message, address));
+    case grpc::CANCELLED:
+      // This side never cancels: a server does, by gRPC when it stops or when its idle timeout is over.
+      return absl::UnavailableError(
+          absl::StrFormat("the server at %s ended the call: it is stopping, or this side read nothing for "
+                          "longer than its --idle-timeout; try again",
+                          address));
+    case grpc::UNIMPLEMENTED:
+      return absl::UnimplementedError(
+          absl::StrFormat("%s does not speak candela.v1: %s; is it a candelad?", address, message));
+    case grpc::DEADLINE_EXCEEDED:
+      if (message != "Deadline Exceeded") break;
+      return absl::DeadlineExceededError(
+          absl::StrFormat("no answer from %s in the time given; give it more", address));
+    default:
+      break;
+  }
+  return absl::Status(plain.code(), message);
+}
+
+grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
+  const grpc::Slice bytes(message.SerializeAsString());
+  return grpc::ByteBuffer(&bytes, 1);
+}
+
+bool parse(grpc::ByteBuffer& bytes, google::protobuf::Message& message) {
+  grpc::ProtoBufferReader slices(&bytes);
+  return message.ParseFromZeroCopyStream(&slices);
+}
+
+}  // namespace candela

@@ -1,0 +1,313 @@
+// The client's session against servers that do as they are told: results arrive once and in order whatever is
+// lost on the way.
+#include "client/session.h"
+
+#include <grpcpp/server_builder.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "candela/v1/render.grpc.pb.h"
+#include "client/session_log.h"
+
+namespace candela {
+namespace {
+
+using Wire = grpc::ServerReaderWriter<v1::StreamResponse, v1::StreamRequest>;
+
+constexpr uint32_t kWidth = 700, kHeight = 500;  // two bands
+
+// Answers frames with one value everywhere: 16 times the exposure's manual EV plus the sequence number. Its
+// token is the sequence number. What goes wrong is said by `fault`, called with each frame's number before it
+// is answered: a status that is not OK ends the call with it.
+class FakeServer : public v1::RenderService::Service {
+ public:
+  using Fault = std::function<grpc::Status(uint64_t sequence, Wire& stream)>;
+
+  explicit FakeServer(Fault fault = nullptr) : fault_(std::move(fault)) {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+  ~FakeServer() override { server_->Shutdown(std::chrono::system_clock::now()); }
+
+  std::string address() const { return absl::StrFormat("127.0.0.1:%d", port_); }
+  std::vector<v1::StreamOpen> opens() {
+    const std::lock_guard lock(mutex_);
+    return opens_;
+  }
+  std::atomic<int> most_in_flight = 0;
+
+  grpc::Status Stream(grpc::ServerContext* context, Wire* stream) override {
+    v1::StreamRequest request;
+    if (!stream->Read(&request) || !request.has_open()) return {grpc::INVALID_ARGUMENT, "no open"};
+    const v1::StreamOpen open = request.open();
+    if (context->client_metadata().find("x-session-id")->second != open.session()) {
+      return {grpc::INVALID_ARGUMENT, "no x-session-id"};
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      opens_.push_back(open);
+    }
+    v1::StreamResponse opened;
+    opened.mutable_opened()->set_session(open.session());
+    opened.mutable_opened()->set_max_frames_in_flight(2);
+    stream->Write(opened);
+    std::map<uint64_t, v1::Settings> settings{{0, open.settings()}};
+    while (stream->Read(&request)) {
+      if (request.has_change()) {
+        settings[request.change().from_sequence()] = request.change().settings();
+        continue;
+      }
+      if (!request.has_frame()) return {grpc::INVALID_ARGUMENT, "no frame"};
+      const v1::FrameHeader frame = request.frame();
+      for (uint32_t rows = 0; rows < frame.height();) {
+        if (!stream->Read(&request)) return {grpc::INVALID_ARGUMENT, "a frame is cut short"};
+        if (request.band().first_row() != rows) return {grpc::INVALID_ARGUMENT, "rows are out of order"};
+        rows += static_cast<uint32_t>(request.band().pixels().size() / (frame.width() * 8));
+      }
+      if (fault_) {
+        if (const grpc::Status status = fault_(frame.sequence(), *stream); !status.ok()) return status;
+      }
+      answer(frame, std::prev(settings.upper_bound(frame.sequence()))->second, *stream);
+    }
+    return grpc::Status::OK;
+  }
+
+ private:
+  static void answer(const v1::FrameHeader& frame, const v1::Settings& settings, Wire& stream) {
+    v1::StreamResponse response;
+    v1::ResultHeader& header = *response.mutable_header();
+    header.set_sequence(frame.sequence());
+    header.set_width(frame.width());
+    header.set_height(frame.height());
+    header.set_format(v1::OUTPUT_FORMAT_RGBA8);
+    header.set_resume_token(absl::StrFormat("%d", frame.sequence()));
+    stream.Write(response);
+    response.mutable_band()->set_first_row(0);
+    response.mutable_band()->set_pixels(std::string(
+        size_t{frame.width()} * frame.height() * 4,
+        static_cast<char>(16 * settings.exposure().manual_ev() + static_cast<double>(frame.sequence()))));
+    stream.Write(response);
+  }
+
+  const Fault fault_;
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+  std::mutex mutex_;
+  std::vector<v1::StreamOpen> opens_;
+};
+
+v1::Settings at_ev(double ev) {
+  v1::Settings settings;
+  settings.mutable_exposure()->set_manual_ev(ev);
+  return settings;
+}
+
+SessionFrame frame(uint64_t sequence) {
+  static const auto pixels = std::make_shared<std::vector<std::byte>>(size_t{kWidth} * kHeight * 8);
+  return {.width = kWidth,
+          .height = kHeight,
+          .format = v1::PIXEL_FORMAT_RGBA16F,
+          .pixels = *pixels,
+          .owner = pixels,
+          .sequence = sequence,
+          .media_time_ns = static_cast<int64_t>(sequence) * 1000};
+}
+
+SessionOptions options_for(std::vector<std::string> servers) {
+  SessionOptions options;
+  options.servers = std::move(servers);
+  options.settings = at_ev(1);
+  options.resume_limit = absl::Seconds(5);
+  return options;
+}
+
+// Streams `frames` frames, with the EV 2 from frame `change` on, and takes their results.
+struct Outcome {
+  absl::Status status;
+  std::vector<int> values;  // a byte of each result, in the order they came; -1 for a failure
+  SessionStats stats;
+};
+Outcome run(const SessionOptions& options, uint64_t frames, uint64_t change = 1000) {
+  Outcome run;
+  absl::StatusOr<Session> session = Session::open(options);
+  if (!session.ok()) return {session.status(), {}, {}};
+  std::thread feeder([&] {
+    for (uint64_t i = 0; i < frames; ++i) {
+      if (i == change && !session->change_settings(i, at_ev(2)).ok()) return;
+      if (!session->submit(frame(i)).ok()) return;
+    }
+    session->finish();
+  });
+  while (true) {
+    absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+    run.status = result.status();
+    if (!result.ok() || !*result) break;
+    const FrameResult& r = **result;
+    EXPECT_EQ(r.sequence, run.values.size());
+    run.values.push_back(r.status.ok() ? static_cast<int>(r.image.pixels().back()) : -1);
+  }
+  feeder.join();
+  run.stats = session->stats();
+  return run;
+}
+
+std::vector<int> expected(uint64_t frames, uint64_t change = 1000) {
+  std::vector<int> values;
+  for (uint64_t i = 0; i < frames; ++i) values.push_back(static_cast<int>((i >= change ? 32 : 16) + i));
+  return values;
+}
+
+TEST(Session, ResultsComeOnceAndInOrder) {
+  FakeServer server;
+  const Outcome got = run(options_for({server.address()}), 12, 7);
+  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_EQ(got.values, expected(12, 7));
+  EXPECT_EQ(got.stats.resumes, 0u);
+  EXPECT_EQ(got.stats.window, 2u);
+  EXPECT_EQ(got.stats.answered, 12u);
+  EXPECT_EQ(server.opens().at(0).resume_token(), "");
+}
+
+TEST(Session, ALostServerIsReplacedByTheNextWithTheLastTokenAndItsSettings) {
+  FakeServer first([](uint64_t sequence, Wire&) {
+    return sequence == 6 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
+  });
+  FakeServer second;
+  for (const uint64_t change : {3, 6, 7}) {
+    const size_t before = second.opens().size();
+    const Outcome got = run(options_for({first.address(), second.address()}), 12, change);
+    EXPECT_TRUE(got.status.ok()) << got.status;
+    EXPECT_EQ(got.values, expected(12, change));
+    EXPECT_EQ(got.stats.resumes, 1u);
+    EXPECT_GE(got.stats.sent_again, 1u);
+    EXPECT_EQ(got.stats.server, second.address());
+    const v1::StreamOpen open = second.opens().at(before);
+    EXPECT_EQ(open.resume_token(), "5");
+    EXPECT_EQ(open.settings().exposure().manual_ev(), change <= 5 ? 2 : 1);
+  }
+}
+
+TEST(Session, WithoutATokenYetItOpensAnew) {
+  std::atomic<int> calls = 0;
+  FakeServer server([&](uint64_t sequence, Wire&) {
+    return sequence == 0 && calls++ < 3 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
+  });
+  const Outcome got = run(options_for({server.address()}), 5, 1);
+  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_EQ(got.values, expected(5, 1));
+  EXPECT_EQ(got.stats.resumes, 3u);
+  EXPECT_GT(got.stats.time_without_results, absl::ZeroDuration());
+  for (const v1::StreamOpen& open : server.opens()) EXPECT_EQ(open.resume_token(), "");
+}
+
+TEST(Session, AServerThatGoesAwayIsLeftInPeace) {
+  FakeServer first([](uint64_t sequence, Wire& stream) {
+    if (sequence != 4) return grpc::Status::OK;
+    v1::StreamResponse response;
+    response.mutable_go_away()->set_reason("draining");
+    stream.Write(response);
+    return grpc::Status(grpc::UNAVAILABLE, "drained");
+  });
+  FakeServer second;
+  const Outcome got = run(options_for({first.address(), second.address()}), 9);
+  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_EQ(got.values, expected(9));
+  EXPECT_EQ(got.stats.resumes, 1u);
+}
+
+TEST(Session, AFrameThatFailsIsAResultOfItsOwn) {
+  FakeServer server([](uint64_t sequence, Wire& stream) {
+    // The answer that follows is then one too many, so the call ends here: this is the last frame.
+    if (sequence != 3) return grpc::Status::OK;
+    v1::StreamResponse response;
+    response.mutable_failure()->set_sequence(3);
+    response.mutable_failure()->set_code(grpc::DEADLINE_EXCEEDED);
+    response.mutable_failure()->set_message("late");
+    response.mutable_failure()->set_resume_token("3");
+    stream.Write(response);
+    return grpc::Status(grpc::RESOURCE_EXHAUSTED, "enough");
+  });
+  const Outcome got = run(options_for({server.address()}), 9);
+  EXPECT_EQ(got.values, (std::vector<int>{16, 17, 18, -1}));
+  EXPECT_EQ(got.status, absl::ResourceExhaustedError("enough"));
+}
+
+TEST(Session, ARefusalEndsItAfterWhatCameBefore) {
+  FakeServer server([](uint64_t sequence, Wire&) {
+    return sequence == 2 ? grpc::Status(grpc::INVALID_ARGUMENT, "no such frame") : grpc::Status::OK;
+  });
+  const Outcome got = run(options_for({server.address()}), 9);
+  EXPECT_EQ(got.values, expected(2));
+  EXPECT_EQ(got.status, absl::InvalidArgumentError("no such frame"));
+  EXPECT_EQ(got.stats.resumes, 0u);
+}
+
+TEST(Session, ItGivesUpWhenItsLimitIsOver) {
+  auto server = std::make_unique<FakeServer>([](uint64_t sequence, Wire&) {
+    return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
+  });
+  SessionOptions options = options_for({server->address()});
+  options.resume_limit = absl::Milliseconds(700);
+  const absl::Time begin = absl::Now();
+  const Outcome got = run(options, 9);
+  EXPECT_EQ(got.values, expected(2));
+  EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
+  EXPECT_GE(absl::Now() - begin, absl::Milliseconds(700));
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
+}
+
+TEST(Session, WithoutAnyServerItDoesNotOpen) {
+  const Outcome got = run(options_for({"127.0.0.1:1", "127.0.0.1:2"}), 1);
+  EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
+  EXPECT_NE(got.status.message().find("127.0.0.1:2"), absl::string_view::npos) << got.status;
+  EXPECT_TRUE(absl::IsInvalidArgument(run(options_for({"nowhere"}), 1).status));
+  EXPECT_TRUE(absl::IsInvalidArgument(run(options_for({}), 1).status));
+}
+
+TEST(Session, LeavingItAloneCancelsIt) {
+  FakeServer server([](uint64_t, Wire&) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    return grpc::Status::OK;
+  });
+  absl::StatusOr<Session> session = Session::open(options_for({server.address()}));
+  ASSERT_TRUE(session.ok()) << session.status();
+  EXPECT_TRUE(session->submit(frame(0)).ok());
+  EXPECT_TRUE(session->submit(frame(1)).ok());
+  EXPECT_FALSE(session->ready());
+}
+
+TEST(Session, FramesOutOfOrderAreRefusedAndItGoesOn) {
+  FakeServer server;
+  absl::StatusOr<Session> session = Session::open(options_for({server.address()}));
+  ASSERT_TRUE(session.ok()) << session.status();
+  EXPECT_TRUE(session->submit(frame(5)).ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(frame(5))));
+  SessionFrame early = frame(6);
+  early.media_time_ns = 0;
+  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(early)));
+  SessionFrame small = frame(6);
+  small.width = 1;
+  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(small)));
+  EXPECT_TRUE(absl::IsInvalidArgument(session->change_settings(5, {})));
+  for (int i = 0; i < 16; ++i) EXPECT_TRUE(session->change_settings(6, {}).ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(session->change_settings(6, {})));
+  session->finish();
+  EXPECT_TRUE(absl::IsFailedPrecondition(session->submit(frame(7))));
+  absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+  ASSERT_TRUE(result.ok() && *result) << result.status();
+  EXPECT_EQ((**result).sequence, 5u);
+  result = session->next_result();
+  EXPECT_TRUE(result.ok() && !*result) << result.status();
+}
+
+}  // namespace
+}  // namespace candela
