@@ -28,6 +28,11 @@ void CallGate::close() {
   closed_ = true;
 }
 
+uint32_t CallGate::inside() const {
+  absl::MutexLock lock(&mutex_);
+  return calls_;
+}
+
 bool CallGate::closed() const {
   absl::MutexLock lock(&mutex_);
   return closed_;

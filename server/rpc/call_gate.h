@@ -25,6 +25,7 @@ class CallGate {
   // From now on enter() fails.
   void close();
   bool closed() const;
+  uint32_t inside() const;
   // Waits until nobody is inside; false when that took longer than `timeout`.
   bool wait_until_empty(absl::Duration timeout);
 

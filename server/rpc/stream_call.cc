@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/base/log.h"
+#include "server/rpc/frame_metrics.h"
 #include "server/rpc/status.h"
 
 namespace candela {
@@ -73,6 +74,7 @@ void StreamCall::OnReadDone(bool ok) {
   reading_ = false;
   if (finished_ || ending_) return;
   last_read_ = absl::Now();
+  if (ok) backend_.metrics.bytes_in(incoming_.Length());
   const absl::Status status = ok ? take_message() : half_closed();
   incoming_.Clear();
   if (!status.ok()) return finish(status);
@@ -120,6 +122,7 @@ absl::Status StreamCall::take_open() {
   settings_ = std::move(start->settings);
   track_.emplace(start->lookahead, start->cut_threshold_ev, point.exposure);
   start_ = *std::move(start);
+  backend_.metrics.session_began();
   log_event(LogLevel::kInfo, resumed ? "session resumed" : "session opened",
             {{"session", start_->session}, {"peer", context_.peer()}, {"epoch", epoch_}});
   v1::StreamResponse response;
@@ -316,6 +319,7 @@ Exposed StreamCall::expose(const FramePtr& frame, const FrameStats& stats) {
 }
 
 void StreamCall::on_worked(const FramePtr& frame, Work work, absl::StatusOr<RenderedFrame> rendered) {
+  if (rendered.ok()) count_stages(backend_.metrics, *rendered);
   if (rendered.ok() && work != Work::kMeter) ++backend_.frames_rendered;
   std::shared_ptr<Frame> dropped;  // outlives the lock: giving memory back takes its time
   absl::MutexLock lock(&mutex_);
@@ -340,6 +344,7 @@ void StreamCall::on_worked(const FramePtr& frame, Work work, absl::StatusOr<Rend
     }
   } else if (is_frames_own(status) && !frame->decided) {
     dropped = std::move(frame->frame);
+    backend_.metrics.frame_ended(status.code());
     frame->failure = std::exchange(status, absl::OkStatus());
     frame->stage = Stage::kFailed;
     track_->failed(frame->sequence);
@@ -365,6 +370,7 @@ absl::Status StreamCall::submit_decided() {
 }
 
 void StreamCall::finish_frame(const FramePtr& frame) {
+  backend_.metrics.frame_ended(absl::StatusCode::kOk);
   if (start_->encoding == Encoding::kRaw) {
     frame->stage = Stage::kDone;
     return;
@@ -386,6 +392,7 @@ void StreamCall::on_encoded(const FramePtr& frame, absl::StatusOr<std::string> f
     end_before(static_cast<size_t>(at - frames_.begin()), file.status());
   } else {
     frame->file = std::make_shared<const std::string>(*std::move(file));
+    backend_.metrics.stage("encode", took);
     frame->report->stages.push_back({"encode", static_cast<uint64_t>(absl::ToInt64Nanoseconds(took))});
     frame->stage = Stage::kDone;
   }
@@ -409,6 +416,7 @@ void StreamCall::write_on() {
   if (next_message()) {
     writing_ = true;
     last_write_ = absl::Now();
+    backend_.metrics.bytes_out(outgoing_.Length());
     StartWrite(&outgoing_);
   } else if (frames_.empty() && (ending_ || state_ == Reading::kClosed)) {
     return finish(ending_.value_or(absl::OkStatus()));
@@ -515,6 +523,9 @@ void StreamCall::OnCancel() {
 void StreamCall::drop(const FramePtr& frame) {
   if (frame->stage == Stage::kQueued || frame->stage == Stage::kDrawing) backend_.loop.cancel(frame->ticket);
   const bool working = frame->stage == Stage::kQueued || frame->stage == Stage::kDrawing;
+  if (working || frame->stage == Stage::kWaiting || frame->stage == Stage::kReceiving) {
+    backend_.metrics.frame_ended(absl::StatusCode::kCancelled);
+  }
   frame->stage = Stage::kFailed;
   frame->writer.reset();
   if (!working) frame->frame.reset();
@@ -538,7 +549,14 @@ void StreamCall::finish(const absl::Status& status) {
              {"answered", answered_},
              {"status", absl::StatusCodeToString(status.code())},
              {"message", told.error_message()}});
-  if (start_) backend_.sessions.leave(start_->session, this);
+  if (start_) {
+    backend_.sessions.leave(start_->session, this);
+    backend_.metrics.session_ended();
+  } else if (!inside_) {
+    backend_.metrics.rejected(backend_.session_gate.closed() ? Rejection::kDraining : Rejection::kSessions);
+  } else if (const std::optional<Rejection> reason = rejection_of(status)) {
+    backend_.metrics.rejected(*reason);
+  }
   for (const FramePtr& frame : frames_) drop(frame);
   frames_.clear();
   memory_alarm_.reset();

@@ -9,8 +9,10 @@
 
 namespace candela::testing {
 
-StreamClient::StreamClient(const std::shared_ptr<grpc::Channel>& channel, bool reads)
-    : stub_(v1::RenderService::NewStub(channel)), stream_(stub_->Stream(&context_)) {
+StreamClient::StreamClient(const std::shared_ptr<grpc::Channel>& channel, bool reads, absl::Time deadline)
+    : stub_(v1::RenderService::NewStub(channel)) {
+  if (deadline != absl::InfiniteFuture()) context_.set_deadline(absl::ToChronoTime(deadline));
+  stream_ = stub_->Stream(&context_);
   if (!reads) return;
   reader_ = std::thread([this] {
     v1::StreamResponse response;

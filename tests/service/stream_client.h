@@ -12,6 +12,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
 #include "candela/v1/render.grpc.pb.h"
 #include "tests/support/scenes.h"
 
@@ -32,7 +33,8 @@ class StreamClient {
  public:
   // Messages are read as they come, as every client of a stream has to, unless `reads` is false: then only
   // read(), read_all() and finish() do.
-  explicit StreamClient(const std::shared_ptr<grpc::Channel>& channel, bool reads = true);
+  explicit StreamClient(const std::shared_ptr<grpc::Channel>& channel, bool reads = true,
+                        absl::Time deadline = absl::InfiniteFuture());
   ~StreamClient();
 
   // False: the call is over.
