@@ -18,6 +18,8 @@ Config test_config() {
   config.max_calls = 8;
   config.max_sessions = 5;
   config.max_frames_in_flight = 3;
+  config.heartbeat_interval = absl::Hours(1);  // no frame but the tests'
+  config.heartbeat_limit = absl::Hours(2);
   config.idle_timeout = absl::Milliseconds(800);
 #ifdef CANDELA_VALIDATION
   config.validation = true;
