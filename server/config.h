@@ -36,8 +36,10 @@ struct Config {
   // Between health's NOT_SERVING and the first refusal: time for proxies to look elsewhere.
   absl::Duration pre_drain = absl::ZeroDuration();
   std::string resume_keys;  // file of keys that sign resume tokens; empty: a key of this server's own
-  absl::Duration resume_ttl = absl::Minutes(10);  // how long a resume token is good
-  std::string metrics;                            // "HOST:PORT" where /metrics is served; empty: nowhere
+  absl::Duration resume_ttl = absl::Minutes(10);         // how long a resume token is good
+  absl::Duration heartbeat_interval = absl::Seconds(5);  // without a good frame: then one is rendered to see
+  absl::Duration heartbeat_limit = absl::Seconds(30);    // for so long health is good without one
+  std::string metrics;  // "HOST:PORT" where /metrics is served; empty: nowhere
 };
 
 // Inclusive.

@@ -19,7 +19,9 @@
 #include "server/render/texture_pool.h"
 #include "server/render/tiers.h"
 #include "server/rpc/backend.h"
+#include "server/rpc/health.h"
 #include "server/rpc/render_service.h"
+#include "server/stream/heartbeat.h"
 #include "server/stream/render_loop.h"
 #include "server/vulkan/device.h"
 
@@ -28,6 +30,13 @@ namespace {
 
 // For calls that were refused at the last moment to hear so; only those that watch health take it all.
 constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
+
+// The frame that is rendered to see whether frames come out; of the self-test's formats, whose pipelines are
+// there.
+constexpr FrameDesc kBeat = {8, 8, PixelFormat::kRgba32f};
+
+// How many limits of health the render thread may take for one frame before it counts as stuck.
+constexpr int kMovingLimits = 4;
 
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
@@ -99,6 +108,9 @@ struct Server::Parts {
 
   absl::Status listen();
   absl::Status serve_metrics();
+  // On the render thread.
+  absl::StatusOr<FrameReport> render(Frame& frame);
+  absl::Status beat();
   // Calls that still run after `grace` are cancelled.
   void stop(absl::Duration grace);
 
@@ -112,6 +124,8 @@ struct Server::Parts {
   std::unique_ptr<RenderService> service;
   std::unique_ptr<grpc::Server> grpc;
   std::vector<std::string> addresses;
+  std::unique_ptr<Health> health;
+  std::unique_ptr<Heartbeat> heartbeat;
   std::unique_ptr<MetricsServer> metrics_server;
   std::string metrics_address;
 };
@@ -169,12 +183,33 @@ absl::Status Server::Parts::serve_metrics() {
   return absl::OkStatus();
 }
 
+absl::StatusOr<FrameReport> Server::Parts::render(Frame& frame) {
+  absl::StatusOr<FrameReport> report = render_frame(frame);
+  heartbeat->worked(report.ok());
+  return report;
+}
+
+absl::Status Server::Parts::beat() {
+  const std::shared_ptr<Renderer> renderer = backend->renderer;
+  Settings settings;
+  settings.output_format = OutputFormat::kRgba16;
+  absl::StatusOr<FrameMemory> memory = renderer->allocate(kBeat, settings);
+  if (!memory.ok()) return memory.status();
+  for (uint32_t y = 0; y < kBeat.height; ++y) {
+    const std::span<std::byte> row = memory->input_row(y);
+    std::fill(row.begin(), row.end(), std::byte{0});
+  }
+  return renderer->render(*memory, settings).status();
+}
+
 void Server::Parts::stop(absl::Duration grace) {
-  if (grpc == nullptr) return;
-  backend->gate.close();
-  backend->session_gate.close();
-  grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
-  grpc->Wait();
+  if (grpc != nullptr) {
+    backend->gate.close();
+    backend->session_gate.close();
+    grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
+    grpc->Wait();
+  }
+  heartbeat->stop();
   loop->stop();
   encoders->stop();
   grpc.reset();
@@ -201,7 +236,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
       *renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(
-      render_frame,
+      [p = parts.get()](Frame& frame) { return p->render(frame); },
       config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
   parts->encoders = std::make_unique<WorkerPool>(config.encoder_threads);
   parts->backend.reset(new Backend{.renderer = renderer,
@@ -219,11 +254,20 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
                                    .session_gate = CallGate("sessions", config.max_sessions)});
   parts->service =
       std::make_unique<RenderService>(*parts->backend, parts->engine->pool, server_info(config, device));
-  if (absl::Status status = parts->serve_metrics(); !status.ok()) return status;
-  if (absl::Status status = parts->listen(); !status.ok()) return status;
-  parts->grpc->GetHealthCheckService()->SetServingStatus(v1::RenderService::service_full_name(), true);
-  parts->metrics->serving(true);
-  return std::unique_ptr<Server>(new Server(std::move(parts)));
+  parts->health = std::make_unique<Health>(*parts->metrics);
+  parts->heartbeat = std::make_unique<Heartbeat>(
+      *parts->loop, [p = parts.get()] { return p->beat(); },
+      Heartbeat::Options{.interval = config.heartbeat_interval,
+                         .limit = config.heartbeat_limit,
+                         .moving_limit = kMovingLimits * config.heartbeat_limit},
+      [p = parts.get()](Heartbeat::Pulse pulse) { p->health->pulse(pulse.working, pulse.moving); });
+  // From here on Server stops what runs, whatever fails.
+  std::unique_ptr<Server> server(new Server(std::move(parts)));
+  Parts& running = *server->parts_;
+  if (absl::Status status = running.serve_metrics(); !status.ok()) return status;
+  if (absl::Status status = running.listen(); !status.ok()) return status;
+  running.health->begin(*running.grpc->GetHealthCheckService());
+  return server;
 }
 
 Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
@@ -242,8 +286,7 @@ uint64_t Server::validation_messages() const { return parts_->engine->device->va
 
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
-  parts_->metrics->serving(false);
-  parts_->grpc->GetHealthCheckService()->Shutdown();
+  parts_->health->drain();
   Backend& backend = *parts_->backend;
   absl::SleepFor(parts_->config.pre_drain);
   const absl::Time deadline = absl::Now() + parts_->config.drain_timeout;

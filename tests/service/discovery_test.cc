@@ -35,12 +35,14 @@ INSTANTIATE_TEST_SUITE_P(Transport, Discovery, ::testing::Bool(), transport_name
 TEST_P(Discovery, HealthAnswersForTheServerAndForTheService) {
   EXPECT_TRUE(connection().health().ok());
   const std::string serving("\x08\x01", 2);
-  const std::string service = v1::RenderService::service_full_name();
   EXPECT_EQ(ask("/grpc.health.v1.Health/Check", "").value(), serving);
-  EXPECT_EQ(ask("/grpc.health.v1.Health/Check",
-                "\x0a" + std::string(1, static_cast<char>(service.size())) + service)
-                .value(),
-            serving);
+  for (const std::string service : {v1::RenderService::service_full_name(), "liveness", "readiness"}) {
+    EXPECT_EQ(ask("/grpc.health.v1.Health/Check",
+                  "\x0a" + std::string(1, static_cast<char>(service.size())) + service)
+                  .value(),
+              serving)
+        << service;
+  }
   EXPECT_TRUE(absl::IsNotFound(ask("/grpc.health.v1.Health/Check", "\x0a\x04nope").status()));
 }
 

@@ -19,6 +19,8 @@ Config test_config() {
   config.max_sessions = 6;
   config.max_sessions = 5;
   config.max_frames_in_flight = 3;
+  config.heartbeat_interval = absl::Hours(1);  // no frame but the tests'
+  config.heartbeat_limit = absl::Hours(2);
   config.idle_timeout = absl::Milliseconds(800);
 #ifdef CANDELA_VALIDATION
   config.validation = true;

@@ -1,0 +1,62 @@
+// What health says, and when.
+#include <grpcpp/support/byte_buffer.h>
+
+#include <thread>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "client/raw_call.h"
+#include "tests/service/service_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+// grpc.health.v1's HealthCheckRequest { service = 1 } and HealthCheckResponse { status = 1 }, of which 1 is
+// SERVING.
+bool serving(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
+  RawCall call(channel, "/grpc.health.v1.Health/Check", absl::Now() + absl::Seconds(20));
+  const grpc::Slice request("\x0a" + std::string(1, static_cast<char>(service.size())) + service);
+  grpc::ByteBuffer answer;
+  EXPECT_TRUE(call.write(grpc::ByteBuffer(&request, 1)) && call.half_close() && call.read(answer));
+  EXPECT_TRUE(call.finish().ok());
+  std::vector<grpc::Slice> slices;
+  EXPECT_TRUE(answer.Dump(&slices).ok());
+  std::string bytes;
+  for (const grpc::Slice& slice : slices) bytes.append(slice.begin(), slice.end());
+  return bytes == "\x08\x01";
+}
+
+// While a server drains it lives on: whoever kills it for its readiness would tear its last frames.
+TEST(Health, ADrainingServerIsAliveAndNotReady) {
+  Config config = test_config();
+  config.pre_drain = absl::Seconds(2);
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = server->in_process_channel();
+  for (const char* service : {"", "candela.v1.RenderService", "readiness", "liveness"}) {
+    EXPECT_TRUE(serving(channel, service)) << service;
+  }
+  std::thread drain([&server] { server->drain_and_stop(); });
+  while (serving(channel, "readiness")) absl::SleepFor(absl::Milliseconds(5));
+  EXPECT_TRUE(serving(channel, "liveness"));
+  EXPECT_FALSE(serving(channel, ""));
+  EXPECT_FALSE(serving(channel, "candela.v1.RenderService"));
+  drain.join();
+}
+
+TEST(Health, AnIdleServerStaysReadyByItsHeartbeat) {
+  Config config = test_config();
+  config.heartbeat_interval = absl::Milliseconds(100);
+  config.heartbeat_limit = absl::Milliseconds(1500);
+  const std::unique_ptr<Server> server = start_server(config);
+  const Connection connection(server->in_process_channel());
+  const uint64_t misses = connection.server_info()->pool().misses();
+  for (const absl::Time limit = absl::Now() + absl::Seconds(3); absl::Now() < limit;) {
+    EXPECT_TRUE(connection.health().ok());
+    absl::SleepFor(absl::Milliseconds(50));
+  }
+  EXPECT_GT(connection.server_info()->pool().misses(), misses) << "no frame was rendered meanwhile";
+  EXPECT_TRUE(wait_until_idle(connection));
+}
+
+}  // namespace
+}  // namespace candela::testing
