@@ -100,12 +100,14 @@ class Session::Core {
         thread_([this] { drive(); }) {}
 
   ~Core() {
-    {
-      const absl::MutexLock lock(&mutex_);
-      cancelled_ = true;
-      wake();
-    }
+    cancel();
     thread_.join();
+  }
+
+  void cancel() {
+    const absl::MutexLock lock(&mutex_);
+    cancelled_ = true;
+    wake();
   }
 
   absl::Status wait_until_open() {
@@ -454,6 +456,7 @@ absl::Status Session::change_settings(uint64_t from_sequence, const v1::Settings
   return core_->change_settings(from_sequence, settings);
 }
 void Session::finish() { core_->finish(); }
+void Session::cancel() { core_->cancel(); }
 absl::StatusOr<std::optional<FrameResult>> Session::next_result() { return core_->next_result(); }
 SessionStats Session::stats() const { return core_->stats(); }
 const std::string& Session::name() const { return core_->name(); }

@@ -104,6 +104,9 @@ class Session {
   // No more frames come. Those that were submitted still get their results.
   void finish();
 
+  // Ends it at once, with CANCELLED: whoever waits in a member returns.
+  void cancel();
+
   // Waits for the next frame's result, in the order of the frames, each once. None: finish() was called and
   // every frame has its result. A failure is the end of the session, after all results that came before:
   // the server's refusal (see Stream in render.proto), or UNAVAILABLE when no server took the session on

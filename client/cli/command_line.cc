@@ -11,6 +11,8 @@
 #include "client/cli/options.h"
 #include "client/cli/render_options.h"
 #include "client/cli/report_options.h"
+#include "client/cli/sequence_files.h"
+#include "client/cli/stream_options.h"
 #include "client/cli/usage.h"
 
 #ifndef CANDELA_VERSION
@@ -24,6 +26,7 @@ constexpr char kExamples[] =
     "Examples:\n"
     "  candela sample scene.exr              make a picture to try things on\n"
     "  candela render scene.exr scene.png    render it here, without a server\n"
+    "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
     "  candela info                          say what this machine renders on\n"
     "`candela COMMAND --help` says everything about a command.";
 
@@ -36,34 +39,46 @@ constexpr char kRenderExamples[] =
 
 constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
 
+constexpr char kStreamExamples[] =
+    "Examples:\n"
+    "  candela stream 'in/*.exr' out/%04d.png --fps 24\n"
+    "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
+    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json\n"
+    "X is a plain factor, L a linear luminance in the image's own scale, EV a power of two.";
+
+constexpr char kBenchExamples[] =
+    "Examples:\n"
+    "  candela bench --server 127.0.0.1:50051 --sessions 4 --size 1280x720\n"
+    "  candela bench --server 127.0.0.1:50051 --fps 24 --seconds 60 --json figures.json";
+
 struct Arguments {
   RenderArguments render;
+  StreamArguments stream;
+  MeterOptions meter;
+  BenchOptions bench;
   SampleOptions sample;
   ReportOptions report;
   InfoOptions info;
   HealthOptions health;
 };
 
-absl::Status set_size(SampleOptions& sample, const std::string& text) {
-  const std::vector<std::string> parts = absl::StrSplit(text, 'x');
-  uint32_t width = 0, height = 0;
-  const auto fits = [](uint32_t pixels) { return pixels >= 1 && pixels <= v1::kMaxDimension; };
-  if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &width) || !absl::SimpleAtoi(parts[1], &height) ||
-      !fits(width) || !fits(height)) {
-    return usage_error(absl::StrFormat("--size is \"%s\"; it must be WIDTHxHEIGHT, 1x1 .. %dx%d", text,
-                                       v1::kMaxDimension, v1::kMaxDimension));
-  }
-  sample.width = width;
-  sample.height = height;
-  return absl::OkStatus();
-}
-
 void add_sample(CLI::App& app, SampleOptions& sample) {
-  app.add_option("OUT", sample.output, "File to write: .exr or .pfm")->required()->option_text(" ");
+  app.add_option("OUT", sample.output, "File to write: .exr or .pfm; not with --sequence")->option_text(" ");
   add_text(app, "Options", "--size", "WIDTHxHEIGHT",
            absl::StrFormat("Pixels; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension, v1::kMaxDimension,
                            sample.width, sample.height),
-           [&sample](const std::string& text) { return set_size(sample, text); });
+           [&sample](const std::string& text) { return parse_size(text, sample.width, sample.height); });
+  add_text(
+      app, "Options", "--sequence", "DIR|PATTERN",
+      "Write a sequence instead, whose light steps by 2^12 in the middle: to a folder, or to a pattern such "
+      "as in/%04d.exr",
+      [&sample](const std::string& text) {
+        sample.sequence = text;
+        return absl::OkStatus();
+      });
+  add_number(
+      app, "Options", "--frames", "N", {2, 100000}, static_cast<double>(sample.frames),
+      "Frames of the sequence", [&sample](double n) { sample.frames = static_cast<uint64_t>(n); }, true);
   app.add_flag("--quiet,-q", sample.quiet, "Print nothing but errors");
 }
 
@@ -87,9 +102,19 @@ void define(CLI::App& app, Arguments& arguments) {
   CLI::App& render = *app.add_subcommand("render", "Renders an HDR image: exposure, bloom, tone curve.");
   render.footer(kRenderExamples);
   add_render_options(render, arguments.render);
-  add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene."), arguments.sample);
+  CLI::App& stream =
+      *app.add_subcommand("stream", "Renders a sequence of frames with exposure that adapts over time.");
+  stream.footer(kStreamExamples);
+  add_stream_options(stream, arguments.stream);
+  add_meter_command(*app.add_subcommand("meter", "Says what exposure an image asks for, and why."),
+                    arguments.meter);
+  add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them."),
+             arguments.sample);
   add_report_options(*app.add_subcommand("report", "Measures this machine and writes a page about it."),
                      arguments.report);
+  CLI::App& bench = *app.add_subcommand("bench", "Loads a server with sessions and measures it.");
+  bench.footer(kBenchExamples);
+  add_bench_options(bench, arguments.bench);
   CLI::App& info = *app.add_subcommand("info", "Says what a server is and can do.");
   add_json_option(info, "Output", "Write it as one line of JSON, - for stdout", arguments.info.json);
   add_server_options(info, arguments.info.server);
@@ -142,18 +167,43 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
 // CLI11 leaves two lines between sections.
 std::string help(const CLI::App& app) { return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}}); }
 
+absl::Status finish_sample_options(const SampleOptions& sample) {
+  if (sample.output.empty() == sample.sequence.empty()) {
+    return usage_error("sample makes a scene or a sequence: give OUT or --sequence DIR, one of them");
+  }
+  std::string path = sample.output;
+  if (!sample.sequence.empty()) {
+    const absl::StatusOr<OutputNames> names = OutputNames::parse(sample.sequence, ".exr");
+    if (!names.ok()) return names.status();
+    path = names->path(0, "");
+  }
+  const absl::StatusOr<OutputKind> kind = output_kind(path);
+  if (kind.ok() && (*kind == OutputKind::kExr || *kind == OutputKind::kPfm)) return absl::OkStatus();
+  return usage_error(
+      absl::StrFormat("%s: a scene is written as .exr or .pfm; `candela render` makes a .png of it", path));
+}
+
 absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
   if (app.got_subcommand("render")) {
     if (absl::Status status = finish_render_options(arguments.render); !status.ok()) return status;
     return std::move(arguments.render.options);
   }
+  if (app.got_subcommand("stream")) {
+    if (absl::Status status = finish_stream_options(arguments.stream); !status.ok()) return status;
+    return std::move(arguments.stream.options);
+  }
+  if (app.got_subcommand("meter")) {
+    absl::Status status = check_meter_options(arguments.meter.settings);
+    status.Update(check_server_options(arguments.meter.server));
+    if (!status.ok()) return status;
+    return arguments.meter;
+  }
+  if (app.got_subcommand("bench")) {
+    if (absl::Status status = finish_bench_options(arguments.bench); !status.ok()) return status;
+    return arguments.bench;
+  }
   if (app.got_subcommand("sample")) {
-    const absl::StatusOr<OutputKind> kind = output_kind(arguments.sample.output);
-    if (!kind.ok() || (*kind != OutputKind::kExr && *kind != OutputKind::kPfm)) {
-      return usage_error(
-          absl::StrFormat("%s: a scene is written as .exr or .pfm; `candela render` makes a .png of it",
-                          arguments.sample.output));
-    }
+    if (absl::Status status = finish_sample_options(arguments.sample); !status.ok()) return status;
     return arguments.sample;
   }
   if (app.got_subcommand("report")) {

@@ -17,15 +17,6 @@ bool is_special(const std::string& path) {
   return stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
 }
 
-absl::Status write_special(const std::string& path, const std::string& text) {
-  std::FILE* file = std::fopen(path.c_str(), "we");
-  if (file == nullptr) return cannot_write(path, errno);
-  errno = 0;
-  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const bool closed = std::fclose(file) == 0;
-  return written && closed ? absl::OkStatus() : cannot_write(path, errno);
-}
-
 }  // namespace
 
 absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
@@ -43,12 +34,31 @@ absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
   return output;
 }
 
+absl::Status JsonOutput::add(const std::string& text) {
+  if (path_.empty() || !status_.ok()) return status_;
+  if (path_ == "-") return status_ = print(text);
+  if (file_) {
+    file_->write(text.data(), text.size());  // close() looks for failures
+    return absl::OkStatus();
+  }
+  if (special_ == nullptr) special_.reset(std::fopen(path_.c_str(), "we"));
+  if (special_ == nullptr) return status_ = cannot_write(path_, errno);
+  errno = 0;
+  const bool written = std::fwrite(text.data(), 1, text.size(), special_.get()) == text.size() &&
+                       std::fflush(special_.get()) == 0;
+  if (!written) status_ = cannot_write(path_, errno);
+  return status_;
+}
+
+absl::Status JsonOutput::close() {
+  if (file_) return file_->commit();
+  return status_;
+}
+
 absl::Status JsonOutput::write(const std::string& text) {
-  if (path_.empty()) return absl::OkStatus();
-  if (path_ == "-") return print(text);
-  if (!file_) return write_special(path_, text);
-  file_->write(text.data(), text.size());
-  return file_->commit();
+  absl::Status status = add(text);
+  status.Update(close());
+  return status;
 }
 
 }  // namespace candela

@@ -1,6 +1,8 @@
 // Where --json writes.
 #pragma once
 
+#include <cstdio>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -18,14 +20,25 @@ class JsonOutput {
 
   bool to_stdout() const { return path_ == "-"; }
 
-  // Once.
+  // Adds text, which stdout, pipes and devices get at once. A failure also comes back from close().
+  absl::Status add(const std::string& text);
+
+  // Once, after everything was added.
+  absl::Status close();
+
+  // All there is to say, at once: add() and close().
   absl::Status write(const std::string& text);
 
  private:
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
   explicit JsonOutput(std::string path) : path_(std::move(path)) {}
 
   std::string path_;
-  std::optional<AtomicFile> file_;  // absent: stdout, a pipe or device, or nowhere
+  std::optional<AtomicFile> file_;             // absent: stdout, a pipe or device, or nowhere
+  std::unique_ptr<std::FILE, Close> special_;  // a pipe or device, once something was added
+  absl::Status status_;
 };
 
 }  // namespace candela

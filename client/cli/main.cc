@@ -51,6 +51,9 @@ absl::Status run(const Invocation& invocation) try {
         using Options = std::decay_t<decltype(options)>;
         if constexpr (std::is_same_v<Options, TextToPrint>) return print(options.text);
         if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options);
+        if constexpr (std::is_same_v<Options, StreamOptions>) return run_stream(options);
+        if constexpr (std::is_same_v<Options, MeterOptions>) return run_meter(options);
+        if constexpr (std::is_same_v<Options, BenchOptions>) return run_bench(options);
         if constexpr (std::is_same_v<Options, SampleOptions>) return run_sample(options);
         if constexpr (std::is_same_v<Options, ReportOptions>) return run_report(options);
         if constexpr (std::is_same_v<Options, InfoOptions>) return run_info(options);

@@ -16,27 +16,73 @@ namespace candela {
 
 // Where frames are rendered.
 struct ServerChoice {
-  std::string address;  // "HOST:PORT" or "unix:PATH"; empty: a server inside of this process
-  std::string device;   // of the server inside: a part of its name, or its index; empty: the best there is
+  std::string address;                   // "HOST:PORT" or "unix:PATH"; empty: a server inside of this process
+  std::vector<std::string> others = {};  // more of them, for a session that loses the first
+  std::string device;  // of the server inside: a part of its name, or its index; empty: the best there is
 };
 
-struct RenderOptions {
+// How frames are rendered and images written.
+struct PictureOptions {
+  v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
+  ViewChoice view;        // its config is empty where there is none
+  WriteOptions write;
+  std::vector<std::string> notes;  // options that change nothing for this output
+};
+
+struct RenderOptions : PictureOptions {
   std::string input;
   std::string output;
-  v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   v1::ExposureState previous;  // exposure 0: none
-  ViewChoice view;             // its config is empty where there is none
-  WriteOptions write;
   ServerChoice server;
   bool verify = false;    // hold the image against the reference
   std::string error_map;  // a .png, "" for none; only with `verify`
   std::string json;       // a path, "-" for stdout, "" for none
   bool quiet = false;
-  std::vector<std::string> notes;  // options that change nothing for this output
+};
+
+struct StreamOptions : PictureOptions {
+  std::vector<std::string> inputs;  // files, patterns and folders
+  std::string output;               // a pattern with %d, or a folder
+  double fps = 24;
+  uint64_t first = 0;  // number of the first frame in the names of the images
+  uint32_t lookahead = 0;
+  double cut_threshold_ev = 0;  // 0: no detection
+  v1::Encoding encoding = v1::ENCODING_RAW;
+  absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
+  absl::Duration resume_limit = absl::Seconds(30);
+  std::string session;  // its name; empty: a random one
+  bool skip_bad = false;
+  ServerChoice server;
+  std::string plot;  // .png or .svg, "" for none
+  std::string json;  // as in RenderOptions
+  bool quiet = false;
+};
+
+struct MeterOptions {
+  std::string input;
+  v1::Settings settings;
+  ServerChoice server;
+  std::string json;
+};
+
+struct BenchOptions {
+  uint32_t sessions = 1;
+  uint32_t width = 1920;
+  uint32_t height = 1080;
+  double fps = 0;  // 0: as fast as it goes
+  absl::Duration duration = absl::Seconds(10);
+  uint32_t lookahead = 0;
+  absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
+  v1::Encoding encoding = v1::ENCODING_RAW;
+  ServerChoice server;
+  std::string json;
+  bool quiet = false;
 };
 
 struct SampleOptions {
-  std::string output;
+  std::string output;    // a scene; empty: a sequence
+  std::string sequence;  // a pattern with %d, or a folder; empty: a scene
+  uint64_t frames = 48;  // of a sequence
   uint32_t width = 1920;
   uint32_t height = 1080;
   bool quiet = false;
@@ -65,8 +111,8 @@ struct TextToPrint {
   std::string text;  // --help, --version
 };
 
-using Invocation =
-    std::variant<TextToPrint, RenderOptions, SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
+using Invocation = std::variant<TextToPrint, RenderOptions, StreamOptions, MeterOptions, BenchOptions,
+                                SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
 
 // Looks at nothing but its arguments. Every failure is a usage error (see usage.h) of one line that says what
 // would have been understood.

@@ -65,9 +65,9 @@ struct Outcome {
 };
 
 absl::Status missing(int error) {
-  return absl::FailedPreconditionError(absl::StrFormat(
-      "gnuplot, which draws the report's plots, cannot be run (%s); install the package gnuplot-nox",
-      std::string(absl::ErrnoToStatus(error, "").message())));
+  return absl::FailedPreconditionError(
+      absl::StrFormat("gnuplot, which draws the plots, cannot be run (%s); install the package gnuplot-nox",
+                      std::string(absl::ErrnoToStatus(error, "").message())));
 }
 
 absl::StatusOr<Outcome> run_gnuplot(const std::string& script) {
@@ -119,6 +119,17 @@ absl::StatusOr<std::string> plot_svg(const std::string& name, int width, int hei
                               {"'#gpPt", absl::StrCat("'#", name, "Pt")},
                               {"'gpDot'", absl::StrCat("'", name, "Dot'")},
                               {"'#gpDot'", absl::StrCat("'#", name, "Dot'")}});
+}
+
+absl::StatusOr<std::string> plot_png(int width, int height, const std::string& script) {
+  const std::string head = absl::StrFormat(
+      "set encoding utf8\nset terminal pngcairo size %d,%d noenhanced font 'sans-serif,10'\n", width, height);
+  const absl::StatusOr<Outcome> outcome = run_gnuplot(head + script + "\n");
+  if (!outcome.ok()) return outcome.status();
+  if (outcome->code != 0 || outcome->out.compare(0, 8, "\x89PNG\r\n\x1a\n") != 0) {
+    return absl::InternalError(absl::StrFormat("gnuplot drew no PNG: %s", outcome->err));
+  }
+  return outcome->out;
 }
 
 std::string quoted_for_plot(const std::string& text) {

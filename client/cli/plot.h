@@ -18,6 +18,9 @@ absl::Status check_gnuplot();
 absl::StatusOr<std::string> plot_svg(const std::string& name, int width, int height,
                                      const std::string& script);
 
+// The same as the bytes of a PNG file; width and height in pixels.
+absl::StatusOr<std::string> plot_png(int width, int height, const std::string& script);
+
 // A string as gnuplot takes it in single quotes.
 std::string quoted_for_plot(const std::string& text);
 

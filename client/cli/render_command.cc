@@ -1,7 +1,6 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <algorithm>
-#include <cstring>
 #include <thread>
 #include <utility>
 
@@ -9,12 +8,11 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands.h"
 #include "client/cli/error_map.h"
+#include "client/cli/frame_files.h"
 #include "client/cli/json_output.h"
-#include "client/cli/render_options.h"
 #include "client/cli/render_report.h"
 #include "client/cli/server_link.h"
 #include "client/cli/terminal.h"
-#include "client/color/view_table.h"
 #include "client/image/image.h"
 
 namespace candela {
@@ -24,35 +22,6 @@ namespace {
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
 
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
-
-v1::Settings settings_for(const Image& image, const RenderOptions& options) {
-  v1::Settings settings = options.settings;
-  const bool given =
-      settings.has_input_chromaticities() || settings.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
-  if (image.chromaticities && !given)
-    *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
-  return settings;
-}
-
-FrameView view_of(const Image& image) {
-  return {
-      .width = image.width,
-      .height = image.height,
-      .format = image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F,
-      .pixels = image.pixels.span()};
-}
-
-ImageFormat image_format(v1::OutputFormat format) {
-  return format == v1::OUTPUT_FORMAT_RGBA16F  ? ImageFormat::kRgba16f
-         : format == v1::OUTPUT_FORMAT_RGBA16 ? ImageFormat::kRgba16
-                                              : ImageFormat::kRgba8;
-}
-
-// A refusal speaks of the frame; the user thinks of a file.
-absl::Status name_file(const absl::Status& status, const std::string& path) {
-  if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return status;
-  return absl::Status(status.code(), absl::StrFormat("%s: %s", path, status.message()));
-}
 
 // One frame on its way from file to file.
 class Rendering {
@@ -83,15 +52,10 @@ class Rendering {
     if (options_.view.config.empty()) return absl::OkStatus();
     progress_.show("baking " + options_.view.config);
     const absl::Time begin = absl::Now();
-    absl::StatusOr<ViewTable> baked = bake_view(options_.view);
+    absl::StatusOr<BakedView> baked = candela::bake(options_.view);
     if (!baked.ok()) return baked.status();
-    const ColorTable& table = baked->table;
-    table_.set_size(table.size);
-    table_.set_axes(static_cast<v1::ColorTable::Axes>(table.axes));
-    table_.set_end(table.end);
-    table_.set_values(table.values.data(), table.values.size() * sizeof table.values[0]);
-    report_.view = ViewReport{baked->display, baked->view,      baked->input,      table.size,
-                              table.end,      baked->max_codes, baked->p999_codes, baked->mean_codes};
+    table_ = std::move(baked->table);
+    report_.view = std::move(baked->report);
     add_notes(std::move(baked->notes));
     bake_ms_ = ms_since(begin);
     return absl::OkStatus();
@@ -121,23 +85,17 @@ class Rendering {
     view.verify = options_.verify;
     view.error_map = !options_.error_map.empty();
     view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
-    v1::Settings settings = settings_for(frame, options_);
+    v1::Settings settings = settings_for(frame, options_.settings);
     if (table_.size() != 0) *settings.mutable_table() = std::move(table_);
     absl::StatusOr<RenderResult> result = (*server)->render(settings, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(result.status(), options_.input);
     link_.close();
 
-    report_.header = std::move(result->header);
+    report_.header = result->header;
     error_map_ = std::move(result->error_map);
     add_stages(call_ms);
-    absl::StatusOr<Image> picture =
-        make_image(report_.header.width(), report_.header.height(), image_format(report_.header.format()));
-    if (!picture.ok()) return picture;
-    std::memcpy(picture->pixels.data(), result->data.get(), result->bytes);
-    picture->has_alpha = frame.has_alpha;
-    picture->pixel_aspect = frame.pixel_aspect;
-    return picture;
+    return picture_of(*result, frame.has_alpha, frame.pixel_aspect);
   }
 
   absl::Status write(const Image& picture) {

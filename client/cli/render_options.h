@@ -2,18 +2,17 @@
 #pragma once
 
 #include <CLI/App.hpp>
-#include <array>
 
 #include "absl/status/status.h"
 #include "client/cli/options.h"
+#include "client/cli/picture_options.h"
 
 namespace candela {
 
 // What the options say before they are put together.
 struct RenderArguments {
   RenderOptions options;
-  int bits = 0;     // 0: not given
-  int quality = 0;  // 0: not given
+  PictureArguments picture;
 };
 
 // Defines the options; parsing fills `arguments`, which outlives the app.
@@ -21,9 +20,6 @@ void add_render_options(CLI::App& app, RenderArguments& arguments);
 
 // After parsing: chooses the output's format and finds options that do not go together.
 absl::Status finish_render_options(RenderArguments& arguments);
-
-// Red, green, blue and white, x before y.
-v1::Chromaticities to_message(const std::array<float, 8>& xy);
 
 // --server and --device, and --json: what `render` and `info` have in common.
 void add_server_options(CLI::App& app, ServerChoice& choice);

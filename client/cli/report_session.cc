@@ -6,7 +6,7 @@
 
 #include "absl/time/clock.h"
 #include "client/cli/enum_words.h"
-#include "client/cli/render_options.h"
+#include "client/cli/frame_files.h"
 
 namespace candela {
 namespace {
@@ -59,16 +59,11 @@ v1::Settings ReportSession::settings(const std::string& tier) {
 
 absl::StatusOr<RenderResult> ReportSession::render(v1::Settings settings, const Image& image,
                                                    const FrameWishes& wishes) const {
-  FrameView view;
-  view.width = image.width;
-  view.height = image.height;
-  view.format = image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
-  view.pixels = image.pixels.span().first(image.bytes());
+  FrameView view = view_of(image);
   view.previous = wishes.previous;
   view.verify = wishes.verify;
   view.error_map = wishes.error_map;
-  if (image.chromaticities) *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
-  return server_.render(settings, view, absl::Now() + kFrameTimeout);
+  return server_.render(settings_for(image, std::move(settings)), view, absl::Now() + kFrameTimeout);
 }
 
 bool is_device_stage(const v1::StageTime& stage) {

@@ -1,11 +1,37 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/commands.h"
+#include "client/cli/sequence_files.h"
 #include "client/cli/terminal.h"
 #include "client/image/sample.h"
 
 namespace candela {
+namespace {
+
+absl::Status make_sequence(const SampleOptions& options) {
+  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.sequence, ".exr");
+  if (!names.ok()) return names.status();
+  if (absl::Status status = names->make_folder(); !status.ok()) return status;
+  Progress progress(!options.quiet);
+  for (uint64_t i = 0; i < options.frames; ++i) {
+    progress.show_bar(static_cast<double>(i) / static_cast<double>(options.frames), names->path(i, ""));
+    const absl::StatusOr<Image> frame =
+        sample_sequence_frame(options.width, options.height, i, options.frames);
+    if (!frame.ok()) return frame.status();
+    if (const auto notes = write_image(names->path(i, ""), *frame); !notes.ok()) return notes.status();
+  }
+  progress.clear();
+  if (options.quiet) return absl::OkStatus();
+  const std::string of = absl::StrFormat("%s .. %s", names->path(0, ""), names->path(options.frames - 1, ""));
+  return print(
+      absl::StrFormat("%s: %d frames of %dx%d, 2^12 brighter from the middle on; `candela stream %s out "
+                      "--exposure-plot exposure.svg` shows what exposure makes of it\n",
+                      of, options.frames, options.width, options.height, options.sequence));
+}
+
+}  // namespace
 
 absl::Status run_sample(const SampleOptions& options) {
+  if (!options.sequence.empty()) return make_sequence(options);
   if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
   Progress progress(!options.quiet);
   progress.show("making the scene");

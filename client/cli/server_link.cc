@@ -13,6 +13,15 @@ namespace {
 // For what needs no rendering.
 constexpr absl::Duration kAnswerTimeout = absl::Seconds(10);
 
+absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
+  absl::StatusOr<v1::GetServerInfoResponse> info = server.server_info(absl::Now() + kAnswerTimeout);
+  if (!absl::IsDeadlineExceeded(info.status())) return info;
+  return absl::DeadlineExceededError(
+      absl::StrFormat("no answer from %s within %s: it hangs or is not a candelad; name another --server or "
+                      "none",
+                      server.address(), absl::FormatDuration(kAnswerTimeout)));
+}
+
 }  // namespace
 
 ServerLink::ServerLink(const ServerChoice& choice) : choice_(choice) {
@@ -41,15 +50,29 @@ absl::StatusOr<const Connection*> ServerLink::connection() {
   return &*connection_;
 }
 
+absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& options) {
+  if (choice_.address.empty()) {
+    const absl::StatusOr<const Connection*> server = connection();
+    if (!server.ok()) return server.status();
+    return Session::open({(*server)->channel()}, options);
+  }
+  SessionOptions there = options;
+  there.servers = {choice_.address};
+  there.servers.insert(there.servers.end(), choice_.others.begin(), choice_.others.end());
+  return Session::open(there);
+}
+
 absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
   const absl::StatusOr<const Connection*> server = connection();
   if (!server.ok()) return server.status();
-  absl::StatusOr<v1::GetServerInfoResponse> info = (*server)->server_info(absl::Now() + kAnswerTimeout);
-  if (!absl::IsDeadlineExceeded(info.status())) return info;
-  return absl::DeadlineExceededError(
-      absl::StrFormat("no answer from %s within %s: it hangs or is not a candelad; name another --server or "
-                      "none",
-                      (*server)->address(), absl::FormatDuration(kAnswerTimeout)));
+  absl::StatusOr<v1::GetServerInfoResponse> info = ask_info(**server);
+  for (const std::string& address : choice_.others) {
+    if (info.ok()) break;
+    const absl::StatusOr<Connection> other = Connection::open(address);
+    if (!other.ok()) return usage_error(std::string(other.status().message()));
+    if (auto answer = ask_info(*other); answer.ok()) info = std::move(answer);
+  }
+  return info;
 }
 
 absl::StatusOr<v1::Limits> ServerLink::limits() {

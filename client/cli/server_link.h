@@ -10,6 +10,7 @@
 #include "client/cli/embedded_server.h"
 #include "client/cli/options.h"
 #include "client/connection.h"
+#include "client/session.h"
 
 namespace candela {
 
@@ -25,7 +26,12 @@ class ServerLink {
   // Waits until a server of our own has started. Valid until close(). A malformed address is a usage error.
   absl::StatusOr<const Connection*> connection();
 
-  // What it is. Waits as connection() does, and then for a while.
+  // Opens a session there, or on one of the choice's others; `options.servers` is not looked at. Several at
+  // once are possible, and none may outlive close().
+  absl::StatusOr<Session> open_session(const SessionOptions& options);
+
+  // What it is. Waits as connection() does, and then for a while. One of the others is asked where the first
+  // is not there.
   absl::StatusOr<v1::GetServerInfoResponse> info();
 
   // What it accepts. A running server is asked; our own is not waited for.

@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 
 namespace candela {
 namespace {
@@ -38,9 +39,22 @@ absl::Status print(const std::string& text) {
 
 Progress::Progress(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) == 1) {}
 
-void Progress::show(const std::string& what) {
+void Progress::show(const std::string& what) { line(one_line(what) + " ..."); }
+
+void Progress::show_bar(double done, const std::string& words) {
+  constexpr int kCells = 20;
+  constexpr absl::Duration kBetween = absl::Milliseconds(100);
+  const absl::Time now = absl::Now();
+  if (!shown_ || now - last_bar_ < kBetween) return;
+  last_bar_ = now;
+  const int full = static_cast<int>(std::clamp(done, 0.0, 1.0) * kCells);
+  line(
+      absl::StrFormat("[%s%s] %s", std::string(full, '#'), std::string(kCells - full, '.'), one_line(words)));
+}
+
+void Progress::line(const std::string& text) {
   if (!shown_) return;
-  absl::FPrintF(stderr, "\r\033[K%s ...", one_line(what));
+  absl::FPrintF(stderr, "\r\033[K%s", text);
   std::fflush(stderr);
   line_ = true;
 }

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 
 namespace candela {
 
@@ -26,11 +27,17 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   void show(const std::string& what);
+  // A bar that is `done` (0 .. 1) full, and words behind it. At most ten times a second; else it does
+  // nothing.
+  void show_bar(double done, const std::string& words);
   void clear();  // before anything else is printed
 
  private:
   const bool shown_;
+  void line(const std::string& text);
+
   bool line_ = false;  // there is one to clear
+  absl::Time last_bar_ = absl::InfinitePast();
 };
 
 }  // namespace candela

@@ -33,7 +33,7 @@ absl::Status set_curve(const std::string& word, v1::Settings& settings) {
 
 }  // namespace
 
-void add_view_options(CLI::App& app, const std::string& section, RenderOptions& options) {
+void add_view_options(CLI::App& app, const std::string& section, PictureOptions& options) {
   add_text(app, section, "--curve", "NAME",
            absl::StrFormat("Tone curve: %s (default %s)", absl::StrJoin(curve_words(), ", "),
                            word_of(kDefaultCurve)),
@@ -55,7 +55,7 @@ void add_view_options(CLI::App& app, const std::string& section, RenderOptions& 
       options.view.input);
 }
 
-absl::Status finish_view_options(RenderOptions& options, bool encoded) {
+absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded) {
   const ViewChoice& view = options.view;
   if (view.config.empty()) {
     for (const auto& [name, value] : {std::pair("--display", view.display), std::pair("--view", view.view),
@@ -74,8 +74,7 @@ absl::Status finish_view_options(RenderOptions& options, bool encoded) {
     options.notes.push_back("--transfer changes nothing: the view of --ocio has its own encoding");
   }
   if (!encoded) {
-    options.notes.push_back(
-        absl::StrFormat("%s holds the view's display values, not linear light", options.output));
+    options.notes.push_back(absl::StrFormat("%s holds the view's display values, not linear light", output));
   }
   options.settings.set_curve(v1::TONE_CURVE_TABLE);
   options.write.transfer = EncodedTransfer::kUnknown;

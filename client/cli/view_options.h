@@ -12,10 +12,10 @@ namespace candela {
 
 // Defines --curve, --ocio, --display, --view and --ocio-input in a section of the help; parsing fills
 // `options`, which outlives the app.
-void add_view_options(CLI::App& app, const std::string& section, RenderOptions& options);
+void add_view_options(CLI::App& app, const std::string& section, PictureOptions& options);
 
-// After parsing: finds options that do not go together, and notes those that change nothing. `encoded`: the
-// output holds display values, not light.
-absl::Status finish_view_options(RenderOptions& options, bool encoded);
+// After parsing: finds options that do not go together, and notes those that change nothing. `encoded`:
+// `output` holds display values, not light.
+absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded);
 
 }  // namespace candela

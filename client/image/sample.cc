@@ -1,5 +1,7 @@
 #include "client/image/sample.h"
 
+#include <half.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -166,6 +168,26 @@ absl::StatusOr<Image> sample_scene(uint32_t width, uint32_t height) {
     for (uint32_t x = 0; x < width; ++x, out += 16) {
       const Rgb c = scene.at(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
       const float pixel[4] = {c.r, c.g, c.b, 1};
+      std::memcpy(out, pixel, sizeof pixel);
+    }
+  }
+  return image;
+}
+
+absl::StatusOr<Image> sample_sequence_frame(uint32_t width, uint32_t height, uint64_t index,
+                                            uint64_t frames) {
+  constexpr float kMost = 60000;
+  absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
+  if (!image.ok()) return image;
+  const Scene scene(width, height);
+  const float light = std::exp2(index < frames / 2 ? -6.0f : 6.0f);
+  std::byte* out = image->pixels.data();
+  for (uint32_t y = 0; y < height; ++y) {
+    for (uint32_t x = 0; x < width; ++x, out += 8) {
+      const auto from = static_cast<float>((x + index) % width);
+      const Rgb c = light * scene.at(from + 0.5f, static_cast<float>(y) + 0.5f);
+      const half pixel[4] = {half(std::min(c.r, kMost)), half(std::min(c.g, kMost)),
+                             half(std::min(c.b, kMost)), half(1.0f)};
       std::memcpy(out, pixel, sizeof pixel);
     }
   }

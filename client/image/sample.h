@@ -13,4 +13,9 @@ namespace candela {
 // make_image does.
 absl::StatusOr<Image> sample_scene(uint32_t width, uint32_t height);
 
+// Frame `index` of a sequence of `frames`: the same evening, moving by a pixel from frame to frame, darker by
+// 2^-6 in the first half of the frames and brighter by 2^6 from the middle on, with what is above 60000 cut
+// to that. kRgba16f, otherwise as sample_scene.
+absl::StatusOr<Image> sample_sequence_frame(uint32_t width, uint32_t height, uint64_t index, uint64_t frames);
+
 }  // namespace candela

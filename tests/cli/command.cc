@@ -131,9 +131,9 @@ Daemon::Daemon(const std::vector<std::string>& options) {
   if (line.starts_with(prefix)) address_ = line.substr(prefix.size());
 }
 
-void Daemon::stop() {
+void Daemon::stop(int signal) {
   if (pid_ > 0) {
-    kill(pid_, SIGTERM);
+    kill(pid_, signal);
     waitpid(pid_, nullptr, 0);
     close(output_);
   }

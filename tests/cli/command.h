@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <csignal>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -38,7 +39,7 @@ class Daemon {
   Daemon& operator=(const Daemon&) = delete;
 
   const std::string& address() const { return address_; }  // "" when it did not start
-  void stop();
+  void stop(int signal = SIGTERM);
 
  private:
   pid_t pid_ = -1;

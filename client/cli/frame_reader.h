@@ -1,0 +1,39 @@
+// Image files read ahead, several at once.
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <future>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/image/image.h"
+
+namespace candela {
+
+// Used by one thread at a time.
+class FrameReader {
+ public:
+  // Holds at most `ahead` (at least 1) images that were not taken.
+  FrameReader(std::vector<std::string> paths, const ImageLimits& limits, size_t ahead);
+
+  struct Read {
+    size_t index;  // of its path
+    absl::StatusOr<Image> image;
+  };
+  // The next one in order; waits for it. None after the last.
+  std::optional<Read> next();
+
+ private:
+  void read_ahead();
+
+  const std::vector<std::string> paths_;
+  const ImageLimits limits_;
+  const size_t ahead_;
+  size_t at_ = 0;  // of the next one to begin
+  std::deque<std::future<absl::StatusOr<Image>>> reading_;
+};
+
+}  // namespace candela

@@ -1,0 +1,339 @@
+// `candela stream`, `candela meter` and `candela bench`, and the sequence that `candela sample` makes.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <thread>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "client/image/image.h"
+#include "tests/cli/command.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
+
+namespace candela {
+namespace {
+
+using Json = nlohmann::json;
+
+class Stream : public ::testing::Test {
+ protected:
+  // A sequence of `frames` in the folder "in".
+  void make_frames(int frames, const std::string& size = "64x48") {
+    ASSERT_EQ(
+        candela({"sample", "--sequence", in(), "--frames", std::to_string(frames), "--size", size, "-q"})
+            .code,
+        0);
+  }
+
+  // Its lines: the frames, then the summary.
+  std::vector<Json> stream(std::vector<std::string> options, const std::string& out = "out") {
+    options.insert(options.begin(), {"stream", in(), folder_.path(out), "-q", "--json", "-"});
+    const Outcome outcome = candela(options);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_EQ(outcome.err, "");
+    return lines_of(outcome.out);
+  }
+
+  static std::vector<Json> lines_of(const std::string& text) {
+    std::vector<Json> lines;
+    for (const absl::string_view line : absl::StrSplit(text, '\n', absl::SkipEmpty())) {
+      lines.push_back(Json::parse(line, nullptr, false));
+      EXPECT_TRUE(lines.back().is_object()) << line;
+    }
+    return lines;
+  }
+
+  std::string image(const std::string& name, const std::string& out = "out") const {
+    return read_file(folder_.path(out) + "/" + name);
+  }
+
+  std::string in() const { return folder_.path("in"); }
+
+  const TemporaryFolder folder_;
+};
+
+TEST_F(Stream, ASequenceStepsInTheMiddleAndExposureFollowsAsDesigned) {
+  make_frames(8);
+  const std::vector<Json> lines = stream({"--fps", "10"});
+  ASSERT_EQ(lines.size(), 9u);
+  for (size_t i = 0; i < 8; ++i) {
+    const Json& frame = lines[i];
+    EXPECT_EQ(frame.at("frame"), i);
+    EXPECT_EQ(frame.at("media_time_ns"), i * 100'000'000);
+    EXPECT_EQ(png_facts(frame.at("output")).width, 64u) << frame;
+    EXPECT_EQ(frame.at("output"), absl::StrFormat("%s/%04d.png", folder_.path("out"), i));
+    const double exposure = frame.at("exposure"), target = frame.at("target");
+    if (i == 0) {
+      EXPECT_DOUBLE_EQ(exposure, target);
+      continue;
+    }
+    // The recursion of docs/pipeline.md, section 3.
+    const double before = lines[i - 1].at("exposure");
+    EXPECT_EQ(frame.at("exposure_before"), before);
+    const double alpha = 1 - std::exp(-0.1 * (target > before ? 3 : 1));
+    EXPECT_NEAR(std::log2(exposure), std::log2(before) + (std::log2(target) - std::log2(before)) * alpha,
+                1e-9);
+  }
+  const double step =
+      lines[4].at("mean_log2_luminance").get<double>() - lines[3].at("mean_log2_luminance").get<double>();
+  EXPECT_NEAR(step, 12, 1.5);
+  const Json& summary = lines[8].at("summary");
+  EXPECT_EQ(summary.at("written"), 8);
+  EXPECT_EQ(summary.at("resumes"), 0);
+}
+
+TEST_F(Stream, EachFrameIsWhatRenderMakesOfItFromTheExposureBefore) {
+  make_frames(4);
+  const std::vector<std::string> look{"--curve", "reinhard", "--bloom-intensity", "0.2", "--key", "0.3"};
+  std::vector<std::string> options = look;
+  options.insert(options.end(), {"--fps", "8"});
+  const std::vector<Json> lines = stream(options);
+  ASSERT_EQ(lines.size(), 5u);
+  for (size_t i = 1; i < 4; ++i) {
+    std::vector<std::string> render{"render",
+                                    lines[i].at("input"),
+                                    folder_.path("one.png"),
+                                    "-q",
+                                    "--previous-exposure",
+                                    absl::StrFormat("%.17g", lines[i - 1].at("exposure").get<double>()),
+                                    "--elapsed",
+                                    "0.125"};
+    render.insert(render.end(), look.begin(), look.end());
+    const Outcome outcome = candela(render);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_TRUE(read_file(folder_.path("one.png")) == image(absl::StrFormat("%04d.png", i))) << i;
+  }
+}
+
+TEST_F(Stream, ADaemonGivesTheBytesThatTheServerInsideGives) {
+  make_frames(5);
+  const Daemon daemon;
+  for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+           {}, {"--lookahead", "2"}, {"--detect-cuts"}, {"--detect-cuts", "0.5"}}) {
+    stream(options, "here");
+    std::vector<std::string> there = options;
+    there.insert(there.end(), {"--server", "127.0.0.1:1," + daemon.address()});
+    stream(there, "there");
+    for (int i = 0; i < 5; ++i) {
+      const std::string name = absl::StrFormat("%04d.png", i);
+      EXPECT_TRUE(image(name, "here") == image(name, "there")) << name;
+      EXPECT_EQ(png_facts(folder_.path("here/" + name)).width, 64u);
+    }
+  }
+}
+
+TEST_F(Stream, DetectedCutsAreSaidAndTaken) {
+  make_frames(8);
+  const std::vector<Json> lines = stream({"--detect-cuts", "0.2"});
+  ASSERT_EQ(lines.size(), 9u);
+  EXPECT_TRUE(lines[0].at("cut").is_boolean());
+}
+
+TEST_F(Stream, TheServerCanMakeTheFiles) {
+  make_frames(3);
+  stream({"--encoding", "png"}, "png");
+  EXPECT_EQ(png_facts(folder_.path("png/0001.png")).width, 64u);
+  stream({"--encoding", "jpeg"}, "jpeg");
+  EXPECT_EQ(image("0001.jpg", "jpeg").substr(0, 2), "\xff\xd8");
+}
+
+TEST_F(Stream, InputsAreInNaturalOrderAndOutputsAreNumbered) {
+  std::filesystem::create_directory(in());
+  for (const char* name : {"f1.exr", "f2.exr", "f10.exr"}) write_small_exr(folder_.path("in/") + name);
+  write_file(folder_.path("in/readme.txt"), "no image");
+  for (const std::string& input : {in(), in() + "/f*.exr", in() + "/f%d.exr", in() + "/*.exr"}) {
+    const Outcome outcome = candela({"stream", input, folder_.path("out/a%03d.jpg"), "-q", "--json", "-",
+                                     "--first", "7", "--quality", "80"});
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    const std::vector<Json> lines = lines_of(outcome.out);
+    ASSERT_EQ(lines.size(), 4u) << input;
+    EXPECT_EQ(lines[1].at("input"), in() + "/f2.exr");
+    EXPECT_EQ(lines[2].at("input"), in() + "/f10.exr");
+    EXPECT_EQ(lines[2].at("output"), folder_.path("out/a009.jpg"));
+    EXPECT_EQ(image("a009.jpg").substr(0, 2), "\xff\xd8");
+  }
+}
+
+TEST_F(Stream, FramesOfManySizesAndColoursAreOneSession) {
+  std::filesystem::create_directory(in());
+  write_small_exr(in() + "/1.exr");
+  for (const auto& [name, size] :
+       {std::pair("/2.exr", "80x60"), std::pair("/3.pfm", "33x90"), std::pair("/4.exr", "1x1")}) {
+    ASSERT_EQ(candela({"sample", in() + name, "--size", size, "-q"}).code, 0);
+  }
+  Image wide = *make_image(20, 10, ImageFormat::kRgba16f);
+  wide.chromaticities = {0.708f, 0.292f, 0.170f, 0.797f, 0.131f, 0.046f, 0.3127f, 0.3290f};
+  ASSERT_TRUE(write_image(in() + "/5.exr", wide).ok());
+  const std::vector<Json> lines = stream({"--exposure", "0"});
+  ASSERT_EQ(lines.size(), 6u);
+  EXPECT_EQ(lines[2].at("width"), 33);
+  for (int i = 1; i <= 5; ++i) {
+    const std::string input = lines[static_cast<size_t>(i - 1)].at("input");
+    ASSERT_EQ(candela({"render", input, folder_.path("one.png"), "-q", "--exposure", "0"}).code, 0);
+    EXPECT_TRUE(read_file(folder_.path("one.png")) == image(absl::StrFormat("%d.png", i))) << input;
+  }
+}
+
+TEST_F(Stream, ABadFrameStopsItByNameOrIsSkippedAndCounted) {
+  make_frames(5);
+  write_file(in() + "/0002.exr", "no image at all");
+  const Outcome stopped = candela({"stream", in(), folder_.path("out")});
+  EXPECT_EQ(stopped.code, 1);
+  EXPECT_EQ(stopped.err.find("candela: error: " + in() + "/0002.exr: "), 0u) << stopped.err;
+  EXPECT_EQ(png_facts(folder_.path("out/0001.png")).width, 64u) << "what was there before is written";
+
+  const Outcome skipped =
+      candela({"stream", in(), folder_.path("out"), "--skip-bad", "--json", folder_.path("json")});
+  ASSERT_EQ(skipped.code, 0) << skipped.err;
+  EXPECT_NE(skipped.err.find("0002.exr"), std::string::npos) << skipped.err;
+  EXPECT_NE(skipped.out.find("4 of 5 frames"), std::string::npos) << skipped.out;
+  const std::vector<Json> lines = lines_of(read_file(folder_.path("json")));
+  ASSERT_EQ(lines.size(), 6u);
+  EXPECT_TRUE(lines[2].contains("error"));
+  EXPECT_EQ(lines[3].at("media_time_ns"), 125'000'000) << "a skipped frame keeps its time";
+  EXPECT_EQ(lines[5].at("summary").at("skipped"), 1);
+}
+
+TEST_F(Stream, AFrameThatTheServerRefusesIsNamed) {
+  std::filesystem::create_directory(in());
+  write_small_exr(in() + "/1.exr");
+  Image bad = *make_image(8, 8, ImageFormat::kRgba16f);
+  bad.pixels.data()[1] = std::byte{0x7e};  // a NaN
+  ASSERT_TRUE(write_image(in() + "/2.exr", bad).ok());
+  write_small_exr(in() + "/3.exr");
+  const Outcome stopped = candela({"stream", in(), folder_.path("out"), "--bad-values", "reject", "-q"});
+  EXPECT_EQ(stopped.code, 1);
+  EXPECT_EQ(stopped.err.find("candela: error: " + in() + "/2.exr: "), 0u) << stopped.err;
+  const Outcome skipped =
+      candela({"stream", in(), folder_.path("out"), "--bad-values", "reject", "--skip-bad", "--json", "-"});
+  ASSERT_EQ(skipped.code, 0) << skipped.err;
+  EXPECT_EQ(lines_of(skipped.out).back().at("summary").at("skipped"), 1);
+}
+
+TEST_F(Stream, TheExposurePlotIsDrawn) {
+  make_frames(6);
+  stream({"--exposure-plot", folder_.path("plot.png"), "--lookahead", "2"});
+  EXPECT_GT(png_facts(folder_.path("plot.png")).width, 400u);
+  stream({"--exposure-plot", folder_.path("plot.svg"), "--lookahead", "2"});
+  const std::string svg = read_file(folder_.path("plot.svg"));
+  for (const char* word : {"<?xml", "<svg", "xmlns", "exposure", "target", "luminance"}) {
+    EXPECT_NE(svg.find(word), std::string::npos) << word;
+  }
+}
+
+TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
+  make_frames(40, "320x200");
+  stream({}, "whole");
+  // The same keys, or the second would not know the first one's tokens.
+  write_file(folder_.path("keys"), "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n");
+  std::filesystem::permissions(folder_.path("keys"), std::filesystem::perms::owner_read);
+  Daemon first({"--resume-keys", folder_.path("keys")});
+  const Daemon second({"--resume-keys", folder_.path("keys")});
+  ASSERT_NE(first.address(), "");
+  ASSERT_NE(second.address(), "");
+  std::thread killer([&] {
+    const std::string some = folder_.path("out/0006.png");
+    for (int i = 0; i < 2000 && !std::filesystem::exists(some); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    first.stop(SIGKILL);
+  });
+  const Outcome outcome = candela({"stream", in(), folder_.path("out"), "--json", folder_.path("json"),
+                                   "--server", first.address() + "," + second.address()});
+  killer.join();
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("went on on " + second.address()), std::string::npos) << outcome.err;
+  const Json summary = lines_of(read_file(folder_.path("json"))).back().at("summary");
+  EXPECT_EQ(summary.at("resumes"), 1) << summary;
+  EXPECT_EQ(summary.at("server"), second.address());
+  for (int i = 0; i < 40; ++i) {
+    const std::string name = absl::StrFormat("%04d.png", i);
+    EXPECT_TRUE(image(name) == image(name, "whole")) << name;
+  }
+}
+
+TEST_F(Stream, WrongUseIsSaidInOneLine) {
+  make_frames(2);
+  struct Case {
+    std::vector<std::string> arguments;
+    std::string words;
+    int code = 2;
+  };
+  const std::string out = folder_.path("out");
+  for (const Case& c :
+       std::vector<Case>{{{in()}, "out/%04d.png"},
+                         {{in(), out + "/one.png"}, "is one file"},
+                         {{in(), out + "/%04d-%d.png"}, "a pattern has one number"},
+                         {{in(), out + "/%x.png"}, "a pattern has one number"},
+                         {{in(), out + "/%d.gif"}, "use .png"},
+                         {{in(), out, "--bits", "16", "--quality", "3"}, "--quality is for .jpg"},
+                         {{in(), out + "/%d.jpg", "--encoding", "png"}, "--encoding makes PNG files"},
+                         {{in(), out, "--fps", "0"}, "--fps is 0"},
+                         {{in(), out, "--lookahead", "17"}, "0 .. 16"},
+                         {{in(), out, "--detect-cuts", "17"}, "0 .. 16"},
+                         {{in(), out, "--server", "a:1,,b:1"}, "commas"},
+                         {{in(), out, "--server", "nowhere"}, "neither HOST:PORT"},
+                         {{in(), out, "--server", "127.0.0.1:1", "--device", "0"}, "one of them"},
+                         {{in(), out, "--exposure-plot", "plot.gif"}, ".png or .svg"},
+                         {{in(), out, "--tier", "standart"}, "did you mean standard?"},
+                         {{in() + "/nothing*.exr", out}, "no such file", 1},
+                         {{folder_.path("nowhere"), out}, "no such file", 1},
+                         {{in(), in() + "/%04d.exr"}, "is one of the frames", 1}}) {
+    std::vector<std::string> arguments{"stream"};
+    arguments.insert(arguments.end(), c.arguments.begin(), c.arguments.end());
+    const Outcome outcome = candela(arguments);
+    EXPECT_EQ(outcome.code, c.code) << outcome.err;
+    EXPECT_NE(outcome.err.find(c.words), std::string::npos) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
+}
+
+TEST_F(Stream, MeterSaysWhatRenderUses) {
+  const std::string scene = folder_.path("scene.exr");
+  ASSERT_EQ(candela({"sample", scene, "--size", "128x96", "-q"}).code, 0);
+  for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+           {}, {"--percentiles", "20,80", "--weights", "center", "--key", "0.5"}}) {
+    std::vector<std::string> meter{"meter", scene}, render{"render", scene, folder_.path("scene.png")};
+    meter.insert(meter.end(), options.begin(), options.end());
+    render.insert(render.end(), options.begin(), options.end());
+    const Json metered = candela_json(meter), rendered = candela_json(render);
+    for (const char* key :
+         {"exposure", "target", "mean_log2_luminance", "min_luminance", "max_luminance", "bad_values"}) {
+      EXPECT_EQ(metered.at(key), rendered.at(key)) << key;
+    }
+    EXPECT_GT(metered.at("histogram").at("bins_per_ev"), 0);
+  }
+  const Outcome text = candela({"meter", scene});
+  ASSERT_EQ(text.code, 0) << text.err;
+  for (const char* word : {"128x96", "exposure", "EV", "##", "<- the mean"}) {
+    EXPECT_NE(text.out.find(word), std::string::npos) << word << " is not in\n" << text.out;
+  }
+  EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 1);
+}
+
+TEST_F(Stream, BenchMeasuresSessions) {
+  const Daemon daemon;
+  const std::vector<std::string> common{"bench",      "--server", daemon.address(), "--size", "64x64",
+                                        "--sessions", "2"};
+  std::vector<std::string> fast = common, paced = common;
+  fast.insert(fast.end(), {"--seconds", "1"});
+  paced.insert(paced.end(), {"--seconds", "2", "--fps", "10"});
+  const Json fastest = candela_json(fast), steady = candela_json(paced);
+  EXPECT_GT(fastest.at("frames"), 10);
+  EXPECT_GT(fastest.at("fairness").at("jain"), 0.5);
+  EXPECT_GE(fastest.at("latency_ms").at("p999"), fastest.at("latency_ms").at("p50"));
+  EXPECT_EQ(fastest.at("window_fps").size(), 10u);
+  EXPECT_EQ(fastest.at("failed"), 0);
+  EXPECT_EQ(steady.at("frames").get<int>() + steady.at("dropped").get<int>(), 40) << steady;
+  const Outcome text = candela(fast);
+  ASSERT_EQ(text.code, 0) << text.err;
+  for (const char* word : {"throughput", "latency", "queue wait", "p99.9", "Jain", "dropped", "stable"}) {
+    EXPECT_NE(text.out.find(word), std::string::npos) << word << " is not in\n" << text.out;
+  }
+}
+
+}  // namespace
+}  // namespace candela
