@@ -142,13 +142,13 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   last_progress_ = absl::Now();
   if (work_ == Work::kMeter) {
     frame_->memory = {};
-    result_.emplace(std::make_shared<const std::string>(), serialize(meter_response(*frame_, *rendered)));
+    result_.emplace(std::make_shared<const std::string>(), message_bytes(meter_response(*frame_, *rendered)));
     return send_next();
   }
   v1::RenderResponse response;
   *response.mutable_header() = result_header(*frame_, *rendered, backend_.device);
   response.mutable_header()->set_tier_reason(tier_reason_);
-  result_.emplace(frame_, serialize(response));
+  result_.emplace(frame_, message_bytes(response));
   send_next();
 }
 

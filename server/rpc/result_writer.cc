@@ -71,7 +71,7 @@ v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metere
   return response;
 }
 
-grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
+grpc::ByteBuffer message_bytes(const google::protobuf::Message& message) {
   const grpc::Slice bytes(message.SerializeAsString());
   return grpc::ByteBuffer(&bytes, 1);
 }
@@ -111,7 +111,7 @@ bool ResultWriter::next_part(grpc::ByteBuffer& message) {
   const size_t count = std::min<size_t>(file_->size() - next_byte_, v1::kMaxBandBytes);
   v1::StreamResponse response;
   response.mutable_encoded()->set_data(file_->data() + next_byte_, count);
-  message = serialize(response);
+  message = message_bytes(response);
   next_byte_ += count;
   return true;
 }

@@ -75,20 +75,21 @@ void StreamCall::OnReadDone(bool ok) {
   if (finished_ || ending_) return;
   last_read_ = absl::Now();
   if (ok) backend_.metrics.bytes_in(incoming_.Length());
-  const absl::Status status = ok ? take_message() : half_closed();
-  incoming_.Clear();
+  grpc::ByteBuffer message;  // the next read may begin before this one is understood
+  message.Swap(&incoming_);
+  const absl::Status status = ok ? take_message(message) : half_closed();
   if (!status.ok()) return finish(status);
   read_on();
 }
 
-absl::Status StreamCall::take_message() {
-  if (state_ == Reading::kOpen) return take_open();
-  return state_ == Reading::kBands ? take_band() : take_between();
+absl::Status StreamCall::take_message(grpc::ByteBuffer& message) {
+  if (state_ == Reading::kOpen) return take_open(message);
+  return state_ == Reading::kBands ? take_band(message) : take_between(message);
 }
 
-absl::Status StreamCall::take_open() {
+absl::Status StreamCall::take_open(grpc::ByteBuffer& message) {
   v1::StreamRequest request;
-  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  if (absl::Status status = parse_request(message, request); !status.ok()) return status;
   if (!request.has_open()) {
     return absl::InvalidArgumentError("first message holds no `open`; send it before the frames");
   }
@@ -130,15 +131,15 @@ absl::Status StreamCall::take_open() {
   opened.set_session(start_->session);
   opened.set_max_frames_in_flight(backend_.max_frames_in_flight);
   opened.set_epoch(epoch_);
-  notices_.push_back(serialize(response));
+  notices_.push_back(message_bytes(response));
   state_ = Reading::kBetween;
   write_on();
   return absl::OkStatus();
 }
 
-absl::Status StreamCall::take_between() {
+absl::Status StreamCall::take_between(grpc::ByteBuffer& message) {
   v1::StreamRequest request;
-  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  if (absl::Status status = parse_request(message, request); !status.ok()) return status;
   if (request.has_frame()) return take_header(request.frame());
   if (request.has_change()) return take_change(request.change());
   return absl::InvalidArgumentError(
@@ -255,10 +256,10 @@ void StreamCall::retry_admission() {
   read_on();
 }
 
-absl::Status StreamCall::take_band() {
+absl::Status StreamCall::take_band(grpc::ByteBuffer& message) {
   const FramePtr frame = frames_.back();
   FrameMemory& memory = frame->frame->memory;
-  absl::Status status = bands_->read(incoming_, [&memory](uint32_t y) { return memory.input_row(y); });
+  absl::Status status = bands_->read(message, [&memory](uint32_t y) { return memory.input_row(y); });
   if (!status.ok() || !bands_->complete()) return status;
   bands_.reset();
   state_ = Reading::kBetween;
@@ -475,7 +476,7 @@ grpc::ByteBuffer StreamCall::header_message(const SessionFrame& frame) {
   header.set_resume_token(token(frame));
   header.set_encoding(static_cast<v1::Encoding>(start_->encoding));
   if (frame.file) header.set_encoded_bytes(frame.file->size());
-  return serialize(response);
+  return message_bytes(response);
 }
 
 grpc::ByteBuffer StreamCall::failure_message(const SessionFrame& frame) {
@@ -486,7 +487,7 @@ grpc::ByteBuffer StreamCall::failure_message(const SessionFrame& frame) {
   failure.set_code(static_cast<uint32_t>(frame.failure.code()));
   failure.set_message(std::string(frame.failure.message()));
   failure.set_resume_token(token(frame));
-  return serialize(response);
+  return message_bytes(response);
 }
 
 // ---- Ends
@@ -500,7 +501,7 @@ void StreamCall::go_away() {
   if (!start_) return finish(status);
   v1::StreamResponse response;
   response.mutable_go_away()->set_reason("server is draining");
-  notices_.push_back(serialize(response));
+  notices_.push_back(message_bytes(response));
   const auto undecided = std::find_if(frames_.begin(), frames_.end(), [this](const FramePtr& frame) {
     return frame->stage == Stage::kReceiving ||
            (!plain() && (frame->stage == Stage::kQueued || frame->stage == Stage::kWaiting));

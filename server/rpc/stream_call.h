@@ -85,15 +85,15 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   void enter() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // Reading.
-  absl::Status take_message() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::Status take_open() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::Status take_between() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status take_message(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status take_open(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status take_between(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_change(const v1::SettingsChange& change) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_header(const v1::FrameHeader& header) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void choose_tier();
   absl::Status admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void retry_admission();
-  absl::Status take_band() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status take_band(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status half_closed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void read_on() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

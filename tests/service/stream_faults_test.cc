@@ -77,16 +77,18 @@ class Faults : public ::testing::TestWithParam<std::tuple<When, Fault>> {
   }
 };
 
+std::string fault_name(const ::testing::TestParamInfo<std::tuple<When, Fault>>& fault) {
+  return std::string(kWhenNames[static_cast<int>(std::get<0>(fault.param))]) +
+         kFaultNames[static_cast<int>(std::get<1>(fault.param))];
+}
+
 INSTANTIATE_TEST_SUITE_P(Matrix, Faults,
                          ::testing::Combine(::testing::Values(When::kBeforeOpen, When::kMidBand,
                                                               When::kBetweenFrames, When::kWhileReading),
                                             ::testing::Values(Fault::kCancel, Fault::kDeadline,
                                                               Fault::kDisconnect, Fault::kDrain,
                                                               Fault::kKill)),
-                         [](const auto& info) {
-                           return std::string(kWhenNames[static_cast<int>(std::get<0>(info.param))]) +
-                                  kFaultNames[static_cast<int>(std::get<1>(info.param))];
-                         });
+                         fault_name);
 
 TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
   const auto [when, fault] = GetParam();
@@ -138,7 +140,7 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
         EXPECT_TRUE(status.error_code() == grpc::UNAVAILABLE ||
                     (when == When::kWhileReading && status.error_code() == grpc::CANCELLED))
             << status.error_code() << " " << status.error_message();
-        if (when == When::kMidBand || when == When::kBetweenFrames) EXPECT_TRUE(client.told_to_go_away());
+        EXPECT_EQ(client.told_to_go_away(), when == When::kMidBand || when == When::kBetweenFrames);
         return;
       }
     }

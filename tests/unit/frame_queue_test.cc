@@ -1,0 +1,90 @@
+// Whose frame is next.
+#include "server/stream/frame_queue.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+
+namespace candela {
+namespace {
+
+FrameJob job_of(Flow flow) {
+  FrameJob job;
+  job.frame = std::make_shared<Frame>();
+  job.frame->moment.sequence = flow;
+  job.flow = flow;
+  return job;
+}
+
+// Serves `frames` frames from flows that always have one waiting, with these costs; the device time of each.
+std::map<Flow, absl::Duration> serve(FrameQueue& queue, const std::map<Flow, absl::Duration>& costs,
+                                     int frames) {
+  std::map<Flow, absl::Duration> used;
+  for (const auto& [flow, cost] : costs) {
+    EXPECT_TRUE(queue.push(job_of(flow)).ok());
+    EXPECT_TRUE(queue.push(job_of(flow)).ok());
+  }
+  for (int i = 0; i < frames; ++i) {
+    const std::optional<FrameJob> job = queue.pop();
+    queue.charge(job->flow, costs.at(job->flow));
+    used[job->flow] += costs.at(job->flow);
+    EXPECT_TRUE(queue.push(job_of(job->flow)).ok());
+  }
+  return used;
+}
+
+TEST(FrameQueue, FramesOfOneFlowKeepTheirOrder) {
+  FrameQueue queue(10);
+  std::vector<Ticket> tickets;
+  for (uint64_t i = 0; i < 5; ++i) {
+    FrameJob job = job_of(1);
+    job.frame->moment.sequence = i;
+    ASSERT_TRUE(queue.push(std::move(job)).ok());
+  }
+  for (uint64_t i = 0; i < 5; ++i) EXPECT_EQ(queue.pop()->frame->moment.sequence, i);
+  EXPECT_TRUE(queue.empty());
+}
+
+TEST(FrameQueue, AHeavyFlowGetsNoMoreOfTheDeviceThanALightOne) {
+  FrameQueue queue(100);
+  const std::map<Flow, absl::Duration> costs = {{1, absl::Milliseconds(90)},
+                                                {2, absl::Milliseconds(10)},
+                                                {3, absl::Milliseconds(10)},
+                                                {4, absl::Milliseconds(10)}};
+  const std::map<Flow, absl::Duration> used = serve(queue, costs, 3000);
+  absl::Duration all;
+  for (const auto& [flow, time] : used) all += time;
+  for (const auto& [flow, time] : used) {
+    EXPECT_NEAR(absl::FDivDuration(time, all), 0.25, 0.01) << "flow " << flow;
+  }
+}
+
+TEST(FrameQueue, AFlowThatPausedHasNoClaimOnWhatItDidNotUse) {
+  FrameQueue queue(100);
+  serve(queue, {{1, absl::Milliseconds(10)}}, 1000);
+  // The newcomer, and one that comes back, take turns with flow 1 from now on.
+  ASSERT_TRUE(queue.push(job_of(2)).ok());
+  ASSERT_TRUE(queue.push(job_of(2)).ok());
+  int second = 0;
+  for (int i = 0; i < 4; ++i) {
+    const std::optional<FrameJob> job = queue.pop();
+    second += job->flow == 2 ? 1 : 0;
+    queue.charge(job->flow, absl::Milliseconds(10));
+    ASSERT_TRUE(queue.push(job_of(job->flow)).ok());
+  }
+  EXPECT_EQ(second, 2);
+}
+
+TEST(FrameQueue, ARemovedJobIsGone) {
+  FrameQueue queue(10);
+  const Ticket first = *queue.push(job_of(1));
+  const Ticket second = *queue.push(job_of(2));
+  EXPECT_TRUE(queue.remove(first).has_value());
+  EXPECT_FALSE(queue.remove(first).has_value());
+  EXPECT_EQ(queue.pop()->flow, 2u);
+  EXPECT_FALSE(queue.remove(second).has_value());
+  EXPECT_FALSE(queue.pop().has_value());
+}
+
+}  // namespace
+}  // namespace candela
