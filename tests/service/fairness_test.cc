@@ -1,0 +1,121 @@
+// Sessions beside each other: who gets how much of the device, and whom a slow one disturbs.
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include <algorithm>
+#include <atomic>
+#include <iostream>
+#include <thread>
+
+#include "absl/time/clock.h"
+#include "tests/service/service_fixture.h"
+#include "tests/service/stream_client.h"
+
+namespace candela::testing {
+namespace {
+
+// Sends one frame over and over, as fast as the session takes it, until it is told to stop.
+class Load {
+ public:
+  Load(const std::shared_ptr<grpc::Channel>& channel, const std::string& session, WireFrame frame)
+      : frame_(std::move(frame)), client_(channel) {
+    client_.open(session);
+    sender_ = std::thread([this] {
+      for (uint64_t i = 0; !stop_; ++i) {
+        sent_ns_[i % kRing] = absl::GetCurrentTimeNanos();
+        if (!client_.send(frame_, i, static_cast<int64_t>(i))) break;
+      }
+      client_.half_close();
+    });
+    receiver_ = std::thread([this] {
+      StreamResult result;
+      while (client_.read(result)) {
+        if (measuring_)
+          latencies_ns_.push_back(absl::GetCurrentTimeNanos() - sent_ns_[result.sequence() % kRing]);
+        for (const v1::StageTime& stage : result.header.stages()) {
+          if (measuring_ && stage.name() != "queue") device_ns_ += stage.ns();
+        }
+        ++answered_;
+      }
+    });
+  }
+  ~Load() { stop(); }
+
+  void stop() {
+    stop_ = true;
+    if (sender_.joinable()) sender_.join();
+    if (receiver_.joinable()) receiver_.join();
+  }
+  void measure(bool on) { measuring_ = on; }
+  uint64_t answered() const { return answered_; }
+  double device_ns() const { return static_cast<double>(device_ns_); }  // after stop()
+  // Of the header to the last of the result, in ms; after stop().
+  double latency_ms(double quantile) {
+    std::sort(latencies_ns_.begin(), latencies_ns_.end());
+    const auto rank = static_cast<size_t>(quantile * static_cast<double>(latencies_ns_.size() - 1));
+    return static_cast<double>(latencies_ns_.at(rank)) * 1e-6;
+  }
+
+ private:
+  static constexpr size_t kRing = 64;
+  const WireFrame frame_;
+  StreamClient client_;
+  std::atomic<bool> stop_ = false;
+  std::atomic<bool> measuring_ = false;
+  std::atomic<uint64_t> answered_ = 0;
+  std::array<std::atomic<int64_t>, kRing> sent_ns_{};
+  std::vector<int64_t> latencies_ns_;
+  uint64_t device_ns_ = 0;
+  std::thread sender_;
+  std::thread receiver_;
+};
+
+Config large_config() {
+  Config config = test_config();
+  config.memory_budget_bytes = uint64_t{1} << 30;
+  config.max_frame_bytes = uint64_t{128} << 20;
+  config.idle_timeout = absl::Seconds(60);
+  return config;
+}
+
+std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+TEST(Fairness, AHeavySessionTakesNoMoreThanItsShare) {
+  const std::unique_ptr<Server> server = start_server(large_config());
+  const std::string& address = server->addresses().at(0);
+  std::vector<std::unique_ptr<Load>> loads;
+  loads.push_back(std::make_unique<Load>(own_channel(address), "heavy", natural(3840, 2160)));
+  for (int i = 0; i < 3; ++i) {
+    loads.push_back(
+        std::make_unique<Load>(own_channel(address), "light" + std::to_string(i), natural(1280, 720)));
+  }
+  const auto all_answered = [&] {
+    return std::all_of(loads.begin(), loads.end(), [](const auto& load) { return load->answered() >= 2; });
+  };
+  const absl::Time limit = absl::Now() + absl::Minutes(2);
+  while (!all_answered() && absl::Now() < limit) absl::SleepFor(absl::Milliseconds(5));
+  for (const auto& load : loads) load->measure(true);
+  const uint64_t before = loads[0]->answered();
+  const absl::Time begin = absl::Now();
+  // Enough of the heavy one's frames that one more or less does not matter.
+  while (absl::Now() - begin < absl::Seconds(4) ||
+         (loads[0]->answered() < before + 8 && absl::Now() < limit)) {
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  for (const auto& load : loads) load->measure(false);
+  for (const auto& load : loads) load->stop();
+  double all = 0;
+  for (const auto& load : loads) all += load->device_ns();
+  for (size_t i = 0; i < loads.size(); ++i) {
+    const double share = loads[i]->device_ns() / all;
+    std::cout << (i == 0 ? "3840x2160" : "1280x720") << ": " << share << " of the device's time\n";
+    EXPECT_TRUE(i == 0 || share >= 0.8 * 0.25);
+  }
+}
+
+}  // namespace
+}  // namespace candela::testing
