@@ -23,6 +23,20 @@ absl::Status check_name(const std::string& session) {
       session.size(), v1::kMaxSessionNameBytes));
 }
 
+absl::Status check_encoding(Encoding encoding, OutputFormat format) {
+  if (encoding == Encoding::kPng && format == OutputFormat::kRgba16f) {
+    return absl::InvalidArgumentError(
+        "output_format is RGBA16F and encoding PNG; a PNG holds RGBA8 or RGBA16, so ask for one of them or "
+        "RAW");
+  }
+  if (encoding == Encoding::kJpeg && format != OutputFormat::kRgba8) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "output_format is %s and encoding JPEG; a JPEG holds RGBA8, so ask for that, PNG or RAW",
+        name(format)));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, Encoding encoding) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstring>
 
-#include "absl/strings/str_format.h"
 #include "server/encode/picture.h"
 
 namespace candela {
@@ -33,20 +32,6 @@ EncodedTransfer encoded_transfer(Transfer transfer) {
 }
 
 }  // namespace
-
-absl::Status check_encoding(Encoding encoding, OutputFormat format) {
-  if (encoding == Encoding::kPng && format == OutputFormat::kRgba16f) {
-    return absl::InvalidArgumentError(
-        "output_format is RGBA16F and encoding PNG; a PNG holds RGBA8 or RGBA16, so ask for one of them or "
-        "RAW");
-  }
-  if (encoding == Encoding::kJpeg && format != OutputFormat::kRgba8) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "output_format is %s and encoding JPEG; a JPEG holds RGBA8, so ask for that, PNG or RAW",
-        name(format)));
-  }
-  return absl::OkStatus();
-}
 
 absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
                                          Encoding encoding, int quality) {

@@ -1,4 +1,5 @@
-// Both ends of a Render call reading any bytes; wire_input.h says how an input is taken apart.
+// Both ends of a Render call, and what opens a stream, reading any bytes; wire_input.h says how an input is
+// taken apart.
 #include <google/protobuf/empty.pb.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/stubs/logging.h>
@@ -25,6 +26,8 @@
 #include "server/render/settings.h"
 #include "server/rpc/band_reader.h"
 #include "server/rpc/render_start.h"
+#include "server/rpc/resume_token.h"
+#include "server/rpc/stream_start.h"
 #include "tests/fuzz/expect.h"
 #include "tests/fuzz/wire_input.h"
 
@@ -209,6 +212,30 @@ void serve(const WireInput& input) {
   }
 }
 
+// The server: what opens a stream, and a resume token of any bytes.
+void open_stream(const WireInput& input) {
+  if (input.messages.empty()) return;
+  grpc::ByteBuffer first = in_slices(input.messages[0], input.slice_bytes);
+  v1::StreamRequest request;
+  if (!parse_request(first, request).ok() || !request.has_open()) return;
+  static const TokenKeys keys = *TokenKeys::random();
+  expect(!keys.open(request.open().resume_token(), request.open().session(), absl::UnixEpoch()).ok(),
+         "nobody else makes a token");
+  const absl::StatusOr<StreamStart> start = stream_start_from(request.open());
+  if (!start.ok()) {
+    expect(absl::IsInvalidArgument(start.status()), "an opening is refused with its code",
+           start.status().ToString());
+    return;
+  }
+  expect(!start->session.empty() && start->session.size() <= v1::kMaxSessionNameBytes,
+         "a session has a name");
+  expect(start->lookahead <= v1::kLookahead.max, "the look-ahead is within its range");
+  expect(start->cut_threshold_ev >= v1::kCutThresholdEv.min &&
+             start->cut_threshold_ev <= v1::kCutThresholdEv.max,
+         "the threshold of cuts is within its range");
+  expect(check_settings(start->settings.settings).ok(), "the settings are good");
+}
+
 // The client: a header, then bands of the image and of the error map.
 void receive(const WireInput& input) {
   ResultReader reader({input.width, input.height, input.error_map, input.error_map});
@@ -255,6 +282,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const WireInput input = parse_wire_input(std::string(reinterpret_cast<const char*>(data), size));
   if (input.reader == WireInput::Reader::kServer) {
     serve(input);
+    open_stream(input);
   } else {
     receive(input);
   }
