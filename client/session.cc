@@ -316,7 +316,7 @@ class Session::Core {
   void send_next(Call& call, const v1::StreamRequest& open) {
     if (!call.asked) {
       call.asked = true;
-      return call.duplex.write(serialize(open));
+      return call.duplex.write(pack(open));
     }
     if (!call.open || call.leaving || call.closed) return;
     if (call.sending != nullptr) return send_band(call);
@@ -337,7 +337,7 @@ class Session::Core {
       }
     }
     if (call.closed) return call.duplex.half_close();
-    call.duplex.write(serialize(request));
+    call.duplex.write(pack(request));
   }
 
   static void send_band(Call& call) {

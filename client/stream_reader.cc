@@ -36,7 +36,7 @@ absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const 
     return MoreToCome();
   }
   v1::StreamResponse response;
-  if (!parse(message, response)) return not_the_protocol("it cannot be read");
+  if (!unpack(message, response)) return not_the_protocol("it cannot be read");
   switch (response.part_case()) {
     case v1::StreamResponse::kOpened:
       if (opened_) return not_the_protocol("it opens twice");

@@ -110,12 +110,12 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& address, b
   return absl::Status(plain.code(), message);
 }
 
-grpc::ByteBuffer serialize(const google::protobuf::Message& message) {
+grpc::ByteBuffer pack(const google::protobuf::Message& message) {
   const grpc::Slice bytes(message.SerializeAsString());
   return grpc::ByteBuffer(&bytes, 1);
 }
 
-bool parse(grpc::ByteBuffer& bytes, google::protobuf::Message& message) {
+bool unpack(grpc::ByteBuffer& bytes, google::protobuf::Message& message) {
   grpc::ProtoBufferReader slices(&bytes);
   return message.ParseFromZeroCopyStream(&slices);
 }

@@ -36,7 +36,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
 // The one place where gRPC's errors become ours. `connected`: a message reached the server.
 absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected);
 
-grpc::ByteBuffer serialize(const google::protobuf::Message& message);
-bool parse(grpc::ByteBuffer& bytes, google::protobuf::Message& message);
+grpc::ByteBuffer pack(const google::protobuf::Message& message);
+bool unpack(grpc::ByteBuffer& bytes, google::protobuf::Message& message);
 
 }  // namespace candela

@@ -64,7 +64,7 @@ double frames_per_second(const BenchReport& report) {
   return all;
 }
 
-double megapixels(const BenchOptions& options) { return double{options.width} * options.height * 1e-6; }
+double megapixels(const BenchOptions& options) { return 1e-6 * options.width * options.height; }
 
 Json percentiles(const std::vector<double>& values) {
   return {{"p50", percentile(values, 50)}, {"p90", percentile(values, 90)}, {"p99", percentile(values, 99)}};

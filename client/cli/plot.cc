@@ -126,8 +126,8 @@ absl::StatusOr<std::string> plot_png(int width, int height, const std::string& s
       "set encoding utf8\nset terminal pngcairo size %d,%d noenhanced font 'sans-serif,10'\n", width, height);
   const absl::StatusOr<Outcome> outcome = run_gnuplot(head + script + "\n");
   if (!outcome.ok()) return outcome.status();
-  if (outcome->code != 0 || outcome->out.compare(0, 8, "\x89PNG\r\n\x1a\n") != 0) {
-    return absl::InternalError(absl::StrFormat("gnuplot drew no PNG: %s", outcome->err));
+  if (!outcome->ok() || outcome->out.compare(0, 8, "\x89PNG\r\n\x1a\n") != 0) {
+    return absl::InternalError(absl::StrFormat("gnuplot did not draw a PNG: %s", outcome->reason()));
   }
   return outcome->out;
 }

@@ -343,8 +343,11 @@ class Streaming {
     resumes_ = stats.resumes;
     progress_.clear();
     if (options_.quiet) return;
-    print_note(absl::StrFormat("%s; went on on %s after %.2f s, nothing is lost", stats.last_loss.message(),
-                               stats.server, absl::ToDoubleSeconds(stats.time_without_results)));
+    // The message goes on to say what to do, which is done.
+    const std::string loss(stats.last_loss.message());
+    print_note(absl::StrFormat("%s; went on on %s after %.2f s, nothing is lost",
+                               loss.substr(0, loss.find(';')), stats.server,
+                               absl::ToDoubleSeconds(stats.time_without_results)));
   }
 
   void show(uint64_t index) {

@@ -114,10 +114,10 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   }
   if (summary.skipped > 0) line("skipped", absl::StrFormat("%d frames", summary.skipped));
   if (summary.session.resumes > 0) {
-    line("resumed",
-         absl::StrFormat("%d times, last on %s; %d frames sent again, %.2f s without results",
-                         summary.session.resumes, summary.session.server, summary.session.sent_again,
-                         absl::ToDoubleSeconds(summary.session.time_without_results)));
+    line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames sent again, %.2f s without results",
+                                    summary.session.resumes, summary.session.resumes == 1 ? "" : "s",
+                                    summary.session.server, summary.session.sent_again,
+                                    absl::ToDoubleSeconds(summary.session.time_without_results)));
   }
   return text;
 }
@@ -152,7 +152,7 @@ absl::Status plot_exposure(const std::vector<ExposurePoint>& curve, const std::s
   // gnuplot has no range for a single point.
   if (curve.size() < 2) script += "set xrange [-1:1]\n";
   script +=
-      "plot $curve using 1:4 axes x1y2 with lines lw 1.2 lc rgb '#8a8a8a' title 'luminance', "
+      "plot $curve using 1:4 axes x1y2 with steps lw 1.2 lc rgb '#8a8a8a' title 'luminance', "
       "$curve using 1:3 with steps lw 1.4 dt 2 lc rgb '#d9822b' title 'target', "
       "$curve using 1:2 with linespoints pt 7 ps 0.35 lw 1.8 lc rgb '#1b4f8a' title 'exposure'";
   const absl::StatusOr<std::string> drawn = is_svg(path)

@@ -16,8 +16,8 @@
 namespace candela {
 namespace {
 
-using Stream = grpc::ServerReaderWriter<v1::RenderResponse, v1::RenderRequest>;
-using Answer = std::function<grpc::Status(grpc::ServerContext&, Stream&)>;
+using Wire = grpc::ServerReaderWriter<v1::RenderResponse, v1::RenderRequest>;
+using Answer = std::function<grpc::Status(grpc::ServerContext&, Wire&)>;
 
 // Takes any frame, reads it to its end and answers as it is told.
 class ForeignServer : public v1::RenderService::Service {
@@ -38,7 +38,7 @@ class ForeignServer : public v1::RenderService::Service {
     info->mutable_limits()->set_max_frame_bytes(1 << 20);
     return grpc::Status::OK;
   }
-  grpc::Status Render(grpc::ServerContext* context, Stream* stream) override {
+  grpc::Status Render(grpc::ServerContext* context, Wire* stream) override {
     v1::RenderRequest request;
     while (stream->Read(&request)) {
     }
@@ -51,7 +51,7 @@ class ForeignServer : public v1::RenderService::Service {
   std::unique_ptr<grpc::Server> server_;
 };
 
-void send_header(Stream& stream, uint32_t width, uint32_t height) {
+void send_header(Wire& stream, uint32_t width, uint32_t height) {
   v1::RenderResponse response;
   response.mutable_header()->set_width(width);
   response.mutable_header()->set_height(height);
@@ -59,14 +59,14 @@ void send_header(Stream& stream, uint32_t width, uint32_t height) {
   stream.Write(response);
 }
 
-void send_band(Stream& stream, uint32_t first_row, size_t bytes) {
+void send_band(Wire& stream, uint32_t first_row, size_t bytes) {
   v1::RenderResponse response;
   response.mutable_band()->set_first_row(first_row);
   response.mutable_band()->set_pixels(std::string(bytes, 'x'));
   stream.Write(response);
 }
 
-void send_verified_header(Stream& stream) {
+void send_verified_header(Wire& stream) {
   v1::RenderResponse response;
   v1::ResultHeader& header = *response.mutable_header();
   header.set_width(31);
@@ -76,7 +76,7 @@ void send_verified_header(Stream& stream) {
   stream.Write(response);
 }
 
-void send_map_band(Stream& stream, uint32_t first_row, size_t bytes) {
+void send_map_band(Wire& stream, uint32_t first_row, size_t bytes) {
   v1::RenderResponse response;
   response.mutable_error_map()->set_first_row(first_row);
   response.mutable_error_map()->set_pixels(std::string(bytes, '\x11'));
@@ -98,7 +98,7 @@ std::string words_for(Answer answer, const std::vector<std::string>& options = {
 }
 
 TEST(ForeignServer, AGoodAnswerIsTaken) {
-  EXPECT_EQ(words_for([](grpc::ServerContext&, Stream& stream) {
+  EXPECT_EQ(words_for([](grpc::ServerContext&, Wire& stream) {
               send_header(stream, 31, 17);
               send_band(stream, 0, 31 * 17 * 4);
               return grpc::Status::OK;
@@ -107,7 +107,7 @@ TEST(ForeignServer, AGoodAnswerIsTaken) {
 }
 
 TEST(ForeignServer, ACallThatItEndsMayHaveBeenIdle) {
-  const std::string words = words_for([](grpc::ServerContext& context, Stream&) {
+  const std::string words = words_for([](grpc::ServerContext& context, Wire&) {
     context.TryCancel();
     return grpc::Status::CANCELLED;
   });
@@ -119,7 +119,7 @@ TEST(ForeignServer, ACallThatItEndsMayHaveBeenIdle) {
 
 TEST(ForeignServer, AnErrorWithoutWordsIsNamedByItsCode) {
   const auto fail_with = [](grpc::StatusCode code) {
-    return words_for([code](grpc::ServerContext&, Stream&) { return grpc::Status(code, ""); });
+    return words_for([code](grpc::ServerContext&, Wire&) { return grpc::Status(code, ""); });
   };
   EXPECT_NE(fail_with(grpc::INTERNAL).find(": INTERNAL\n"), std::string::npos) << fail_with(grpc::INTERNAL);
   EXPECT_NE(fail_with(grpc::UNAVAILABLE).find(": UNAVAILABLE; "), std::string::npos)
@@ -127,7 +127,7 @@ TEST(ForeignServer, AnErrorWithoutWordsIsNamedByItsCode) {
 }
 
 TEST(ForeignServer, AnEmptyBandIsRefused) {
-  const std::string words = words_for([](grpc::ServerContext&, Stream& stream) {
+  const std::string words = words_for([](grpc::ServerContext&, Wire& stream) {
     send_header(stream, 31, 17);
     send_band(stream, 0, 0);
     send_band(stream, 0, 31 * 17 * 4);
@@ -139,25 +139,21 @@ TEST(ForeignServer, AnEmptyBandIsRefused) {
 TEST(ForeignServer, AnErrorMapIsTakenAsTheImageIs) {
   constexpr size_t kImage = 31 * 17 * 4, kMap = 31 * 17 * 2;
   struct Case {
-    std::function<void(Stream&)> send;
+    std::function<void(Wire&)> send;
     std::string words;  // "" for success
   };
   for (const Case& c : std::vector<Case>{
-           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap); }, ""},
-           {[](Stream& s) {
-              send_band(s, 0, kImage), send_map_band(s, 0, 62), send_map_band(s, 1, kMap - 62);
-            },
+           {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap); }, ""},
+           {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, 62), send_map_band(s, 1, kMap - 62); },
             ""},
-           {[](Stream& s) { send_band(s, 0, kImage); }, "before the error map was whole"},
-           {[](Stream& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); },
-            "no band where one is due"},
-           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 1, kMap); }, "out of order"},
-           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap + 2); }, "more than"},
-           {[](Stream& s) { send_band(s, 0, kImage), send_map_band(s, 0, 0); }, "an empty band"},
-           {[](Stream& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); },
-            "no band where one is due"}}) {
+           {[](Wire& s) { send_band(s, 0, kImage); }, "before the error map was whole"},
+           {[](Wire& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); }, "no band where one is due"},
+           {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 1, kMap); }, "out of order"},
+           {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap + 2); }, "more than"},
+           {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, 0); }, "an empty band"},
+           {[](Wire& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); }, "no band where one is due"}}) {
     const std::string words = words_for(
-        [&c](grpc::ServerContext&, Stream& stream) {
+        [&c](grpc::ServerContext&, Wire& stream) {
           send_verified_header(stream);
           c.send(stream);
           return grpc::Status::OK;
@@ -170,7 +166,7 @@ TEST(ForeignServer, AnErrorMapIsTakenAsTheImageIs) {
 
 TEST(ForeignServer, AMapThatNobodyAskedForIsRefused) {
   const std::string words = words_for(
-      [](grpc::ServerContext&, Stream& stream) {
+      [](grpc::ServerContext&, Wire& stream) {
         send_verified_header(stream);
         send_band(stream, 0, 31 * 17 * 4);
         send_map_band(stream, 0, 31 * 17 * 2);
@@ -182,7 +178,7 @@ TEST(ForeignServer, AMapThatNobodyAskedForIsRefused) {
 
 TEST(ForeignServer, AServerThatDoesNotVerifyIsNamedAsOne) {
   const std::string words = words_for(
-      [](grpc::ServerContext&, Stream& stream) {
+      [](grpc::ServerContext&, Wire& stream) {
         send_header(stream, 31, 17);
         send_band(stream, 0, 31 * 17 * 4);
         return grpc::Status::OK;
@@ -192,7 +188,7 @@ TEST(ForeignServer, AServerThatDoesNotVerifyIsNamedAsOne) {
 }
 
 TEST(ForeignServer, AFrameWithoutPixelsIsRefusedBeforeItIsSent) {
-  const ForeignServer server([](grpc::ServerContext&, Stream& stream) {
+  const ForeignServer server([](grpc::ServerContext&, Wire& stream) {
     send_header(stream, 0, 0);
     send_band(stream, 0, 0);
     return grpc::Status::OK;
