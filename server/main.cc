@@ -49,6 +49,12 @@ class Signals {
   }
 
   void wait_for_stop() { stop_.WaitForNotification(); }
+  // As a first SIGTERM, and what comes of it is a failure.
+  void fail() {
+    failed_ = true;
+    pthread_kill(thread_.native_handle(), SIGTERM);
+  }
+  bool failed() const { return failed_; }
   // From now on a stop that takes too long is a client's fault, not a failure.
   void nothing_in_flight() { nothing_in_flight_ = true; }
 
@@ -57,7 +63,10 @@ class Signals {
     int signal = 0;
     sigwait(&set_, &signal);
     if (finished_.HasBeenNotified()) return;
-    log_event(LogLevel::kInfo, "draining", {{"signal", signal == SIGINT ? "SIGINT" : "SIGTERM"}});
+    log_event(LogLevel::kInfo, "draining",
+              {{"because", failed_            ? "the device is gone"
+                           : signal == SIGINT ? "SIGINT"
+                                              : "SIGTERM"}});
     stop_.Notify();
     const absl::Time end = absl::Now() + stop_within_;
     int second = 0;
@@ -68,7 +77,7 @@ class Signals {
     if (finished_.HasBeenNotified()) return;
     if (second < 0 && nothing_in_flight_) {
       log_event(LogLevel::kWarning, "stopped with a connection that its client would not read from");
-      _exit(0);
+      _exit(failed_ ? kFailed : 0);
     }
     log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
     _exit(kFailed);
@@ -79,6 +88,7 @@ class Signals {
   absl::Notification stop_;
   absl::Notification finished_;
   std::atomic<bool> nothing_in_flight_ = false;
+  std::atomic<bool> failed_ = false;
   std::thread thread_;
 };
 
@@ -105,7 +115,7 @@ int serve(const Invocation& invocation) {
   send_grpc_messages_to_log();
   Config config = invocation.config;
   if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
   if (!server.ok()) return fail(server.status(), kFailed);
   const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
   absl::PrintF("listening on %s\n", addresses);
@@ -114,10 +124,13 @@ int serve(const Invocation& invocation) {
             {{"address", addresses},
              {"device", (*server)->device_name()},
              {"metrics", (*server)->metrics_address()}});
+#ifdef CANDELA_LOSE_DEVICES
+  (*server)->lose_device(CANDELA_LOSE_DEVICES);  // a test's daemon
+#endif
   signals.wait_for_stop();
   (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");
-  return 0;
+  return signals.failed() ? kFailed : 0;
 }
 
 int run(int argc, char** argv) {

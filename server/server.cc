@@ -13,9 +13,9 @@
 #include "absl/time/clock.h"
 #include "server/base/driver_environment.h"
 #include "server/base/metrics.h"
+#include "server/engine.h"
 #include "server/listen_address.h"
 #include "server/render/renderer.h"
-#include "server/render/self_test.h"
 #include "server/render/texture_pool.h"
 #include "server/render/tiers.h"
 #include "server/rpc/backend.h"
@@ -40,28 +40,6 @@ constexpr int kMovingLimits = 4;
 
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
-
-// What a frame's memory lives on.
-struct Engine {
-  Engine(std::unique_ptr<Device> d, uint64_t budget_bytes)
-      : device(std::move(d)), pool(*device, budget_bytes) {}
-
-  std::unique_ptr<Device> device;
-  TexturePool pool;
-  std::unique_ptr<Renderer> renderer;
-};
-
-absl::StatusOr<std::shared_ptr<Engine>> start_engine(const Config& config) {
-  absl::StatusOr<std::unique_ptr<Device>> device =
-      Device::create({.selector = config.device, .validation = config.validation});
-  if (!device.ok()) return device.status();
-  auto engine = std::make_shared<Engine>(*std::move(device), config.memory_budget_bytes);
-  absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::create(*engine->device, engine->pool);
-  if (!renderer.ok()) return renderer.status();
-  engine->renderer = *std::move(renderer);
-  if (absl::Status status = self_test(*engine->renderer); !status.ok()) return status;
-  return engine;
-}
 
 FrameLimits limits_of(const Config& config, const DeviceSummary& device) {
   return {config.max_dimension, std::min(config.max_frame_bytes, device.max_allocation_bytes)};
@@ -116,7 +94,7 @@ struct Server::Parts {
 
   const Config config;
   std::unique_ptr<Metrics> metrics;
-  std::shared_ptr<Engine> engine;
+  std::unique_ptr<EngineKeeper> engines;
   std::unique_ptr<TierMeter> tier_meter;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<WorkerPool> encoders;
@@ -173,7 +151,7 @@ absl::Status Server::Parts::listen() {
 absl::Status Server::Parts::serve_metrics() {
   if (config.metrics.empty()) return absl::OkStatus();
   metrics->set_sampler([this]() -> Metrics::Sample {
-    const PoolCounters pool = engine->pool.counters();
+    const PoolCounters pool = engines->engine()->pool.counters();
     return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle};
   });
   absl::StatusOr<std::unique_ptr<MetricsServer>> started = MetricsServer::start(*metrics, config.metrics);
@@ -185,12 +163,13 @@ absl::Status Server::Parts::serve_metrics() {
 
 absl::StatusOr<FrameReport> Server::Parts::render(Frame& frame) {
   absl::StatusOr<FrameReport> report = render_frame(frame);
+  engines->worked(*frame.renderer, report.status());
   heartbeat->worked(report.ok());
   return report;
 }
 
 absl::Status Server::Parts::beat() {
-  const std::shared_ptr<Renderer> renderer = backend->renderer;
+  const std::shared_ptr<Renderer> renderer = engines->renderer();
   Settings settings;
   settings.output_format = OutputFormat::kRgba16;
   absl::StatusOr<FrameMemory> memory = renderer->allocate(kBeat, settings);
@@ -199,7 +178,9 @@ absl::Status Server::Parts::beat() {
     const std::span<std::byte> row = memory->input_row(y);
     std::fill(row.begin(), row.end(), std::byte{0});
   }
-  return renderer->render(*memory, settings).status();
+  const absl::Status status = renderer->render(*memory, settings).status();
+  engines->worked(*renderer, status);
+  return status;
 }
 
 void Server::Parts::stop(absl::Duration grace) {
@@ -217,23 +198,27 @@ void Server::Parts::stop(absl::Duration grace) {
   metrics->set_sampler({});
 }
 
-absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
+absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config,
+                                                      std::function<void()> on_device_gone) {
   if (absl::Status status = check_config(config); !status.ok()) return status;
   absl::StatusOr<TokenKeys> keys = config.resume_keys.empty()
                                        ? TokenKeys::random(config.resume_ttl)
                                        : TokenKeys::read(config.resume_keys, config.resume_ttl);
   if (!keys.ok()) return keys.status();
   prepare_driver_environment();
-  absl::StatusOr<std::shared_ptr<Engine>> engine = start_engine(config);
+  const auto start_one = [options = DeviceOptions{.selector = config.device, .validation = config.validation},
+                          budget = config.memory_budget_bytes] { return start_engine(options, budget); };
+  absl::StatusOr<std::shared_ptr<Engine>> engine = start_one();
   if (!engine.ok()) return engine.status();
 
   auto parts = std::make_unique<Parts>(config);
-  parts->engine = *std::move(engine);
-  const DeviceSummary& device = parts->engine->device->summary();
+  const DeviceSummary& device = (*engine)->device->summary();
   parts->metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
-  const std::shared_ptr<Renderer> renderer(parts->engine, parts->engine->renderer.get());
+  parts->engines =
+      std::make_unique<EngineKeeper>(*engine, start_one, *parts->metrics, std::move(on_device_gone));
+  const auto renderer = [engines = parts->engines.get()] { return engines->renderer(); };
   parts->tier_meter = std::make_unique<TierMeter>(
-      *renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
+      renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(
       [p = parts.get()](Frame& frame) { return p->render(frame); },
@@ -252,8 +237,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config) {
                                    .metrics = *parts->metrics,
                                    .gate = CallGate("calls", config.max_calls),
                                    .session_gate = CallGate("sessions", config.max_sessions)});
-  parts->service =
-      std::make_unique<RenderService>(*parts->backend, parts->engine->pool, server_info(config, device));
+  parts->service = std::make_unique<RenderService>(
+      *parts->backend, [engines = parts->engines.get()] { return engines->engine()->pool.counters(); },
+      server_info(config, device));
   parts->health = std::make_unique<Health>(*parts->metrics);
   parts->heartbeat = std::make_unique<Heartbeat>(
       *parts->loop, [p = parts.get()] { return p->beat(); },
@@ -280,15 +266,19 @@ const std::vector<std::string>& Server::addresses() const { return parts_->addre
 
 const std::string& Server::metrics_address() const { return parts_->metrics_address; }
 
-const std::string& Server::device_name() const { return parts_->engine->device->summary().name; }
+const std::string& Server::device_name() const { return parts_->backend->device; }
 
-uint64_t Server::validation_messages() const { return parts_->engine->device->validation_messages(); }
+uint64_t Server::validation_messages() const {
+  return parts_->engines->engine()->device->validation_messages();
+}
+
+void Server::lose_device(int times) { parts_->engines->lose(times); }
 
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
   parts_->health->drain();
   Backend& backend = *parts_->backend;
-  absl::SleepFor(parts_->config.pre_drain);
+  if (!parts_->engines->gone()) absl::SleepFor(parts_->config.pre_drain);
   const absl::Time deadline = absl::Now() + parts_->config.drain_timeout;
   backend.gate.close();
   backend.session_gate.close();

@@ -19,7 +19,12 @@ class Server {
   // Opens the device, renders the self-test frame against the reference, listens where `config` says, and
   // serves. Sets the driver's environment (see server/base/driver_environment.h), so the first one of a
   // process is started before other threads read the environment. Fails in one line that says what to do.
-  static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config);
+  //
+  // A device that is lost fails the frames that were on it with UNAVAILABLE and is opened anew.
+  // `on_device_gone` is called once, on a thread that is not to be held, when that does not help any more:
+  // every frame fails then.
+  static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config,
+                                                       std::function<void()> on_device_gone = {});
 
   // Stops at once when drain_and_stop was not called.
   ~Server();
@@ -39,10 +44,13 @@ class Server {
   // Warnings and errors that Vulkan's validation layers have reported, where the config turned them on.
   uint64_t validation_messages() const;
 
-  // Health says NOT_SERVING; config.pre_drain later new calls get UNAVAILABLE, and frames in flight have
-  // config.drain_timeout to finish, then their calls are cancelled. `on_drained` is called when none is in
-  // flight any more, unless that took too long; then connections are closed. Returns when nothing runs any
-  // more. Once.
+  // For tests: the device is lost, and so are those that replace it, `times` in all.
+  void lose_device(int times = 1);
+
+  // Health says NOT_SERVING; config.pre_drain later, or at once without a device, new calls get UNAVAILABLE,
+  // and frames in flight have config.drain_timeout to finish, then their calls are cancelled. `on_drained` is
+  // called when none is in flight any more, unless that took too long; then connections are closed. Returns
+  // when nothing runs any more. Once.
   void drain_and_stop(const std::function<void()>& on_drained = {});
 
  private:

@@ -106,8 +106,9 @@ std::string key_of(const std::string& device, const FrameDesc& desc, const Setti
 
 }  // namespace
 
-TierMeter::TierMeter(Renderer& renderer, std::string device, std::string cache_file)
-    : renderer_(renderer), device_(std::move(device)), cache_file_(std::move(cache_file)) {
+TierMeter::TierMeter(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
+                     std::string cache_file)
+    : renderer_(std::move(renderer)), device_(std::move(device)), cache_file_(std::move(cache_file)) {
   load();
 }
 
@@ -131,15 +132,16 @@ absl::StatusOr<std::vector<TierNumbers>> TierMeter::numbers(const FrameDesc& des
 }
 
 absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Settings& settings) {
+  const std::shared_ptr<Renderer> renderer = renderer_();  // outlives its memory
   FrameDesc timed = desc;
   const bool host = find_tier(settings.tier)->host_reference;
   const uint64_t most = host ? kMaxHostPixels : kMaxTimedPixels;
   timed.height = static_cast<uint32_t>(std::clamp<uint64_t>(most / desc.width, 1, desc.height));
-  absl::StatusOr<FrameMemory> memory = picture(renderer_, timed, settings);
+  absl::StatusOr<FrameMemory> memory = picture(*renderer, timed, settings);
   if (!memory.ok()) return memory.status();
   std::vector<double> times;
   for (int i = 0; i <= kTimedFrames; ++i) {
-    const absl::StatusOr<FrameReport> report = renderer_.render(*memory, settings);
+    const absl::StatusOr<FrameReport> report = renderer->render(*memory, settings);
     if (!report.ok()) return report.status();
     if (i > 0) times.push_back(device_ms(*report));  // the first one compiles
   }
@@ -147,9 +149,9 @@ absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Sett
 
   const FrameDesc small = {std::min(desc.width, kErrorWidth), std::min(desc.height, kErrorHeight),
                            desc.format};
-  memory = picture(renderer_, small, settings, Verify::kYes);
+  memory = picture(*renderer, small, settings, Verify::kYes);
   if (!memory.ok()) return memory.status();
-  const absl::StatusOr<FrameReport> report = renderer_.render(*memory, settings);
+  const absl::StatusOr<FrameReport> report = renderer->render(*memory, settings);
   if (!report.ok()) return report.status();
   const double scale = static_cast<double>(desc.height) / timed.height;
   return TierNumbers{settings.tier, times[kTimedFrames / 2] * scale,

@@ -1,7 +1,9 @@
 // What each tier costs on this device, measured when it is first asked for.
 #pragma once
 
+#include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,12 +13,13 @@
 
 namespace candela {
 
-// One thread at a time, the renderer's. The renderer outlives it.
+// One thread at a time, the renderer's.
 class TierMeter {
  public:
-  // `device`: what tells devices and drivers apart. `cache_file` keeps the numbers for the next start; empty:
-  // none. A file that cannot be read or written only costs the time to measure again.
-  TierMeter(Renderer& renderer, std::string device, std::string cache_file);
+  // `renderer` gives the one to measure with. `device`: what tells devices and drivers apart. `cache_file`
+  // keeps the numbers for the next start; empty: none. A file that cannot be read or written only costs the
+  // time to measure again.
+  TierMeter(std::function<std::shared_ptr<Renderer>()> renderer, std::string device, std::string cache_file);
 
   // The numbers of all tiers for frames like this one: the median device time of some frames of this size
   // (those beyond 8 megapixels are reckoned from one of 8), and the largest error of small ones that are full
@@ -29,7 +32,7 @@ class TierMeter {
   void load();
   void save() const;
 
-  Renderer& renderer_;
+  const std::function<std::shared_ptr<Renderer>()> renderer_;
   const std::string device_;
   const std::string cache_file_;
   std::map<std::string, std::vector<TierNumbers>> known_;

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -20,7 +21,8 @@ namespace candela {
 
 // Any thread. Outlives every call.
 struct Backend {
-  std::shared_ptr<Renderer> renderer;  // with its device and its pool: frames hold on to all three
+  // The current device's, with its pool: frames hold on to all three. Ask once for a frame.
+  std::function<std::shared_ptr<Renderer>()> renderer;
   RenderLoop& loop;
   TierMeter& tier_meter;  // on the loop's thread
   FrameLimits limits;

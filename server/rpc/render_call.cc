@@ -95,10 +95,11 @@ void RenderCall::choose_tier() {
 
 absl::Status RenderCall::admit() {
   const RenderStart& start = *start_;
-  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(start.desc, start.settings, start.verify);
+  const std::shared_ptr<Renderer> renderer = backend_.renderer();
+  absl::StatusOr<FrameMemory> memory = renderer->allocate(start.desc, start.settings, start.verify);
   if (!memory.ok()) return memory.status();
   frame_ = std::make_shared<Frame>(
-      Frame{backend_.renderer, *std::move(memory), start.settings, {start.sequence, start.previous}, work_});
+      Frame{renderer, *std::move(memory), start.settings, {start.sequence, start.previous}, work_});
   bands_.emplace(v1::kFrameBand, start.desc, start.row_stride_bytes);
   state_ = State::kBands;
   return absl::OkStatus();

@@ -17,8 +17,9 @@ constexpr int kMeterIndex = 2;
 
 }  // namespace
 
-RenderService::RenderService(Backend& backend, const TexturePool& pool, v1::GetServerInfoResponse info)
-    : backend_(backend), pool_(pool), info_(std::move(info)), started_(absl::Now()) {
+RenderService::RenderService(Backend& backend, std::function<PoolCounters()> pool,
+                             v1::GetServerInfoResponse info)
+    : backend_(backend), pool_(std::move(pool)), info_(std::move(info)), started_(absl::Now()) {
   MarkMethodRawCallback(kMeterIndex,
                         new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
                             [&backend](grpc::CallbackServerContext* context) {
@@ -40,7 +41,7 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
                                                        const v1::GetServerInfoRequest*,
                                                        v1::GetServerInfoResponse* response) {
   *response = info_;
-  const PoolCounters counters = pool_.counters();
+  const PoolCounters counters = pool_();
   v1::PoolInfo& pool = *response->mutable_pool();
   pool.set_hits(counters.hits);
   pool.set_misses(counters.misses);

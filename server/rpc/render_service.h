@@ -1,6 +1,7 @@
 // candela.v1.RenderService, as gRPC calls it.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "absl/time/time.h"
@@ -14,8 +15,9 @@ class RenderService final
     : public v1::RenderService::WithRawCallbackMethod_Render<v1::RenderService::WithRawCallbackMethod_Stream<
           v1::RenderService::WithCallbackMethod_GetServerInfo<v1::RenderService::Service>>> {
  public:
-  // `info` holds what does not change while the server runs. `backend` and `pool` outlive the service.
-  RenderService(Backend& backend, const TexturePool& pool, v1::GetServerInfoResponse info);
+  // `info` holds what does not change while the server runs; `pool` gives the counters of the texture pool.
+  // `backend` outlives the service.
+  RenderService(Backend& backend, std::function<PoolCounters()> pool, v1::GetServerInfoResponse info);
 
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Render(
       grpc::CallbackServerContext* context) override;
@@ -29,7 +31,7 @@ class RenderService final
 
  private:
   Backend& backend_;
-  const TexturePool& pool_;
+  const std::function<PoolCounters()> pool_;
   const v1::GetServerInfoResponse info_;
   const absl::Time started_;
 };

@@ -220,7 +220,8 @@ absl::Status StreamCall::admit() {
     settings.tier = tier_;
     frame->tier_reason = tier_reason_;
   }
-  absl::StatusOr<FrameMemory> memory = backend_.renderer->allocate(frame->layout.desc, settings);
+  const std::shared_ptr<Renderer> renderer = backend_.renderer();
+  absl::StatusOr<FrameMemory> memory = renderer->allocate(frame->layout.desc, settings);
   if (absl::IsUnavailable(memory.status()) && absl::Now() < memory_deadline_) {
     state_ = Reading::kMemory;
     memory_alarm_ = std::make_unique<grpc::Alarm>();
@@ -242,7 +243,7 @@ absl::Status StreamCall::admit() {
                         backend_.memory_budget_bytes, backend_.memory_budget_bytes / memory->bytes() - 1));
   }
   frame->frame = std::make_shared<Frame>(
-      Frame{backend_.renderer, *std::move(memory), std::move(settings), {frame->sequence, std::nullopt}});
+      Frame{renderer, *std::move(memory), std::move(settings), {frame->sequence, std::nullopt}});
   frame->begun = absl::Now();
   bands_.emplace(v1::kStreamFrameBand, frame->layout.desc, frame->layout.row_stride_bytes);
   state_ = Reading::kBands;

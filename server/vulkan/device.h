@@ -66,6 +66,11 @@ class Device {
   // Index of a memory type for `use` among `allowed`, a mask as VkMemoryRequirements has it.
   absl::StatusOr<uint32_t> memory_type(MemoryUse use, uint32_t allowed) const;
 
+  // A device that is lost stays so: every submission fails as with VK_ERROR_DEVICE_LOST. Any thread.
+  bool lost() const { return lost_; }
+  // The driver said so, or a test.
+  void lose() const { lost_ = true; }
+
   // Warnings and errors that the validation layers have reported so far.
   uint64_t validation_messages() const { return validation_messages_; }
 
@@ -84,6 +89,7 @@ class Device {
   VkPhysicalDeviceMemoryProperties memory_ = {};
   DeviceSummary summary_;
   std::atomic<uint64_t> validation_messages_ = 0;
+  mutable std::atomic<bool> lost_ = false;
 };
 
 }  // namespace candela

@@ -127,6 +127,13 @@ void Recorder::barrier_to_host() {
 }
 
 absl::Status Recorder::submit_and_wait() {
+  const absl::Status status =
+      device_->lost() ? vulkan_status(VK_ERROR_DEVICE_LOST, "vkQueueSubmit") : submit_to_device();
+  if (absl::IsUnavailable(status)) device_->lose();
+  return status;
+}
+
+absl::Status Recorder::submit_to_device() {
   if (queries_ != VK_NULL_HANDLE) {
     vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries_,
                         static_cast<uint32_t>(marks_.size()));

@@ -57,6 +57,7 @@ class Recorder {
  private:
   static constexpr uint32_t kMaxMarks = 64;
   Recorder() = default;
+  absl::Status submit_to_device();
 
   const Device* device_ = nullptr;
   VkCommandPool pool_ = VK_NULL_HANDLE;

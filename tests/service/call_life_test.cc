@@ -195,7 +195,8 @@ TEST(Drain, ThePreDrainTakesCallsWhileHealthAlreadyWarns) {
   Config config = test_config();
   config.pre_drain = absl::Seconds(2);
   const std::unique_ptr<Server> server = start_server(config);
-  const Connection connection(server->in_process_channel());
+  const Connection connection(
+      grpc::CreateChannel(server->addresses().at(0), grpc::InsecureChannelCredentials()));
   const absl::Time start = absl::Now();
   std::thread drain([&server] { server->drain_and_stop(); });
   while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));

@@ -149,6 +149,18 @@ TEST(Candelad, KeysThatCannotBeUsedEndWithOneAndOneLine) {
   EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
 }
 
+TEST(Candelad, ADeviceThatIsLostAgainAndAgainEndsItWithOne) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--pre-drain", "10m"}, LOSING_CANDELAD);
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  const Connection connection = *Connection::open(address);
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(natural(8, 8))).status()));
+  }
+  EXPECT_EQ(daemon.wait(), 1);
+  EXPECT_NE(daemon.errors().find("device is lost again and again"), std::string::npos) << daemon.errors();
+}
+
 TEST(Candelad, AnUnknownDeviceEndsWithOneAndNamesThoseThereAre) {
   Daemon daemon({"--device", "no such device"});
   EXPECT_EQ(daemon.wait(), 1);

@@ -16,7 +16,7 @@ extern char** environ;
 
 namespace candela::testing {
 
-Daemon::Daemon(const std::vector<std::string>& arguments) {
+Daemon::Daemon(const std::vector<std::string>& arguments, const char* program) {
   // The software driver leaks a little when it is unloaded; service_test looks for leaks of ours.
   setenv("XDG_CACHE_HOME", CANDELA_TEST_CACHE, 1);  // not the user's
   setenv("ASAN_OPTIONS", "detect_leaks=0", 0);
@@ -31,10 +31,10 @@ Daemon::Daemon(const std::vector<std::string>& arguments) {
   posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, errors_path_.c_str(),
                                    O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  std::vector<char*> argv{const_cast<char*>(CANDELAD)};
+  std::vector<char*> argv{const_cast<char*>(program)};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
-  EXPECT_EQ(posix_spawn(&pid_, CANDELAD, &actions, nullptr, argv.data(), environ), 0);
+  EXPECT_EQ(posix_spawn(&pid_, program, &actions, nullptr, argv.data(), environ), 0);
   posix_spawn_file_actions_destroy(&actions);
   close(ends[1]);
 }

@@ -8,10 +8,10 @@
 
 namespace candela::testing {
 
-// Runs candelad with `arguments`; ends it on destruction.
+// Runs candelad, or another build of it, with `arguments`; ends it on destruction.
 class Daemon {
  public:
-  explicit Daemon(const std::vector<std::string>& arguments);
+  explicit Daemon(const std::vector<std::string>& arguments, const char* program = CANDELAD);
   ~Daemon();
 
   // Waits for the line "listening on ADDRESS" and gives the address; empty when the process ended first.

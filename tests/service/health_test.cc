@@ -1,4 +1,6 @@
 // What health says, and when.
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
 #include <grpcpp/support/byte_buffer.h>
 
 #include <thread>
@@ -29,9 +31,9 @@ bool serving(const std::shared_ptr<grpc::Channel>& channel, const std::string& s
 // While a server drains it lives on: whoever kills it for its readiness would tear its last frames.
 TEST(Health, ADrainingServerIsAliveAndNotReady) {
   Config config = test_config();
-  config.pre_drain = absl::Seconds(2);
+  config.pre_drain = absl::Seconds(3);
   const std::unique_ptr<Server> server = start_server(config);
-  const auto channel = server->in_process_channel();
+  const auto channel = grpc::CreateChannel(server->addresses().at(0), grpc::InsecureChannelCredentials());
   for (const char* service : {"", "candela.v1.RenderService", "readiness", "liveness"}) {
     EXPECT_TRUE(serving(channel, service)) << service;
   }

@@ -1,0 +1,120 @@
+// The device is lost: as far as the server can tell from a test's saying so.
+#include <atomic>
+
+#include "absl/time/clock.h"
+#include "tests/service/service_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+std::string pixels(const RenderResult& result) {
+  return std::string(reinterpret_cast<const char*>(result.data.get()), result.bytes);
+}
+
+TEST(DeviceLost, TheFrameIsToldUnavailableAndTheNextOneHasTheSameBits) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const Connection connection(server->in_process_channel());
+  const WireFrame frame = natural(320, 240);
+  const absl::StatusOr<RenderResult> before = connection.render({}, view(frame));
+  ASSERT_TRUE(before.ok());
+  server->lose_device();
+  const absl::Status lost = connection.render({}, view(frame)).status();
+  EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
+  EXPECT_NE(std::string(lost.message()).find("device lost"), std::string::npos) << lost;
+  const absl::StatusOr<RenderResult> after = connection.render({}, view(frame));
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_EQ(pixels(*before), pixels(*after));
+  EXPECT_TRUE(wait_until_idle(connection));
+  EXPECT_EQ(server->validation_messages(), 0u);
+}
+
+// The old device goes when the last of its frames does, and not before.
+TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
+  Config config = test_config();
+  config.idle_timeout = absl::Minutes(1);  // its client waits for the new device
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = server->in_process_channel();
+  const Connection connection(channel);
+  const WireFrame frame = natural(64, 64);
+  const auto stub = v1::RenderService::NewStub(channel);
+  grpc::ClientContext context;
+  const auto stream = stub->Render(&context);
+  stream->Write(start_of(frame));
+  stream->Write(band_of(frame, 0, 32));
+  while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(2));
+  server->lose_device();
+  EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
+  EXPECT_TRUE(connection.render({}, view(frame)).ok());
+  // Its memory is still there to be written to.
+  stream->Write(band_of(frame, 32, 32));
+  stream->WritesDone();
+  v1::RenderResponse response;
+  while (stream->Read(&response)) {
+  }
+  EXPECT_EQ(stream->Finish().error_code(), grpc::UNAVAILABLE);
+  EXPECT_TRUE(connection.render({}, view(frame)).ok()) << "a frame of the old device lost the new one";
+}
+
+// Nobody has to send a frame for it.
+TEST(DeviceLost, TheHeartbeatFindsOutAndHealthRecovers) {
+  Config config = test_config();
+  config.heartbeat_interval = absl::Milliseconds(100);
+  config.heartbeat_limit = absl::Seconds(10);
+  const std::unique_ptr<Server> server = start_server(config);
+  const Connection connection(server->in_process_channel());
+  server->lose_device();
+  absl::SleepFor(absl::Seconds(3));
+  EXPECT_TRUE(connection.health().ok());
+  EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
+}
+
+TEST(DeviceLost, PromisesAreKeptOnTheNewDevice) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const Connection connection(server->in_process_channel());
+  server->lose_device();
+  EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(natural(16, 16))).status()));
+  v1::Settings promise;
+  promise.set_max_ms(1e6);
+  const absl::StatusOr<RenderResult> result = connection.render(promise, view(natural(16, 16)));
+  EXPECT_TRUE(result.ok()) << result.status();
+}
+
+TEST(DeviceLost, AGoodFrameBetweenLossesStartsTheCountAnew) {
+  std::atomic<int> gone = 0;
+  const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(test_config(), [&gone] { ++gone; });
+  ASSERT_TRUE(server.ok()) << server.status();
+  const Connection connection((*server)->in_process_channel());
+  const WireFrame frame = natural(16, 16);
+  for (int i = 0; i < 2; ++i) {
+    (*server)->lose_device(3);
+    for (int loss = 0; loss < 3; ++loss) {
+      EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
+    }
+    EXPECT_TRUE(connection.render({}, view(frame)).ok());
+  }
+  EXPECT_EQ(gone, 0);
+}
+
+TEST(DeviceLost, FourLossesInARowAreSaidOnceAndHealthFollows) {
+  std::atomic<int> gone = 0;
+  Config config = test_config();
+  config.heartbeat_interval = absl::Milliseconds(200);
+  config.heartbeat_limit = absl::Seconds(1);
+  const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&gone] { ++gone; });
+  ASSERT_TRUE(server.ok()) << server.status();
+  const Connection connection((*server)->in_process_channel());
+  (*server)->lose_device(4);
+  for (const absl::Time limit = absl::Now() + absl::Seconds(30);
+       connection.health().ok() && absl::Now() < limit;) {
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_TRUE(absl::IsUnavailable(connection.health()));
+  for (const absl::Time limit = absl::Now() + absl::Seconds(30); gone == 0 && absl::Now() < limit;) {
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(natural(16, 16))).status()));
+  EXPECT_EQ(gone, 1);
+}
+
+}  // namespace
+}  // namespace candela::testing
