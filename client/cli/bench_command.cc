@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "client/cli/bench_report.h"
 #include "client/cli/commands.h"
+#include "client/cli/frame_files.h"
 #include "client/cli/json_output.h"
 #include "client/cli/server_link.h"
 #include "client/cli/terminal.h"
@@ -18,6 +19,8 @@ namespace {
 
 // Media time of a session that runs as fast as it goes.
 constexpr double kNominalFps = 24;
+
+constexpr absl::Duration kWarmUpTimeout = absl::Minutes(5);
 
 double ms_of(const v1::ResultHeader& header, bool queue) {
   double ms = 0;
@@ -115,6 +118,13 @@ class Load {
   std::thread taking_;
 };
 
+// A server's first frame waits for the driver's compiling.
+absl::Status warm_up(ServerLink& link, const Image& frame) {
+  const absl::StatusOr<const Connection*> server = link.connection();
+  if (!server.ok()) return server.status();
+  return (*server)->render({}, view_of(frame), absl::Now() + kWarmUpTimeout).status();
+}
+
 absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progress) {
   progress.show("making the frame");
   absl::StatusOr<Image> made = sample_sequence_frame(options.width, options.height, 0, 1);
@@ -126,6 +136,8 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
   BenchReport report;
   report.device = info->device().name();
   report.sent_bytes = frame->bytes();
+  progress.show("warming up");
+  if (absl::Status status = warm_up(link, *frame); !status.ok()) return status;
   SessionOptions session;
   session.lookahead = options.lookahead;
   session.encoding = options.encoding;

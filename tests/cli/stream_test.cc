@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <thread>
 
@@ -126,10 +127,22 @@ TEST_F(Stream, ADaemonGivesTheBytesThatTheServerInsideGives) {
 }
 
 TEST_F(Stream, DetectedCutsAreSaidAndTaken) {
-  make_frames(8);
-  const std::vector<Json> lines = stream({"--detect-cuts", "0.2"});
-  ASSERT_EQ(lines.size(), 9u);
-  EXPECT_TRUE(lines[0].at("cut").is_boolean());
+  make_frames(3, "512x384");
+  Image corner = *make_image(512, 512, ImageFormat::kRgba32f);
+  for (size_t i = 0; i < corner.pixels.size(); i += sizeof(float)) {
+    const size_t x = i / 16 % 512, y = i / 16 / 512;
+    const float light = x < 256 && y < 256 ? 20.0f : 0.02f;
+    std::memcpy(corner.pixels.data() + i, &light, sizeof light);
+  }
+  for (const char* name : {"/0003.exr", "/0004.exr"}) ASSERT_TRUE(write_image(in() + name, corner).ok());
+  const std::vector<Json> undetected = stream({}), lines = stream({"--detect-cuts"});
+  ASSERT_EQ(lines.size(), 6u);
+  for (size_t i = 1; i < 5; ++i) {
+    EXPECT_EQ(lines[i].at("cut"), i == 3) << lines[i];
+    EXPECT_EQ(undetected[i].at("cut"), false);
+  }
+  EXPECT_EQ(lines[3].at("exposure"), lines[3].at("target"));
+  EXPECT_NE(undetected[3].at("exposure"), undetected[3].at("target"));
 }
 
 TEST_F(Stream, TheServerCanMakeTheFiles) {
@@ -327,7 +340,10 @@ TEST_F(Stream, BenchMeasuresSessions) {
   EXPECT_GE(fastest.at("latency_ms").at("p999"), fastest.at("latency_ms").at("p50"));
   EXPECT_EQ(fastest.at("window_fps").size(), 10u);
   EXPECT_EQ(fastest.at("failed"), 0);
-  EXPECT_EQ(steady.at("frames").get<int>() + steady.at("dropped").get<int>(), 40) << steady;
+  // What comes back after the end is not counted.
+  const int due = steady.at("frames").get<int>() + steady.at("dropped").get<int>();
+  EXPECT_LE(due, 40) << steady;
+  EXPECT_GE(due, 30) << steady;
   const Outcome text = candela(fast);
   ASSERT_EQ(text.code, 0) << text.err;
   for (const char* word : {"throughput", "latency", "queue wait", "p99.9", "Jain", "dropped", "stable"}) {
