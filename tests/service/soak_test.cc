@@ -1,0 +1,223 @@
+// Mixed traffic with faults for CANDELA_SOAK_SECONDS (60): nothing grows, and everybody who behaves is
+// served.
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <random>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "tests/service/service_fixture.h"
+#include "tests/service/stream_client.h"
+#include "tests/service/wire_cutter.h"
+
+namespace candela::testing {
+namespace {
+
+absl::Duration soak_time() {
+  const char* seconds = std::getenv("CANDELA_SOAK_SECONDS");
+  return absl::Seconds(seconds != nullptr ? std::atoi(seconds) : 60);
+}
+
+std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+// One client after the other, each with its own way to behave; the same ones for the same seed.
+class Traffic {
+ public:
+  Traffic(const std::string& address, uint32_t seed) : address_(address), seed_(seed), random_(seed) {
+    for (const uint32_t width : {33u, 160u, 320u, 640u}) frames_.push_back(natural(width, width * 3 / 4));
+  }
+
+  void run_until(absl::Time end) {
+    for (uint64_t i = 0; absl::Now() < end; ++i) one(absl::StrCat("soak-", seed_, "-", i));
+  }
+  uint64_t served() const { return served_; }
+  uint64_t cut_short() const { return cut_short_; }
+
+ private:
+  uint32_t below(uint32_t n) { return std::uniform_int_distribution<uint32_t>(0, n - 1)(random_); }
+  const WireFrame& frame() { return frames_[below(4)]; }
+
+  void one(const std::string& name) {
+    switch (below(8)) {
+      case 0:
+        return render();
+      case 1:
+      case 2:
+        return session(name, {});
+      case 3: {
+        v1::StreamOpen open;
+        open.set_lookahead(2);
+        open.set_encoding(v1::ENCODING_PNG);
+        return session(name, open);
+      }
+      case 4:
+        return cancelled(name);
+      case 5:
+        return disconnected(name);
+      case 6:
+        return refused(name);
+      default:
+        return unread(name);
+    }
+  }
+
+  void render() {
+    const absl::StatusOr<Connection> connection = Connection::open(address_);
+    const absl::StatusOr<RenderResult> result = connection->render({}, view(frame()));
+    EXPECT_TRUE(result.ok()) << result.status();
+    ++served_;
+  }
+  void session(const std::string& name, v1::StreamOpen open) {
+    open.set_session(name);
+    std::vector<WireFrame> frames;
+    for (int i = 0; i < 6; ++i) frames.push_back(frame());
+    EXPECT_EQ(stream_all(own_channel(address_), open, frames).size(), frames.size());
+    ++served_;
+  }
+  void cancelled(const std::string& name) {
+    StreamClient client(own_channel(address_));
+    client.open(name);
+    client.send(frame(), 0, 0);
+    client.send_header(frame(), 1, 1);
+    absl::SleepFor(absl::Milliseconds(below(10)));
+    client.cancel();
+    ++cut_short_;
+  }
+  void disconnected(const std::string& name) {
+    WireCutter cutter(address_);
+    StreamClient client(own_channel(cutter.address()));
+    client.open(name);
+    client.send(frame(), 0, 0);
+    client.send_header(frame(), 1, 1);
+    cutter.cut();
+    EXPECT_FALSE(client.finish().ok());
+    ++cut_short_;
+  }
+  void refused(const std::string& name) {
+    StreamClient client(own_channel(address_));
+    client.open(name);
+    client.send_rows(frame(), 0, 1);
+    EXPECT_EQ(client.finish().error_code(), grpc::INVALID_ARGUMENT);
+    ++cut_short_;
+  }
+  void unread(const std::string& name) {
+    StreamClient client(own_channel(address_), /*reads=*/false);
+    client.open(name);
+    client.send(frames_.back(), 0, 0);
+    absl::SleepFor(absl::Milliseconds(below(100)));
+    client.cancel();
+    ++cut_short_;
+  }
+
+  const std::string address_;
+  const uint32_t seed_;
+  std::mt19937 random_;
+  std::vector<WireFrame> frames_;
+  uint64_t served_ = 0;
+  uint64_t cut_short_ = 0;
+};
+
+struct Reading {
+  double seconds;
+  double resident_mib;
+  size_t descriptors;
+  size_t threads;
+};
+
+size_t entries(const char* folder) {
+  return static_cast<size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
+}
+
+Reading read_now(absl::Time begin) {
+  size_t size = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> size >> resident;
+  return {absl::ToDoubleSeconds(absl::Now() - begin), static_cast<double>(resident) * 4096 / (1 << 20),
+          entries("/proc/self/fd"), entries("/proc/self/task")};
+}
+
+// Least squares; the slope and its standard error, in MiB an hour.
+std::pair<double, double> memory_slope(const std::vector<Reading>& readings) {
+  const auto n = static_cast<double>(readings.size());
+  double mean_t = 0, mean_m = 0;
+  for (const Reading& r : readings) {
+    mean_t += r.seconds / n;
+    mean_m += r.resident_mib / n;
+  }
+  double tt = 0, tm = 0, rest = 0;
+  for (const Reading& r : readings) {
+    tt += (r.seconds - mean_t) * (r.seconds - mean_t);
+    tm += (r.seconds - mean_t) * (r.resident_mib - mean_m);
+  }
+  const double slope = tm / tt;
+  for (const Reading& r : readings) {
+    const double residual = r.resident_mib - mean_m - slope * (r.seconds - mean_t);
+    rest += residual * residual;
+  }
+  return {slope * 3600, std::sqrt(rest / (n - 2) / tt) * 3600};
+}
+
+TEST(Soak, NothingGrowsAndWhoBehavesIsServed) {
+  Config config = test_config();
+  config.idle_timeout = absl::Seconds(20);
+  const std::unique_ptr<Server> server = start_server(config);
+  const std::string address = server->addresses().at(0);
+  const absl::Time begin = absl::Now();
+  const absl::Time end = begin + soak_time();
+  std::vector<std::unique_ptr<Traffic>> traffic;
+  std::vector<std::thread> threads;
+  for (uint32_t seed = 1; seed <= 3; ++seed) {
+    traffic.push_back(std::make_unique<Traffic>(address, seed));
+    threads.emplace_back([&, seed] { traffic[seed - 1]->run_until(end); });
+  }
+  std::vector<Reading> readings;
+  while (absl::Now() < end) {
+    absl::SleepFor(soak_time() / 120);
+    readings.push_back(read_now(begin));
+  }
+  for (std::thread& thread : threads) thread.join();
+  uint64_t served = 0, cut_short = 0;
+  for (const auto& one : traffic) {
+    served += one->served();
+    cut_short += one->cut_short();
+  }
+  EXPECT_GT(served, 0u);
+  EXPECT_GT(cut_short, 0u);
+  EXPECT_TRUE(wait_until_idle(Connection(server->in_process_channel())));
+  EXPECT_EQ(server->validation_messages(), 0u);
+
+  readings.erase(readings.begin(), readings.begin() + static_cast<std::ptrdiff_t>(readings.size() / 4));
+  const auto [slope, error] = memory_slope(readings);
+  const Reading& first = readings.front();
+  const Reading& last = readings.back();
+  std::cout << served << " served, " << cut_short << " cut short; after the first quarter "
+            << first.resident_mib << " -> " << last.resident_mib << " MiB, slope " << slope << " +- " << error
+            << " MiB an hour, " << first.descriptors << " -> " << last.descriptors << " descriptors, "
+            << first.threads << " -> " << last.threads << " threads\n";
+  EXPECT_LT(slope - 3 * error, 1.0) << "memory grows";
+  const auto highest = [&](size_t from, size_t to, auto of) {
+    size_t value = 0;
+    for (size_t i = from; i < to; ++i) value = std::max(value, of(readings[i]));
+    return value;
+  };
+  const size_t half = readings.size() / 2;
+  const auto descriptors = [](const Reading& r) { return r.descriptors; };
+  const auto tasks = [](const Reading& r) { return r.threads; };
+  // Clients come and go, so that a count wavers; what leaks grows by one each time.
+  EXPECT_LE(highest(half, readings.size(), descriptors), highest(0, half, descriptors) + 16);
+  EXPECT_LE(highest(half, readings.size(), tasks), highest(0, half, tasks) + 16);
+}
+
+}  // namespace
+}  // namespace candela::testing
