@@ -164,8 +164,10 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
   return absl::OkStatus();
 }
 
-// CLI11 leaves two lines between sections.
-std::string help(const CLI::App& app) { return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}}); }
+// CLI11 leaves two lines between sections, and takes several files for several of each.
+std::string help(const CLI::App& app) {
+  return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
+}
 
 absl::Status finish_sample_options(const SampleOptions& sample) {
   if (sample.output.empty() == sample.sequence.empty()) {

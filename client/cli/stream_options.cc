@@ -76,7 +76,10 @@ void add_cuts(CLI::App& app, double& threshold_ev) {
     threshold_ev = kGoodCutEv;
     if (text.empty()) return;
     const absl::StatusOr<double> ev = parse_number("--detect-cuts", text, v1::kCutThresholdEv);
-    if (!ev.ok()) throw OptionError{ev.status()};
+    if (!ev.ok()) {
+      throw OptionError{usage_error(absl::StrFormat(
+          "%s; without a number it stands last or before another option", ev.status().message()))};
+    }
     threshold_ev = *ev;
   };
   app.add_option_function<std::string>(
@@ -110,9 +113,8 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   StreamOptions& options = arguments.options;
   app.add_option(
          "IN... OUT", arguments.files,
-         "Frames to render, in the natural order of their names: a folder, files, or a pattern such as "
-         "'in/*.exr' or in/%04d.exr. Last, where the images go: a pattern with their number, "
-         "out/%04d.png (also .jpg, .exr, .pfm), or a folder, where they are .png")
+         "IN: frames in the natural order of their names: a folder, files, 'in/*.exr' or in/%04d.exr. "
+         "OUT: a pattern with the number, out/%04d.png (or .jpg, .exr, .pfm), or a folder for .png")
       ->required()
       ->option_text(" ");
   add_number(app, kSession, "--fps", "F", kFps, kDefaultFps, "Frames a second of media time",
