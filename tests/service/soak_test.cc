@@ -1,5 +1,5 @@
 // Mixed traffic with faults for CANDELA_SOAK_SECONDS (60): nothing grows, and who behaves is served. From 20
-// minutes on the slope of memory has to be below 1 MiB an hour, within the error of the fitted line. served.
+// minutes on the slope of memory has to be below 1 MiB an hour, within the error of the fitted line.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 
