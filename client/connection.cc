@@ -10,6 +10,7 @@
 #include "client/result_reader.h"
 #include "client/wire.h"
 #include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/message_wire.h"
 
 namespace candela {
 namespace {
@@ -26,7 +27,7 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
   header.set_total_bytes(frame.pixels.size());
   request.mutable_start()->set_verify(frame.verify);
   request.mutable_start()->set_error_map(frame.error_map);
-  return pack(request);
+  return v1::pack(request);
 }
 
 // gRPC may hold on to a message after its call has ended, so a band is copied and not referred to.
@@ -45,10 +46,10 @@ template <typename Response>
 absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request,
                              const std::string& address) {
   grpc::ByteBuffer message;
-  const bool answered = call.write(pack(request)) && call.half_close() && call.read(message);
+  const bool answered = call.write(v1::pack(request)) && call.half_close() && call.read(message);
   if (absl::Status status = from_grpc(call.finish(), address, call.connected()); !status.ok()) return status;
   Response response;
-  if (!answered || !unpack(message, response)) return not_the_protocol("it cannot be read");
+  if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;
 }
 
@@ -101,7 +102,7 @@ absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings
                         call.half_close() && call.read(message);
   if (absl::Status status = from_grpc(call.finish(), address_, call.connected()); !status.ok()) return status;
   v1::MeterResponse response;
-  if (!answered || !unpack(message, response)) return not_the_protocol("it cannot be read");
+  if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;
 }
 

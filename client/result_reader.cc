@@ -1,9 +1,9 @@
 #include "client/result_reader.h"
 
-#include <grpcpp/support/proto_buffer_reader.h>
-
 #include <span>
 #include <utility>
+
+#include "proto/candela/v1/message_wire.h"
 
 namespace candela {
 
@@ -14,8 +14,7 @@ absl::Status ResultReader::read(grpc::ByteBuffer& message) {
 
 absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
   v1::RenderResponse response;
-  grpc::ProtoBufferReader slices(&message);
-  if (!response.ParseFromZeroCopyStream(&slices) || !response.has_header()) {
+  if (!v1::unpack(message, response) || !response.has_header()) {
     return not_the_protocol("no header comes first");
   }
   const auto [width, height, verify, error_map] = request_;

@@ -17,6 +17,7 @@
 #include "client/stream_reader.h"
 #include "client/wire.h"
 #include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/message_wire.h"
 
 namespace candela {
 namespace {
@@ -316,7 +317,7 @@ class Session::Core {
   void send_next(Call& call, const v1::StreamRequest& open) {
     if (!call.asked) {
       call.asked = true;
-      return call.duplex.write(pack(open));
+      return call.duplex.write(v1::pack(open));
     }
     if (!call.open || call.leaving || call.closed) return;
     if (call.sending != nullptr) return send_band(call);
@@ -337,7 +338,7 @@ class Session::Core {
       }
     }
     if (call.closed) return call.duplex.half_close();
-    call.duplex.write(pack(request));
+    call.duplex.write(v1::pack(request));
   }
 
   static void send_band(Call& call) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/wire.h"
+#include "proto/candela/v1/message_wire.h"
 
 namespace candela {
 namespace {
@@ -36,7 +37,7 @@ absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const 
     return MoreToCome();
   }
   v1::StreamResponse response;
-  if (!unpack(message, response)) return not_the_protocol("it cannot be read");
+  if (!v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   switch (response.part_case()) {
     case v1::StreamResponse::kOpened:
       if (opened_) return not_the_protocol("it opens twice");

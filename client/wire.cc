@@ -3,7 +3,6 @@
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 #include <grpcpp/support/channel_arguments.h>
-#include <grpcpp/support/proto_buffer_reader.h>
 
 #include <algorithm>
 
@@ -108,16 +107,6 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& address, b
       break;
   }
   return absl::Status(plain.code(), message);
-}
-
-grpc::ByteBuffer pack(const google::protobuf::Message& message) {
-  const grpc::Slice bytes(message.SerializeAsString());
-  return grpc::ByteBuffer(&bytes, 1);
-}
-
-bool unpack(grpc::ByteBuffer& bytes, google::protobuf::Message& message) {
-  grpc::ProtoBufferReader slices(&bytes);
-  return message.ParseFromZeroCopyStream(&slices);
 }
 
 }  // namespace candela

@@ -1,7 +1,6 @@
 // What a Render call and a session have in common on the client's side of the wire.
 #pragma once
 
-#include <google/protobuf/message.h>
 #include <grpcpp/channel.h>
 #include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/status.h>
@@ -35,8 +34,5 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
 
 // The one place where gRPC's errors become ours. `connected`: a message reached the server.
 absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected);
-
-grpc::ByteBuffer pack(const google::protobuf::Message& message);
-bool unpack(grpc::ByteBuffer& bytes, google::protobuf::Message& message);
 
 }  // namespace candela

@@ -20,7 +20,7 @@ constexpr char kMetering[] = "Metering";
 constexpr char kBloom[] = "Bloom";
 constexpr char kTone[] = "Tone";
 
-constexpr v1::Range<double> kJpegQuality{1, 100};
+constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
 
 // The wire's defaults, see render.proto.
 constexpr v1::Metering::Statistic kDefaultStatistic = v1::Metering::STATISTIC_LOG_AVERAGE;

@@ -131,6 +131,12 @@ absl::StatusOr<std::vector<TierNumbers>> TierMeter::numbers(const FrameDesc& des
   return all;
 }
 
+absl::StatusOr<TierChoice> TierMeter::choose(const FrameDesc& desc, const Settings& settings) {
+  const absl::StatusOr<std::vector<TierNumbers>> measured = numbers(desc, settings);
+  if (!measured.ok()) return measured.status();
+  return choose_tier(*measured, settings.promise);
+}
+
 absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Settings& settings) {
   const std::shared_ptr<Renderer> renderer = renderer_();  // outlives its memory
   FrameDesc timed = desc;

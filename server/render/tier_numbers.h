@@ -27,6 +27,10 @@ class TierMeter {
   // time, no time after that. Fails as the renderer does.
   absl::StatusOr<std::vector<TierNumbers>> numbers(const FrameDesc& desc, const Settings& settings);
 
+  // The tier by which the settings' promise is kept for frames like this one; fails as numbers() and
+  // choose_tier() do.
+  absl::StatusOr<TierChoice> choose(const FrameDesc& desc, const Settings& settings);
+
  private:
   absl::StatusOr<TierNumbers> measure(const FrameDesc& desc, const Settings& settings);
   void load();

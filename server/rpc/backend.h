@@ -19,6 +19,9 @@
 
 namespace candela {
 
+// How many idle timeouts a frame's upload may take in all: a row a minute is progress too, but not for days.
+inline constexpr int kMaxUploadTimeouts = 10;
+
 // Any thread. Outlives every call.
 struct Backend {
   // The current device's, with its pool: frames hold on to all three. Ask once for a frame.

@@ -4,18 +4,15 @@
 
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/message_wire.h"
 #include "server/base/log.h"
+#include "server/rpc/call_later.h"
 #include "server/rpc/frame_metrics.h"
 #include "server/rpc/status.h"
 
 namespace candela {
 
-namespace {
-
-// How many idle timeouts a frame's upload may take in all.
-constexpr int kMaxUploadTimeouts = 10;
-
-}  // namespace
+namespace {}  // namespace
 
 RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& backend, Work work) {
   std::shared_ptr<RenderCall> call(new RenderCall(context, backend, work));
@@ -80,9 +77,7 @@ void RenderCall::choose_tier() {
     desc = start_->desc;
     settings = start_->settings;
   }
-  absl::StatusOr<TierChoice> choice;
-  const absl::StatusOr<std::vector<TierNumbers>> numbers = backend_.tier_meter.numbers(desc, settings);
-  choice = numbers.ok() ? candela::choose_tier(*numbers, settings.promise) : numbers.status();
+  const absl::StatusOr<TierChoice> choice = backend_.tier_meter.choose(desc, settings);
   absl::MutexLock lock(&mutex_);
   if (state_ == State::kFinished) return;
   if (!choice.ok()) return finish(choice.status());
@@ -143,13 +138,13 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   last_progress_ = absl::Now();
   if (work_ == Work::kMeter) {
     frame_->memory = {};
-    result_.emplace(std::make_shared<const std::string>(), message_bytes(meter_response(*frame_, *rendered)));
+    result_.emplace(std::make_shared<const std::string>(), v1::pack(meter_response(*frame_, *rendered)));
     return send_next();
   }
   v1::RenderResponse response;
   *response.mutable_header() = result_header(*frame_, *rendered, backend_.device);
   response.mutable_header()->set_tier_reason(tier_reason_);
-  result_.emplace(frame_, message_bytes(response));
+  result_.emplace(frame_, v1::pack(response));
   send_next();
 }
 
@@ -211,12 +206,7 @@ void RenderCall::OnDone() {
 }
 
 void RenderCall::watch_idle(absl::Duration wait) {
-  // A fresh alarm each time: one that has fired is still inside its callback when it would be set again.
-  idle_alarm_ = std::make_unique<grpc::Alarm>();
-  idle_alarm_->Set(absl::ToChronoTime(absl::Now() + wait), [weak = weak_from_this()](bool expired) {
-    if (!expired) return;
-    if (std::shared_ptr<RenderCall> call = weak.lock()) call->on_idle();
-  });
+  idle_alarm_ = call_later(wait, weak_from_this(), &RenderCall::on_idle);
 }
 
 void RenderCall::on_idle() {
@@ -232,7 +222,6 @@ void RenderCall::on_idle() {
   }
   if (state_ == State::kQueued || state_ == State::kChoosing)
     return watch_idle(backend_.idle_timeout);  // it waits for us
-  // A row a minute is progress too, but not for days.
   if (state_ == State::kBands && absl::Now() - begun_ > kMaxUploadTimeouts * backend_.idle_timeout) {
     return finish(absl::DeadlineExceededError(absl::StrFormat(
         "the frame was not complete after %s, %d times this server's idle timeout; send it faster",

@@ -1,13 +1,12 @@
 #include "server/rpc/render_start.h"
 
-#include <grpcpp/support/proto_buffer_reader.h>
-
 #include <cstring>
 #include <memory>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/message_wire.h"
 
 namespace candela {
 namespace {
@@ -186,8 +185,7 @@ absl::Status parse_request(grpc::ByteBuffer& message, google::protobuf::Message&
         "or a frame first, then its bands",
         message.Length(), kMaxStartBytes));
   }
-  grpc::ProtoBufferReader slices(&message);
-  if (!request.ParseFromZeroCopyStream(&slices)) {
+  if (!v1::unpack(message, request)) {
     return absl::InvalidArgumentError(
         "message is not what render.proto says: its bytes are damaged or cut short");
   }

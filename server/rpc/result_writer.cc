@@ -8,6 +8,7 @@
 
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/message_wire.h"
 #include "server/render/metering.h"
 
 namespace candela {
@@ -71,11 +72,6 @@ v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metere
   return response;
 }
 
-grpc::ByteBuffer message_bytes(const google::protobuf::Message& message) {
-  const grpc::Slice bytes(message.SerializeAsString());
-  return grpc::ByteBuffer(&bytes, 1);
-}
-
 v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device) {
   const FrameReport& report = rendered.report;
   v1::ResultHeader header;
@@ -111,7 +107,7 @@ bool ResultWriter::next_part(grpc::ByteBuffer& message) {
   const size_t count = std::min<size_t>(file_->size() - next_byte_, v1::kMaxBandBytes);
   v1::StreamResponse response;
   response.mutable_encoded()->set_data(file_->data() + next_byte_, count);
-  message = message_bytes(response);
+  message = v1::pack(response);
   next_byte_ += count;
   return true;
 }

@@ -19,8 +19,6 @@ v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered
 // Of a frame whose Work was kMeter, with its histogram.
 v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metered);
 
-grpc::ByteBuffer message_bytes(const google::protobuf::Message& message);
-
 // One thread at a time.
 class ResultWriter {
  public:

@@ -1,12 +1,13 @@
 #include "server/rpc/stream_call.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "proto/candela/v1/message_wire.h"
 #include "server/base/log.h"
+#include "server/rpc/call_later.h"
 #include "server/rpc/frame_metrics.h"
 #include "server/rpc/status.h"
 
@@ -14,8 +15,6 @@ namespace candela {
 
 namespace {
 
-// How many idle timeouts a frame's upload may take in all.
-constexpr int kMaxUploadTimeouts = 10;
 // How often a frame that found no memory asks again.
 constexpr absl::Duration kMemoryRetry = absl::Milliseconds(5);
 
@@ -56,8 +55,7 @@ size_t StreamCall::capacity() const {
   return backend_.max_frames_in_flight + (start_ ? start_->lookahead : 0);
 }
 
-// ---- Reading
-// ------------------------------------------------------------------------------------------------
+// Reading.
 
 void StreamCall::read_on() {
   if (finished_ || ending_ || reading_) return;
@@ -131,7 +129,7 @@ absl::Status StreamCall::take_open(grpc::ByteBuffer& message) {
   opened.set_session(start_->session);
   opened.set_max_frames_in_flight(backend_.max_frames_in_flight);
   opened.set_epoch(epoch_);
-  notices_.push_back(message_bytes(response));
+  notices_.push_back(v1::pack(response));
   state_ = Reading::kBetween;
   write_on();
   return absl::OkStatus();
@@ -200,9 +198,7 @@ void StreamCall::choose_tier() {
     desc = frames_.back()->layout.desc;
     settings = settings_.settings;
   }
-  const absl::StatusOr<std::vector<TierNumbers>> numbers = backend_.tier_meter.numbers(desc, settings);
-  absl::StatusOr<TierChoice> choice = numbers.status();
-  if (numbers.ok()) choice = candela::choose_tier(*numbers, settings.promise);
+  const absl::StatusOr<TierChoice> choice = backend_.tier_meter.choose(desc, settings);
   absl::MutexLock lock(&mutex_);
   if (finished_ || ending_) return;
   if (!choice.ok()) return finish(choice.status());
@@ -224,12 +220,7 @@ absl::Status StreamCall::admit() {
   absl::StatusOr<FrameMemory> memory = renderer->allocate(frame->layout.desc, settings);
   if (absl::IsUnavailable(memory.status()) && absl::Now() < memory_deadline_) {
     state_ = Reading::kMemory;
-    memory_alarm_ = std::make_unique<grpc::Alarm>();
-    memory_alarm_->Set(absl::ToChronoTime(absl::Now() + kMemoryRetry),
-                       [weak = weak_from_this()](bool expired) {
-                         if (!expired) return;
-                         if (std::shared_ptr<StreamCall> call = weak.lock()) call->retry_admission();
-                       });
+    memory_alarm_ = call_later(kMemoryRetry, weak_from_this(), &StreamCall::retry_admission);
     return absl::OkStatus();
   }
   if (!memory.ok()) return memory.status();
@@ -281,8 +272,7 @@ absl::Status StreamCall::half_closed() {
   return absl::OkStatus();
 }
 
-// ---- Rendering
-// ----------------------------------------------------------------------------------------------
+// Rendering.
 
 absl::Status StreamCall::submit(const FramePtr& frame, Work work) {
   frame->frame->work = work;
@@ -401,8 +391,7 @@ void StreamCall::on_encoded(const FramePtr& frame, absl::StatusOr<std::string> f
   write_on();
 }
 
-// ---- Writing
-// ------------------------------------------------------------------------------------------------
+// Writing.
 
 void StreamCall::OnWriteDone(bool ok) {
   absl::MutexLock lock(&mutex_);
@@ -477,7 +466,7 @@ grpc::ByteBuffer StreamCall::header_message(const SessionFrame& frame) {
   header.set_resume_token(token(frame));
   header.set_encoding(static_cast<v1::Encoding>(start_->encoding));
   if (frame.file) header.set_encoded_bytes(frame.file->size());
-  return message_bytes(response);
+  return v1::pack(response);
 }
 
 grpc::ByteBuffer StreamCall::failure_message(const SessionFrame& frame) {
@@ -488,11 +477,10 @@ grpc::ByteBuffer StreamCall::failure_message(const SessionFrame& frame) {
   failure.set_code(static_cast<uint32_t>(frame.failure.code()));
   failure.set_message(std::string(frame.failure.message()));
   failure.set_resume_token(token(frame));
-  return message_bytes(response);
+  return v1::pack(response);
 }
 
-// ---- Ends
-// ---------------------------------------------------------------------------------------------------
+// Ends.
 
 void StreamCall::go_away() {
   absl::MutexLock lock(&mutex_);
@@ -502,7 +490,7 @@ void StreamCall::go_away() {
   if (!start_) return finish(status);
   v1::StreamResponse response;
   response.mutable_go_away()->set_reason("server is draining");
-  notices_.push_back(message_bytes(response));
+  notices_.push_back(v1::pack(response));
   const auto undecided = std::find_if(frames_.begin(), frames_.end(), [this](const FramePtr& frame) {
     return frame->stage == Stage::kReceiving ||
            (!plain() && (frame->stage == Stage::kQueued || frame->stage == Stage::kWaiting));
@@ -523,8 +511,8 @@ void StreamCall::OnCancel() {
 
 // A frame that is being rendered already finishes, is discarded, and only then gives its memory back.
 void StreamCall::drop(const FramePtr& frame) {
-  if (frame->stage == Stage::kQueued || frame->stage == Stage::kDrawing) backend_.loop.cancel(frame->ticket);
   const bool working = frame->stage == Stage::kQueued || frame->stage == Stage::kDrawing;
+  if (working) backend_.loop.cancel(frame->ticket);
   if (working || frame->stage == Stage::kWaiting || frame->stage == Stage::kReceiving) {
     backend_.metrics.frame_ended(absl::StatusCode::kCancelled);
   }
@@ -579,12 +567,7 @@ void StreamCall::OnDone() {
 }
 
 void StreamCall::watch_idle(absl::Duration wait) {
-  // A fresh alarm each time: one that has fired is still inside its callback when it would be set again.
-  idle_alarm_ = std::make_unique<grpc::Alarm>();
-  idle_alarm_->Set(absl::ToChronoTime(absl::Now() + wait), [weak = weak_from_this()](bool expired) {
-    if (!expired) return;
-    if (std::shared_ptr<StreamCall> call = weak.lock()) call->on_idle();
-  });
+  idle_alarm_ = call_later(wait, weak_from_this(), &StreamCall::on_idle);
 }
 
 void StreamCall::on_idle() {
@@ -603,7 +586,6 @@ void StreamCall::on_idle() {
   // A write that nobody reads never ends by itself, and no status could follow it.
   if (writing_ && now - last_write_ >= timeout) return context_.TryCancel();
   if (state_ == Reading::kBands && now - frames_.back()->begun > kMaxUploadTimeouts * timeout) {
-    // A row a minute is progress too, but not for days.
     return finish(absl::DeadlineExceededError(absl::StrFormat(
         "frame %d was not complete after %s, %d times this server's idle timeout; send it faster",
         frames_.back()->sequence, words(now - frames_.back()->begun), kMaxUploadTimeouts)));

@@ -31,15 +31,6 @@ struct OpenCall {
   std::unique_ptr<grpc::ClientReaderWriter<v1::RenderRequest, v1::RenderResponse>> stream;
 };
 
-bool wait_until_in_use(const Connection& connection) {
-  for (const absl::Time limit = absl::Now() + absl::Seconds(10); absl::Now() < limit;) {
-    const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
-    if (info.ok() && info->pool().bytes_in_use() > 0) return true;
-    absl::SleepFor(absl::Milliseconds(2));
-  }
-  return false;
-}
-
 class CallLife : public ServiceTest {
  protected:
   const WireFrame frame_ = natural(640, 480);

@@ -1,7 +1,4 @@
 // Sessions beside each other: who gets how much of the device, and whom a slow one disturbs.
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
-
 #include <algorithm>
 #include <atomic>
 #include <iostream>
@@ -76,12 +73,6 @@ Config large_config() {
   config.max_frame_bytes = uint64_t{128} << 20;
   config.idle_timeout = absl::Seconds(60);
   return config;
-}
-
-std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
 TEST(Fairness, AHeavySessionTakesNoMoreThanItsShare) {

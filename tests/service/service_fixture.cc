@@ -2,6 +2,7 @@
 
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
+#include <grpcpp/support/channel_arguments.h>
 
 #include "absl/time/clock.h"
 #include "tests/support/driver.h"
@@ -62,14 +63,31 @@ v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t r
   return request;
 }
 
-bool wait_until_idle(const Connection& connection) {
+std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+static bool wait_until(const Connection& connection, bool (*is_so)(const v1::GetServerInfoResponse&)) {
   const absl::Time limit = absl::Now() + absl::Seconds(10);
   while (absl::Now() < limit) {
     const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
-    if (info.ok() && info->pool().bytes_in_use() == 0) return true;
-    absl::SleepFor(absl::Milliseconds(5));
+    if (info.ok() && is_so(*info)) return true;
+    absl::SleepFor(absl::Milliseconds(2));
   }
   return false;
+}
+
+bool wait_until_idle(const Connection& connection) {
+  return wait_until(connection, [](const v1::GetServerInfoResponse& info) {
+    return info.pool().bytes_in_use() == 0 && info.sessions() == 0;
+  });
+}
+
+bool wait_until_in_use(const Connection& connection) {
+  return wait_until(connection,
+                    [](const v1::GetServerInfoResponse& info) { return info.pool().bytes_in_use() > 0; });
 }
 
 void ServiceTest::SetUpTestSuite() { server_ = start_server(test_config()); }

@@ -24,8 +24,14 @@ FrameView view(const WireFrame& frame, uint64_t sequence = 0);
 v1::RenderRequest start_of(const WireFrame& frame);
 v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t rows);
 
-// Waits until no frame holds memory; false after 10 s.
+// To `address` by a connection of its own: channels to one address share theirs otherwise, and its flow
+// control.
+std::shared_ptr<grpc::Channel> own_channel(const std::string& address);
+
+// Waits until no frame holds memory and no session is open; false after 10 s.
 bool wait_until_idle(const Connection& connection);
+// Waits until a frame holds memory; false after 10 s.
+bool wait_until_in_use(const Connection& connection);
 
 // Every test runs over the in-process channel and over TCP, against one server for the suite.
 class ServiceTest : public ::testing::TestWithParam<bool> {

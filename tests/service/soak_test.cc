@@ -1,8 +1,5 @@
 // Mixed traffic with faults for CANDELA_SOAK_SECONDS (60): nothing grows, and who behaves is served. From 20
 // minutes on the slope of memory has to be below 1 MiB an hour, within the error of the fitted line.
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
-
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -24,12 +21,6 @@ namespace {
 absl::Duration soak_time() {
   const char* seconds = std::getenv("CANDELA_SOAK_SECONDS");
   return absl::Seconds(seconds != nullptr ? std::atoi(seconds) : 60);
-}
-
-std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
 // One client after the other, each with its own way to behave; the same ones for the same seed.

@@ -1,8 +1,5 @@
 // Sessions that end before their time, and limits that are run into: nobody else notices, and nothing stays
 // behind.
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
-
 #include <csignal>
 #include <thread>
 #include <tuple>
@@ -16,25 +13,7 @@
 namespace candela::testing {
 namespace {
 
-std::shared_ptr<grpc::Channel> channel_to(const std::string& address) {
-  grpc::ChannelArguments arguments;
-  // Channels to one address share their connection otherwise, and their flow control.
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
-}
-
-bool all_is_returned(const Connection& connection) {
-  const absl::Time limit = absl::Now() + absl::Seconds(10);
-  while (absl::Now() < limit) {
-    const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
-    if (info.ok() && info->pool().bytes_in_use() == 0 && info->sessions() == 0) return true;
-    absl::SleepFor(absl::Milliseconds(5));
-  }
-  return false;
-}
-
-// ---- The matrix
-// -----------------------------------------------------------------------------------------------
+// The matrix.
 
 enum class When { kBeforeOpen, kMidBand, kBetweenFrames, kWhileReading };
 enum class Fault { kCancel, kDeadline, kDisconnect, kDrain, kKill };
@@ -97,7 +76,7 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
     Daemon daemon({"--listen", "127.0.0.1:0"});
     const std::string address = daemon.wait_until_listening();
     ASSERT_NE(address, "") << daemon.errors();
-    StreamClient client(channel_to(address), reads);
+    StreamClient client(own_channel(address), reads);
     ASSERT_TRUE(reach(when, client));
     absl::SleepFor(absl::Milliseconds(100));
     daemon.signal(SIGKILL);
@@ -112,7 +91,7 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
   WireCutter cutter(address);
   {
     const absl::Time deadline = fault == Fault::kDeadline ? absl::Now() + kDeadline : absl::InfiniteFuture();
-    StreamClient client(channel_to(fault == Fault::kDisconnect ? cutter.address() : address), reads,
+    StreamClient client(own_channel(fault == Fault::kDisconnect ? cutter.address() : address), reads,
                         deadline);
     const bool reached = reach(when, client);
     ASSERT_TRUE(reached || fault == Fault::kDeadline);
@@ -147,23 +126,24 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
     const grpc::Status status = client.finish();
     EXPECT_EQ(status.error_code(), expected) << status.error_message();
   }
-  EXPECT_TRUE(all_is_returned(bystander)) << "a session, its place or its memory was not given back";
+  EXPECT_TRUE(wait_until_idle(bystander)) << "a session, its place or its memory was not given back";
   EXPECT_TRUE(bystander.render({}, {.width = 1, .height = 1, .pixels = natural(1, 1).pixels}).ok());
   EXPECT_EQ(server->validation_messages(), 0u);
 }
 
-// ---- Limits
-// ---------------------------------------------------------------------------------------------------
+// Limits.
 
 class StreamLimits : public ServiceTest {
  protected:
-  // What the server says to these messages.
+  // What the server says to these messages, its place given back.
   template <typename Say>
   static grpc::Status end_of(const Say& say) {
     StreamClient client(channel());
     say(client);
     client.half_close();
-    return client.finish();
+    grpc::Status status = client.finish();
+    EXPECT_TRUE(wait_until_idle(connection()));
+    return status;
   }
   static v1::StreamOpen opening() { return open_of("limits"); }
 };
@@ -321,7 +301,7 @@ TEST_P(StreamLimits, AFullMemoryBudgetHoldsTheClientBackUntilThereIsRoom) {
   ASSERT_TRUE(first.open("first"));
   ASSERT_TRUE(first.send_header(large, 0, 0));
   ASSERT_TRUE(first.send_rows(large, 0, 50));
-  while (pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(1));
+  ASSERT_TRUE(wait_until_in_use(connection()));
   StreamClient second(channel());
   ASSERT_TRUE(second.open("second"));
   std::thread sender([&] {
