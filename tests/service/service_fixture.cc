@@ -69,7 +69,8 @@ std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
   return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
-static bool wait_until(const Connection& connection, bool (*is_so)(const v1::GetServerInfoResponse&)) {
+bool wait_until(const Connection& connection,
+                const std::function<bool(const v1::GetServerInfoResponse&)>& is_so) {
   const absl::Time limit = absl::Now() + absl::Seconds(10);
   while (absl::Now() < limit) {
     const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();

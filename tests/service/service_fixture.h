@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -28,6 +29,9 @@ v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t r
 // control.
 std::shared_ptr<grpc::Channel> own_channel(const std::string& address);
 
+// Waits until that is so of what the server says of itself; false after 10 s.
+bool wait_until(const Connection& connection,
+                const std::function<bool(const v1::GetServerInfoResponse&)>& is_so);
 // Waits until no frame holds memory and no session is open; false after 10 s.
 bool wait_until_idle(const Connection& connection);
 // Waits until a frame holds memory; false after 10 s.

@@ -6,7 +6,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+
+#include "absl/time/clock.h"
 
 namespace candela::testing {
 namespace {
@@ -25,12 +28,39 @@ void reset(int socket) {
   close(socket);
 }
 
-// False when `from` has ended.
-bool relay(int from, int to) {
-  std::array<char, 65536> bytes;
-  const ssize_t size = recv(from, bytes.data(), bytes.size(), 0);
-  return size > 0 && send(to, bytes.data(), static_cast<size_t>(size), MSG_NOSIGNAL) == size;
-}
+// One direction.
+class Lane {
+ public:
+  Lane(int from, int to, const std::atomic<double>& bytes_per_second)
+      : from_(from), to_(to), bytes_per_second_(bytes_per_second) {}
+
+  // What to wait for: bytes, while some may pass.
+  pollfd awaited() {
+    const absl::Time now = absl::Now();
+    const double rate = bytes_per_second_;
+    // Never more than it takes to keep up between two calls.
+    may_pass_ = std::min(may_pass_ + rate * absl::ToDoubleSeconds(now - earned_), std::max(1.0, rate / 10));
+    earned_ = now;
+    return {may_pass_ >= 1 ? from_ : -1, POLLIN, 0};
+  }
+
+  // False when either end has ended.
+  bool pass() {
+    const size_t most = std::min(bytes_.size(), static_cast<size_t>(may_pass_));
+    const ssize_t size = recv(from_, bytes_.data(), most, 0);
+    if (size <= 0 || send(to_, bytes_.data(), static_cast<size_t>(size), MSG_NOSIGNAL) != size) return false;
+    may_pass_ -= static_cast<double>(size);
+    return true;
+  }
+
+ private:
+  const int from_;
+  const int to_;
+  const std::atomic<double>& bytes_per_second_;
+  double may_pass_ = 0;  // bytes
+  absl::Time earned_ = absl::Now();
+  std::array<char, 65536> bytes_;
+};
 
 }  // namespace
 
@@ -63,13 +93,17 @@ void WireCutter::run(int server_port) {
   }
   const int client = accept(listener_, nullptr, nullptr);
   const int server = socket(AF_INET, SOCK_STREAM, 0);
+  const int buffer_bytes = 1 << 16;  // what lies in it is on neither side
+  setsockopt(server, SOL_SOCKET, SO_RCVBUF, &buffer_bytes, sizeof(buffer_bytes));
   const sockaddr_in address = loopback(server_port);
   connect(server, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
-  std::array<pollfd, 2> ends{pollfd{client, POLLIN, 0}, pollfd{server, POLLIN, 0}};
+  Lane to_server(client, server, to_server_);
+  Lane to_client(server, client, to_client_);
   while (!cut_) {
+    std::array<pollfd, 2> ends{to_server.awaited(), to_client.awaited()};
     if (poll(ends.data(), ends.size(), 10) <= 0) continue;
-    if (ends[0].revents != 0 && !relay(client, server)) break;
-    if (ends[1].revents != 0 && !relay(server, client)) break;
+    if (ends[0].revents != 0 && !to_server.pass()) break;
+    if (ends[1].revents != 0 && !to_client.pass()) break;
   }
   reset(client);
   reset(server);
