@@ -38,6 +38,10 @@ constexpr FrameDesc kBeat = {8, 8, PixelFormat::kRgba32f};
 // How many limits of health the render thread may take for one frame before it counts as stuck.
 constexpr int kMovingLimits = 4;
 
+// How long a connection may take for its first bytes: the idle timeout, but time for a busy machine, and at
+// most gRPC's own limit.
+constexpr v1::Range<absl::Duration> kHandshake{absl::Seconds(3), absl::Minutes(2)};
+
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
 
@@ -126,6 +130,9 @@ absl::Status Server::Parts::listen() {
   builder.SetResourceQuota(quota);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
                              static_cast<int>(config.max_calls + config.max_sessions) + kOtherStreams);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
+                             static_cast<int>(absl::ToInt64Milliseconds(
+                                 std::clamp(config.idle_timeout, kHandshake.min, kHandshake.max))));
   std::vector<int> ports(config.listen.size(), 0);
   for (const std::string& address : config.listen) {
     if (absl::Status status = check_socket_is_free(address); !status.ok()) return status;
