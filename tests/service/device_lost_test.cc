@@ -3,6 +3,8 @@
 
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
+#include "tests/service/session_run.h"
+#include "tests/service/stream_client.h"
 
 namespace candela::testing {
 namespace {
@@ -66,6 +68,64 @@ TEST(DeviceLost, TheHeartbeatFindsOutAndHealthRecovers) {
   absl::SleepFor(absl::Seconds(3));
   EXPECT_TRUE(connection.health().ok());
   EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
+}
+
+TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const auto channel = server->in_process_channel();
+  const Film frames = make_film(6, 160, 90);
+  const std::vector<WireFrame>& film = *frames;
+  const std::vector<StreamResult> whole = stream_all(channel, open_of("whole"), film);
+  ASSERT_EQ(whole.size(), film.size());
+  StreamClient client(channel);
+  ASSERT_TRUE(client.open("lost"));
+  StreamResult last, next;
+  for (size_t i = 0; i < 3; ++i) {
+    ASSERT_TRUE(client.send(film[i], i, film_time_ns(i)) && client.read(last));
+  }
+  server->lose_device();
+  client.send(film[3], 3, film_time_ns(3));
+  client.send(film[4], 4, film_time_ns(4));
+  EXPECT_FALSE(client.read(next)) << "a result of the lost device, frame " << next.sequence();
+  const grpc::Status status = client.finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
+  EXPECT_NE(status.error_message().find("device lost"), std::string::npos) << status.error_message();
+  StreamClient resumed(channel);
+  ASSERT_TRUE(resumed.open("lost", {}, last.token()));
+  for (size_t i = 3; i < film.size(); ++i) {
+    ASSERT_TRUE(resumed.send(film[i], i, film_time_ns(i)) && resumed.read(next));
+    EXPECT_EQ(next.sequence(), i);
+    EXPECT_TRUE(next.pixels == whole[i].pixels);
+  }
+  resumed.half_close();
+  EXPECT_TRUE(resumed.finish().ok());
+  EXPECT_TRUE(wait_until_idle(Connection(channel)));
+  EXPECT_EQ(server->validation_messages(), 0u);
+}
+
+TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
+  Config config = test_config();
+  config.idle_timeout = absl::Minutes(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = server->in_process_channel();
+  const Film film = make_film(24, 320, 180);
+  for (const uint32_t lookahead : {0u, 2u}) {
+    SessionOptions options;
+    options.lookahead = lookahead;
+    const SessionRun whole = run_session(Session::open({channel}, options), film);
+    EXPECT_TRUE(whole.status.ok()) << whole.status;
+    EXPECT_EQ(whole.images.size(), film->size());
+    EXPECT_EQ(whole.stats.resumes, 0u);
+    const SessionRun lossy = run_session(Session::open({channel}, options), film, [&](size_t results) {
+      if (results == 5) server->lose_device();
+      if (results == 14) server->lose_device(2);  // and the one that replaces it
+    });
+    EXPECT_TRUE(lossy.status.ok()) << lossy.status;
+    EXPECT_TRUE(lossy.images == whole.images);
+    EXPECT_EQ(lossy.stats.resumes, 3u);
+  }
+  EXPECT_TRUE(wait_until_idle(Connection(channel)));
+  EXPECT_EQ(server->validation_messages(), 0u);
 }
 
 TEST(DeviceLost, PromisesAreKeptOnTheNewDevice) {
