@@ -43,6 +43,8 @@ class DuplexCall {
 
   // Whether a write may be started: the one before is done and the call goes on.
   bool can_write() const { return writable_ && !writing_; }
+  // Whether a write is under way: gRPC has not passed all of it on yet.
+  bool writing() const { return writing_; }
   void write(const grpc::ByteBuffer& message);
   void half_close();  // as the last write
 

@@ -13,6 +13,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/duplex_call.h"
+#include "client/retry_info.h"
 #include "client/session_log.h"
 #include "client/stream_reader.h"
 #include "client/wire.h"
@@ -43,6 +44,8 @@ struct Server {
 struct CallEnd {
   absl::Status status;  // OK: the session is over, with every frame answered
   bool resume = false;  // another call may go on
+  // How long that server wants to be left alone.
+  absl::Duration retry_delay = absl::ZeroDuration();
 };
 
 // Whether the transport or a server that stops is the reason, and not what this session asked for.
@@ -97,6 +100,7 @@ class Session::Core {
       : options_(options),
         name_(options.name.empty() ? random_name() : options.name),
         servers_(std::move(servers)),
+        not_before_(servers_.size(), absl::InfinitePast()),
         log_(options.settings),
         thread_([this] { drive(); }) {}
 
@@ -190,6 +194,8 @@ class Session::Core {
     bool closed = false;                                    // half-closed
     std::shared_ptr<const SessionFrame> sending = nullptr;  // its bands are going out
     uint64_t row = 0;                                       // of the next one
+    int64_t owed = 0;                                       // frames that were sent whole and have no result
+    absl::Time last_progress;                               // a message came, or a write began or ended
   };
 
   bool may_submit() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
@@ -215,6 +221,7 @@ class Session::Core {
       if (cancelled_) return end_session(absl::CancelledError("the session was cancelled"));
       if (end.status.ok() || !end.resume) return end_session(end.status);
       ++attempts;
+      not_before_[at_] = absl::Now() + end.retry_delay;
       if (!was_open_) {
         if (attempts == servers_.size()) return end_session(end.status);
       } else {
@@ -240,6 +247,7 @@ class Session::Core {
       const size_t rounds = std::min<size_t>(attempts / servers_.size() - 1, 10);
       until += std::min(kLongestPause, kFirstPause * (int64_t{1} << rounds));
     }
+    until = std::max(until, not_before_[(at_ + 1) % servers_.size()]);
     const auto cancelled = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return cancelled_; };
     mutex_.AwaitWithDeadline(absl::Condition(&cancelled), std::min(until, limit));
     return !cancelled_ && absl::Now() < limit;
@@ -265,15 +273,23 @@ class Session::Core {
     const absl::Time open_by = absl::Now() + kOpenLimit;
     CallEnd own;  // why this side ended it
     while (true) {
-      if (own.status.ok() && call.duplex.can_write()) send_next(call, open);
-      const DuplexCall::Event event =
-          call.duplex.wait(call.open || !own.status.ok() ? absl::InfiniteFuture() : open_by);
+      if (own.status.ok() && call.duplex.can_write()) {
+        send_next(call, open);
+        if (call.duplex.writing()) call.last_progress = absl::Now();
+      }
+      absl::Time until = call.open ? silent_until(call) : open_by;
+      if (!own.status.ok()) until = absl::InfiniteFuture();
+      const DuplexCall::Event event = call.duplex.wait(until);
       if (event == DuplexCall::Event::kEnded) break;
       if (!own.status.ok()) continue;
+      if (event == DuplexCall::Event::kMessage || event == DuplexCall::Event::kWritable) {
+        call.last_progress = absl::Now();
+      }
       if (event == DuplexCall::Event::kTimeout) {
         own = {absl::UnavailableError(
-                   absl::StrFormat("no answer from %s within %s: it hangs or is not a candelad", call.address,
-                                   absl::FormatDuration(kOpenLimit))),
+                   absl::StrFormat("no answer from %s within %s: it hangs%s", call.address,
+                                   absl::FormatDuration(call.open ? options_.silence_limit : kOpenLimit),
+                                   call.open ? "" : " or is not a candelad")),
                true};
       } else if (event == DuplexCall::Event::kMessage) {
         own.status = take_message(call, attempts);
@@ -286,6 +302,14 @@ class Session::Core {
     const absl::MutexLock lock(&mutex_);
     call_ = nullptr;
     return own.status.ok() ? how_it_ended(call) : own;
+  }
+
+  // When a server that goes on saying nothing hangs. Look-ahead holds as many frames back as it looks ahead,
+  // until the half-close.
+  absl::Time silent_until(const Call& call) const {
+    const int64_t held_back = call.closed ? 0 : options_.lookahead;
+    const bool due = call.owed > held_back || call.duplex.writing();
+    return due ? call.last_progress + options_.silence_limit : absl::InfiniteFuture();
   }
 
   v1::StreamRequest open_message() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
@@ -310,7 +334,8 @@ class Session::Core {
       if (call.leaving) return {absl::UnavailableError(call.address + " went away"), true};
       return {not_the_protocol("it ended before every frame had its result")};
     }
-    return {from_grpc(status, call.address, call.duplex.connected()), may_resume(status, was_open_)};
+    return {from_grpc(status, call.address, call.duplex.connected()), may_resume(status, was_open_),
+            retry_delay(status)};
   }
 
   // Starts the next write, if there is anything to send.
@@ -346,7 +371,9 @@ class Session::Core {
     call.duplex.write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(call.row),
                                     band_slice(call.sending, call.row)));
     call.row += rows;
-    if (call.row >= call.sending->height) call.sending.reset();
+    if (call.row < call.sending->height) return;
+    call.sending.reset();
+    ++call.owed;
   }
 
   absl::Status take_message(Call& call, size_t& attempts) {
@@ -365,6 +392,7 @@ class Session::Core {
     if (std::holds_alternative<v1::GoAway>(*event)) call.leaving = true;
     if (auto* answer = std::get_if<FrameAnswer>(&*event)) {
       take_answer(std::move(*answer));
+      --call.owed;
       attempts = 0;
     }
     return absl::OkStatus();
@@ -400,6 +428,7 @@ class Session::Core {
   const SessionOptions options_;
   const std::string name_;
   const std::vector<Server> servers_;
+  std::vector<absl::Time> not_before_;  // when each wants to be asked again; the thread's
 
   mutable absl::Mutex mutex_;
   size_t at_ = 0;  // the server in use; written by the thread, under the mutex
@@ -425,7 +454,8 @@ absl::StatusOr<Session> Session::open(const SessionOptions& options) {
   }
   std::vector<Server> servers;
   for (const std::string& address : options.servers) {
-    absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = open_channel(address, true);
+    absl::StatusOr<std::shared_ptr<grpc::Channel>> channel =
+        open_session_channel(address, options.ping_interval);
     if (!channel.ok()) return channel.status();
     servers.push_back({*std::move(channel), address});
   }

@@ -30,8 +30,16 @@ struct SessionOptions {
   double cut_threshold_ev = 0;  // see StreamOpen; 0: cuts are where frames say so
   v1::Encoding encoding = v1::ENCODING_RAW;
   uint32_t jpeg_quality = 0;  // 1 .. 100; 0 is the server's default
-  // How long the session may be without a server, from losing it to the next result.
+  // How long the session may be without a server, from losing it to the next result. A server that says when
+  // to come back (google.rpc.RetryInfo) is not asked before, and so not again where that is later than this.
   absl::Duration resume_limit = absl::Seconds(30);
+  // A server that neither sends nor reads for so long while a result or a read is due hangs, and the session
+  // goes on without it. Frames honestly wait, for their turn and for memory: this is to be far longer than
+  // that.
+  absl::Duration silence_limit = absl::Minutes(5);
+  // A connection from which nothing came for so long is asked for a sign of life, and is lost when there is
+  // none for as long again; 1 s or more. Not of channels, which come with settings of their own.
+  absl::Duration ping_interval = absl::Seconds(10);
 };
 
 // A frame to send.

@@ -5,6 +5,8 @@
 #include <grpcpp/support/channel_arguments.h>
 
 #include <algorithm>
+#include <climits>
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -16,6 +18,7 @@ namespace {
 
 constexpr int kFirstReconnectMs = 100;
 constexpr int kSlowestReconnectMs = 1000;
+constexpr int kFastestPingMs = 1000;  // gRPC sends none faster
 
 bool is_address(const std::string& address) {
   if (absl::StartsWith(address, "unix:")) return address.size() > 5;
@@ -23,6 +26,18 @@ bool is_address(const std::string& address) {
   uint32_t port = 0;
   return colon != std::string::npos && colon != 0 && address.find('/') == std::string::npos &&
          absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 1 && port <= 65535;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const std::string& address,
+                                                         grpc::ChannelArguments arguments) {
+  if (!is_address(address)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
+  }
+  // The address is the server's, whatever the environment says.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
 }  // namespace
@@ -56,21 +71,23 @@ uint64_t rows_of_band(uint64_t row_bytes) {
   return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address, bool own_connection) {
-  if (!is_address(address)) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
-  }
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address) {
+  return open_with(address, {});
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const std::string& address,
+                                                                    absl::Duration ping_interval) {
   grpc::ChannelArguments arguments;
-  // The address is the server's, whatever the environment says.
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
-  if (own_connection) {
-    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
-    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
-  }
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
+  const auto ping_ms = static_cast<int>(
+      std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
+  // A session may wait for long with nothing to send.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  return open_with(address, std::move(arguments));
 }
 
 absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected) {

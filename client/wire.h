@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 
 namespace candela {
@@ -27,10 +28,13 @@ absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format
 uint64_t rows_of_band(uint64_t row_bytes);
 
 // To a server by its address, "HOST:PORT" or "unix:PATH". Does not connect yet: INVALID_ARGUMENT for an
-// address of another shape. `own_connection`: it shares its connection with no other channel of this process,
-// and one that is lost is tried again soon.
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
-                                                            bool own_connection = false);
+// address of another shape.
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address);
+
+// The same for a session: it shares its connection with no other channel of this process, one that is lost is
+// tried again soon, and one that is silent is given up as SessionOptions::ping_interval says.
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const std::string& address,
+                                                                    absl::Duration ping_interval);
 
 // The one place where gRPC's errors become ours. `connected`: a message reached the server.
 absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected);

@@ -113,5 +113,57 @@ TEST_F(SessionFaults, ADrainingDaemonEndsWithZeroAndEveryFrameComesOnce) {
   });
 }
 
+// Its kernel still takes what is sent.
+TEST_F(SessionFaults, AStoppedDaemonIsLeftWhenItGivesNoSignOfLife) {
+  const Film film = make_film(30, 320, 180);
+  const SessionRun expected = run_session(Session::open(options(0, 1)), film);
+  SessionOptions stopped = options(0, 0);
+  stopped.ping_interval = absl::Seconds(1);
+  const absl::Time begin = absl::Now();
+  const SessionRun run = run_session(Session::open(stopped), film, [&](size_t results) {
+    if (results == kSome) daemons_[0]->signal(SIGSTOP);
+  });
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(25));
+  EXPECT_TRUE(run.status.ok()) << run.status;
+  EXPECT_TRUE(run.images == expected.images);
+  EXPECT_EQ(run.stats.resumes, 1u);
+  EXPECT_EQ(run.stats.server, addresses_[1]);
+  daemons_[0]->signal(SIGCONT);
+  EXPECT_TRUE(wait_until_idle(*Connection::open(addresses_[0]))) << "the session that left was kept";
+  daemons_[0]->signal(SIGTERM);
+  EXPECT_EQ(daemons_[0]->wait(), 0) << daemons_[0]->errors();
+}
+
+// A ping a second with nothing else on the line.
+TEST_F(SessionFaults, ADaemonTakesThePingsOfASessionThatWaits) {
+  SessionOptions waiting = options(0, 0);
+  waiting.ping_interval = absl::Seconds(1);
+  absl::StatusOr<Session> session = Session::open(waiting);
+  ASSERT_TRUE(session.ok()) << session.status();
+  absl::SleepFor(absl::Seconds(8));
+  EXPECT_EQ(session->stats().resumes, 0u) << session->stats().last_loss;
+  const Film film = make_film(3, 64, 48);
+  const SessionRun run = run_session(std::move(session), film);
+  EXPECT_TRUE(run.status.ok()) << run.status;
+  EXPECT_EQ(run.images.size(), film->size());
+  EXPECT_EQ(run.stats.resumes, 0u) << run.stats.last_loss;
+}
+
+// The frames that look-ahead holds back are not owed.
+TEST_F(SessionFaults, LookAheadThatWaitsForFramesIsNoSilence) {
+  SessionOptions waiting = options(1, 0);
+  waiting.silence_limit = absl::Seconds(2);
+  absl::StatusOr<Session> session = Session::open(waiting);
+  ASSERT_TRUE(session.ok()) << session.status();
+  const Film film = make_film(5, 64, 48);
+  for (size_t i = 0; i < film->size(); ++i) {
+    if (i == waiting.lookahead) absl::SleepFor(absl::Seconds(4));
+    ASSERT_TRUE(session->submit(frame_of(film, i)).ok());
+  }
+  session->finish();
+  for (size_t i = 0; i < film->size(); ++i) ASSERT_TRUE(session->next_result()->has_value());
+  EXPECT_EQ(session->stats().resumes, 0u) << session->stats().last_loss;
+}
+
 }  // namespace
 }  // namespace candela::testing

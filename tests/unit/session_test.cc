@@ -12,8 +12,10 @@
 #include <thread>
 
 #include "absl/strings/str_format.h"
+#include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "candela/v1/render.grpc.pb.h"
+#include "client/retry_info.h"
 #include "client/session_log.h"
 
 namespace candela {
@@ -263,6 +265,98 @@ TEST(Session, ItGivesUpWhenItsLimitIsOver) {
   EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
   EXPECT_GE(absl::Now() - begin, absl::Milliseconds(700));
   EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
+}
+
+// google.rpc.Status { details { google.rpc.RetryInfo { retry_delay { seconds: 0 .. 127, nanos: 0.5e9 } } } }
+std::string retry_details(int seconds) {
+  const std::string type = "type.googleapis.com/google.rpc.RetryInfo";
+  const std::string delay{'\x08', static_cast<char>(seconds), '\x10', '\x80', '\xca', '\xb5', '\xee', '\x01'};
+  const std::string info = "\x0a\x08" + delay;
+  const std::string any = "\x0a" + std::string(1, static_cast<char>(type.size())) + type + "\x12" +
+                          std::string(1, static_cast<char>(info.size())) + info;
+  return "\x08\x0e\x1a" + std::string(1, static_cast<char>(any.size())) + any;
+}
+
+TEST(Session, RetryInfoIsReadWhereItIs) {
+  const auto delay_of = [](const std::string& details) {
+    return retry_delay(grpc::Status(grpc::UNAVAILABLE, "busy", details));
+  };
+  EXPECT_EQ(delay_of(retry_details(0)), absl::Milliseconds(500));
+  EXPECT_EQ(delay_of(retry_details(3)), absl::Milliseconds(3500));
+  EXPECT_EQ(delay_of(""), absl::ZeroDuration());
+  EXPECT_EQ(delay_of("no message"), absl::ZeroDuration());
+  EXPECT_EQ(delay_of(retry_details(3).substr(0, 40)), absl::ZeroDuration());
+}
+
+TEST(Session, AServerThatSaysWhenToComeBackIsAskedThenAndNotBefore) {
+  std::atomic<int> calls = 0;
+  FakeServer server([&](uint64_t sequence, Wire&) {
+    return sequence == 2 && calls++ == 0 ? grpc::Status(grpc::UNAVAILABLE, "busy", retry_details(1))
+                                         : grpc::Status::OK;
+  });
+  const Outcome got = run(options_for({server.address()}), 5);
+  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_EQ(got.values, expected(5));
+  EXPECT_EQ(got.stats.resumes, 1u);
+  EXPECT_GE(got.stats.time_without_results, absl::Milliseconds(1500));
+}
+
+TEST(Session, AnotherServerIsAskedAtOnce) {
+  FakeServer first([](uint64_t sequence, Wire&) {
+    return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "busy", retry_details(60)) : grpc::Status::OK;
+  });
+  FakeServer second;
+  const Outcome got = run(options_for({first.address(), second.address()}), 5);
+  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_EQ(got.values, expected(5));
+  EXPECT_EQ(got.stats.server, second.address());
+}
+
+TEST(Session, AServerThatWantsToBeLeftAloneForTooLongIsNotWaitedFor) {
+  FakeServer server([](uint64_t sequence, Wire&) {
+    return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "busy", retry_details(60)) : grpc::Status::OK;
+  });
+  SessionOptions options = options_for({server.address()});
+  options.resume_limit = absl::Milliseconds(700);
+  const absl::Time begin = absl::Now();
+  const Outcome got = run(options, 5);
+  EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
+  EXPECT_EQ(server.opens().size(), 1u);
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
+}
+
+// Its connection is as good as ever.
+TEST(Session, AServerThatHangsIsLeftForTheNext) {
+  absl::Notification over;
+  FakeServer first([&](uint64_t sequence, Wire&) {
+    if (sequence == 4) over.WaitForNotification();
+    return grpc::Status::OK;
+  });
+  FakeServer second;
+  SessionOptions options = options_for({first.address(), second.address()});
+  options.silence_limit = absl::Seconds(1);
+  const Outcome got = run(options, 9);
+  over.Notify();
+  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_EQ(got.values, expected(9));
+  EXPECT_EQ(got.stats.resumes, 1u);
+  EXPECT_EQ(got.stats.server, second.address());
+  EXPECT_EQ(second.opens().at(0).resume_token(), "3");
+  EXPECT_NE(got.stats.last_loss.message().find("it hangs"), absl::string_view::npos) << got.stats.last_loss;
+}
+
+TEST(Session, AServerThatOwesNothingMayBeSilent) {
+  FakeServer server;
+  SessionOptions options = options_for({server.address()});
+  options.silence_limit = absl::Milliseconds(300);
+  absl::StatusOr<Session> session = Session::open(options);
+  ASSERT_TRUE(session.ok()) << session.status();
+  for (uint64_t i = 0; i < 3; ++i) {
+    absl::SleepFor(absl::Milliseconds(500));
+    ASSERT_TRUE(session->submit(frame(i)).ok());
+    ASSERT_TRUE(session->next_result().ok());
+  }
+  EXPECT_EQ(session->stats().resumes, 0u) << session->stats().last_loss;
 }
 
 TEST(Session, WithoutAnyServerItDoesNotOpen) {
