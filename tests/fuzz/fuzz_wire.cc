@@ -1,5 +1,5 @@
-// Both ends of a Render call, and what opens a stream, reading any bytes; wire_input.h says how an input is
-// taken apart.
+// Both ends of a Render call, what opens a stream, and a session's client, reading any bytes; wire_input.h
+// says how an input is taken apart.
 #include <google/protobuf/empty.pb.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/stubs/logging.h>
@@ -20,6 +20,7 @@
 #include "absl/strings/str_cat.h"
 #include "candela/v1/render.pb.h"
 #include "client/result_reader.h"
+#include "client/stream_reader.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "server/render/exposure.h"
@@ -268,6 +269,66 @@ void receive(const WireInput& input) {
          "the map holds what was sent");
 }
 
+// What an answer has to be, whoever sent it; `sent` are the bytes of its bands or parts.
+void check_answer(const FrameAnswer& answer, const SessionFrame& due, const std::string& sent) {
+  if (!answer.status.ok()) {
+    expect(answer.image.bytes == 0, "a frame that failed has no image");
+    return;
+  }
+  const v1::ResultHeader& header = answer.image.header;
+  expect(header.sequence() == due.sequence, "the result is the due frame's");
+  expect(header.width() == due.width && header.height() == due.height, "the image is of the frame's size");
+  expect(header.resume_token().empty(), "the token is beside the header");
+  expect(header.encoded_bytes() > 0 ? answer.image.bytes == header.encoded_bytes()
+                                    : answer.image.bytes % (uint64_t{due.width} * due.height) == 0,
+         "the image is whole");
+  expect(std::ranges::equal(answer.image.pixels(), std::as_bytes(std::span(sent))),
+         "the image holds what was sent");
+}
+
+// What a message adds to a session's image: a band, known by its first byte, or a part of a file.
+std::string image_bytes(const std::string& message, size_t slice_bytes) {
+  constexpr char kBandTag = v1::kStreamImageBand.field << 3 | 2;
+  if (message.starts_with(kBandTag)) {
+    const absl::StatusOr<v1::Band> band = read_band(v1::kStreamImageBand, message, slice_bytes);
+    return band.ok() ? band->pixels() : "";
+  }
+  v1::StreamResponse response;
+  response.ParseFromString(message);
+  return response.encoded().data();
+}
+
+// A session's client: every frame has one answer, in order, of what came between it and the one before.
+void follow(const WireInput& input) {
+  StreamReader reader;
+  SessionFrame due{.width = input.width, .height = input.height, .pixels = {}, .owner = {}};
+  std::string sent;
+  bool opened = false;
+  for (const std::string& message : input.messages) {
+    const bool owed = due.sequence < kSessionFrames;
+    grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
+    const absl::StatusOr<StreamEvent> event = reader.read(buffer, owed ? &due : nullptr);
+    if (!event.ok()) {
+      expect(absl::IsInternal(event.status()), "a message is refused as no answer",
+             event.status().ToString());
+      return;
+    }
+    if (std::holds_alternative<v1::StreamOpened>(*event)) {
+      expect(!opened, "a session opens once");
+      opened = true;
+      continue;
+    }
+    if (std::holds_alternative<v1::GoAway>(*event)) continue;
+    expect(opened && owed, "what is taken was due, after the opening");
+    sent += image_bytes(message, input.slice_bytes);
+    if (const auto* answer = std::get_if<FrameAnswer>(&*event)) {
+      check_answer(*answer, due, sent);
+      sent.clear();
+      ++due.sequence;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace candela
 
@@ -280,11 +341,17 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace candela;
   const WireInput input = parse_wire_input(std::string(reinterpret_cast<const char*>(data), size));
-  if (input.reader == WireInput::Reader::kServer) {
-    serve(input);
-    open_stream(input);
-  } else {
-    receive(input);
+  switch (input.reader) {
+    case WireInput::Reader::kServer:
+      serve(input);
+      open_stream(input);
+      break;
+    case WireInput::Reader::kClient:
+      receive(input);
+      break;
+    case WireInput::Reader::kSession:
+      follow(input);
+      break;
   }
   return 0;
 }

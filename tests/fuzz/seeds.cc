@@ -246,6 +246,38 @@ void write_response(const std::string& path, v1::OutputFormat format, uint32_t p
   write_file(path, format_wire_input(input));
 }
 
+v1::StreamResponse stream_header(uint64_t sequence, uint64_t encoded_bytes) {
+  v1::StreamResponse response;
+  v1::ResultHeader& header = *response.mutable_header();
+  header.set_sequence(sequence);
+  header.set_width(3);
+  header.set_height(4);
+  header.set_format(v1::OUTPUT_FORMAT_RGBA16);
+  header.set_resume_token("token");
+  header.set_encoded_bytes(encoded_bytes);
+  return response;
+}
+
+// A session's three results: in bands, as a file, and a failure; then the server goes away.
+void write_session(const std::string& path) {
+  WireInput input{.reader = WireInput::Reader::kSession, .slice_bytes = 7, .width = 3, .height = 4};
+  v1::StreamResponse opened, part, failure, away;
+  opened.mutable_opened()->set_session("fuzz");
+  opened.mutable_opened()->set_max_frames_in_flight(2);
+  part.mutable_encoded()->set_data("file!");
+  failure.mutable_failure()->set_sequence(2);
+  failure.mutable_failure()->set_code(4);
+  failure.mutable_failure()->set_message("late");
+  failure.mutable_failure()->set_resume_token("token");
+  away.mutable_go_away()->set_reason("draining");
+  input.messages = {opened.SerializeAsString(), stream_header(0, 0).SerializeAsString(), band(0, 72),
+                    band(3, 24)};
+  for (const v1::StreamResponse& message : {stream_header(1, 10), part, part, failure, away}) {
+    input.messages.push_back(message.SerializeAsString());
+  }
+  write_file(path, format_wire_input(input));
+}
+
 void write_wire(const std::string& folder) {
   for (const bool all_fields : {false, true}) {
     const std::string path = folder + (all_fields ? "/all_" : "/plain_");
@@ -256,6 +288,7 @@ void write_wire(const std::string& folder) {
   write_response(folder + "/response_rgba8", v1::OUTPUT_FORMAT_RGBA8, 4, false);
   write_response(folder + "/response_rgba16", v1::OUTPUT_FORMAT_RGBA16, 8, false);
   write_response(folder + "/response_rgba16f", v1::OUTPUT_FORMAT_RGBA16F, 8, true);
+  write_session(folder + "/session");
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
-// The input of fuzz_wire: one Render call as one end of it reads it.
-//   byte 0     bit 0: the client reads, not the server; bit 1: it has asked for an error map
+// The input of fuzz_wire: one Render call as one end of it reads it, or a session as its client does.
+//   byte 0     bit 0: the client reads, not the server; bit 1: it has asked for an error map; bit 2: a
+//   session's
+//              client reads, whatever bit 0 says
 //   byte 1     how gRPC cuts messages: slices of this many bytes, 0 for 256
-//   bytes 2, 3 width and height of the client's frame, less 1
+//   bytes 2, 3 width and height of the client's frame, less 1; a session's has kSessionFrames of them
 //   then messages, each behind its length of two bytes, low byte first; the last may be cut short
 #pragma once
 
@@ -12,8 +14,11 @@
 
 namespace candela {
 
+// A session's frames that wait for their results, with the sequence numbers 0, 1, ...
+inline constexpr uint64_t kSessionFrames = 3;
+
 struct WireInput {
-  enum class Reader { kServer, kClient };
+  enum class Reader { kServer, kClient, kSession };
   Reader reader = Reader::kServer;
   bool error_map = false;             // a client's wish
   size_t slice_bytes = 256;           // 1 .. 256
@@ -26,6 +31,7 @@ inline WireInput parse_wire_input(const std::string& bytes) {
   const auto byte = [&](size_t i) -> size_t { return i < bytes.size() ? static_cast<uint8_t>(bytes[i]) : 0; };
   WireInput input;
   input.reader = byte(0) % 2 == 0 ? WireInput::Reader::kServer : WireInput::Reader::kClient;
+  if ((byte(0) & 4) != 0) input.reader = WireInput::Reader::kSession;
   input.error_map = byte(0) & 2;
   input.slice_bytes = byte(1) == 0 ? 256 : byte(1);
   input.width = static_cast<uint32_t>(byte(2)) + 1;
@@ -39,7 +45,8 @@ inline WireInput parse_wire_input(const std::string& bytes) {
 }
 
 inline std::string format_wire_input(const WireInput& input) {
-  const int bits = (input.reader == WireInput::Reader::kClient ? 1 : 0) | (input.error_map ? 2 : 0);
+  const int bits = (input.reader == WireInput::Reader::kClient ? 1 : 0) | (input.error_map ? 2 : 0) |
+                   (input.reader == WireInput::Reader::kSession ? 4 : 0);
   std::string bytes{static_cast<char>(bits), static_cast<char>(input.slice_bytes),
                     static_cast<char>(input.width - 1), static_cast<char>(input.height - 1)};
   for (const std::string& message : input.messages) {
