@@ -491,11 +491,8 @@ void StreamCall::go_away() {
   v1::StreamResponse response;
   response.mutable_go_away()->set_reason("server is draining");
   notices_.push_back(v1::pack(response));
-  const auto undecided = std::find_if(frames_.begin(), frames_.end(), [this](const FramePtr& frame) {
-    return frame->stage == Stage::kReceiving ||
-           (!plain() && (frame->stage == Stage::kQueued || frame->stage == Stage::kWaiting));
-  });
-  end_before(static_cast<size_t>(undecided - frames_.begin()), status);
+  const bool receiving = !frames_.empty() && frames_.back()->stage == Stage::kReceiving;
+  end_before(frames_.size() - (receiving ? 1 : 0), status);
   write_on();
 }
 
@@ -524,6 +521,12 @@ void StreamCall::drop(const FramePtr& frame) {
 void StreamCall::end_before(size_t first, const absl::Status& status) {
   if (!ending_) ending_ = status;
   state_ = Reading::kClosed;
+  if (!plain()) {
+    const auto undecided = std::find_if(frames_.begin(), frames_.end(), [](const FramePtr& frame) {
+      return frame->stage == Stage::kQueued || frame->stage == Stage::kWaiting;
+    });
+    first = std::min(first, static_cast<size_t>(undecided - frames_.begin()));
+  }
   while (frames_.size() > first) {
     drop(frames_.back());
     frames_.pop_back();

@@ -112,7 +112,8 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   grpc::ByteBuffer failure_message(const SessionFrame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string token(const SessionFrame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  // No frame from `first` on gets a result; what is before still does, then the call ends with `status`.
+  // No frame from `first` on gets a result, nor one that look-ahead holds back, for what it waits for does
+  // not come any more. What is before still does, then the call ends with `status`.
   void end_before(size_t first, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void drop(const FramePtr& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void finish(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

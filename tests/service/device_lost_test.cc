@@ -103,6 +103,24 @@ TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
   EXPECT_EQ(server->validation_messages(), 0u);
 }
 
+// What they wait for does not come any more.
+TEST(DeviceLost, FramesThatLookAheadHoldsBackEndWithTheDeviceToo) {
+  Config config = test_config();
+  config.idle_timeout = absl::Minutes(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  StreamClient client(server->in_process_channel(), true, absl::Now() + absl::Seconds(20));
+  v1::StreamOpen open = open_of("held");
+  open.set_lookahead(2);
+  const WireFrame frame = natural(64, 48);
+  ASSERT_TRUE(client.open(open) && client.send(frame, 0, 0) && client.send(frame, 1, 1));
+  absl::SleepFor(absl::Milliseconds(200));  // both are metered
+  server->lose_device();
+  client.send(frame, 2, 2);
+  const grpc::Status status = client.finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+  EXPECT_TRUE(wait_until_idle(Connection(server->in_process_channel())));
+}
+
 TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
   Config config = test_config();
   config.idle_timeout = absl::Minutes(1);
