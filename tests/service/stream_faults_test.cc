@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "absl/time/clock.h"
+#include "tests/service/busy_device.h"
 #include "tests/service/daemon.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
@@ -129,6 +130,52 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
   EXPECT_TRUE(wait_until_idle(bystander)) << "a session, its place or its memory was not given back";
   EXPECT_TRUE(bystander.render({}, {.width = 1, .height = 1, .pixels = natural(1, 1).pixels}).ok());
   EXPECT_EQ(server->validation_messages(), 0u);
+}
+
+// Frames that wait for their turn.
+
+TEST(StreamFaults, TheFramesOfASessionThatIsGoneAreNotRendered) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const Connection connection(server->in_process_channel());
+  const uint64_t before = connection.server_info()->frames_rendered();
+  BusyDevice device(connection);
+  {
+    StreamClient client(own_channel(server->addresses().at(0)));
+    ASSERT_TRUE(client.open("gone"));
+    for (uint64_t i = 0; i < 3; ++i) {
+      ASSERT_TRUE(client.send(natural(64, 48), i, static_cast<int64_t>(i)));
+    }
+    absl::SleepFor(absl::Milliseconds(100));
+    client.cancel();
+    EXPECT_EQ(client.finish().error_code(), grpc::CANCELLED);
+    ASSERT_TRUE(wait_until(connection, [](const auto& info) { return info.sessions() == 0; }));
+    ASSERT_TRUE(device.busy()) << "nothing waited";
+  }
+  device.wait();
+  EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
+  EXPECT_EQ(connection.server_info()->frames_rendered() - before, 2u);
+  EXPECT_TRUE(wait_until_idle(connection));
+}
+
+TEST(StreamFaults, ADrainAnswersEveryFrameThatWasSentInFull) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const Connection connection(server->in_process_channel());
+  BusyDevice device(connection);
+  StreamClient client(own_channel(server->addresses().at(0)));
+  ASSERT_TRUE(client.open("drained"));
+  const WireFrame frame = natural(64, 48);
+  for (uint64_t i = 0; i < 2; ++i) ASSERT_TRUE(client.send(frame, i, static_cast<int64_t>(i)));
+  ASSERT_TRUE(client.send_header(frame, 2, 2) && client.send_rows(frame, 0, 40));
+  absl::SleepFor(absl::Milliseconds(100));
+  ASSERT_TRUE(device.busy()) << "nothing waited";
+  std::thread drain([&server] { server->drain_and_stop(); });
+  const std::vector<StreamResult> results = client.read_all();
+  ASSERT_EQ(results.size(), 2u);
+  for (uint64_t i = 0; i < 2; ++i) EXPECT_EQ(results[i].sequence(), i);
+  EXPECT_TRUE(client.told_to_go_away());
+  EXPECT_EQ(client.finish().error_code(), grpc::UNAVAILABLE);
+  device.wait();
+  drain.join();
 }
 
 // Limits.
