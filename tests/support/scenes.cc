@@ -24,6 +24,19 @@ uint32_t pack_rgb9e5(const Texel& c) {
   return word;
 }
 
+Texel natural_texel(uint32_t width, uint32_t height, uint32_t x, uint32_t y) {
+  const float u = (static_cast<float>(x) + 0.5f) / static_cast<float>(width);
+  const float v = (static_cast<float>(y) + 0.5f) / static_cast<float>(height);
+  const float light = std::exp2(14.0f * u - 10.0f) * (0.7f + 0.6f * noise(x, y, 3));
+  Texel c = {light * (0.2f + v), light * 0.6f, light * (1.2f - v), 0.25f + 0.5f * v};
+  if (noise(x / 5, y / 5, 7) > 0.995f) c = {1000.0f * noise(x / 5, y / 5, 8), 300.0f, 40.0f, 1.0f};
+  if (noise(x / 7, y / 3, 9) > 0.98f) c[2] = -0.05f * light;
+  return c;
+}
+
+constexpr uint32_t kTile = 64;
+bool near_the_middle(uint32_t i) { return i >= kTile / 2 - 8 && i < kTile / 2 + 8; }
+
 }  // namespace
 
 WireFrame make_frame(uint32_t width, uint32_t height, PixelFormat format, const TexelFunction& texel) {
@@ -58,14 +71,19 @@ float noise(uint32_t x, uint32_t y, uint32_t channel) {
 }
 
 WireFrame natural(uint32_t width, uint32_t height, PixelFormat format) {
-  return make_frame(width, height, format, [=](uint32_t x, uint32_t y) -> Texel {
-    const float u = (static_cast<float>(x) + 0.5f) / static_cast<float>(width);
-    const float v = (static_cast<float>(y) + 0.5f) / static_cast<float>(height);
-    const float light = std::exp2(14.0f * u - 10.0f) * (0.7f + 0.6f * noise(x, y, 3));
-    Texel c = {light * (0.2f + v), light * 0.6f, light * (1.2f - v), 0.25f + 0.5f * v};
-    if (noise(x / 5, y / 5, 7) > 0.995f) c = {1000.0f * noise(x / 5, y / 5, 8), 300.0f, 40.0f, 1.0f};
-    if (noise(x / 7, y / 3, 9) > 0.98f) c[2] = -0.05f * light;
-    return c;
+  return make_frame(width, height, format,
+                    [=](uint32_t x, uint32_t y) { return natural_texel(width, height, x, y); });
+}
+
+WireFrame lit_tiles(uint32_t width, uint32_t height) {
+  constexpr uint32_t kOneIn = 100;
+  const uint32_t across = (width + kTile - 1) / kTile;
+  return make_frame(width, height, PixelFormat::kRgba16f, [=](uint32_t x, uint32_t y) -> Texel {
+    const bool lit_tile = (y / kTile * across + x / kTile) % kOneIn == kOneIn / 2;
+    if (lit_tile && near_the_middle(x % kTile) && near_the_middle(y % kTile)) {
+      return {60000.0f, 60000.0f, 60000.0f, 1.0f};
+    }
+    return natural_texel(width, height, x, y);
   });
 }
 

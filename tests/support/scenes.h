@@ -33,6 +33,9 @@ float noise(uint32_t x, uint32_t y, uint32_t channel);
 // A picture: gradient from 2^-10 to 2^4, noise, a few lights up to 1000, saturated colours, a little
 // negative.
 WireFrame natural(uint32_t width, uint32_t height, PixelFormat format = PixelFormat::kRgba16f);
+// The same with a light of 60000, 16 texels wide, in the middle of one in a hundred of its 64 x 64 tiles;
+// nothing else is above 1000.
+WireFrame lit_tiles(uint32_t width, uint32_t height);
 // One value everywhere.
 WireFrame flat(uint32_t width, uint32_t height, Texel value, PixelFormat format = PixelFormat::kRgba16f);
 
