@@ -1,0 +1,123 @@
+// Renders a few kinds of frames, pass by pass, for a tool that counts instructions:
+// tests/bench/instructions.py runs it under callgrind. Prints the device, a line.
+//
+// All is rendered twice and the second time counted, so that what the driver compiles is not. Every pass is
+// submitted by itself, and its count is dumped as "KIND/PASS", once for each of its levels. The software
+// device works without threads of its own.
+#include <valgrind/callgrind.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "server/render/aces.h"
+#include "server/render/passes.h"
+#include "server/render/table_cache.h"
+#include "server/vulkan/pipeline.h"
+#include "server/vulkan/recorder.h"
+#include "tests/bench/workbench.h"
+
+namespace candela::bench {
+namespace {
+
+constexpr uint32_t kWidth = 640;
+constexpr uint32_t kHeight = 360;
+
+struct Passes {
+  PipelineCache pipelines;
+  Recorder recorder;
+  TableCache tables;
+};
+
+// The table of curves that have one, on the device.
+absl::Status load_table(PassContext& context, TableCache& tables, Recorder& recorder) {
+  if (context.settings.curve != ToneCurve::kAces1) return absl::OkStatus();
+  const absl::StatusOr<std::shared_ptr<const ColorTable>> table = aces_1_table(context.tier.table_size);
+  if (!table.ok()) return table.status();
+  const absl::StatusOr<const Buffer*> points = tables.get(*table, recorder);
+  if (!points.ok()) return points.status();
+  context.table = table->get();
+  context.table_points = *points;
+  return absl::OkStatus();
+}
+
+// `name` is "KIND/PASS". Does nothing but `run` while nothing is counted.
+absl::Status counted(const std::string& name, const std::function<absl::Status()>& run) {
+  CALLGRIND_ZERO_STATS;
+  absl::Status status = run();
+  CALLGRIND_DUMP_STATS_AT(name.c_str());
+  return status;
+}
+
+// What Renderer does with a frame, a submission a step.
+absl::Status render(const Workbench& bench, Passes& passes, const testing::WireFrame& frame,
+                    const std::string& kind, const Settings& settings) {
+  absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
+  if (!memory.ok()) return memory.status();
+  copy_in(frame, *memory);
+  absl::StatusOr<Metered> metered;
+  const auto meter = [&] { return (metered = bench.renderer->meter(*memory, settings)).status(); };
+  if (absl::Status status = counted(kind + "/ingest", meter); !status.ok()) return status;
+
+  PassContext context = pass_context(memory->parts(), settings);
+  const Plan plan = plan_frame(frame.desc, metered->stats, metered->scrubbed, settings, context.tier);
+  context.bloom = plan.bloom;
+  context.gaussian_threshold = gaussian_threshold(settings.bloom, metered->stats);
+  if (absl::Status status = load_table(context, passes.tables, passes.recorder); !status.ok()) return status;
+  for (const Step& step : plan.steps) {
+    if (step.pass == Pass::kIngest) continue;
+    const auto submit = [&] {
+      if (absl::Status status = passes.recorder.begin(); !status.ok()) return status;
+      absl::Status recorded = record(step, context, passes.pipelines, passes.recorder);
+      if (!recorded.ok()) return recorded;
+      passes.recorder.barrier_to_host();
+      return passes.recorder.submit_and_wait();
+    };
+    const std::string name = kind + "/" + candela::name(step.pass);
+    if (absl::Status status = counted(name, submit); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status render_all() {
+  const absl::StatusOr<Workbench> bench = open_workbench();
+  if (!bench.ok()) return bench.status();
+  const DeviceSummary& summary = bench->device->summary();
+  std::printf("%s (%s)\n", summary.name.c_str(), summary.driver.c_str());
+  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(*bench->device);
+  if (!pipelines.ok()) return pipelines.status();
+  absl::StatusOr<Recorder> recorder = Recorder::create(*bench->device);
+  if (!recorder.ok()) return recorder.status();
+  Passes passes{*std::move(pipelines), *std::move(recorder), TableCache(*bench->device)};
+  const testing::WireFrame frame = testing::natural(kWidth, kHeight);
+  std::vector<Variant> kinds = {{"bright", [](Settings&) {}},
+                                {"dim", [](Settings& s) { s.bloom.threshold = kNothingBright; }},
+                                {"draft", [](Settings& s) { s.tier = "draft"; }}};
+  kinds.insert(kinds.end(), variants().begin(), variants().end());
+  for (const bool count : {false, true}) {
+    if (count) CALLGRIND_START_INSTRUMENTATION;
+    for (const Variant& kind : kinds) {
+      Settings settings;
+      kind.change(settings);
+      if (absl::Status status = render(*bench, passes, frame, kind.name, settings); !status.ok())
+        return status;
+    }
+  }
+  return absl::OkStatus();
+}
+
+int main_() {
+  setenv("LP_NUM_THREADS", "0", 1);
+  // Its thread would be counted, too.
+  setenv("MESA_SHADER_CACHE_DISABLE", "true", 1);
+  const absl::Status status = render_all();
+  if (!status.ok()) std::fprintf(stderr, "render_counted: %s\n", status.ToString().c_str());
+  return status.ok() ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace candela::bench
+
+int main() { return candela::bench::main_(); }
