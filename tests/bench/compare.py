@@ -1,0 +1,118 @@
+#!/usr/bin/env python3
+"""Candela and other tools in turn on one machine; writes compare.md, compare.json and compare.svg.
+
+compare.py FOLDER_OF_BINARIES OUT_FOLDER [ROUNDS]
+compare.sh installs and builds what this needs. Ratios are those of the same round; a tool that cannot be run here is
+left out with its reason.
+"""
+import datetime
+import json
+import os
+import pathlib
+import platform
+import resource
+import statistics
+import sys
+import tempfile
+import time
+
+import compare_output
+from compare_tools import CANDELA, HEIGHT, LARGE, WIDTH, Failed, Tools, run
+
+MEMORY = f"{WIDTH}x{HEIGHT}, memory to memory"
+FILES = f"{LARGE}, OpenEXR (half, ZIP) to PNG, the whole command"
+
+# Name, group, label, does, does not; Candela's first.
+ROWS = [(name, MEMORY, f"Candela, {name}", *words) for name, words in CANDELA.items()] + [
+    ("zscale", MEMORY, "ffmpeg tonemap=hable, zscale", "a tone curve, sRGB, 8 bits", "meter, expose, bloom"),
+    ("opencv", MEMORY, "OpenCV (Python)", "exposes by the log average, five levels of bloom, Narkowicz's ACES curve, gamma 2.2",
+     "keep a bound of error"),
+    ("libplacebo", MEMORY, "ffmpeg libplacebo, same lavapipe",
+     "peak detection over time, BT.2390, sRGB, dither; the copies to and from the device", "expose by the average, bloom"),
+    ("file", FILES, "candela render, aces-1", "meters, exposes, bloom, full ACES 1.x by table", ""),
+    ("file-curve", FILES, "candela render, aces-1, no bloom, exposure 1", "full ACES 1.x by table", "expose, bloom"),
+    ("oiiotool", FILES, "oiiotool --ociodisplay", "full ACES 1.x, computed for every pixel", "meter, expose, bloom"),
+]
+
+
+def busy_cpu_seconds() -> float:
+    """Of the whole machine since its start, with what the hypervisor took."""
+    user, nice, system, _, _, irq, softirq, steal = map(int, pathlib.Path("/proc/stat").read_text().split("\n")[0].split()[1:9])
+    return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
+
+
+def own_cpu_seconds() -> float:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in used)
+
+
+def processor() -> str:
+    lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines()
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return f"{len(os.sched_getaffinity(0))} cores of {names[0] if names else platform.machine()}"
+
+
+def versions() -> dict[str, str]:
+    packages = ("mesa-vulkan-drivers", "ffmpeg", "python3-opencv", "openimageio-tools", "libopencolorio2.1")
+    said = run("dpkg-query", "-W", "-f", "${Package} ${Version}\\n", *packages)
+    return dict(line.split(" ", 1) for line in said.splitlines())
+
+
+def measure(tools: Tools, rounds: int) -> tuple[dict[str, list[float]], dict[str, str]]:
+    """Every tool once a round, Candela first. A tool that fails is not asked again."""
+    times: dict[str, list[float]] = {}
+    failed: dict[str, str] = {}
+    asked = {"candela": tools.candela, "zscale": tools.zscale, "opencv": tools.opencv, "libplacebo": tools.libplacebo,
+             "file": tools.file_whole, "file-curve": tools.file_curve, "oiiotool": tools.oiiotool}
+    for i in range(rounds):
+        print(f"round {i + 1} of {rounds}", file=sys.stderr)
+        for name, tool in asked.items():
+            if name in failed:
+                continue
+            try:
+                for row, ms in tool().items():
+                    times.setdefault(row, []).append(ms)
+            except Failed as error:
+                failed[name] = str(error)
+    if "candela" in failed:
+        raise SystemExit(f"Candela itself could not be measured: {failed['candela']}")
+    return times, failed
+
+
+def spread(values: list[float]) -> dict[str, float]:
+    return {"median": statistics.median(values), "min": min(values), "max": max(values)}
+
+
+def main() -> None:
+    binaries, out = (pathlib.Path(path) for path in sys.argv[1:3])
+    rounds = int(sys.argv[3]) if len(sys.argv) > 3 else 7
+    out.mkdir(parents=True, exist_ok=True)
+    load, begin, busy, own = os.getloadavg()[0], time.time(), busy_cpu_seconds(), own_cpu_seconds()
+    with tempfile.TemporaryDirectory(prefix="candela-compare-") as scratch:
+        tools = Tools(binaries, pathlib.Path(scratch))
+        times, failed = measure(tools, rounds)
+        difference = tools.same_picture()
+    took = time.time() - begin
+    others = max(0.0, (busy_cpu_seconds() - busy) - (own_cpu_seconds() - own)) / took
+    rows = []
+    for name, group, label, does, does_not in ROWS:
+        row = {"name": name, "group": group, "label": label, "does": does, "does_not": does_not}
+        if name in times:
+            row |= {"ms": times[name], **spread(times[name])}
+            if group == MEMORY:
+                row["x_memcpy"] = spread([ms / copy for ms, copy in zip(times[name], times["memcpy"])])
+        else:
+            row["left_out"] = failed[name]
+        rows.append(row)
+    result = {"date": datetime.datetime.fromtimestamp(begin, datetime.timezone.utc).strftime("%Y-%m-%d"), "rounds": rounds,
+              "seconds": round(took), "processor": processor(), "device": tools.device,
+              "versions": versions(), "load_before": load, "cores_used_by_others": round(others, 2),
+              "memcpy": {"ms": times["memcpy"], **spread(times["memcpy"])}, "codes_from_oiiotool": difference, "rows": rows}
+    (out / "compare.json").write_text(json.dumps(result, indent=1) + "\n")
+    (out / "compare.md").write_text(compare_output.markdown(result))
+    (out / "compare.svg").write_text(compare_output.svg(result))
+    print(compare_output.markdown(result), end="")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,10 @@
+#!/usr/bin/env bash
+# Holds Candela against other tools on this machine: compare.sh [FOLDER [ROUNDS]]
+#
+# Installs the tools (Debian's packages), builds Candela, runs all of them in turn for 7 rounds and writes
+# compare.md, compare.json and compare.svg into FOLDER (out/compare). Takes some minutes; keep the machine quiet.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+deploy/install-packages.sh build run test compare
+deploy/build.sh release -DCANDELA_TESTS=ON
+exec /usr/bin/python3 tests/bench/compare.py build/release/bin "${1:-out/compare}" "${2:-7}"
