@@ -7,6 +7,7 @@ Counts those of the software device, compiled code included, under valgrind, whi
 processor. They depend on the versions of Mesa and LLVM and on the vectors' width: with others than recorded it skips (77).
 """
 import json
+import os
 import pathlib
 import re
 import subprocess
@@ -15,13 +16,18 @@ import tempfile
 
 WORSE = 1.15
 SKIPPED = 77
+# Nothing else of the caller's: its length is counted, in getenv(). The driver's threads would be, too.
+ENVIRONMENT = {"LP_NUM_THREADS": "0", "MESA_SHADER_CACHE_DISABLE": "true"}
+PASSED_ON = ("PATH", "VK_ICD_FILENAMES", "VK_DRIVER_FILES")
 
 
 def count(program: str) -> tuple[str, dict[str, int]]:
     """The device and each pass's instructions, the sum of its levels."""
     with tempfile.TemporaryDirectory(prefix="candela-instructions-") as folder:
+        environment = ENVIRONMENT | {name: os.environ[name] for name in PASSED_ON if name in os.environ}
         done = subprocess.run(["valgrind", "--quiet", "--tool=callgrind", "--instr-atstart=no",
-                               f"--callgrind-out-file={folder}/out", program], stdout=subprocess.PIPE, text=True, check=True)
+                               f"--callgrind-out-file={folder}/out", program], stdout=subprocess.PIPE, text=True, check=True,
+                              env=environment)
         counts: dict[str, int] = {}
         dumps = sorted(pathlib.Path(folder).glob("out.*"), key=lambda path: int(path.suffix[1:]))
         for dump in dumps:

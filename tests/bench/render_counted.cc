@@ -2,12 +2,10 @@
 // tests/bench/instructions.py runs it under callgrind. Prints the device, a line.
 //
 // All is rendered twice and the second time counted, so that what the driver compiles is not. Every pass is
-// submitted by itself, and its count is dumped as "KIND/PASS", once for each of its levels. The software
-// device works without threads of its own.
+// submitted by itself, and its count is dumped as "KIND/PASS", once for each of its levels.
 #include <valgrind/callgrind.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <string>
 #include <vector>
@@ -109,9 +107,6 @@ absl::Status render_all() {
 }
 
 int main_() {
-  setenv("LP_NUM_THREADS", "0", 1);
-  // Its thread would be counted, too.
-  setenv("MESA_SHADER_CACHE_DISABLE", "true", 1);
   const absl::Status status = render_all();
   if (!status.ok()) std::fprintf(stderr, "render_counted: %s\n", status.ToString().c_str());
   return status.ok() ? 0 : 1;
