@@ -17,20 +17,20 @@ import tempfile
 import time
 
 import compare_output
-from compare_tools import CANDELA, HEIGHT, LARGE, WIDTH, Failed, Tools, run
+from compare_tools import CANDELA, HEIGHT, LARGE, WIDTH, Cost, Failed, Tools, run
 
 MEMORY = f"{WIDTH}x{HEIGHT}, memory to memory"
 FILES = f"{LARGE}, OpenEXR (half, ZIP) to PNG, the whole command"
 
 # Name, group, label, does, does not; Candela's first.
-ROWS = [(name, MEMORY, f"Candela, {name}", *words) for name, words in CANDELA.items()] + [
+ROWS = [(name, MEMORY, *words) for name, words in CANDELA.items()] + [
     ("zscale", MEMORY, "ffmpeg tonemap=hable, zscale", "a tone curve, sRGB, 8 bits", "meter, expose, bloom"),
     ("opencv", MEMORY, "OpenCV (Python)", "exposes by the log average, five levels of bloom, Narkowicz's ACES curve, gamma 2.2",
      "keep a bound of error"),
-    ("libplacebo", MEMORY, "ffmpeg libplacebo, same lavapipe",
-     "peak detection over time, BT.2390, sRGB, dither; the copies to and from the device", "expose by the average, bloom"),
-    ("file", FILES, "candela render, aces-1", "meters, exposes, bloom, full ACES 1.x by table", ""),
-    ("file-curve", FILES, "candela render, aces-1, no bloom, exposure 1", "full ACES 1.x by table", "expose, bloom"),
+    ("libplacebo", MEMORY, "ffmpeg libplacebo, on lavapipe",
+     "decodes PQ (it tone maps no linear frame), peak detection over time, BT.2390, sRGB, dither", "expose by the average, bloom"),
+    ("file", FILES, "candela render --curve aces-1", "meters, exposes, bloom, full ACES 1.x by table", ""),
+    ("file-curve", FILES, "the same, exposure 1, no bloom", "full ACES 1.x by table", "expose, bloom"),
     ("oiiotool", FILES, "oiiotool --ociodisplay", "full ACES 1.x, computed for every pixel", "meter, expose, bloom"),
 ]
 
@@ -58,9 +58,9 @@ def versions() -> dict[str, str]:
     return dict(line.split(" ", 1) for line in said.splitlines())
 
 
-def measure(tools: Tools, rounds: int) -> tuple[dict[str, list[float]], dict[str, str]]:
+def measure(tools: Tools, rounds: int) -> tuple[dict[str, list[Cost]], dict[str, str]]:
     """Every tool once a round, Candela first. A tool that fails is not asked again."""
-    times: dict[str, list[float]] = {}
+    costs: dict[str, list[Cost]] = {}
     failed: dict[str, str] = {}
     asked = {"candela": tools.candela, "zscale": tools.zscale, "opencv": tools.opencv, "libplacebo": tools.libplacebo,
              "file": tools.file_whole, "file-curve": tools.file_curve, "oiiotool": tools.oiiotool}
@@ -70,17 +70,22 @@ def measure(tools: Tools, rounds: int) -> tuple[dict[str, list[float]], dict[str
             if name in failed:
                 continue
             try:
-                for row, ms in tool().items():
-                    times.setdefault(row, []).append(ms)
+                for row, cost in tool().items():
+                    costs.setdefault(row, []).append(cost)
             except Failed as error:
                 failed[name] = str(error)
     if "candela" in failed:
         raise SystemExit(f"Candela itself could not be measured: {failed['candela']}")
-    return times, failed
+    return costs, failed
 
 
 def spread(values: list[float]) -> dict[str, float]:
     return {"median": statistics.median(values), "min": min(values), "max": max(values)}
+
+
+def summary(costs: list[Cost]) -> dict:
+    times = [cost.ms for cost in costs]
+    return {"ms": times, **spread(times), "cpu_ms": spread([cost.cpu_ms for cost in costs])}
 
 
 def main() -> None:
@@ -90,24 +95,25 @@ def main() -> None:
     load, begin, busy, own = os.getloadavg()[0], time.time(), busy_cpu_seconds(), own_cpu_seconds()
     with tempfile.TemporaryDirectory(prefix="candela-compare-") as scratch:
         tools = Tools(binaries, pathlib.Path(scratch))
-        times, failed = measure(tools, rounds)
-        difference = tools.same_picture()
+        costs, failed = measure(tools, rounds)
+        codes = tools.codes_from_oiiotool()
     took = time.time() - begin
     others = max(0.0, (busy_cpu_seconds() - busy) - (own_cpu_seconds() - own)) / took
     rows = []
     for name, group, label, does, does_not in ROWS:
-        row = {"name": name, "group": group, "label": label, "does": does, "does_not": does_not}
-        if name in times:
-            row |= {"ms": times[name], **spread(times[name])}
+        ours = name in CANDELA or name.startswith("file")
+        row = {"name": name, "group": group, "label": label, "ours": ours, "does": does, "does_not": does_not}
+        if name in costs:
+            row |= summary(costs[name])
             if group == MEMORY:
-                row["x_memcpy"] = spread([ms / copy for ms, copy in zip(times[name], times["memcpy"])])
+                row["x_memcpy"] = spread([cost.ms / copy.ms for cost, copy in zip(costs[name], costs["memcpy"])])
         else:
             row["left_out"] = failed[name]
         rows.append(row)
     result = {"date": datetime.datetime.fromtimestamp(begin, datetime.timezone.utc).strftime("%Y-%m-%d"), "rounds": rounds,
               "seconds": round(took), "processor": processor(), "device": tools.device,
               "versions": versions(), "load_before": load, "cores_used_by_others": round(others, 2),
-              "memcpy": {"ms": times["memcpy"], **spread(times["memcpy"])}, "codes_from_oiiotool": difference, "rows": rows}
+              "memcpy": summary(costs["memcpy"]), "codes_from_oiiotool": codes, "rows": rows}
     (out / "compare.json").write_text(json.dumps(result, indent=1) + "\n")
     (out / "compare.md").write_text(compare_output.markdown(result))
     (out / "compare.svg").write_text(compare_output.svg(result))

@@ -7,4 +7,4 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 deploy/install-packages.sh build run test compare
 deploy/build.sh release -DCANDELA_TESTS=ON
-exec /usr/bin/python3 tests/bench/compare.py build/release/bin "${1:-out/compare}" "${2:-7}"
+exec /usr/bin/python3 -B tests/bench/compare.py build/release/bin "${1:-out/compare}" "${2:-7}"

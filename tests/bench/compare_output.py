@@ -24,28 +24,31 @@ def number(ms: float) -> str:
 
 def time_cells(row: dict) -> str:
     if "left_out" in row:
-        return f"left out: {row['left_out']} | |"
+        return f"left out: {row['left_out']} | | |"
     ratio = f"{row['x_memcpy']['median']:.1f}x" if "x_memcpy" in row else ""
-    return f"{number(row['median'])} ({number(row['min'])} to {number(row['max'])}) | {ratio} |"
+    return f"{number(row['median'])} ({number(row['min'])} to {number(row['max'])}) | {ratio} | {number(row['cpu_ms']['median'])} |"
 
 
 def markdown(result: dict) -> str:
     lines = [machine(result), ""]
     copy = result["memcpy"]
     for group, rows in groups(result).items():
-        lines += [f"| {group} | ms, median (min to max) | memcpy | does | does not |", "|---|--:|--:|---|---|"]
+        lines += [f"| {group} | ms, median (min to max) | memcpy | processor ms | does | does not |",
+                  "|---|--:|--:|--:|---|---|"]
         if any("x_memcpy" in row for row in rows):
-            lines.append(f"| memcpy of the frame | {copy['median']:.2f} ({copy['min']:.2f} to {copy['max']:.2f}) | 1x | | |")
+            spread = f"{copy['median']:.2f} ({copy['min']:.2f} to {copy['max']:.2f})"
+            lines.append(f"| memcpy of the frame | {spread} | 1x | | | |")
         lines += [f"| {row['label']} | {time_cells(row)} {row['does']} | {row['does_not']} |" for row in rows]
         lines.append("")
-    lines.append(f"oiiotool's picture and that of `candela render` without bloom differ by {result['codes_from_oiiotool']} "
-                 "codes of 8 bits at most.")
+    if codes := result["codes_from_oiiotool"]:
+        lines.append(f"oiiotool's picture and that of `candela render` without bloom are {codes['mean']:.2f} codes of 8 bits "
+                     f"apart in the mean, {codes['max']:.0f} at most.")
     return "\n".join(lines) + "\n"
 
 
 def bar(row: dict, top: float, y: int) -> str:
     x = {key: LABEL + BAR * row[key] / top for key in ("median", "min", "max")}
-    color = "#1b4f8a" if row["label"].lower().startswith("candela") else "#d9822b"
+    color = "#1b4f8a" if row["ours"] else "#d9822b"
     middle = y + LINE // 2 - 3
     return (f'<text x="{LABEL - 8}" y="{middle + 4}" text-anchor="end">{escape(row["label"])}</text>'
             f'<rect x="{LABEL}" y="{y}" width="{x["median"] - LABEL:.1f}" height="{LINE - 6}" fill="{color}"/>'
@@ -65,7 +68,9 @@ def svg(result: dict) -> str:
             y += LINE
         y += 12
     width = LABEL + BAR + NUMBER
-    words = f"Medians of {result['rounds']} rounds, whiskers least to most. {result['processor']}, {result['device']}, {result['date']}."
+    words = (f"Medians of {result['rounds']} rounds, whiskers least to most. {result['processor']}, "
+             f"{result['device'].partition(' (llvmpipe')[0]}, {result['date']}; other work used "
+             f"{result['cores_used_by_others']:.2f} cores.")
     parts.append(f'<text x="8" y="{y + 8}" fill="#555" font-size="11">{escape(words)}</text>')
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {y + 18}" font-family="sans-serif" font-size="13">'
             f'<rect width="100%" height="100%" fill="white"/>{"".join(parts)}</svg>\n')

@@ -1,23 +1,33 @@
-"""What compare.py measures: one function a tool, which runs it once and returns {row: milliseconds a frame}."""
+"""What compare.py measures: one function a tool, which runs it once and returns what its rows cost."""
 import json
 import os
 import pathlib
 import re
+import resource
+import statistics
 import subprocess
 import time
+from typing import NamedTuple
 
 WIDTH, HEIGHT = 1920, 1080
 LARGE = "3840x2160"
 HERE = pathlib.Path(__file__).parent
 
-# Row: (does, does not).
+# Row of render_bench: (label, does, does not).
 CANDELA = {
-    "bright/standard": ("meters, exposes, five levels of bloom, ACES fit, sRGB", ""),
-    "tiles/standard": ("the same, with light in 1 % of the tiles", ""),
-    "dim/standard": ("the same, with nothing bright", ""),
-    "bright/draft": ("the same as the first, bloom from a quarter of the size", "keep within half a code"),
-    "aces-1": ("the same as the first, full ACES 1.x output transform by table", ""),
+    "bright/standard": ("Candela", "meters, exposes, five levels of bloom, ACES fit, sRGB", ""),
+    "tiles/standard": ("Candela, 1 % of the tiles bright", "the same", ""),
+    "dim/standard": ("Candela, nothing bright", "the same; there is no bloom to add", ""),
+    "bright/draft": ("Candela, draft", "the same as the first, bloom from a quarter of the size",
+                     "keep the bounds of error of standard"),
+    "aces-1": ("Candela, full ACES 1.x", "the same as the first, the output transform by table", ""),
 }
+
+
+class Cost(NamedTuple):
+    """Of a frame."""
+    ms: float
+    cpu_ms: float  # of all threads: what other work on the machine changes least
 
 
 class Failed(Exception):
@@ -35,10 +45,14 @@ def run(*command: str, **environment: str) -> str:
     return done.stdout
 
 
-def seconds(*command: str, **environment: str) -> float:
-    start = time.perf_counter()
+def cost(*command: str, **environment: str) -> Cost:
+    """Of the whole process."""
+    def cpu_seconds() -> float:
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+    start, cpu = time.perf_counter(), cpu_seconds()
     run(*command, **environment)
-    return time.perf_counter() - start
+    return Cost(1e3 * (time.perf_counter() - start), 1e3 * (cpu_seconds() - cpu))
 
 
 def lavapipe() -> str:
@@ -57,7 +71,7 @@ class Tools:
         run(str(binaries / "bench_frame"), str(WIDTH), str(HEIGHT), self.frame)
         run(str(binaries / "bench_frame"), *LARGE.split("x"), self.large)
 
-    def candela(self) -> dict[str, float]:
+    def candela(self) -> dict[str, Cost]:
         """render_bench's medians; the memcpy is the median of those beside the rows."""
         out = self.scratch / "bench.json"
         run(str(self.binaries / "render_bench"), f"--benchmark_filter=^{WIDTH}x{HEIGHT}/({'|'.join(CANDELA)})/",
@@ -65,47 +79,50 @@ class Tools:
         measured = json.loads(out.read_text())
         self.device = measured["context"]["device"]
         rows = {re.sub(r"^\d+x\d+/|/min_time.*", "", row["name"]): row for row in measured["benchmarks"]}
-        copies = sorted(row["memcpy"] for row in rows.values())
-        return {"memcpy": copies[len(copies) // 2], **{name: rows[name]["call"] for name in CANDELA}}
+        copy = statistics.median(row["memcpy"] for row in rows.values())
+        return {"memcpy": Cost(copy, copy), **{name: Cost(rows[name]["call"], rows[name]["cpu"]) for name in CANDELA}}
 
-    def ffmpeg(self, filters: str, frames: int, *options: str, **environment: str) -> float:
-        """What `frames` more frames take, each: the file is read and the first one made in both runs."""
-        def times(count: int) -> float:
-            chain = f"loop=loop={count - 1}:size=1,setparams=color_primaries=bt709:color_trc=linear,{filters}"
-            return seconds("ffmpeg", "-hide_banner", "-loglevel", "error", "-nostdin", *options, "-i", self.frame, "-vf",
-                           chain, "-f", "null", "-", **environment)
-        return 1e3 * (times(2 * frames) - times(frames)) / frames
+    def ffmpeg(self, once: str, filters: str, frames: int, *options: str, **environment: str) -> Cost:
+        """What `frames` more frames take, each: in both runs the file is read, and `once` done, a single time."""
+        def whole(count: int) -> Cost:
+            linear = "setparams=color_primaries=bt709:color_trc=linear:colorspace=gbr"
+            chain = f"{linear},{once}loop=loop={count - 1}:size=1,{filters}"
+            return cost("ffmpeg", "-hide_banner", "-loglevel", "error", "-nostdin", *options, "-i", self.frame, "-vf", chain,
+                        "-f", "null", "-", **environment)
+        few, many = whole(frames), whole(2 * frames)
+        return Cost((many.ms - few.ms) / frames, (many.cpu_ms - few.cpu_ms) / frames)
 
-    def libplacebo(self) -> dict[str, float]:
+    def libplacebo(self) -> dict[str, Cost]:
+        """The frame in PQ: linear light it takes for a display's and does not tone map."""
         return {"libplacebo": self.ffmpeg(
+            "zscale=transfer=smpte2084:npl=100,format=gbrp16le,",
             "hwupload,libplacebo=tonemapping=bt.2390:color_trc=iec61966-2-1:format=rgba,hwdownload,format=rgba", 6,
             "-init_hw_device", "vulkan=device", "-filter_hw_device", "device", VK_ICD_FILENAMES=lavapipe(),
             NODEVICE_SELECT="1")}
 
-    def zscale(self) -> dict[str, float]:
-        return {"zscale": self.ffmpeg("tonemap=hable,zscale=transfer=iec61966-2-1:range=full,format=gbrp", 20)}
+    def zscale(self) -> dict[str, Cost]:
+        return {"zscale": self.ffmpeg("", "tonemap=hable,zscale=transfer=iec61966-2-1:range=full,format=gbrp", 20)}
 
-    def opencv(self) -> dict[str, float]:
-        return {"opencv": float(run("/usr/bin/python3", str(HERE / "opencv_chain.py"), self.frame, "7"))}
+    def opencv(self) -> dict[str, Cost]:
+        return {"opencv": Cost(*map(float, run("/usr/bin/python3", str(HERE / "opencv_chain.py"), self.frame, "7").split()))}
 
-    def candela_file(self, row: str, *options: str) -> dict[str, float]:
-        return {row: 1e3 * seconds(str(self.binaries / "candela"), "render", self.large, str(self.scratch / f"{row}.png"),
-                                   "--curve", "aces-1", "--quiet", *options, VK_ICD_FILENAMES=lavapipe())}
+    def candela_file(self, row: str, *options: str) -> dict[str, Cost]:
+        return {row: cost(str(self.binaries / "candela"), "render", self.large, str(self.scratch / f"{row}.png"),
+                          "--curve", "aces-1", "--quiet", *options, VK_ICD_FILENAMES=lavapipe())}
 
-    def file_whole(self) -> dict[str, float]:
+    def file_whole(self) -> dict[str, Cost]:
         return self.candela_file("file")
 
-    def file_curve(self) -> dict[str, float]:
-        return self.candela_file("file-curve", "--exposure", "0", "--bloom", "0")
+    def file_curve(self) -> dict[str, Cost]:
+        return self.candela_file("file-curve", "--exposure", "0", "--bloom-intensity", "0")
 
-    def oiiotool(self) -> dict[str, float]:
-        return {"oiiotool": 1e3 * seconds(
+    def oiiotool(self) -> dict[str, Cost]:
+        return {"oiiotool": cost(
             "oiiotool", "--colorconfig", str(HERE / "aces.ocio"), self.large, "--ociodisplay", "sRGB", "ACES", "-d", "uint8",
             "-o", str(self.scratch / "oiiotool.png"))}
 
-    def same_picture(self) -> str:
-        """How far oiiotool's picture is from the curve alone; not a failure, whatever it is."""
+    def codes_from_oiiotool(self) -> dict[str, float]:
+        """How far its picture is from Candela's curve alone, in codes of 8 bits; {} where either is missing."""
         said = subprocess.run(["oiiotool", str(self.scratch / "oiiotool.png"), str(self.scratch / "file-curve.png"), "--diff"],
                               capture_output=True, text=True, check=False).stdout
-        found = re.search(r"Max error\s*=\s*([\d.e+-]+)", said)
-        return f"{255 * float(found[1]):.0f}" if found else "unknown"
+        return {word.lower(): 255 * float(value) for word, value in re.findall(r"(Mean|Max) error\s*=\s*([\d.e+-]+)", said)}
