@@ -30,9 +30,9 @@ Row filtered_row(uint x, int y) {
              0.1875 * t[1] + 0.4375 * t[2] + 0.3125 * t[3] + 0.0625 * t[4]);
 }
 
-void add(OutLevel to, uint x, uint y, vec3 c) {
+void add(OutWords to, uint x, uint y, vec3 c) {
   uint at = y * p.to_width + x;
-  to[at].v = vec4(FINE_WEIGHT * fetch_rgb(to_before, int(at)) + c, 0.0);
+  to[at].v = level_words(FINE_WEIGHT * fetch_rgb(to_before, int(at)) + c);
 }
 
 void main() {
@@ -40,7 +40,7 @@ void main() {
   uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
   uint row_pairs = (p.to_height + 1u) / 2u;
   if (2u * x >= p.to_width || first_row >= row_pairs) return;
-  OutLevel to = OutLevel(uvec2(p.to_lo, p.to_hi));
+  OutWords to = OutWords(uvec2(p.to_lo, p.to_hi));
 
   Row a = filtered_row(x, int(first_row) - 2);
   Row b = filtered_row(x, int(first_row) - 1);

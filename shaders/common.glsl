@@ -1,17 +1,20 @@
 // What the passes share. Textures are read through texel buffers, which the software device gathers well, and
-// written by address.
+// written by address, 8 bytes at a time: that device stores one lane after the other, and one word at a time.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_control_flow_attributes : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 
 #include "params.h"
 
-layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords { uvec4 v; };
-layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutLevel { vec4 v; };
+layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords { u64vec2 v; };
+
+u64vec2 pack64(uvec4 words) { return u64vec2(pack64(words.xy), pack64(words.zw)); }
 
 // A texel of a bloom level.
 vec3 fetch_rgb(utextureBuffer level, int index) { return uintBitsToFloat(texelFetch(level, index).rgb); }
+u64vec2 level_words(vec3 texel) { return pack64(floatBitsToUint(vec4(texel, 0.0))); }
 
 // Rec.709 luminance, in the order that docs/pipeline.md section 2 fixes, so that every device gets the same bits.
 float luminance(vec3 c) {

@@ -176,7 +176,7 @@ void main() {
   uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
   uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
   if (x < p.frame.width) {
-    OutLevel level = OutLevel(uvec2(p.level_lo, p.level_hi));
+    OutWords level = OutWords(uvec2(p.level_lo, p.level_hi));
     uvec4 inside = uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width))) * 0xffffffffu;
     uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
     vec3 block = vec3(0.0);  // what a 4x4 block of the frame has added up to so far
@@ -197,7 +197,7 @@ void main() {
           vec3 mean = block * (1.0 / 16.0);
           block = vec3(0.0);
           max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(mean)));
-          level[(y / 4u) * p.level_width + x / 4u].v = vec4(mean, 0.0);
+          level[(y / 4u) * p.level_width + x / 4u].v = level_words(mean);
         }
       } else if (BLOOM != BLOOM_NONE) {
         vec3 d[2];
@@ -206,13 +206,13 @@ void main() {
                              bottom.texel[2u * i + 1u].rgb);
           if (x + 2u * i < p.frame.width) {
             bright_texels += min(max(max(floatBitsToUint(d[i].r), floatBitsToUint(d[i].g)), floatBitsToUint(d[i].b)), 1u);
-            if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = vec4(d[i], 0.0);
+            if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = level_words(d[i]);
           }
         }
         if (LEVEL_SIZE == 4u) {
           block += (d[0] + (x + 2u < p.frame.width ? d[1] : d[0])) * repeats;
           if (complete) {
-            level[(y / 4u) * p.level_width + x / 4u].v = vec4(0.25 * block, 0.0);
+            level[(y / 4u) * p.level_width + x / 4u].v = level_words(0.25 * block);
             block = vec3(0.0);
           }
         }

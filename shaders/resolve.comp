@@ -56,12 +56,12 @@ uvec4 quantise(vec4 c, float codes, uint x, uint y) {
   return uvec4(v + 0.5);
 }
 
-uvec2 pack16(uvec4 v) { return v.xz | (v.yw << 16); }
+uint64_t pack16(uvec4 v) { return pack64(v.xz | (v.yw << 16)); }
 
-uvec2 pack_texel(vec4 c, uint x, uint y) {
+uint64_t pack_texel(vec4 c, uint x, uint y) {
   if (OUTPUT == OUTPUT_RGBA16) return pack16(quantise(c, 65535.0, x, y));
   c = round_to_half(c);
-  return uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba));
+  return pack64(uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba)));
 }
 
 void write(uint x, uint y, Group g) {
@@ -73,12 +73,12 @@ void write(uint x, uint y, Group g) {
       uvec4 q = quantise(g.texel[i], 255.0, x + i, y);
       v[i] = q.r | (q.g << 8) | (q.b << 16) | (q.a << 24);
     }
-    words[at / 4u].v = v;
+    words[at / 4u].v = pack64(v);
   } else if (OUTPUT == OUTPUT_FLOAT) {
-    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) words[at + i].v = floatBitsToUint(g.texel[i]);
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) words[at + i].v = pack64(floatBitsToUint(g.texel[i]));
   } else {
-    words[at / 2u].v = uvec4(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
-    words[at / 2u + 1u].v = uvec4(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));
+    words[at / 2u].v = u64vec2(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
+    words[at / 2u + 1u].v = u64vec2(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));
   }
 }
 
