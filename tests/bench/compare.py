@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Candela and other tools in turn on one machine; writes compare.md, compare.json and compare.svg.
 
-compare.py FOLDER_OF_BINARIES OUT_FOLDER [ROUNDS]
-compare.sh installs and builds what this needs. Ratios are those of the same round; a tool that cannot be run here is
-left out with its reason.
+compare.py FOLDER_OF_BINARIES OUT_FOLDER [ROUNDS [WAIT]]
+compare.sh installs and builds what this needs. Each round starts when other work leaves the processors alone, or after
+WAIT seconds (60). Ratios are those of the same round; a tool that cannot be run here is left out with its reason.
 """
 import datetime
 import json
@@ -20,6 +20,7 @@ import compare_output
 from compare_tools import CANDELA, HEIGHT, LARGE, WIDTH, Cost, Failed, Tools, run
 
 MEMORY = f"{WIDTH}x{HEIGHT}, memory to memory"
+QUIET_CORES = 0.2
 FILES = f"{LARGE}, OpenEXR (half, ZIP) to PNG, the whole command"
 
 # Name, group, label, does, does not; Candela's first.
@@ -46,6 +47,24 @@ def own_cpu_seconds() -> float:
     return sum(u.ru_utime + u.ru_stime for u in used)
 
 
+class OtherWork:
+    """How many cores everything else has used since this was made."""
+    def __init__(self) -> None:
+        self.begin, self.cpu = time.time(), busy_cpu_seconds() - own_cpu_seconds()
+
+    def cores(self) -> float:
+        return max(0.0, busy_cpu_seconds() - own_cpu_seconds() - self.cpu) / (time.time() - self.begin)
+
+
+def wait_for_quiet(limit: float) -> None:
+    deadline = time.time() + limit
+    while time.time() < deadline:
+        other = OtherWork()
+        time.sleep(2)
+        if other.cores() < QUIET_CORES:
+            return
+
+
 def processor() -> str:
     lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines()
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
@@ -58,14 +77,18 @@ def versions() -> dict[str, str]:
     return dict(line.split(" ", 1) for line in said.splitlines())
 
 
-def measure(tools: Tools, rounds: int) -> tuple[dict[str, list[Cost]], dict[str, str]]:
-    """Every tool once a round, Candela first. A tool that fails is not asked again."""
+def measure(tools: Tools, rounds: int, wait: float) -> tuple[dict[str, list[Cost]], dict[str, str], list[float]]:
+    """Every tool once a round, Candela first: what it cost or why it failed, after which it is not asked again, and the
+    cores that other work used in each round."""
     costs: dict[str, list[Cost]] = {}
     failed: dict[str, str] = {}
+    others: list[float] = []
     asked = {"candela": tools.candela, "zscale": tools.zscale, "opencv": tools.opencv, "libplacebo": tools.libplacebo,
              "file": tools.file_whole, "file-curve": tools.file_curve, "oiiotool": tools.oiiotool}
     for i in range(rounds):
+        wait_for_quiet(wait)
         print(f"round {i + 1} of {rounds}", file=sys.stderr)
+        other = OtherWork()
         for name, tool in asked.items():
             if name in failed:
                 continue
@@ -74,9 +97,10 @@ def measure(tools: Tools, rounds: int) -> tuple[dict[str, list[Cost]], dict[str,
                     costs.setdefault(row, []).append(cost)
             except Failed as error:
                 failed[name] = str(error)
+        others.append(other.cores())
     if "candela" in failed:
         raise SystemExit(f"Candela itself could not be measured: {failed['candela']}")
-    return costs, failed
+    return costs, failed, others
 
 
 def spread(values: list[float]) -> dict[str, float]:
@@ -91,14 +115,13 @@ def summary(costs: list[Cost]) -> dict:
 def main() -> None:
     binaries, out = (pathlib.Path(path) for path in sys.argv[1:3])
     rounds = int(sys.argv[3]) if len(sys.argv) > 3 else 7
+    wait = float(sys.argv[4]) if len(sys.argv) > 4 else 60
     out.mkdir(parents=True, exist_ok=True)
-    load, begin, busy, own = os.getloadavg()[0], time.time(), busy_cpu_seconds(), own_cpu_seconds()
+    load, begin = os.getloadavg()[0], time.time()
     with tempfile.TemporaryDirectory(prefix="candela-compare-") as scratch:
         tools = Tools(binaries, pathlib.Path(scratch))
-        costs, failed = measure(tools, rounds)
+        costs, failed, others = measure(tools, rounds, wait)
         codes = tools.codes_from_oiiotool()
-    took = time.time() - begin
-    others = max(0.0, (busy_cpu_seconds() - busy) - (own_cpu_seconds() - own)) / took
     rows = []
     for name, group, label, does, does_not in ROWS:
         ours = name in CANDELA or name.startswith("file")
@@ -111,8 +134,8 @@ def main() -> None:
             row["left_out"] = failed[name]
         rows.append(row)
     result = {"date": datetime.datetime.fromtimestamp(begin, datetime.timezone.utc).strftime("%Y-%m-%d"), "rounds": rounds,
-              "seconds": round(took), "processor": processor(), "device": tools.device,
-              "versions": versions(), "load_before": load, "cores_used_by_others": round(others, 2),
+              "seconds": round(time.time() - begin), "processor": processor(), "device": tools.device,
+              "versions": versions(), "load_before": load, "cores_used_by_others": spread(others),
               "memcpy": summary(costs["memcpy"]), "codes_from_oiiotool": codes, "rows": rows}
     (out / "compare.json").write_text(json.dumps(result, indent=1) + "\n")
     (out / "compare.md").write_text(compare_output.markdown(result))

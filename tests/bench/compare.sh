@@ -2,7 +2,8 @@
 # Holds Candela against other tools on this machine: compare.sh [FOLDER [ROUNDS]]
 #
 # Installs the tools (Debian's packages), builds Candela, runs all of them in turn for 7 rounds and writes
-# compare.md, compare.json and compare.svg into FOLDER (out/compare). Takes some minutes; keep the machine quiet.
+# compare.md, compare.json and compare.svg into FOLDER (out/compare). Takes some minutes. A round waits for a minute at
+# most until other work leaves the processors alone, and the table says what other work used.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 deploy/install-packages.sh build run test compare

@@ -7,8 +7,12 @@ LABEL, BAR, LINE, NUMBER = 310, 400, 24, 130
 def machine(result: dict) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
     return (f"{result['processor']}; {result['device']}; {versions}. {result['date']}, {result['rounds']} rounds in turn, "
-            f"{result['seconds']} s. Load before: {result['load_before']:.2f}; other work used "
-            f"{result['cores_used_by_others']:.2f} of the cores meanwhile.")
+            f"{result['seconds']} s. Load before: {result['load_before']:.2f}; {others(result)}.")
+
+
+def others(result: dict) -> str:
+    cores = result["cores_used_by_others"]
+    return f"other work used {cores['median']:.2f} ({cores['min']:.2f} to {cores['max']:.2f}) cores during a round"
 
 
 def groups(result: dict) -> dict[str, list[dict]]:
@@ -69,8 +73,7 @@ def svg(result: dict) -> str:
         y += 12
     width = LABEL + BAR + NUMBER
     words = (f"Medians of {result['rounds']} rounds, whiskers least to most. {result['processor']}, "
-             f"{result['device'].partition(' (llvmpipe')[0]}, {result['date']}; other work used "
-             f"{result['cores_used_by_others']:.2f} cores.")
+             f"{result['device'].partition(' (llvmpipe')[0]}, {result['date']}; {others(result)}.")
     parts.append(f'<text x="8" y="{y + 8}" fill="#555" font-size="11">{escape(words)}</text>')
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {y + 18}" font-family="sans-serif" font-size="13">'
             f'<rect width="100%" height="100%" fill="white"/>{"".join(parts)}</svg>\n')
