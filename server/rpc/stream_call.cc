@@ -596,7 +596,9 @@ void StreamCall::on_idle() {
   const bool busy = writing_ || std::any_of(frames_.begin(), frames_.end(), [](const FramePtr& frame) {
                       return frame->stage != Stage::kReceiving && frame->stage != Stage::kWaiting;
                     });
-  if (reading_ && !busy && now - std::max(last_read_, last_write_) >= timeout) {
+  // Where it is full of frames that wait for others, nothing arrives either.
+  const bool may_arrive = reading_ || state_ == Reading::kBetween;
+  if (may_arrive && !busy && now - std::max(last_read_, last_write_) >= timeout) {
     return finish(absl::DeadlineExceededError(absl::StrFormat(
         "nothing arrived for %s, this server's idle timeout; send frames without such pauses, or resume",
         words(timeout))));

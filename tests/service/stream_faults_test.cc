@@ -376,6 +376,16 @@ TEST_P(StreamLimits, ASilentClientIsCutOffAndOneThatReadsNothingToo) {
   EXPECT_REFUSED(halted.finish(), grpc::DEADLINE_EXCEEDED, "idle timeout");
 }
 
+// A frame that is repeated is none of those that look-ahead waits for.
+TEST_P(StreamLimits, ASessionFullOfFramesThatWaitForOthersIsCutOff) {
+  StreamClient client(channel(), true, absl::Now() + absl::Seconds(20));
+  v1::StreamOpen open = opening();
+  open.set_lookahead(2);
+  ASSERT_TRUE(client.open(open));
+  for (int i = 0; i < 8; ++i) client.send(natural(16, 16), 0, 0);
+  EXPECT_REFUSED(client.finish(), grpc::DEADLINE_EXCEEDED, "idle timeout");
+}
+
 TEST_P(StreamLimits, AFrameWhoseTimeIsUpIsDroppedAndTheSessionGoesOn) {
   const WireFrame large = natural(1600, 1000);
   StreamClient busy(channel());
