@@ -75,7 +75,11 @@ std::optional<double> ExposureTrack::mean_of_first() const {
   for (size_t i = 0; i < frames_.size() && later <= lookahead_; ++i) {
     const Waiting& frame = frames_[i];
     if (i > 0 && frame.cut) return sum / weights;
-    if (frame.failed || (i > 0 && frame.sequence == last)) continue;
+    if (i > 0 && frame.sequence == last) continue;
+    if (frame.failed) {
+      ++later;
+      continue;
+    }
     if (!frame.stats) return std::nullopt;
     if (i > 0 && begins_scene(i)) return sum / weights;
     const uint32_t weight = lookahead_ + 1 - later;

@@ -49,7 +49,8 @@ class ExposureTrack {
   // INVALID_ARGUMENT for a lower number or an earlier time.
   absl::Status add(uint64_t sequence, int64_t media_time_ns, bool cut, const ExposureSettings& settings);
 
-  // What metering that frame came to; once, in any order. `failed`: it has no exposure and takes no part.
+  // What metering that frame came to; once, in any order. `failed`: it has no exposure, and has its place in
+  // the look-ahead of others without a weight, so that they do not wait for another one.
   void metered(uint64_t sequence, const FrameStats& stats);
   void failed(uint64_t sequence);
 

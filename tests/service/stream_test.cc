@@ -5,6 +5,7 @@
 #include <cmath>
 #include <thread>
 
+#include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
 
@@ -135,6 +136,31 @@ TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   EXPECT_EQ(results[2].header.exposure(), 8.0);
   EXPECT_EQ(results[2].header.format(), v1::OUTPUT_FORMAT_RGBA16);
   EXPECT_EQ(results[3].header.exposure(), 8.0);
+  EXPECT_TRUE(client.finish().ok());
+}
+
+// More of them in a row than the session has places for frames: nobody waits for what cannot come.
+TEST_P(Stream, RefusedFramesDoNotHoldLookAheadUp) {
+  v1::StreamOpen open = open_of("refused");
+  open.mutable_settings()->set_bad_values(v1::BAD_VALUES_REJECT);
+  open.set_lookahead(2);
+  const WireFrame good = natural(33, 21);
+  WireFrame bad = good;
+  const uint16_t nan = 0x7e00;
+  std::memcpy(bad.pixels.data(), &nan, sizeof nan);
+  StreamClient client(channel(), true, absl::Now() + absl::Seconds(30));
+  ASSERT_TRUE(client.open(open));
+  constexpr uint64_t kFrames = 10;
+  for (uint64_t i = 0; i < kFrames; ++i) {
+    client.send(i == 0 || i + 1 == kFrames ? good : bad, i, film_time_ns(i));
+  }
+  client.half_close();
+  const std::vector<StreamResult> results = client.read_all();
+  ASSERT_EQ(results.size(), kFrames);
+  for (uint64_t i = 0; i < kFrames; ++i) {
+    EXPECT_EQ(results[i].sequence(), i);
+    EXPECT_EQ(results[i].failed, i > 0 && i + 1 < kFrames);
+  }
   EXPECT_TRUE(client.finish().ok());
 }
 

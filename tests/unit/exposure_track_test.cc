@@ -126,6 +126,21 @@ TEST(ExposureTrack, LookaheadWaitsForItsFramesAndWeighsThem) {
   EXPECT_EQ(rest[1].state.exposed.target, target(6.0));
 }
 
+TEST(ExposureTrack, LookaheadDoesNotWaitForMoreWhereAFrameFailed) {
+  Film film(2);
+  EXPECT_TRUE(film.show(0, 1.0).empty());
+  ASSERT_TRUE(film.add(1).ok() && film.add(2).ok());
+  film.track.failed(1);
+  EXPECT_TRUE(film.decided().empty());
+  film.track.metered(2, metered_at(6.0));
+  EXPECT_EQ(film.decided().at(0).state.exposed.target, target((3 * 1.0 + 6.0) / 4));
+  ASSERT_TRUE(film.add(3).ok() && film.add(4).ok());
+  film.track.failed(4);
+  EXPECT_TRUE(film.decided().empty());
+  film.track.failed(3);
+  EXPECT_EQ(film.decided().at(0).state.exposed.target, target(6.0));
+}
+
 TEST(ExposureTrack, LookaheadEndsAtACut) {
   Film film(3);
   EXPECT_TRUE(film.show(0, 1.0).empty());
