@@ -21,6 +21,7 @@ layout(constant_id = 4) const bool FIREFLY_WEIGHTS = true;
 layout(constant_id = 5) const uint WEIGHTS = WEIGHTS_AVERAGE;
 layout(constant_id = 6) const bool HISTOGRAM = false;
 layout(constant_id = 7) const uint LEVEL_SIZE = 2u;  // 2, or 4: the mean of 2x2 texels of level 0; GAUSSIAN: 4
+layout(constant_id = 8) const bool WHOLE = false;    // the frame is whole groups of texels wide, and whole pairs of rows high
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "input.glsl"
@@ -96,6 +97,7 @@ uint weight_sum = 0u;
 int max_luminance = 0;
 int min_luminance = 0x7fffffff;
 uint max_magnitude = 0u;
+uint negative_halves = 0u;  // two counts, of 16 bits each
 uint negative_components = 0u;
 uint bright_texels = 0u;
 int max_bloom_luminance = 0;
@@ -130,19 +132,38 @@ void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
   }
 }
 
+// Notes what has to be known of a texel as it came: whether anything in it is beyond MAX_SCENE_VALUE, and how many of
+// R, G and B are below 0. `counted` is all ones or none.
+void note_halves(uvec2 words, uint counted) {
+  uvec2 magnitudes = words & 0x7fff7fffu;
+  // A sum's bit 15 or 31: an exponent of all ones; below, a magnitude that is not 0.
+  uvec2 beyond = magnitudes + 0x04000400u;
+  max_magnitude |= (beyond.x | beyond.y) & counted;
+  uvec2 negative = (magnitudes + 0x7fff7fffu) & words & uvec2(0x80008000u, 0x00008000u);
+  negative_halves += ((negative.x >> 15) + (negative.y >> 15)) & counted;
+}
+
+void note_floats(uvec4 words, uint counted) {
+  uvec4 magnitudes = words & 0x7fffffffu;
+  max_magnitude = max(max_magnitude, max(max(magnitudes.r, magnitudes.g), max(magnitudes.b, magnitudes.a)) & counted);
+  uvec3 negative = ((magnitudes.rgb + 0x7fffffffu) & words.rgb) >> 31;
+  negative_components += (negative.r + negative.g + negative.b) & counted;
+}
+
+// A NaN's sign, which is noted before, is taken back in count_bad().
+void note(WireGroup wire, uint i, uint counted) {
+  if (PIXELS == PIXELS_RGBA16F) note_halves((i & 1u) == 0u ? wire.words[i / 2u].xy : wire.words[i / 2u].zw, counted);
+  if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted);
+}
+
 // One row of a group: counts and meters the texels whose bit is set in `counted` (all ones or none), and gives all
 // of them as scene texels, negatives cut to 0.
 Group meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
-  Group g = load_wire(p.frame, x, y);
+  WireGroup words = load_wire(p.frame, x, y);
+  Group g;
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
-    vec4 wire = g.texel[i];
-    uvec4 bits = floatBitsToUint(wire);
-    uvec4 magnitude = bits & 0x7fffffffu;
-    max_magnitude =
-        max(max_magnitude, max(max(magnitude.r, magnitude.g), max(magnitude.b, magnitude.a)) & counted[i]);
-    // The sum's sign bit says that the magnitude is not 0. A NaN's own sign is taken back in count_bad().
-    uvec3 negative = ((magnitude.rgb + 0x7fffffffu) & bits.rgb) >> 31;
-    negative_components += (negative.r + negative.g + negative.b) & counted[i];
+    vec4 wire = wire_texel(words, i);
+    note(words, i, counted[i]);
     if (SCRUB) count_bad(wire, counted[i], y * p.frame.width + x + i);
 
     vec3 scene = ingest(p.frame, wire).rgb;
@@ -177,14 +198,15 @@ void main() {
   uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
   if (x < p.frame.width) {
     OutWords level = OutWords(uvec2(p.level_lo, p.level_hi));
-    uvec4 inside = uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width))) * 0xffffffffu;
+    uvec4 inside = uvec4(0xffffffffu);
+    if (!WHOLE) inside *= uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width)));
     uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
     vec3 block = vec3(0.0);  // what a 4x4 block of the frame has added up to so far
     for (uint y = first_row; y < rows_end; y += 2u) {
       Group top = meter_row(x, y, inside, copies);
-      bool pair = y + 1u < p.frame.height;
+      bool pair = WHOLE || y + 1u < p.frame.height;
       Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u), copies);
-      if (BLOOM != BLOOM_NONE) {
+      if (!WHOLE && BLOOM != BLOOM_NONE) {
         clamp_to_edge(top, x);
         clamp_to_edge(bottom, x);
       }
@@ -204,7 +226,7 @@ void main() {
         [[unroll]] for (uint i = 0u; i < 2u; ++i) {
           d[i] = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
                              bottom.texel[2u * i + 1u].rgb);
-          if (x + 2u * i < p.frame.width) {
+          if (WHOLE || x + 2u * i < p.frame.width) {
             bright_texels += min(max(max(floatBitsToUint(d[i].r), floatBitsToUint(d[i].g)), floatBitsToUint(d[i].b)), 1u);
             if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = level_words(d[i]);
           }
@@ -229,6 +251,10 @@ void main() {
   uint weight = WEIGHTS == WEIGHTS_AVERAGE ? 0u : subgroupAdd(weight_sum);
   uint brightest = uint(subgroupMax(max_luminance));
   uint darkest = ~uint(max(subgroupMin(min_luminance), 0));
+  if (PIXELS == PIXELS_RGBA16F) {
+    max_magnitude = (max_magnitude & 0x80008000u) != 0u ? 0x7f800000u : 0u;
+    negative_components += (negative_halves & 0xffffu) + (negative_halves >> 16);
+  }
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
   uint bright = subgroupAdd(bright_texels);

@@ -19,25 +19,30 @@ vec4 unpack_rgb9e5(uint word) {
   return vec4(vec3(word & 0x1ffu, (word >> 9) & 0x1ffu, (word >> 18) & 0x1ffu) * scale, 1.0);
 }
 
-// GROUP_TEXELS wire texels of row y, starting at texel x (a multiple of GROUP_TEXELS), as they came. Those
-// beyond the width are padding of no meaning.
-Group load_wire(InputParams frame, uint x, uint y) {
+// GROUP_TEXELS wire texels of row y as words, starting at texel x (a multiple of GROUP_TEXELS); as many words as they
+// take. Those beyond the width are padding of no meaning.
+struct WireGroup {
+  uvec4 words[GROUP_TEXELS];
+};
+
+WireGroup load_wire(InputParams frame, uint x, uint y) {
   uint at = y * frame.input_pitch + x;
-  Group g;
+  WireGroup g;
   if (PIXELS == PIXELS_RGBA16F) {
-    uvec4 a = texelFetch(wire_words, int(at / 2u));
-    uvec4 b = texelFetch(wire_words, int(at / 2u + 1u));
-    g.texel[0] = unpack_half4(a.xy);
-    g.texel[1] = unpack_half4(a.zw);
-    g.texel[2] = unpack_half4(b.xy);
-    g.texel[3] = unpack_half4(b.zw);
+    g.words[0] = texelFetch(wire_words, int(at / 2u));
+    g.words[1] = texelFetch(wire_words, int(at / 2u + 1u));
   } else if (PIXELS == PIXELS_RGBA32F) {
-    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = uintBitsToFloat(texelFetch(wire_words, int(at + i)));
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.words[i] = texelFetch(wire_words, int(at + i));
   } else {
-    uvec4 a = texelFetch(wire_words, int(at / 4u));
-    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.texel[i] = unpack_rgb9e5(a[i]);
+    g.words[0] = texelFetch(wire_words, int(at / 4u));
   }
   return g;
+}
+
+vec4 wire_texel(WireGroup g, uint i) {
+  if (PIXELS == PIXELS_RGBA16F) return unpack_half4((i & 1u) == 0u ? g.words[i / 2u].xy : g.words[i / 2u].zw);
+  if (PIXELS == PIXELS_RGBA32F) return uintBitsToFloat(g.words[i]);
+  return unpack_rgb9e5(g.words[0][i]);
 }
 
 // A wire texel as a scene texel: scrub, primaries, clamp, round to half.

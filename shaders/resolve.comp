@@ -114,9 +114,10 @@ BloomRow bloom_row(uint x, int y) {
 
 // `near_weight` is that of the nearer of the two bloom rows around this one.
 void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight) {
-  Group g = load_wire(p.frame, x, y);
+  WireGroup wire = load_wire(p.frame, x, y);
+  Group g;
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
-    g.texel[i] = image_texel(g.texel[i], (1.0 - near_weight) * far.c[i] + near_weight * near.c[i]);
+    g.texel[i] = image_texel(wire_texel(wire, i), (1.0 - near_weight) * far.c[i] + near_weight * near.c[i]);
   }
   write(x, y, g);
 }

@@ -87,7 +87,8 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
                                bloom.firefly_weights,
                                static_cast<uint32_t>(metering.weights),
                                histogram,
-                               level_size(context)};
+                               level_size(context),
+                               parts.desc.width % shader::GROUP_TEXELS == 0 && parts.desc.height % 2 == 0};
   const VkBufferView frame = parts.input.buffer().view();
   return dispatch(pipelines, recorder, k_ingest_spirv, constants,
                   {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
