@@ -1,4 +1,5 @@
 // candelad: the daemon.
+#include <malloc.h>
 #include <pthread.h>
 #include <unistd.h>
 
@@ -109,8 +110,18 @@ int print_devices() {
   return 0;
 }
 
+// A frame's messages are megabytes that come and go: kept by the allocator, they are not given back to the
+// system after each and faulted in again for the next, which cost a stream 6 % of its frames.
+void keep_freed_memory() {
+  constexpr int kLargestKept = 32 << 20;  // bytes of one block; the most that glibc takes
+  constexpr int kKept = 64 << 20;         // bytes in all, of each of its arenas
+  mallopt(M_MMAP_THRESHOLD, kLargestKept);
+  mallopt(M_TRIM_THRESHOLD, kKept);
+}
+
 int serve(const Invocation& invocation) {
   start_logging(invocation.log);
+  keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
   Config config = invocation.config;
