@@ -17,7 +17,6 @@ Config test_config() {
   config.memory_budget_bytes = uint64_t{256} << 20;
   config.max_frame_bytes = uint64_t{64} << 20;
   config.max_calls = 8;
-  config.max_sessions = 6;
   config.max_sessions = 5;
   config.max_frames_in_flight = 3;
   config.heartbeat_interval = absl::Hours(1);  // no frame but the tests'
