@@ -145,7 +145,8 @@ struct TileRecord {
   uint weight_sum;  // not of WEIGHTS_AVERAGE
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
-  // Of R, G, B and A on the wire; above MAX_SCENE_VALUE's something needs the scrub. Of halves 0 or infinity's.
+  // Of R, G, B and A on the wire; above MAX_SCENE_VALUE's something needs the scrub. Of halves 0 or
+  // infinity's.
   uint max_magnitude_bits;
   uint negative_components;
   uint bright_texels;             // of bloom level 0; not of BLOOM_GAUSSIAN
