@@ -14,6 +14,6 @@ lists=(build run test)
 deploy/install-packages.sh "${lists[@]}"
 for preset in "${presets[@]}"; do
   deploy/build.sh "$preset" -DCANDELA_TESTS=ON
-  ctest --preset "$preset"
+  ctest --preset "$preset" --parallel "$(nproc)"
 done
 echo "passed: ${presets[*]}"
