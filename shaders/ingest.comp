@@ -152,7 +152,7 @@ void note_floats(uvec4 words, uint counted) {
 
 // A NaN's sign, which is noted before, is taken back in count_bad().
 void note(WireGroup wire, uint i, uint counted) {
-  if (PIXELS == PIXELS_RGBA16F) note_halves((i & 1u) == 0u ? wire.words[i / 2u].xy : wire.words[i / 2u].zw, counted);
+  if (PIXELS == PIXELS_RGBA16F) note_halves(half_words(wire, i), counted);
   if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted);
 }
 

@@ -39,8 +39,11 @@ WireGroup load_wire(InputParams frame, uint x, uint y) {
   return g;
 }
 
+// Of PIXELS_RGBA16F: texel i's.
+uvec2 half_words(WireGroup g, uint i) { return (i & 1u) == 0u ? g.words[i / 2u].xy : g.words[i / 2u].zw; }
+
 vec4 wire_texel(WireGroup g, uint i) {
-  if (PIXELS == PIXELS_RGBA16F) return unpack_half4((i & 1u) == 0u ? g.words[i / 2u].xy : g.words[i / 2u].zw);
+  if (PIXELS == PIXELS_RGBA16F) return unpack_half4(half_words(g, i));
   if (PIXELS == PIXELS_RGBA32F) return uintBitsToFloat(g.words[i]);
   return unpack_rgb9e5(g.words[0][i]);
 }

@@ -12,8 +12,6 @@
 
 namespace candela {
 
-namespace {}  // namespace
-
 RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, Backend& backend, Work work) {
   std::shared_ptr<RenderCall> call(new RenderCall(context, backend, work));
   call->self_ = call;
