@@ -56,6 +56,21 @@ Result across(const void* mutex, Result (*call)(Object*, Arguments...), Object* 
   return call(object, arguments...);
 }
 
+// Locks by the real `call`.
+void lock_by(void (*call)(absl::Mutex*), absl::Mutex* mutex) {
+  {
+    Ignoring ignoring;
+    call(mutex);
+  }
+  __tsan_acquire(mutex);
+}
+
+void unlock_by(void (*call)(absl::Mutex*), absl::Mutex* mutex) {
+  __tsan_release(mutex);
+  Ignoring ignoring;
+  call(mutex);
+}
+
 }  // namespace
 
 #define CANDELA_REAL(symbol, ...) static const auto call = real<__VA_ARGS__>(symbol)
@@ -67,18 +82,12 @@ ABSL_NAMESPACE_BEGIN
 
 void Mutex::Lock() {
   CANDELA_REAL(CANDELA_PREFIX "5Mutex4LockEv", void (*)(Mutex*));
-  {
-    Ignoring ignoring;
-    call(this);
-  }
-  __tsan_acquire(this);
+  lock_by(call, this);
 }
 
 void Mutex::Unlock() {
   CANDELA_REAL(CANDELA_PREFIX "5Mutex6UnlockEv", void (*)(Mutex*));
-  __tsan_release(this);
-  Ignoring ignoring;
-  call(this);
+  unlock_by(call, this);
 }
 
 bool Mutex::TryLock() {
@@ -94,18 +103,12 @@ bool Mutex::TryLock() {
 
 void Mutex::ReaderLock() {
   CANDELA_REAL(CANDELA_PREFIX "5Mutex10ReaderLockEv", void (*)(Mutex*));
-  {
-    Ignoring ignoring;
-    call(this);
-  }
-  __tsan_acquire(this);
+  lock_by(call, this);
 }
 
 void Mutex::ReaderUnlock() {
   CANDELA_REAL(CANDELA_PREFIX "5Mutex12ReaderUnlockEv", void (*)(Mutex*));
-  __tsan_release(this);
-  Ignoring ignoring;
-  call(this);
+  unlock_by(call, this);
 }
 
 void Mutex::Await(const Condition& condition) {
