@@ -2,8 +2,9 @@
 //
 // In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: the first bloom level (where BLOOM is not BLOOM_NONE; one
 // texel for LEVEL_SIZE squared of the frame's), one TileRecord a tile, and the histogram (where HISTOGRAM).
-// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier,
-// and adds its sums to the tile's record once. Every sum is of integers, so no order of execution shows.
+// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier, again and
+// again from left to right, and adds its sums to each tile's record once: neighbours in memory come one after the other,
+// which is what processors fetch ahead. Every sum is of integers, so no order of execution shows.
 // log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
 // everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: docs/pipeline.md section 4.
 // A frame is first read without SCRUB; only one that turns out to need it is read again with it, and counted.
@@ -89,21 +90,37 @@ vec3 level_texel(vec3 a, vec3 b, vec3 c, vec3 d) {
   return mean * (at_least(over, q) / at_least(l, 1e-4));
 }
 
-// What one invocation has seen.
-uint log2_sum = 0u;       // weighted; of WEIGHTS_CENTER only what the low 16 bits add
-uint log2_sum_high = 0u;  // of WEIGHTS_CENTER: what the others add
-uint weight_sum = 0u;
+// What one invocation has seen of a tile; see clear().
+uint log2_sum;       // weighted; of WEIGHTS_CENTER only what the low 16 bits add
+uint log2_sum_high;  // of WEIGHTS_CENTER: what the others add
+uint weight_sum;
 // Luminance as bits, in the order of at_least(): NaN in padding does no harm.
-int max_luminance = 0;
-int min_luminance = 0x7fffffff;
-uint max_magnitude = 0u;
-uint negative_halves = 0u;  // two counts, of 16 bits each
-uint negative_components = 0u;
-uint bright_texels = 0u;
-int max_bloom_luminance = 0;
-uint nan_components = 0u;
-uint infinite_components = 0u;
-uint first_bad_texel = 0xffffffffu;
+int max_luminance;
+int min_luminance;
+uint max_magnitude;
+uint negative_halves;  // two counts, of 16 bits each
+uint negative_components;
+uint bright_texels;
+int max_bloom_luminance;
+uint nan_components;
+uint infinite_components;
+uint first_bad_texel;
+
+void clear() {
+  log2_sum = 0u;
+  log2_sum_high = 0u;
+  weight_sum = 0u;
+  max_luminance = 0;
+  min_luminance = 0x7fffffff;
+  max_magnitude = 0u;
+  negative_halves = 0u;
+  negative_components = 0u;
+  bright_texels = 0u;
+  max_bloom_luminance = 0;
+  nan_components = 0u;
+  infinite_components = 0u;
+  first_bad_texel = 0xffffffffu;
+}
 
 void count_bad(vec4 wire, uint counted, uint texel) {
   [[unroll]] for (uint i = 0u; i < 3u; ++i) {
@@ -190,60 +207,57 @@ void clamp_to_edge(inout Group g, uint x) {
 
 vec3 row_sum(Group g) { return (g.texel[0].rgb + g.texel[1].rgb) + (g.texel[2].rgb + g.texel[3].rgb); }
 
-void main() {
-  uint tile = gl_WorkGroupID.y * p.tiles_x + gl_WorkGroupID.x;
-  Histogram copies = Histogram(uvec2(p.histogram_lo, p.histogram_hi));
-  if (HISTOGRAM) copies = copies[tile / HISTOGRAM_TILES * HISTOGRAM_BINS];
-  uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
-  uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
-  if (x < p.frame.width) {
-    OutWords level = OutWords(uvec2(p.level_lo, p.level_hi));
-    uvec4 inside = uvec4(0xffffffffu);
-    if (!WHOLE) inside *= uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width)));
-    uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
-    vec3 block = vec3(0.0);  // what a 4x4 block of the frame has added up to so far
-    for (uint y = first_row; y < rows_end; y += 2u) {
-      Group top = meter_row(x, y, inside, copies);
-      bool pair = WHOLE || y + 1u < p.frame.height;
-      Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u), copies);
-      if (!WHOLE && BLOOM != BLOOM_NONE) {
-        clamp_to_edge(top, x);
-        clamp_to_edge(bottom, x);
+// Meters a group's columns down INGEST_ROWS rows and makes their texels of the level.
+void walk_down(uint x, uint first_row, Histogram copies) {
+  OutWords level = OutWords(uvec2(p.level_lo, p.level_hi));
+  uvec4 inside = uvec4(0xffffffffu);
+  if (!WHOLE) inside *= uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width)));
+  uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
+  vec3 block = vec3(0.0);  // what a 4x4 block of the frame has added up to so far
+  for (uint y = first_row; y < rows_end; y += 2u) {
+    Group top = meter_row(x, y, inside, copies);
+    bool pair = WHOLE || y + 1u < p.frame.height;
+    Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u), copies);
+    if (!WHOLE && BLOOM != BLOOM_NONE) {
+      clamp_to_edge(top, x);
+      clamp_to_edge(bottom, x);
+    }
+    bool complete = (y & 2u) != 0u || y + 2u >= p.frame.height;
+    // Rows beyond the bottom repeat the last one.
+    float repeats = (y & 2u) == 0u && complete ? 2.0 : 1.0;
+    if (BLOOM == BLOOM_GAUSSIAN) {
+      block += row_sum(top) + row_sum(bottom) * (2.0 * repeats - 1.0);
+      if (complete) {
+        vec3 mean = block * (1.0 / 16.0);
+        block = vec3(0.0);
+        max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(mean)));
+        level[(y / 4u) * p.level_width + x / 4u].v = level_words(mean);
       }
-      bool complete = (y & 2u) != 0u || y + 2u >= p.frame.height;
-      // Rows beyond the bottom repeat the last one.
-      float repeats = (y & 2u) == 0u && complete ? 2.0 : 1.0;
-      if (BLOOM == BLOOM_GAUSSIAN) {
-        block += row_sum(top) + row_sum(bottom) * (2.0 * repeats - 1.0);
+    } else if (BLOOM != BLOOM_NONE) {
+      vec3 d[2];
+      [[unroll]] for (uint i = 0u; i < 2u; ++i) {
+        d[i] = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
+                           bottom.texel[2u * i + 1u].rgb);
+        if (WHOLE || x + 2u * i < p.frame.width) {
+          bright_texels += min(max(max(floatBitsToUint(d[i].r), floatBitsToUint(d[i].g)), floatBitsToUint(d[i].b)), 1u);
+          if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = level_words(d[i]);
+        }
+      }
+      if (LEVEL_SIZE == 4u) {
+        block += (d[0] + (x + 2u < p.frame.width ? d[1] : d[0])) * repeats;
         if (complete) {
-          vec3 mean = block * (1.0 / 16.0);
+          level[(y / 4u) * p.level_width + x / 4u].v = level_words(0.25 * block);
           block = vec3(0.0);
-          max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(mean)));
-          level[(y / 4u) * p.level_width + x / 4u].v = level_words(mean);
-        }
-      } else if (BLOOM != BLOOM_NONE) {
-        vec3 d[2];
-        [[unroll]] for (uint i = 0u; i < 2u; ++i) {
-          d[i] = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
-                             bottom.texel[2u * i + 1u].rgb);
-          if (WHOLE || x + 2u * i < p.frame.width) {
-            bright_texels += min(max(max(floatBitsToUint(d[i].r), floatBitsToUint(d[i].g)), floatBitsToUint(d[i].b)), 1u);
-            if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = level_words(d[i]);
-          }
-        }
-        if (LEVEL_SIZE == 4u) {
-          block += (d[0] + (x + 2u < p.frame.width ? d[1] : d[0])) * repeats;
-          if (complete) {
-            level[(y / 4u) * p.level_width + x / 4u].v = level_words(0.25 * block);
-            block = vec3(0.0);
-          }
         }
       }
     }
   }
+}
 
-  // An invocation's sum is below 2^25 * 64 texels = 2^31, or with weights up to 255 below 2^30 and 2^23 * 2^16. A tile's
-  // 64 invocations stay below 2^22 in the low half and 2^30 in the high one. The host adds the tiles up in 64 bits: 2^28
+// Adds what was seen of a tile to its record, over the work group's invocations.
+void add_to_tile(uint tile) {
+  // An invocation's sum is below 2^25 * 128 texels = 2^32, or with weights up to 255 below 2^31 and 2^24. A tile's 32
+  // invocations stay below 2^21 in the low half and 2^30 in the high one. The host adds the tiles up in 64 bits: 2^28
   // texels of 25 bits with 8 of weight.
   Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
   uint low = subgroupAdd(log2_sum & 0xffffu);
@@ -274,5 +288,21 @@ void main() {
     atomicAdd(tiles[tile].v.nan_components, nan_components);
     atomicAdd(tiles[tile].v.infinite_components, infinite_components);
     atomicMax(tiles[tile].v.first_bad_texel_inverted, ~first_bad_texel);
+  }
+}
+
+void main() {
+  uint first_row = gl_GlobalInvocationID.y * INGEST_ROWS;
+  uint tiles_end = min((gl_WorkGroupID.x + 1u) * INGEST_TILES, p.tiles_x);
+  for (uint tile_x = gl_WorkGroupID.x * INGEST_TILES; tile_x < tiles_end; ++tile_x) {
+    uint tile = gl_WorkGroupID.y * p.tiles_x + tile_x;
+    Histogram copies = Histogram(uvec2(p.histogram_lo, p.histogram_hi));
+    if (HISTOGRAM) copies = copies[tile / HISTOGRAM_TILES * HISTOGRAM_BINS];
+    clear();
+    for (uint column = 0u; column < TILE_TEXELS; column += INGEST_GROUP_X * GROUP_TEXELS) {
+      uint x = tile_x * TILE_TEXELS + column + gl_LocalInvocationID.x * GROUP_TEXELS;
+      if (x < p.frame.width) walk_down(x, first_row, copies);
+    }
+    add_to_tile(tile);
   }
 }

@@ -43,17 +43,21 @@ CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
 // An invocation of a full-size pass handles GROUP_TEXELS texels of a row at a time; input and output rows are
 // padded to whole groups.
 CANDELA_CONST(uint) GROUP_TEXELS = 4u;
-// A tile is what one work group of `ingest` reads: TILE_TEXELS squared texels of the frame.
+// A tile is what `ingest` meters by itself: TILE_TEXELS squared texels of the frame. A work group meters
+// INGEST_TILES, side by side.
 CANDELA_CONST(uint) TILE_TEXELS = 64u;
-// Rows that one invocation walks down, and the work group's shape in invocations.
+CANDELA_CONST(uint) INGEST_TILES = 8u;
+// Rows that one invocation walks down, how often it does so (RESOLVE_STEPS, from left to right), and the work
+// group's shape in invocations.
 CANDELA_CONST(uint) INGEST_ROWS = 16u;
-CANDELA_CONST(uint) INGEST_GROUP_X = 16u;
+CANDELA_CONST(uint) INGEST_GROUP_X = 8u;
 CANDELA_CONST(uint) INGEST_GROUP_Y = 4u;
 CANDELA_CONST(uint) BLOOM_ROWS = 8u;
 CANDELA_CONST(uint) BLOOM_GROUP_X = 32u;
 CANDELA_CONST(uint) BLOOM_GROUP_Y = 1u;
-CANDELA_CONST(uint) RESOLVE_ROWS = 16u;
-CANDELA_CONST(uint) RESOLVE_GROUP_X = 16u;
+CANDELA_CONST(uint) RESOLVE_ROWS = 4u;
+CANDELA_CONST(uint) RESOLVE_STEPS = 16u;
+CANDELA_CONST(uint) RESOLVE_GROUP_X = 8u;
 CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
 
 // Luminance is metered no darker than this.

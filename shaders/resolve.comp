@@ -2,8 +2,9 @@
 //
 // In: the wire's pixels, B_0 (where BLOOM is not BLOOM_NONE), the table of the curves that have one. Out: the image in OUTPUT's format.
 // Method: docs/pipeline.md sections 4 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
-// dither, quantise. An invocation walks GROUP_TEXELS columns down RESOLVE_ROWS rows, two at a time; the bloom rows
-// that the next pair shares stay in registers, filtered along x.
+// dither, quantise. An invocation makes blocks of GROUP_TEXELS columns and RESOLVE_ROWS rows, RESOLVE_STEPS of them
+// along x: neighbours in memory come one after the other, which is what processors fetch ahead. The bloom rows that
+// two rows of a block share stay in registers, filtered along x.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -122,14 +123,10 @@ void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight)
   write(x, y, g);
 }
 
-void main() {
-  uint x = gl_GlobalInvocationID.x * GROUP_TEXELS;
-  uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
-  if (x >= p.frame.width || first_row >= p.frame.height) return;
-
+// The groups at x of rows first_row to rows_end, of RESOLVE_ROWS at most.
+void resolve_block(uint x, uint first_row, uint rows_end) {
   BloomRow above = bloom_row(x, int(first_row / LEVEL_SIZE) - 1);
   BloomRow here = bloom_row(x, int(first_row / LEVEL_SIZE));
-  uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
   for (uint y = first_row; y < rows_end; y += LEVEL_SIZE) {
     BloomRow below = bloom_row(x, int(y / LEVEL_SIZE) + 1);
     if (LEVEL_SIZE == 4u) {
@@ -143,5 +140,15 @@ void main() {
     }
     above = here;
     here = below;
+  }
+}
+
+void main() {
+  uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
+  uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
+  uint first = (gl_WorkGroupID.x * RESOLVE_STEPS * RESOLVE_GROUP_X + gl_LocalInvocationID.x) * GROUP_TEXELS;
+  for (uint i = 0u; i < RESOLVE_STEPS; ++i) {
+    uint x = first + i * RESOLVE_GROUP_X * GROUP_TEXELS;
+    if (x < p.frame.width) resolve_block(x, first_row, rows_end);
   }
 }

@@ -16,7 +16,7 @@ namespace candela {
 
 namespace {
 
-static_assert(shader::INGEST_GROUP_X * shader::GROUP_TEXELS == shader::TILE_TEXELS);
+static_assert(shader::TILE_TEXELS % (shader::INGEST_GROUP_X * shader::GROUP_TEXELS) == 0);
 static_assert(shader::INGEST_GROUP_Y * shader::INGEST_ROWS == shader::TILE_TEXELS);
 static_assert(sizeof(shader::IngestParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::GaussianParams) <= PipelineCache::kPushBytes);
@@ -92,7 +92,7 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
   const VkBufferView frame = parts.input.buffer().view();
   return dispatch(pipelines, recorder, k_ingest_spirv, constants,
                   {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
-                  parts.tiles_x, parts.tiles_y);
+                  groups(parts.tiles_x, shader::INGEST_TILES), parts.tiles_y);
 }
 
 // From level `from` to level `to`; an invocation makes `columns` columns and BLOOM_ROWS * columns rows of
@@ -183,7 +183,7 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
                                context.tier.transfer_terms};
   return dispatch(pipelines, recorder, k_resolve_spirv, constants,
                   {parts.input.buffer().view(), bloom, table}, params,
-                  groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X),
+                  groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS),
                   groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
 }
 
