@@ -59,7 +59,7 @@ std::optional<FrameJob> FrameQueue::pop() {
     ++share;
   }
   Share& share = next->second;
-  clock_ = share.used;
+  clock_ = std::max(clock_, share.used);
   FrameJob job = std::move(share.jobs.front().job);
   share.jobs.pop_front();
   --waiting_;
@@ -67,8 +67,13 @@ std::optional<FrameJob> FrameQueue::pop() {
 }
 
 void FrameQueue::charge(Flow flow, absl::Duration time) {
-  const auto share = shares_.find(flow);
-  if (share != shares_.end()) share->second.used += time;
+  const auto served = shares_.find(flow);
+  if (served == shares_.end()) return;
+  served->second.used += time;
+  const auto competing = std::count_if(shares_.begin(), shares_.end(), [flow](const auto& entry) {
+    return entry.first == flow || !entry.second.jobs.empty();
+  });
+  clock_ += time / competing;
 }
 
 std::optional<FrameJob> FrameQueue::remove(Ticket ticket) {

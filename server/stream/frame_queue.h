@@ -54,9 +54,11 @@ struct FrameJob {
 // Names a job from its submission on; never reused.
 using Ticket = uint64_t;
 
-// Bounded. The flow that had the least of the device's time is next (start-time fair queueing, Goyal, Vin and
-// Cheng 1996, with the measured time as the cost); within a flow it is first come, first served. A flow that
-// comes back after a pause has no claim on the time it did not use. Not thread-safe.
+// Bounded. The flow that had the least of the device's time is next; within a flow it is first come, first
+// served. A new flow, or one that comes back after a pause, begins with what is a fair share by then: it has
+// no claim on the time that it did not use, and any number of them do not keep a flow waiting that has had
+// its share. (The virtual time of J. Bennett and H. Zhang, "Hierarchical packet fair queueing algorithms",
+// 1997, with the measured time as the cost.) Not thread-safe.
 class FrameQueue {
  public:
   explicit FrameQueue(size_t capacity) : capacity_(capacity) {}
@@ -71,6 +73,7 @@ class FrameQueue {
 
   bool empty() const { return waiting_ == 0; }
   size_t size() const { return waiting_; }
+  size_t flows() const { return shares_.size(); }  // that it keeps account of
 
  private:
   struct Entry {
@@ -85,7 +88,7 @@ class FrameQueue {
   const size_t capacity_;
   Ticket next_ticket_ = 1;
   size_t waiting_ = 0;
-  // What the flow that was served last had used then: where a new flow begins.
+  // What a flow that always had frames waiting would have used by now: where a new flow begins.
   absl::Duration clock_ = absl::ZeroDuration();
   std::map<Flow, Share> shares_;
 };

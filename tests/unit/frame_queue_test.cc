@@ -75,6 +75,31 @@ TEST(FrameQueue, AFlowThatPausedHasNoClaimOnWhatItDidNotUse) {
   EXPECT_EQ(second, 2);
 }
 
+TEST(FrameQueue, FlowsThatComeForOneFrameDoNotKeepAnotherWaiting) {
+  FrameQueue queue(100);
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(queue.push(job_of(1)).ok());
+  Flow newcomer = 2;
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(queue.push(job_of(newcomer++)).ok());
+  std::map<Flow, int> served;
+  for (int i = 0; i < 30; ++i) {
+    const std::optional<FrameJob> job = queue.pop();
+    queue.charge(job->flow, absl::Milliseconds(10));
+    const bool is_newcomer = job->flow != 1;
+    ++served[is_newcomer ? 2 : 1];
+    ASSERT_TRUE(queue.push(job_of(is_newcomer ? newcomer++ : 1)).ok());
+  }
+  EXPECT_NEAR(served[1], 10, 2) << "of 30 frames, with two others that always wait";
+}
+
+TEST(FrameQueue, FlowsThatAreDoneAreForgotten) {
+  FrameQueue queue(100);
+  for (Flow flow = 0; flow < 1000; ++flow) {
+    ASSERT_TRUE(queue.push(job_of(flow)).ok());
+    queue.charge(queue.pop()->flow, absl::Milliseconds(10));
+  }
+  EXPECT_LE(queue.flows(), 2u);
+}
+
 TEST(FrameQueue, ARemovedJobIsGone) {
   FrameQueue queue(10);
   const Ticket first = *queue.push(job_of(1));
