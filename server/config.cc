@@ -42,7 +42,10 @@ std::string default_cache_dir() {
 }
 
 absl::Status check_config(const Config& config) {
-  absl::Status status = check_bytes("memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes);
+  absl::Status status;
+  if (config.memory_budget_bytes != 0) {
+    status.Update(check_bytes("memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes));
+  }
   status.Update(check_bytes("max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes));
   status.Update(check_number("max-dimension", config.max_dimension, kMaxDimension));
   status.Update(check_number("max-calls", config.max_calls, kMaxCalls));

@@ -104,13 +104,14 @@ void add_options(CLI::App& app, Invocation& invocation) {
         if (!config.listen.empty()) return absl::OkStatus();
         return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
       });
-  add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback, without TLS");
+  add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback without TLS");
   add_text(app, "device", "NAME|INDEX", config.device,
            "Vulkan device: a part of its name or its index; empty takes the best");
   add_flag(app, "validation", config.validation, "Run with Vulkan's validation layers (slow)");
   add_text(app, "cache-dir", "PATH", config.cache_dir,
            "Where to keep what was measured about the device; empty takes the user's cache");
-  add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes, "Memory for textures");
+  add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes,
+            "Memory for textures; 0: 2GiB, or 3/8 of the cgroup's memory where that is less");
   add_bytes(app, "max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes, "Largest frame on the wire");
   add_number(app, "max-dimension", config.max_dimension, kMaxDimension, "Largest width or height, in pixels");
   add_number(app, "max-calls", config.max_calls, kMaxCalls, "Render and Meter calls at once");
@@ -118,7 +119,7 @@ void add_options(CLI::App& app, Invocation& invocation) {
   add_number(app, "max-frames-in-flight", config.max_frames_in_flight, kMaxFramesInFlight,
              "Frames of a session without a result");
   add_number(app, "encoder-threads", config.encoder_threads, kEncoderThreads,
-             "Threads for PNG and JPEG results; 0: one per core");
+             "Threads for PNG and JPEG results; 0: one per CPU that it may use");
   add_duration(app, "idle-timeout", config.idle_timeout, kIdleTimeout,
                "A client that neither sends nor reads for so long is cut off");
   add_duration(app, "drain-timeout", config.drain_timeout, kDrainTimeout,
