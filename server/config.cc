@@ -30,6 +30,19 @@ absl::Status check_duration(const char* option, absl::Duration value, v1::Range<
                       absl::FormatDuration(range.min), absl::FormatDuration(range.max)));
 }
 
+absl::Status check_tls(const Config& config) {
+  if (config.tls_cert.empty() != config.tls_key.empty()) {
+    return absl::InvalidArgumentError(absl::StrFormat("%s is given without %s; TLS needs both",
+                                                      config.tls_cert.empty() ? "tls-key" : "tls-cert",
+                                                      config.tls_cert.empty() ? "tls-cert" : "tls-key"));
+  }
+  if (!config.tls_client_ca.empty() && config.tls_cert.empty()) {
+    return absl::InvalidArgumentError(
+        "tls-client-ca is given without tls-cert and tls-key; only TLS asks clients for certificates");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::string default_cache_dir() {
@@ -56,9 +69,10 @@ absl::Status check_config(const Config& config) {
   status.Update(check_duration("drain-timeout", config.drain_timeout, kDrainTimeout));
   status.Update(check_duration("pre-drain", config.pre_drain, kPreDrain));
   status.Update(check_duration("resume-ttl", config.resume_ttl, kResumeTtl));
+  status.Update(check_tls(config));
   if (!config.metrics.empty()) status.Update(check_metrics_address(config.metrics, config.insecure));
   for (const std::string& address : config.listen) {
-    status.Update(check_listen_address(address, config.insecure));
+    status.Update(check_listen_address(address, config.insecure || !config.tls_cert.empty()));
   }
   return status;
 }

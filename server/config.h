@@ -19,6 +19,11 @@ struct Config {
   std::vector<std::string>
       listen;             // "HOST:PORT" (port 0 takes a free one) or "unix:PATH"; empty: in-process only
   bool insecure = false;  // allow addresses beyond loopback without TLS, where any one can connect and read
+  std::string tls_cert;   // PEM files; empty: no TLS. Read again when they change
+  std::string tls_key;    // of tls_cert
+  std::string tls_client_ca;  // clients must show a certificate of one of these; empty: they need none
+  std::string
+      token_file;      // bearer tokens, one a line, of which a call must show one; empty: none is asked for
   std::string device;  // a part of a device's name, or its index; empty: the best there is
   bool validation = false;           // Vulkan's validation layers
   std::string cache_dir;             // for what was measured about the device; empty: kept in memory only

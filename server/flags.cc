@@ -105,6 +105,15 @@ void add_options(CLI::App& app, Invocation& invocation) {
         return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
       });
   add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback without TLS");
+  add_text(app, "tls-cert", "FILE", config.tls_cert,
+           "Certificate to serve TLS with, PEM, the server's own first; read again when it changes; empty: "
+           "no TLS");
+  add_text(app, "tls-key", "FILE", config.tls_key, "Private key of tls-cert, PEM, without a passphrase");
+  add_text(app, "tls-client-ca", "FILE", config.tls_client_ca,
+           "CAs, PEM: clients must show a certificate that one of them has signed; empty: they need none");
+  add_text(
+      app, "token-file", "FILE", config.token_file,
+      "Bearer tokens, one a line: a call must show one of them; read again when it changes; empty: none");
   add_text(app, "device", "NAME|INDEX", config.device,
            "Vulkan device: a part of its name or its index; empty takes the best");
   add_flag(app, "validation", config.validation, "Run with Vulkan's validation layers (slow)");
@@ -130,7 +139,7 @@ void add_options(CLI::App& app, Invocation& invocation) {
            "Keys that sign resume tokens, one a line in hex; empty takes a key of this server's own");
   add_duration(app, "resume-ttl", config.resume_ttl, kResumeTtl, "How long a resume token is good");
   add_text(app, "metrics", "ADDRESS", config.metrics,
-           "Where to serve Prometheus metrics: HOST:PORT; empty: nowhere");
+           "Where to serve Prometheus metrics: HOST:PORT, IPv4; empty: nowhere");
   add_log_options(app, invocation.log);
 }
 

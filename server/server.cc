@@ -21,6 +21,7 @@
 #include "server/render/renderer.h"
 #include "server/render/texture_pool.h"
 #include "server/render/tiers.h"
+#include "server/rpc/access.h"
 #include "server/rpc/backend.h"
 #include "server/rpc/health.h"
 #include "server/rpc/render_service.h"
@@ -119,6 +120,7 @@ struct Server::Parts {
   void stop(absl::Duration grace);
 
   const Config config;
+  std::unique_ptr<Access> access;
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<EngineKeeper> engines;
   std::unique_ptr<TierMeter> tier_meter;
@@ -165,7 +167,7 @@ absl::Status Server::Parts::listen() {
     if (absl::Status status = check_socket_is_free(address); !status.ok()) return status;
   }
   for (size_t i = 0; i < ports.size(); ++i) {
-    builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+    builder.AddListeningPort(config.listen[i], access->credentials(config.listen[i], *metrics), &ports[i]);
   }
   grpc = builder.BuildAndStart();
   for (size_t i = 0; i < ports.size(); ++i) {
@@ -245,6 +247,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
                                        ? TokenKeys::random(config.resume_ttl)
                                        : TokenKeys::read(config.resume_keys, config.resume_ttl);
   if (!keys.ok()) return keys.status();
+  absl::StatusOr<std::unique_ptr<Access>> access =
+      Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file);
+  if (!access.ok()) return access.status();
   prepare_driver_environment();
   const auto start_one = [options = DeviceOptions{.selector = config.device, .validation = config.validation},
                           bytes = budget.bytes] { return start_engine(options, bytes); };
@@ -253,6 +258,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
 
   auto parts = std::make_unique<Parts>(config);
   const DeviceSummary& device = (*engine)->device->summary();
+  parts->access = *std::move(access);
   parts->metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
   parts->engines =
       std::make_unique<EngineKeeper>(*engine, start_one, *parts->metrics, std::move(on_device_gone));
