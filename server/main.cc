@@ -21,6 +21,7 @@
 #include "server/config.h"
 #include "server/rpc/grpc_log.h"
 #include "server/server.h"
+#include "server/service_manager.h"
 #include "server/vulkan/device.h"
 
 namespace candela {
@@ -128,6 +129,7 @@ int serve(const Invocation& invocation) {
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
+  tell_service_manager("STATUS=starting");
   Config config = invocation.config;
   if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
@@ -139,10 +141,13 @@ int serve(const Invocation& invocation) {
             {{"address", addresses},
              {"device", (*server)->device_name()},
              {"metrics", (*server)->metrics_address()}});
+  tell_service_manager("READY=1\nSTATUS=serving on " + addresses);
+  const Watchdog watchdog([s = server->get()] { return s->alive(); });
 #ifdef CANDELA_LOSE_DEVICES
   (*server)->lose_device(CANDELA_LOSE_DEVICES);  // a test's daemon
 #endif
   signals.wait_for_stop();
+  tell_service_manager("STOPPING=1\nSTATUS=draining");
   (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");
   return signals.failed() ? kFailed : 0;

@@ -313,6 +313,8 @@ const std::vector<std::string>& Server::addresses() const { return parts_->addre
 
 const std::string& Server::metrics_address() const { return parts_->metrics_address; }
 
+bool Server::alive() const { return parts_->health->alive(); }
+
 const std::string& Server::device_name() const { return parts_->backend->device; }
 
 uint64_t Server::validation_messages() const {
