@@ -43,11 +43,10 @@ bool send_bands(RawCall& call, const FrameView& frame) {
 }
 
 template <typename Response>
-absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request,
-                             const std::string& address) {
+absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request, const Peer& peer) {
   grpc::ByteBuffer message;
   const bool answered = call.write(v1::pack(request)) && call.half_close() && call.read(message);
-  if (absl::Status status = from_grpc(call.finish(), address, call.connected()); !status.ok()) return status;
+  if (absl::Status status = from_grpc(call.finish(), peer, call.connected()); !status.ok()) return status;
   Response response;
   if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;
@@ -55,17 +54,18 @@ absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& req
 
 }  // namespace
 
-absl::StatusOr<Connection> Connection::open(const std::string& address) {
-  absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = open_channel(address);
+absl::StatusOr<Connection> Connection::open(const std::string& address, const ClientSecurity& security) {
+  Peer peer{address, security};
+  absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = open_channel(peer);
   if (!channel.ok()) return channel.status();
-  return Connection(*std::move(channel), address);
+  return Connection(*std::move(channel), std::move(peer));
 }
 
 Connection::Connection(std::shared_ptr<grpc::Channel> channel)
-    : Connection(std::move(channel), "this process") {}
+    : Connection(std::move(channel), Peer{"this process"}) {}
 
-Connection::Connection(std::shared_ptr<grpc::Channel> channel, std::string address)
-    : channel_(std::move(channel)), address_(std::move(address)) {}
+Connection::Connection(std::shared_ptr<grpc::Channel> channel, Peer peer)
+    : channel_(std::move(channel)), peer_(std::move(peer)) {}
 
 absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, const FrameView& frame,
                                                 absl::Time deadline) const {
@@ -79,14 +79,14 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
       call.write(start_message(settings, frame)) && send_bands(call, frame) && call.half_close();
   if (sent && frame.on_sent) frame.on_sent();
   if (!sent || !call.read(message)) {
-    const absl::Status status = from_grpc(call.finish(), address_, call.connected());
+    const absl::Status status = from_grpc(call.finish(), peer_, call.connected());
     return status.ok() ? not_the_protocol("it ended before its header") : status;
   }
   ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map});
   do {
     if (absl::Status status = reader.read(message); !status.ok()) return status;
   } while (call.read(message));
-  if (absl::Status status = from_grpc(call.finish(), address_, true); !status.ok()) return status;
+  if (absl::Status status = from_grpc(call.finish(), peer_, true); !status.ok()) return status;
   return reader.take();
 }
 
@@ -100,7 +100,7 @@ absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings
   grpc::ByteBuffer message;
   const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
                         call.half_close() && call.read(message);
-  if (absl::Status status = from_grpc(call.finish(), address_, call.connected()); !status.ok()) return status;
+  if (absl::Status status = from_grpc(call.finish(), peer_, call.connected()); !status.ok()) return status;
   v1::MeterResponse response;
   if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;
@@ -108,7 +108,7 @@ absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings
 
 absl::StatusOr<v1::GetServerInfoResponse> Connection::server_info(absl::Time deadline) const {
   RawCall call(channel_, "/candela.v1.RenderService/GetServerInfo", deadline);
-  return ask<v1::GetServerInfoResponse>(call, v1::GetServerInfoRequest(), address_);
+  return ask<v1::GetServerInfoResponse>(call, v1::GetServerInfoRequest(), peer_);
 }
 
 absl::Status Connection::health(absl::Time deadline) const {
@@ -116,12 +116,12 @@ absl::Status Connection::health(absl::Time deadline) const {
   constexpr int kServing = 1;
   RawCall call(channel_, "/grpc.health.v1.Health/Check", deadline);
   const absl::StatusOr<google::protobuf::Int32Value> status =
-      ask<google::protobuf::Int32Value>(call, google::protobuf::StringValue(), address_);
+      ask<google::protobuf::Int32Value>(call, google::protobuf::StringValue(), peer_);
   if (!status.ok()) return status.status();
   if (status->value() == kServing) return absl::OkStatus();
   return absl::UnavailableError(absl::StrFormat(
       "the server at %s is up but not serving: it is starting or draining; try again or use another one",
-      address_));
+      peer_.address));
 }
 
 }  // namespace candela

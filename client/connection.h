@@ -15,6 +15,7 @@
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "client/render_result.h"
+#include "client/security.h"
 
 namespace candela {
 
@@ -39,8 +40,8 @@ struct FrameView {
 class Connection {
  public:
   // `address` is "HOST:PORT" or "unix:PATH". Does not connect yet: INVALID_ARGUMENT for an address of
-  // another shape, nothing else.
-  static absl::StatusOr<Connection> open(const std::string& address);
+  // another shape and for `security` that cannot be used, nothing else.
+  static absl::StatusOr<Connection> open(const std::string& address, const ClientSecurity& security = {});
 
   // To a server in this process. `channel` must not outlive that server.
   explicit Connection(std::shared_ptr<grpc::Channel> channel);
@@ -62,14 +63,14 @@ class Connection {
   absl::Status health(absl::Time deadline = absl::InfiniteFuture()) const;
 
   // As it was given to open(); "this process" for a channel.
-  const std::string& address() const { return address_; }
+  const std::string& address() const { return peer_.address; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
  private:
-  Connection(std::shared_ptr<grpc::Channel> channel, std::string address);
+  Connection(std::shared_ptr<grpc::Channel> channel, Peer peer);
 
   std::shared_ptr<grpc::Channel> channel_;
-  std::string address_;
+  Peer peer_;
 };
 
 }  // namespace candela

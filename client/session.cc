@@ -37,7 +37,7 @@ std::string random_name() {
 
 struct Server {
   std::shared_ptr<grpc::Channel> channel;
-  std::string address;
+  Peer peer;
 };
 
 // How a call ended.
@@ -168,7 +168,7 @@ class Session::Core {
   SessionStats stats() const {
     const absl::MutexLock lock(&mutex_);
     SessionStats stats = stats_;
-    stats.server = servers_[at_].address;
+    stats.server = servers_[at_].peer.address;
     stats.window = window_;
     stats.submitted = submitted_;
     stats.answered = submitted_ - log_.unanswered();
@@ -182,10 +182,10 @@ class Session::Core {
   // What the driving thread knows of the call that it has.
   struct Call {
     Call(const Server& server, const std::string& session)
-        : address(server.address),
+        : peer(server.peer),
           duplex(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", session}}) {}
 
-    const std::string address;
+    const Peer& peer;
     DuplexCall duplex;
     StreamReader reader;
     bool asked = false;                                     // the open message is out
@@ -287,7 +287,7 @@ class Session::Core {
       }
       if (event == DuplexCall::Event::kTimeout) {
         own = {absl::UnavailableError(
-                   absl::StrFormat("no answer from %s within %s: it hangs%s", call.address,
+                   absl::StrFormat("no answer from %s within %s: it hangs%s", call.peer.address,
                                    absl::FormatDuration(call.open ? options_.silence_limit : kOpenLimit),
                                    call.open ? "" : " or is not a candelad")),
                true};
@@ -331,10 +331,10 @@ class Session::Core {
       return {absl::OkStatus()};
     }
     if (status.ok()) {
-      if (call.leaving) return {absl::UnavailableError(call.address + " went away"), true};
+      if (call.leaving) return {absl::UnavailableError(call.peer.address + " went away"), true};
       return {not_the_protocol("it ended before every frame had its result")};
     }
-    return {from_grpc(status, call.address, call.duplex.connected()), may_resume(status, was_open_),
+    return {from_grpc(status, call.peer, call.duplex.connected()), may_resume(status, was_open_),
             retry_delay(status)};
   }
 
@@ -454,10 +454,11 @@ absl::StatusOr<Session> Session::open(const SessionOptions& options) {
   }
   std::vector<Server> servers;
   for (const std::string& address : options.servers) {
+    Peer peer{address, options.security};
     absl::StatusOr<std::shared_ptr<grpc::Channel>> channel =
-        open_session_channel(address, options.ping_interval);
+        open_session_channel(peer, options.ping_interval);
     if (!channel.ok()) return channel.status();
-    servers.push_back({*std::move(channel), address});
+    servers.push_back({*std::move(channel), std::move(peer)});
   }
   auto core = std::make_unique<Core>(std::move(servers), options);
   if (absl::Status status = core->wait_until_open(); !status.ok()) return status;
@@ -469,7 +470,7 @@ absl::StatusOr<Session> Session::open(std::vector<std::shared_ptr<grpc::Channel>
   if (channels.empty()) return absl::InvalidArgumentError("a session needs at least one channel");
   std::vector<Server> servers;
   for (std::shared_ptr<grpc::Channel>& channel : channels) {
-    servers.push_back({std::move(channel), "this process"});
+    servers.push_back({std::move(channel), Peer{"this process"}});
   }
   auto core = std::make_unique<Core>(std::move(servers), options);
   if (absl::Status status = core->wait_until_open(); !status.ok()) return status;

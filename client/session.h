@@ -17,6 +17,7 @@
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "client/render_result.h"
+#include "client/security.h"
 
 namespace candela {
 
@@ -24,9 +25,10 @@ struct SessionOptions {
   // "HOST:PORT" or "unix:PATH", at least one. The session starts on the first that takes it and goes on
   // with the next one, round and round, when it loses it. All of them need the same keys for that.
   std::vector<std::string> servers;
-  std::string name;        // see StreamOpen.session; empty: a random one
-  v1::Settings settings;   // from the first frame on
-  uint32_t lookahead = 0;  // frames, 0 .. 16: exposure looks so far ahead, and results come so much later
+  ClientSecurity security;  // with all of them
+  std::string name;         // see StreamOpen.session; empty: a random one
+  v1::Settings settings;    // from the first frame on
+  uint32_t lookahead = 0;   // frames, 0 .. 16: exposure looks so far ahead, and results come so much later
   double cut_threshold_ev = 0;  // see StreamOpen; 0: cuts are where frames say so
   v1::Encoding encoding = v1::ENCODING_RAW;
   uint32_t jpeg_quality = 0;  // 1 .. 100; 0 is the server's default
@@ -81,7 +83,8 @@ struct SessionStats {
 // talks to the server. Movable.
 class Session {
  public:
-  // Waits until a server has taken the session. INVALID_ARGUMENT for an address of another shape; else what
+  // Waits until a server has taken the session. INVALID_ARGUMENT for an address of another shape or for
+  // security that cannot be used; else what
   // the last server said that could not be reached or refused.
   static absl::StatusOr<Session> open(const SessionOptions& options);
 

@@ -1,7 +1,6 @@
 #include "client/wire.h"
 
 #include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 #include <grpcpp/support/channel_arguments.h>
 
 #include <algorithm>
@@ -11,6 +10,8 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
+#include "client/channel_credentials.h"
+#include "client/tls_probe.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -28,16 +29,18 @@ bool is_address(const std::string& address) {
          absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 1 && port <= 65535;
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const std::string& address,
-                                                         grpc::ChannelArguments arguments) {
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc::ChannelArguments arguments) {
+  const std::string& address = peer.address;
   if (!is_address(address)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
   }
+  auto credentials = channel_credentials(address, peer.security, arguments);
+  if (!credentials.ok()) return credentials.status();
   // The address is the server's, whatever the environment says.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(address, *credentials, arguments);
 }
 
 }  // namespace
@@ -71,11 +74,9 @@ uint64_t rows_of_band(uint64_t row_bytes) {
   return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address) {
-  return open_with(address, {});
-}
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer) { return open_with(peer, {}); }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const std::string& address,
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
                                                                     absl::Duration ping_interval) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -87,11 +88,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const std::s
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
   // A session may wait for long with nothing to send.
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  return open_with(address, std::move(arguments));
+  return open_with(peer, std::move(arguments));
 }
 
-absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected) {
+absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected) {
   if (status.ok()) return absl::OkStatus();
+  const std::string& address = peer.address;
   const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
   const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
                                                     : std::string(plain.message()));
@@ -103,6 +105,10 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& address, b
         return absl::UnavailableError(absl::StrFormat(
             "lost the server at %s: %s; it may have stopped, so look at its log and try again", address,
             message));
+      }
+      if (may_be_about_tls(message)) {
+        const std::string why = why_tls_fails(address, peer.security);
+        if (!why.empty()) return absl::UnavailableError(why);
       }
       return absl::UnavailableError(
           absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",

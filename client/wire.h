@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/security.h"
 
 namespace candela {
 
@@ -27,16 +28,17 @@ absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format
 // How many rows of so many bytes go into one band; at least 1.
 uint64_t rows_of_band(uint64_t row_bytes);
 
-// To a server by its address, "HOST:PORT" or "unix:PATH". Does not connect yet: INVALID_ARGUMENT for an
-// address of another shape.
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address);
+// To a server by its address. Does not connect yet: INVALID_ARGUMENT for an address of another shape, and as
+// channel_credentials().
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer);
 
 // The same for a session: it shares its connection with no other channel of this process, one that is lost is
 // tried again soon, and one that is silent is given up as SessionOptions::ping_interval says.
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const std::string& address,
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
                                                                     absl::Duration ping_interval);
 
-// The one place where gRPC's errors become ours. `connected`: a message reached the server.
-absl::Status from_grpc(const grpc::Status& status, const std::string& address, bool connected);
+// The one place where gRPC's errors become ours. `connected`: a message reached the server. Where none did
+// and TLS may be the reason, the server is asked once more, see why_tls_fails().
+absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected);
 
 }  // namespace candela

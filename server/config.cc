@@ -30,6 +30,19 @@ absl::Status check_duration(const char* option, absl::Duration value, v1::Range<
                       absl::FormatDuration(range.min), absl::FormatDuration(range.max)));
 }
 
+absl::Status check_tls(const Config& config) {
+  if (config.tls_cert.empty() != config.tls_key.empty()) {
+    return absl::InvalidArgumentError(absl::StrFormat("%s is given without %s; TLS needs both",
+                                                      config.tls_cert.empty() ? "tls-key" : "tls-cert",
+                                                      config.tls_cert.empty() ? "tls-cert" : "tls-key"));
+  }
+  if (!config.tls_client_ca.empty() && config.tls_cert.empty()) {
+    return absl::InvalidArgumentError(
+        "tls-client-ca is given without tls-cert and tls-key; only TLS asks clients for certificates");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::string default_cache_dir() {
@@ -42,7 +55,10 @@ std::string default_cache_dir() {
 }
 
 absl::Status check_config(const Config& config) {
-  absl::Status status = check_bytes("memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes);
+  absl::Status status;
+  if (config.memory_budget_bytes != 0) {
+    status.Update(check_bytes("memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes));
+  }
   status.Update(check_bytes("max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes));
   status.Update(check_number("max-dimension", config.max_dimension, kMaxDimension));
   status.Update(check_number("max-calls", config.max_calls, kMaxCalls));
@@ -53,9 +69,10 @@ absl::Status check_config(const Config& config) {
   status.Update(check_duration("drain-timeout", config.drain_timeout, kDrainTimeout));
   status.Update(check_duration("pre-drain", config.pre_drain, kPreDrain));
   status.Update(check_duration("resume-ttl", config.resume_ttl, kResumeTtl));
+  status.Update(check_tls(config));
   if (!config.metrics.empty()) status.Update(check_metrics_address(config.metrics, config.insecure));
   for (const std::string& address : config.listen) {
-    status.Update(check_listen_address(address, config.insecure));
+    status.Update(check_listen_address(address, config.insecure || !config.tls_cert.empty()));
   }
   return status;
 }

@@ -17,18 +17,23 @@ inline constexpr char kDefaultListen[] = "127.0.0.1:50051";
 // The defaults are candelad's, except that a server listens nowhere until it is told to.
 struct Config {
   std::vector<std::string>
-      listen;               // "HOST:PORT" (port 0 takes a free one) or "unix:PATH"; empty: in-process only
-  bool insecure = false;    // allow addresses beyond loopback, where any one can connect and read
-  std::string device;       // a part of a device's name, or its index; empty: the best there is
-  bool validation = false;  // Vulkan's validation layers
-  std::string cache_dir;    // for what was measured about the device; empty: kept in memory only
-  uint64_t memory_budget_bytes = uint64_t{2} << 30;      // for the texture pool
+      listen;             // "HOST:PORT" (port 0 takes a free one) or "unix:PATH"; empty: in-process only
+  bool insecure = false;  // allow addresses beyond loopback without TLS, where any one can connect and read
+  std::string tls_cert;   // PEM files; empty: no TLS. Read again when they change
+  std::string tls_key;    // of tls_cert
+  std::string tls_client_ca;  // clients must show a certificate of one of these; empty: they need none
+  std::string
+      token_file;      // bearer tokens, one a line, of which a call must show one; empty: none is asked for
+  std::string device;  // a part of a device's name, or its index; empty: the best there is
+  bool validation = false;           // Vulkan's validation layers
+  std::string cache_dir;             // for what was measured about the device; empty: kept in memory only
+  uint64_t memory_budget_bytes = 0;  // for the texture pool; 0: see choose_memory_budget
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // of one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels
   uint32_t max_calls = 64;                               // Render and Meter calls at once
   uint32_t max_sessions = 64;                            // streams at once
   uint32_t max_frames_in_flight = 2;                     // of a session, without a result
-  uint32_t encoder_threads = 0;                          // for PNG and JPEG results; 0: one per core
+  uint32_t encoder_threads = 0;                          // for PNG and JPEG results; 0: usable_cpus()
   absl::Duration idle_timeout =
       absl::Seconds(60);  // a client that neither sends nor reads for so long is cut off
   absl::Duration drain_timeout =

@@ -104,13 +104,23 @@ void add_options(CLI::App& app, Invocation& invocation) {
         if (!config.listen.empty()) return absl::OkStatus();
         return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
       });
-  add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback, without TLS");
+  add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback without TLS");
+  add_text(app, "tls-cert", "FILE", config.tls_cert,
+           "Certificate to serve TLS with, PEM, the server's own first; read again when it changes; empty: "
+           "no TLS");
+  add_text(app, "tls-key", "FILE", config.tls_key, "Private key of tls-cert, PEM, without a passphrase");
+  add_text(app, "tls-client-ca", "FILE", config.tls_client_ca,
+           "CAs, PEM: clients must show a certificate that one of them has signed; empty: they need none");
+  add_text(
+      app, "token-file", "FILE", config.token_file,
+      "Bearer tokens, one a line: a call must show one of them; read again when it changes; empty: none");
   add_text(app, "device", "NAME|INDEX", config.device,
            "Vulkan device: a part of its name or its index; empty takes the best");
   add_flag(app, "validation", config.validation, "Run with Vulkan's validation layers (slow)");
   add_text(app, "cache-dir", "PATH", config.cache_dir,
            "Where to keep what was measured about the device; empty takes the user's cache");
-  add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes, "Memory for textures");
+  add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes,
+            "Memory for textures; 0: 2GiB, or 3/8 of the cgroup's memory where that is less");
   add_bytes(app, "max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes, "Largest frame on the wire");
   add_number(app, "max-dimension", config.max_dimension, kMaxDimension, "Largest width or height, in pixels");
   add_number(app, "max-calls", config.max_calls, kMaxCalls, "Render and Meter calls at once");
@@ -118,7 +128,7 @@ void add_options(CLI::App& app, Invocation& invocation) {
   add_number(app, "max-frames-in-flight", config.max_frames_in_flight, kMaxFramesInFlight,
              "Frames of a session without a result");
   add_number(app, "encoder-threads", config.encoder_threads, kEncoderThreads,
-             "Threads for PNG and JPEG results; 0: one per core");
+             "Threads for PNG and JPEG results; 0: one per CPU that it may use");
   add_duration(app, "idle-timeout", config.idle_timeout, kIdleTimeout,
                "A client that neither sends nor reads for so long is cut off");
   add_duration(app, "drain-timeout", config.drain_timeout, kDrainTimeout,
@@ -129,7 +139,7 @@ void add_options(CLI::App& app, Invocation& invocation) {
            "Keys that sign resume tokens, one a line in hex; empty takes a key of this server's own");
   add_duration(app, "resume-ttl", config.resume_ttl, kResumeTtl, "How long a resume token is good");
   add_text(app, "metrics", "ADDRESS", config.metrics,
-           "Where to serve Prometheus metrics: HOST:PORT; empty: nowhere");
+           "Where to serve Prometheus metrics: HOST:PORT, IPv4; empty: nowhere");
   add_log_options(app, invocation.log);
 }
 

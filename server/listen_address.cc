@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <optional>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -25,39 +26,56 @@ bool is_loopback(absl::string_view host) {
   return host == "localhost" || host == "::1" || (all_digits && absl::StartsWith(host, "127."));
 }
 
-absl::Status bad_shape(const std::string& address) {
-  return absl::InvalidArgumentError(absl::StrFormat(
-      "listen address '%s' is neither HOST:PORT (port 0 .. %d) nor unix:PATH", address, kMaxPort));
+// Of "HOST:PORT", without the brackets of an IPv6 host; nothing for any other shape.
+std::optional<absl::string_view> host_of(absl::string_view address) {
+  const size_t colon = address.rfind(':');
+  if (colon == absl::string_view::npos || colon == 0) return std::nullopt;
+  absl::string_view host = address.substr(0, colon);
+  uint32_t port = 0;
+  if (!absl::SimpleAtoi(address.substr(colon + 1), &port) || port > kMaxPort) return std::nullopt;
+  const bool bracketed = absl::ConsumePrefix(&host, "[") && absl::ConsumeSuffix(&host, "]");
+  if (host.empty() || (!bracketed && host.find_first_of("[]:/") != absl::string_view::npos)) {
+    return std::nullopt;
+  }
+  return host;
 }
 
 }  // namespace
 
-absl::Status check_listen_address(const std::string& address, bool insecure) {
-  if (absl::StartsWith(address, "unix:")) return address.size() > 5 ? absl::OkStatus() : bad_shape(address);
-
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos || colon == 0) return bad_shape(address);
-  absl::string_view host = absl::string_view(address).substr(0, colon);
-  uint32_t port = 0;
-  if (!absl::SimpleAtoi(address.substr(colon + 1), &port) || port > kMaxPort) return bad_shape(address);
-  const bool bracketed = absl::ConsumePrefix(&host, "[") && absl::ConsumeSuffix(&host, "]");
-  if (host.empty() || (!bracketed && host.find_first_of("[]:/") != absl::string_view::npos))
-    return bad_shape(address);
-
-  if (!insecure && !is_loopback(host)) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("'%s' is reachable from other machines and this server has no TLS; listen on "
-                        "127.0.0.1 behind a proxy, or "
-                        "accept that anyone there can connect and read with --insecure",
-                        address));
+absl::Status check_listen_address(const std::string& address, bool public_too) {
+  if (absl::StartsWith(address, "unix:") && address.size() > 5) return absl::OkStatus();
+  const std::optional<absl::string_view> host = host_of(address);
+  if (!host) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "listen address '%s' is neither HOST:PORT (port 0 .. %d) nor unix:PATH", address, kMaxPort));
   }
-  return absl::OkStatus();
+  if (public_too || is_loopback(*host)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrFormat("'%s' is reachable from other machines and this server has no TLS; give it --tls-cert "
+                      "and --tls-key, listen "
+                      "on 127.0.0.1 behind a proxy, or accept that anyone there can connect and read, tokens "
+                      "too, with --insecure",
+                      address));
 }
 
 absl::Status check_metrics_address(const std::string& address, bool insecure) {
-  if (!absl::StartsWith(address, "unix:")) return check_listen_address(address, insecure);
-  return absl::InvalidArgumentError(
-      absl::StrFormat("metrics is '%s'; it must be HOST:PORT, for metrics are served over HTTP", address));
+  const std::optional<absl::string_view> host = host_of(address);
+  if (!host) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "metrics is '%s'; it must be HOST:PORT (port 0 .. %d), for metrics are served over HTTP", address,
+        kMaxPort));
+  }
+  if (absl::StrContains(*host, ':')) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "metrics is '%s'; they are served over IPv4 alone, for Debian's civetweb is built without "
+        "IPv6: write 127.0.0.1:PORT",
+        address));
+  }
+  if (insecure || is_loopback(*host)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "metrics is '%s', which is reachable from other machines, and metrics have no TLS; serve them "
+      "on 127.0.0.1, or accept that anyone there can read them with --insecure",
+      address));
 }
 
 absl::Status check_socket_is_free(const std::string& address) {

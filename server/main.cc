@@ -15,11 +15,13 @@
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
 #include "server/config.h"
 #include "server/rpc/grpc_log.h"
 #include "server/server.h"
+#include "server/service_manager.h"
 #include "server/vulkan/device.h"
 
 namespace candela {
@@ -112,11 +114,14 @@ int print_devices() {
 
 // A frame's messages are megabytes that come and go: kept by the allocator, they are not given back to the
 // system after each and faulted in again for the next, which cost a stream 6 % of its frames.
+// Each arena keeps some, so that there are few of them where memory is short.
 void keep_freed_memory() {
   constexpr int kLargestKept = 32 << 20;  // bytes of one block; the most that glibc takes
   constexpr int kKept = 64 << 20;         // bytes in all, of each of its arenas
   mallopt(M_MMAP_THRESHOLD, kLargestKept);
   mallopt(M_TRIM_THRESHOLD, kKept);
+  constexpr int kFewArenas = 2;
+  if (read_cgroup_limits().memory_bytes) mallopt(M_ARENA_MAX, kFewArenas);
 }
 
 int serve(const Invocation& invocation) {
@@ -124,6 +129,7 @@ int serve(const Invocation& invocation) {
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
+  tell_service_manager("STATUS=starting");
   Config config = invocation.config;
   if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
@@ -135,10 +141,13 @@ int serve(const Invocation& invocation) {
             {{"address", addresses},
              {"device", (*server)->device_name()},
              {"metrics", (*server)->metrics_address()}});
+  tell_service_manager("READY=1\nSTATUS=serving on " + addresses);
+  const Watchdog watchdog([s = server->get()] { return s->alive(); });
 #ifdef CANDELA_LOSE_DEVICES
   (*server)->lose_device(CANDELA_LOSE_DEVICES);  // a test's daemon
 #endif
   signals.wait_for_stop();
+  tell_service_manager("STOPPING=1\nSTATUS=draining");
   (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");
   return signals.failed() ? kFailed : 0;

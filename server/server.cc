@@ -11,18 +11,23 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
+#include "server/base/log.h"
 #include "server/base/metrics.h"
 #include "server/engine.h"
 #include "server/listen_address.h"
+#include "server/memory_budget.h"
 #include "server/render/renderer.h"
 #include "server/render/texture_pool.h"
 #include "server/render/tiers.h"
+#include "server/rpc/access.h"
 #include "server/rpc/backend.h"
 #include "server/rpc/health.h"
 #include "server/rpc/render_service.h"
 #include "server/stream/heartbeat.h"
 #include "server/stream/render_loop.h"
+#include "server/units.h"
 #include "server/vulkan/device.h"
 
 namespace candela {
@@ -86,6 +91,21 @@ std::string with_port(const std::string& address, int port) {
   return absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
 }
 
+void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const Config& config) {
+  log_event(LogLevel::kInfo, "limits",
+            {{"cpus", uint64_t{usable_cpus(limits)}},
+             {"cpus_from", limits.cpus ? absl::StrFormat("%g of %s", *limits.cpus, limits.cpus_from)
+                                       : "those it may run on"},
+             {"memory_budget", format_bytes(budget.bytes)},
+             {"memory_budget_from", budget.from},
+             {"sessions", uint64_t{config.max_sessions}},
+             {"calls", uint64_t{config.max_calls}}});
+  if (!budget.beyond_the_limit) return;
+  log_event(LogLevel::kWarning,
+            "memory-budget is more than this process may take; it will be killed and not refuse",
+            {{"limit", format_bytes(*limits.memory_bytes)}, {"limit_from", limits.memory_from}});
+}
+
 }  // namespace
 
 struct Server::Parts {
@@ -100,6 +120,7 @@ struct Server::Parts {
   void stop(absl::Duration grace);
 
   const Config config;
+  std::unique_ptr<Access> access;
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<EngineKeeper> engines;
   std::unique_ptr<TierMeter> tier_meter;
@@ -131,6 +152,10 @@ absl::Status Server::Parts::listen() {
   grpc::ResourceQuota quota("candelad");
   quota.SetMaxThreads(kMaxThreads);
   builder.SetResourceQuota(quota);
+  // What lies in gRPC unread is bounded by this alone. A memory quota would end calls, and clients with them,
+  // and not hold them back.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kLookAheadBytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
                              static_cast<int>(config.max_calls + config.max_sessions) + kOtherStreams);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kPingIntervalMs);
@@ -142,7 +167,7 @@ absl::Status Server::Parts::listen() {
     if (absl::Status status = check_socket_is_free(address); !status.ok()) return status;
   }
   for (size_t i = 0; i < ports.size(); ++i) {
-    builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+    builder.AddListeningPort(config.listen[i], access->credentials(config.listen[i], *metrics), &ports[i]);
   }
   grpc = builder.BuildAndStart();
   for (size_t i = 0; i < ports.size(); ++i) {
@@ -209,21 +234,31 @@ void Server::Parts::stop(absl::Duration grace) {
   metrics->set_sampler({});
 }
 
-absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config,
+absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
                                                       std::function<void()> on_device_gone) {
-  if (absl::Status status = check_config(config); !status.ok()) return status;
+  if (absl::Status status = check_config(asked); !status.ok()) return status;
+  const CgroupLimits cgroup = read_cgroup_limits();
+  const MemoryBudget budget = choose_memory_budget(asked.memory_budget_bytes, cgroup);
+  Config config = asked;
+  config.memory_budget_bytes = budget.bytes;
+  config.max_sessions = std::min(config.max_sessions, budget.most_sessions);
+  config.max_calls = std::min(config.max_calls, budget.most_sessions);
   absl::StatusOr<TokenKeys> keys = config.resume_keys.empty()
                                        ? TokenKeys::random(config.resume_ttl)
                                        : TokenKeys::read(config.resume_keys, config.resume_ttl);
   if (!keys.ok()) return keys.status();
+  absl::StatusOr<std::unique_ptr<Access>> access =
+      Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file);
+  if (!access.ok()) return access.status();
   prepare_driver_environment();
   const auto start_one = [options = DeviceOptions{.selector = config.device, .validation = config.validation},
-                          budget = config.memory_budget_bytes] { return start_engine(options, budget); };
+                          bytes = budget.bytes] { return start_engine(options, bytes); };
   absl::StatusOr<std::shared_ptr<Engine>> engine = start_one();
   if (!engine.ok()) return engine.status();
 
   auto parts = std::make_unique<Parts>(config);
   const DeviceSummary& device = (*engine)->device->summary();
+  parts->access = *std::move(access);
   parts->metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
   parts->engines =
       std::make_unique<EngineKeeper>(*engine, start_one, *parts->metrics, std::move(on_device_gone));
@@ -264,6 +299,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& config,
   if (absl::Status status = running.serve_metrics(); !status.ok()) return status;
   if (absl::Status status = running.listen(); !status.ok()) return status;
   running.health->begin(*running.grpc->GetHealthCheckService());
+  log_limits(cgroup, budget, config);
   return server;
 }
 
@@ -276,6 +312,8 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() { return parts_->grp
 const std::vector<std::string>& Server::addresses() const { return parts_->addresses; }
 
 const std::string& Server::metrics_address() const { return parts_->metrics_address; }
+
+bool Server::alive() const { return parts_->health->alive(); }
 
 const std::string& Server::device_name() const { return parts_->backend->device; }
 

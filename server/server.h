@@ -38,6 +38,9 @@ class Server {
   // Where it serves metrics, with the port that was taken for port 0; empty when nowhere.
   const std::string& metrics_address() const;
 
+  // Whether the render thread moves, as the health service's "liveness" says.
+  bool alive() const;
+
   // The device's own name.
   const std::string& device_name() const;
 

@@ -11,6 +11,7 @@
 #include "client/cli/options.h"
 #include "client/cli/render_options.h"
 #include "client/cli/report_options.h"
+#include "client/cli/security_options.h"
 #include "client/cli/sequence_files.h"
 #include "client/cli/stream_options.h"
 #include "client/cli/usage.h"
@@ -89,6 +90,7 @@ void add_health(CLI::App& app, HealthOptions& health) {
              return absl::OkStatus();
            })
       ->required();
+  add_security_options(app, "Options", health.security);
   add_number(app, "Options", "--timeout", "S", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
              "Seconds to wait for its answer",
              [&health](double seconds) { health.timeout = absl::Seconds(seconds); });

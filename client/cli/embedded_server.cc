@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "server/base/driver_environment.h"
+#include "server/memory_budget.h"
 #include "server/server.h"
 
 namespace candela {
@@ -12,6 +13,7 @@ void EmbeddedServer::prepare() { prepare_driver_environment(); }
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device) {
   Config config;
   config.device = device;
+  config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   config.cache_dir = default_cache_dir();
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
   if (!server.ok()) return server.status();

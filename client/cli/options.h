@@ -11,6 +11,7 @@
 #include "candela/v1/render.pb.h"
 #include "client/color/view_table.h"
 #include "client/image/image.h"
+#include "client/security.h"
 
 namespace candela {
 
@@ -18,6 +19,7 @@ namespace candela {
 struct ServerChoice {
   std::string address;                   // "HOST:PORT" or "unix:PATH"; empty: a server inside of this process
   std::vector<std::string> others = {};  // more of them, for a session that loses the first
+  ClientSecurity security = {};          // with running servers
   std::string device;  // of the server inside: a part of its name, or its index; empty: the best there is
 };
 
@@ -104,6 +106,7 @@ struct InfoOptions {
 
 struct HealthOptions {
   std::string address;
+  ClientSecurity security;
   absl::Duration timeout = absl::Seconds(5);
 };
 

@@ -9,6 +9,7 @@
 #include "absl/strings/str_split.h"
 #include "client/cli/enum_words.h"
 #include "client/cli/option_kinds.h"
+#include "client/cli/security_options.h"
 #include "client/cli/usage.h"
 #include "client/cli/view_options.h"
 #include "client/image/image.h"
@@ -67,6 +68,7 @@ void add_server_options(CLI::App& app, ServerChoice& choice) {
              choice.address = address;
              return absl::OkStatus();
            });
+  add_security_options(app, kServer, choice.security);
   add_text(app, kServer, "--device", "NAME|INDEX",
            "Device of the server inside: a part of its name, or its number (default: the best there is)",
            [&choice](const std::string& device) {

@@ -38,7 +38,7 @@ ServerLink::ServerLink(const ServerChoice& choice) : choice_(choice) {
 absl::StatusOr<const Connection*> ServerLink::connection() {
   if (connection_) return &*connection_;
   if (!choice_.address.empty()) {
-    absl::StatusOr<Connection> opened = Connection::open(choice_.address);
+    absl::StatusOr<Connection> opened = Connection::open(choice_.address, choice_.security);
     if (!opened.ok()) return usage_error(std::string(opened.status().message()));
     connection_ = *std::move(opened);
     return &*connection_;
@@ -57,6 +57,7 @@ absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& options) 
     return Session::open({(*server)->channel()}, options);
   }
   SessionOptions there = options;
+  there.security = choice_.security;
   there.servers = {choice_.address};
   there.servers.insert(there.servers.end(), choice_.others.begin(), choice_.others.end());
   return Session::open(there);
@@ -68,7 +69,7 @@ absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
   absl::StatusOr<v1::GetServerInfoResponse> info = ask_info(**server);
   for (const std::string& address : choice_.others) {
     if (info.ok()) break;
-    const absl::StatusOr<Connection> other = Connection::open(address);
+    const absl::StatusOr<Connection> other = Connection::open(address, choice_.security);
     if (!other.ok()) return usage_error(std::string(other.status().message()));
     if (auto answer = ask_info(*other); answer.ok()) info = std::move(answer);
   }

@@ -6,6 +6,7 @@
 #include "absl/strings/str_split.h"
 #include "client/cli/option_kinds.h"
 #include "client/cli/render_options.h"
+#include "client/cli/security_options.h"
 #include "client/cli/sequence_files.h"
 #include "client/cli/usage.h"
 
@@ -146,6 +147,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
       "Running candelads, HOST:PORT or unix:PATH: the first one that is there, and the next when it is lost "
       "(default: none, a server inside this process)",
       [&options](const std::string& text) { return set_servers(text, options.server); });
+  add_security_options(app, kServer, options.server.security);
   add_device_option(app, options.server);
   add_number(app, kServer, "--resume", "S", {0, kSeconds.max}, absl::ToDoubleSeconds(options.resume_limit),
              "Seconds to look for a server when one is lost",

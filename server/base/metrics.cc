@@ -48,6 +48,8 @@ const char* word(Rejection reason) {
       return "promise";
     case Rejection::kToken:
       return "token";
+    case Rejection::kAccess:
+      return "access";
   }
   return "other";
 }
@@ -117,7 +119,7 @@ Metrics::Metrics(const std::string& version, const std::string& device, const st
       .Set(1);
   // What has not happened yet is 0 and not absent.
   impl_->frames.Add({{"result", "ok"}});
-  for (int i = 0; i <= static_cast<int>(Rejection::kToken); ++i) {
+  for (int i = 0; i <= static_cast<int>(Rejection::kAccess); ++i) {
     impl_->rejections.Add({{"reason", word(static_cast<Rejection>(i))}});
   }
 }

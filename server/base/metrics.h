@@ -23,6 +23,7 @@ enum class Rejection {
   kRequest,  // a first message that is not as the contract says
   kPromise,  // no tier keeps it
   kToken,    // a resume token that cannot be used
+  kAccess,   // a bearer token that is missing or not known
 };
 
 // What the server counts. Any thread.

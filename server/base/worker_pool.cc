@@ -1,12 +1,13 @@
 #include "server/base/worker_pool.h"
 
-#include <algorithm>
 #include <utility>
+
+#include "server/base/cgroup.h"
 
 namespace candela {
 
 WorkerPool::WorkerPool(uint32_t threads) {
-  const uint32_t count = threads > 0 ? threads : std::max(1u, std::thread::hardware_concurrency());
+  const uint32_t count = threads > 0 ? threads : usable_cpus();
   for (uint32_t i = 0; i < count; ++i) threads_.emplace_back([this] { work(); });
 }
 

@@ -14,7 +14,7 @@ namespace candela {
 // Any thread. First come, first served.
 class WorkerPool {
  public:
-  // `threads` 0: one for each core.
+  // `threads` 0: usable_cpus().
   explicit WorkerPool(uint32_t threads);
   // As stop().
   ~WorkerPool();

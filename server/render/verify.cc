@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "server/base/cgroup.h"
 #include "server/render/aces.h"
 #include "server/render/frame_memory.h"
 #include "server/render/passes.h"
@@ -216,9 +217,7 @@ void for_row_parts(uint32_t height, uint32_t parts, const Work& work) {
   }
 }
 
-uint32_t row_parts(uint32_t height) {
-  return std::clamp<uint32_t>(std::thread::hardware_concurrency(), 1, height);
-}
+uint32_t row_parts(uint32_t height) { return std::clamp<uint32_t>(usable_cpus(), 1, height); }
 
 // Compares rows [first, last): adds their errors to the tally and to row_sums[y], and maps them where a map
 // is wanted.

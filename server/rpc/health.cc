@@ -29,6 +29,11 @@ void Health::drain() {
   tell();
 }
 
+bool Health::alive() const {
+  absl::MutexLock lock(&mutex_);
+  return moving_;
+}
+
 void Health::tell() {
   if (service_ == nullptr) return;
   const bool ready = working_ && moving_ && !draining_;

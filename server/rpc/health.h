@@ -21,12 +21,14 @@ class Health {
   void pulse(bool working, bool moving);
   // For good.
   void drain();
+  // What "liveness" is.
+  bool alive() const;
 
  private:
   void tell() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Metrics& metrics_;
-  absl::Mutex mutex_;
+  mutable absl::Mutex mutex_;
   grpc::HealthCheckServiceInterface* service_ ABSL_GUARDED_BY(mutex_) = nullptr;
   bool working_ ABSL_GUARDED_BY(mutex_) = true;
   bool moving_ ABSL_GUARDED_BY(mutex_) = true;

@@ -1,26 +1,21 @@
 #include "server/rpc/resume_token.h"
 
-#include <fcntl.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <openssl/crypto.h>
 #include <openssl/evp.h>
 #include <openssl/rand.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <utility>
 
-#include "absl/cleanup/cleanup.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/option_file.h"
 #include "server/rpc/resume_token.pb.h"
 
 namespace candela {
@@ -32,7 +27,7 @@ constexpr size_t kKeyIdBytes = 8;
 constexpr size_t kHeadBytes = 1 + kKeyIdBytes + 2;
 constexpr size_t kMacBytes = 32;
 constexpr size_t kSettingsHashBytes = 16;
-constexpr off_t kMaxKeyFileBytes = 64 << 10;
+constexpr size_t kMaxKeyFileBytes = 64 << 10;
 
 std::string sha256(std::string_view bytes) {
   unsigned char digest[EVP_MAX_MD_SIZE];
@@ -107,40 +102,6 @@ ResumePoint point_of(const internal::ResumeBody& body) {
   return point;
 }
 
-absl::StatusOr<std::string> read_key_file(const std::string& path) {
-  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0) {
-    return absl::NotFoundError(absl::StrFormat("resume-keys: cannot read %s: %s", path, strerror(errno)));
-  }
-  const absl::Cleanup close_file = [file] { close(file); };
-  struct stat about {};
-  if (fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) {
-    return absl::NotFoundError(absl::StrFormat("resume-keys: %s is not a file", path));
-  }
-  if ((about.st_mode & (S_IRGRP | S_IWGRP | S_IROTH | S_IWOTH)) != 0) {
-    return absl::FailedPreconditionError(
-        absl::StrFormat("resume-keys: others than its owner may read or change %s (mode %03o) and could make "
-                        "tokens; run: chmod "
-                        "600 %s",
-                        path, about.st_mode & 0777, path));
-  }
-  if (about.st_size > kMaxKeyFileBytes) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("resume-keys: %s has %d bytes, and %d are enough for %d keys", path, about.st_size,
-                        kMaxKeyFileBytes, kMaxKeys));
-  }
-  std::string text(static_cast<size_t>(about.st_size), '\0');
-  size_t filled = 0;
-  while (filled < text.size()) {
-    const ssize_t count = ::read(file, text.data() + filled, text.size() - filled);
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) break;
-    filled += static_cast<size_t>(count);
-  }
-  text.resize(filled);
-  return text;
-}
-
 }  // namespace
 
 TokenKeys::Key TokenKeys::key_of(std::string bytes) {
@@ -157,7 +118,8 @@ absl::StatusOr<TokenKeys> TokenKeys::create(std::vector<Key> keys, absl::Duratio
 }
 
 absl::StatusOr<TokenKeys> TokenKeys::read(const std::string& path, absl::Duration ttl) {
-  const absl::StatusOr<std::string> text = read_key_file(path);
+  const absl::StatusOr<std::string> text =
+      read_option_file("resume-keys", path, kMaxKeyFileBytes, Secrecy::kSecret);
   if (!text.ok()) return text.status();
   std::vector<Key> keys;
   int number = 0;

@@ -36,9 +36,8 @@ inline constexpr absl::Duration kDefaultResumeTtl = absl::Minutes(10);
 class TokenKeys {
  public:
   // One key a line, in hex, kMinKeyBytes or more each; lines that begin with # and empty ones are skipped.
-  // `ttl` is how long a token is good. FAILED_PRECONDITION where others than the owner may read or change the
-  // file, NOT_FOUND where it cannot be read, INVALID_ARGUMENT naming the line for what is no key. No message
-  // holds a part of a key.
+  // `ttl` is how long a token is good. Fails as read_option_file, and with INVALID_ARGUMENT naming the line
+  // for what is no key. No message holds a part of a key.
   static absl::StatusOr<TokenKeys> read(const std::string& path, absl::Duration ttl = kDefaultResumeTtl);
   // One key of this process's own: its tokens are of no use to another server.
   static absl::StatusOr<TokenKeys> random(absl::Duration ttl = kDefaultResumeTtl);

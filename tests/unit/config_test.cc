@@ -56,6 +56,10 @@ std::set<std::string> keys_of(const std::string& path) {
 void expect_equal(const Invocation& a, const Invocation& b) {
   EXPECT_EQ(a.config.listen, b.config.listen);
   EXPECT_EQ(a.config.insecure, b.config.insecure);
+  EXPECT_EQ(a.config.tls_cert, b.config.tls_cert);
+  EXPECT_EQ(a.config.tls_key, b.config.tls_key);
+  EXPECT_EQ(a.config.tls_client_ca, b.config.tls_client_ca);
+  EXPECT_EQ(a.config.token_file, b.config.token_file);
   EXPECT_EQ(a.config.device, b.config.device);
   EXPECT_EQ(a.config.validation, b.config.validation);
   EXPECT_EQ(a.config.cache_dir, b.config.cache_dir);
@@ -94,7 +98,7 @@ TEST(Config, TheAnnotatedFileListsExactlyTheOptionsThatExist) {
   }
   for (const char* not_a_key : {"config", "list-devices", "version"}) EXPECT_EQ(options.erase(not_a_key), 1u);
   EXPECT_EQ(keys_of(CANDELA_CONF), options);
-  EXPECT_EQ(options.size(), 20u);
+  EXPECT_EQ(options.size(), 24u);
 }
 
 TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
@@ -126,6 +130,18 @@ TEST(Config, SessionsOptionsAreRead) {
   EXPECT_TRUE(parse({"--metrics", "0.0.0.0:9090", "--insecure"}).ok());
 }
 
+TEST(Config, SecurityIsRead) {
+  const Variable key("CANDELA_TLS_KEY", "/etc/candela/key");
+  const TemporaryFile file("tls-cert = \"/etc/candela/cert\"\ntls-client-ca = \"/etc/candela/ca\"\n");
+  const absl::StatusOr<Invocation> invocation =
+      parse({"--config", file.path(), "--token-file", "/etc/candela/tokens", "--listen", "0.0.0.0:1"});
+  ASSERT_TRUE(invocation.ok()) << invocation.status();
+  EXPECT_EQ(invocation->config.tls_cert, "/etc/candela/cert");
+  EXPECT_EQ(invocation->config.tls_key, "/etc/candela/key");
+  EXPECT_EQ(invocation->config.tls_client_ca, "/etc/candela/ca");
+  EXPECT_EQ(invocation->config.token_file, "/etc/candela/tokens");
+}
+
 TEST(Config, ListenTakesSeveralAddresses) {
   const absl::StatusOr<Invocation> invocation = parse({"--listen", "localhost:0,unix:/tmp/c.sock,[::1]:7"});
   ASSERT_TRUE(invocation.ok()) << invocation.status();
@@ -153,7 +169,13 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
       {{"--resume-ttl", "0"}, "resume-ttl"},
       {{"--metrics", "unix:/tmp/m.sock"}, "metrics"},
       {{"--metrics", "9090"}, "9090"},
+      {{"--metrics", "[::1]:9090"}, "IPv4"},
       {{"--metrics", "0.0.0.0:9090"}, "--insecure"},
+      {{"--metrics", "0.0.0.0:9090", "--tls-cert", "c", "--tls-key", "k"}, "--insecure"},
+      {{"--listen", "0.0.0.0:1", "--token-file", "t"}, "--tls-cert"},
+      {{"--tls-cert", "c"}, "tls-cert is given without tls-key"},
+      {{"--tls-key", "k"}, "tls-key is given without tls-cert"},
+      {{"--tls-client-ca", "ca"}, "tls-client-ca"},
       {{"--log-level", "loud"}, "log-level"},
       {{"--listen", "nowhere"}, "nowhere"},
       {{"--lisen", "127.0.0.1:1"}, "--lisen"},

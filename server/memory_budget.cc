@@ -1,0 +1,43 @@
+#include "server/memory_budget.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_format.h"
+#include "server/units.h"
+
+namespace candela {
+namespace {
+
+constexpr uint64_t kMiB = uint64_t{1} << 20;
+
+// Of a limit, for textures.
+constexpr uint64_t kShareNumerator = 3;
+constexpr uint64_t kShareDenominator = 8;
+// Beside textures, measured with lavapipe: the process itself with its shaders and what the allocator keeps,
+// and each session that waits, kLookAheadBytes and messages among it.
+constexpr uint64_t kProcessBytes = 320 * kMiB;
+constexpr uint64_t kSessionBytes = 12 * kMiB;
+
+}  // namespace
+
+MemoryBudget choose_memory_budget(uint64_t asked, const CgroupLimits& limits) {
+  MemoryBudget budget{.from = "the default"};
+  if (asked != 0) {
+    budget.bytes = asked;
+    budget.from = "--memory-budget";
+  }
+  if (!limits.memory_bytes) return budget;
+  const uint64_t limit = *limits.memory_bytes;
+  const uint64_t share = std::max(kMiB, limit / kShareDenominator * kShareNumerator / kMiB * kMiB);
+  if (asked == 0 && share < kDefaultMemoryBudgetBytes) {
+    budget.bytes = share;
+    budget.from = absl::StrFormat("3/8 of the %s of %s", format_bytes(limit), limits.memory_from);
+  }
+  const uint64_t taken = budget.bytes + kProcessBytes;
+  const uint64_t sessions = taken < limit ? (limit - taken) / kSessionBytes : 0;
+  budget.most_sessions = static_cast<uint32_t>(std::clamp<uint64_t>(sessions, 1, budget.most_sessions));
+  budget.beyond_the_limit = budget.bytes > limit;
+  return budget;
+}
+
+}  // namespace candela

@@ -1,0 +1,175 @@
+#include "server/rpc/access.h"
+
+#include <grpc/grpc.h>
+#include <grpc/grpc_security.h>
+#include <grpc/slice.h>
+
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "server/base/log.h"
+
+namespace candela {
+namespace {
+
+constexpr absl::string_view kOpenToAll = "/grpc.health.v1.Health/";
+
+// One answer for a token that is missing and for one that is not known.
+constexpr char kWhatToDo[] =
+    "this server answers only those who show one of its tokens: send the metadata authorization: Bearer "
+    "TOKEN, "
+    "with candela by --token-file FILE; whoever runs the server hands them out";
+
+absl::string_view view_of(const grpc_slice& slice) {
+  return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
+}
+
+bool is_unix(const std::string& address) { return absl::StartsWith(address, "unix:"); }
+
+}  // namespace
+
+// The credentials of one listening address. gRPC's C++ classes either do not read certificates again or,
+// where new ones are damaged, drop the old ones (TlsServerCredentials of 1.51). Its C interface asks before
+// each handshake and keeps what it has.
+class Access::Port final : public grpc::ServerCredentials {
+ public:
+  Port(Access& access, Metrics& metrics, bool tls) : access_(access), metrics_(metrics) {
+    if (tls) {
+      const auto request = access.files_.client_ca.empty()
+                               ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
+                               : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY;
+      credentials_ = grpc_ssl_server_credentials_create_with_options(
+          grpc_ssl_server_credentials_create_options_using_config_fetcher(request, fetch, this));
+    } else {
+      credentials_ = grpc_insecure_server_credentials_create();
+    }
+    if (access.token_file_.empty()) return;
+    grpc_server_credentials_set_auth_metadata_processor(credentials_, {check_token, [](void*) {}, this});
+  }
+  ~Port() override { grpc_server_credentials_release(credentials_); }
+
+  // gRPC never calls it by itself.
+  void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}
+
+ private:
+  int AddPortToServer(const std::string& address, grpc_server* server) override {
+    return grpc_server_add_http2_port(server, address.c_str(), credentials_);
+  }
+
+  // gRPC calls it under a lock of the port's.
+  static grpc_ssl_certificate_config_reload_status fetch(void* self,
+                                                         grpc_ssl_server_certificate_config** config) {
+    Port& port = *static_cast<Port*>(self);
+    std::shared_ptr<const Certificates> now = port.access_.certificates();
+    if (now == port.fetched_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
+    const grpc_ssl_pem_key_cert_pair own{now->key.c_str(), now->cert.c_str()};
+    // Without a CA no client is asked, but Debian's gRPC insists on one: any will do.
+    const std::string& client_ca = now->client_ca.empty() ? now->cert : now->client_ca;
+    *config = grpc_ssl_server_certificate_config_create(client_ca.c_str(), &own, 1);
+    port.fetched_ = std::move(now);
+    return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_NEW;
+  }
+
+  static void check_token(void* self, grpc_auth_context*, const grpc_metadata* metadata, size_t count,
+                          grpc_process_auth_metadata_done_cb done, void* call) {
+    Port& port = *static_cast<Port*>(self);
+    absl::string_view path;
+    const grpc_metadata* authorization = nullptr;
+    for (size_t i = 0; i < count; ++i) {
+      if (view_of(metadata[i].key) == ":path") path = view_of(metadata[i].value);
+      if (view_of(metadata[i].key) == "authorization") authorization = &metadata[i];
+    }
+    const absl::string_view shown = authorization == nullptr ? "" : view_of(authorization->value);
+    if (port.access_.allow(path, shown)) {
+      // What has been looked at goes no further.
+      done(call, authorization, authorization == nullptr ? 0 : 1, nullptr, 0, GRPC_STATUS_OK, nullptr);
+    } else {
+      port.metrics_.rejected(Rejection::kAccess);
+      done(call, nullptr, 0, nullptr, 0, GRPC_STATUS_UNAUTHENTICATED, kWhatToDo);
+    }
+  }
+
+  Access& access_;
+  Metrics& metrics_;
+  grpc_server_credentials* credentials_ = nullptr;
+  std::shared_ptr<const Certificates> fetched_;
+};
+
+absl::StatusOr<std::unique_ptr<Access>> Access::open(const CertificateFiles& certificates,
+                                                     const std::string& token_file) {
+  std::unique_ptr<Access> access(new Access(certificates, token_file));
+  if (absl::Status status = access->read(); !status.ok()) return status;
+  std::vector<std::string> paths;
+  for (const std::string& path : {certificates.cert, certificates.key, certificates.client_ca, token_file}) {
+    if (!path.empty()) paths.push_back(path);
+  }
+  if (!paths.empty()) access->watch_.emplace(paths, [a = access.get()] { a->read_again(); });
+  return access;
+}
+
+Access::Access(CertificateFiles files, std::string token_file)
+    : files_(std::move(files)), token_file_(std::move(token_file)) {}
+
+Access::~Access() = default;
+
+// Each of the two for itself: one that cannot be used does not hold the other up.
+absl::Status Access::read() {
+  absl::Status status;
+  if (tls()) {
+    absl::StatusOr<Certificates> read = read_certificates(files_);
+    const std::shared_ptr<const Certificates> before = certificates();
+    if (read.ok() && (before == nullptr || *before != *read)) {
+      const bool expired = read->expires < absl::Now();
+      log_event(expired ? LogLevel::kError : LogLevel::kInfo,
+                expired ? "the certificate has expired: no client will take it" : "certificates read",
+                {{"file", files_.cert}, {"expires", absl::FormatTime(read->expires, absl::UTCTimeZone())}});
+      absl::MutexLock lock(&mutex_);
+      certificates_ = std::make_shared<const Certificates>(*std::move(read));
+    } else {
+      status.Update(read.status());
+    }
+  }
+  if (!token_file_.empty()) {
+    absl::StatusOr<BearerTokens> read = BearerTokens::read(token_file_);
+    absl::MutexLock lock(&mutex_);
+    if (read.ok() && (tokens_ == nullptr || *tokens_ != *read)) {
+      log_event(LogLevel::kInfo, "tokens read", {{"file", token_file_}});
+      tokens_ = std::make_shared<const BearerTokens>(*std::move(read));
+    } else {
+      status.Update(read.status());
+    }
+  }
+  return status;
+}
+
+void Access::read_again() {
+  const absl::Status status = read();
+  if (status.ok()) return;
+  log_event(LogLevel::kError, "a new file cannot be used; what was read before stays in force",
+            {{"because", status.message()}});
+}
+
+std::shared_ptr<grpc::ServerCredentials> Access::credentials(const std::string& address, Metrics& metrics) {
+  const bool with_tls = tls() && !is_unix(address);
+  if (!with_tls && token_file_.empty()) return grpc::InsecureServerCredentials();
+  return ports_.emplace_back(std::make_shared<Port>(*this, metrics, with_tls));
+}
+
+std::shared_ptr<const Certificates> Access::certificates() const {
+  absl::MutexLock lock(&mutex_);
+  return certificates_;
+}
+
+bool Access::allow(absl::string_view path, absl::string_view authorization) const {
+  if (absl::StartsWith(path, kOpenToAll)) return true;
+  std::shared_ptr<const BearerTokens> tokens;
+  {
+    absl::MutexLock lock(&mutex_);
+    tokens = tokens_;
+  }
+  return tokens->allow(authorization);
+}
+
+}  // namespace candela
