@@ -6,6 +6,7 @@
 
 #include <map>
 #include <sstream>
+#include <thread>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -140,6 +141,23 @@ TEST(MetricsPort, ServesNothingElseAndEndsWithTheServer) {
   EXPECT_NE(get(address, "/metrics").find("candela_build_info{"), std::string::npos);
   server->drain_and_stop();
   EXPECT_EQ(get(address, "/metrics"), "");
+}
+
+TEST(MetricsPort, LivezAndReadyzSayWhatHealthSays) {
+  Config config = with_metrics();
+  config.pre_drain = absl::Seconds(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  const std::string address = server->metrics_address();
+  const auto says = [&address](const std::string& path) { return get(address, path).substr(9, 3); };
+  EXPECT_EQ(says("/livez"), "200");
+  EXPECT_EQ(says("/readyz"), "200");
+  EXPECT_EQ(says("/readyz/more"), "404");
+  std::thread drain([&server] { server->drain_and_stop(); });
+  const absl::Time limit = absl::Now() + absl::Milliseconds(900);
+  while (says("/readyz") == "200" && absl::Now() < limit) absl::SleepFor(absl::Milliseconds(5));
+  EXPECT_EQ(says("/readyz"), "503");
+  EXPECT_EQ(says("/livez"), "200");
+  drain.join();
 }
 
 TEST(MetricsPort, AnAddressThatIsTakenFailsTheStartInOneLine) {
