@@ -16,6 +16,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 
 namespace candela {
 namespace {
@@ -31,6 +32,14 @@ using prometheus::Histogram;
 // Seconds: a small frame's pass takes a tenth of a millisecond, a large one's verification some seconds.
 const Histogram::BucketBoundaries kStageSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
                                                    0.05,   0.1,     0.25,   0.5,   1.0,    2.5,   5.0,  10.0};
+
+// How frames end, as far as is known beforehand.
+constexpr absl::StatusCode kFrameResults[] = {
+    absl::StatusCode::kOk,       absl::StatusCode::kCancelled,       absl::StatusCode::kDeadlineExceeded,
+    absl::StatusCode::kInternal, absl::StatusCode::kInvalidArgument, absl::StatusCode::kUnavailable,
+};
+
+std::string word(absl::StatusCode code) { return absl::AsciiStrToLower(absl::StatusCodeToString(code)); }
 
 const char* word(Rejection reason) {
   switch (reason) {
@@ -93,6 +102,11 @@ struct Metrics::Impl final : prometheus::Collectable {
       BuildGauge().Name("candela_memory_bytes").Help("Memory of the texture pool").Register(registry);
   Gauge& memory_in_use = memory.Add({{"pool", "textures_in_use"}});
   Gauge& memory_idle = memory.Add({{"pool", "textures_idle"}});
+  Gauge& memory_budget = BuildGauge()
+                             .Name("candela_memory_budget_bytes")
+                             .Help("What the texture pool may have")
+                             .Register(registry)
+                             .Add({});
 
   // Not yet: what begins is alive.
   std::atomic<bool> ready = false;
@@ -108,6 +122,7 @@ struct Metrics::Impl final : prometheus::Collectable {
       queue_frames.Set(static_cast<double>(sample.queue_frames));
       memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
       memory_idle.Set(static_cast<double>(sample.memory_idle_bytes));
+      memory_budget.Set(static_cast<double>(sample.memory_budget_bytes));
     }
     return registry.Collect();
   }
@@ -121,8 +136,14 @@ Metrics::Metrics(const std::string& version, const std::string& device, const st
       .Register(impl_->registry)
       .Add({{"version", version}, {"device", device}, {"driver", driver}})
       .Set(1);
-  // What has not happened yet is 0 and not absent.
-  impl_->frames.Add({{"result", "ok"}});
+  BuildGauge()
+      .Name("candela_start_time_seconds")
+      .Help("When this server began, since 1970")
+      .Register(impl_->registry)
+      .Add({})
+      .Set(absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
+  // What has not happened yet is 0 and not absent: a counter's first step from nothing is no increase.
+  for (const absl::StatusCode code : kFrameResults) impl_->frames.Add({{"result", word(code)}});
   for (int i = 0; i <= static_cast<int>(Rejection::kToken); ++i) {
     impl_->rejections.Add({{"reason", word(static_cast<Rejection>(i))}});
   }
@@ -134,9 +155,7 @@ void Metrics::stage(absl::string_view stage, absl::Duration time) {
   impl_->stages.Add({{"stage", std::string(stage)}}, kStageSeconds).Observe(absl::ToDoubleSeconds(time));
 }
 
-void Metrics::frame_ended(absl::StatusCode code) {
-  impl_->frames.Add({{"result", absl::AsciiStrToLower(absl::StatusCodeToString(code))}}).Increment();
-}
+void Metrics::frame_ended(absl::StatusCode code) { impl_->frames.Add({{"result", word(code)}}).Increment(); }
 
 void Metrics::rejected(Rejection reason) { impl_->rejections.Add({{"reason", word(reason)}}).Increment(); }
 void Metrics::session_began() { impl_->sessions.Increment(); }

@@ -33,6 +33,7 @@ class Metrics {
     uint64_t queue_frames = 0;
     uint64_t memory_in_use_bytes = 0;  // of the texture pool
     uint64_t memory_idle_bytes = 0;
+    uint64_t memory_budget_bytes = 0;  // what both together may have
   };
 
   // The arguments become labels of candela_build_info.

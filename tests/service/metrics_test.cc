@@ -66,8 +66,11 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   const Connection connection(server->in_process_channel());
   std::map<std::string, double> before = scrape(*server);
   EXPECT_EQ(before.at("candela_frames_total{result=\"ok\"}"), 0);
+  EXPECT_EQ(before.at("candela_frames_total{result=\"unavailable\"}"), 0);
   EXPECT_EQ(before.at("candela_rejections_total{reason=\"size\"}"), 0);
   EXPECT_EQ(before.at("candela_serving"), 1);
+  EXPECT_NEAR(before.at("candela_start_time_seconds"), absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()),
+              60);
   EXPECT_EQ(before.at("candela_sessions"), 0);
 
   const WireFrame frame = natural(320, 240);
@@ -85,6 +88,7 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   EXPECT_LT(after.at("candela_bytes_total{direction=\"out\"}"), 320 * 240 * 4 + 10000);
   EXPECT_EQ(after.at("candela_memory_bytes{pool=\"textures_in_use\"}"), 0);
   EXPECT_GT(after.at("candela_memory_bytes{pool=\"textures_idle\"}"), 0);
+  EXPECT_EQ(after.at("candela_memory_budget_bytes"), with_metrics().memory_budget_bytes);
   EXPECT_EQ(after.at("candela_queue_frames"), 0);
 
   const auto stub = v1::RenderService::NewStub(server->in_process_channel());
