@@ -71,7 +71,7 @@ def run(*command: object, timeout: float = 300) -> str:
 
 def attempt(*command: object, timeout: float = 300) -> subprocess.CompletedProcess[str]:
     return subprocess.run([str(word) for word in command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True, timeout=timeout, cwd="/")
+                          stderr=subprocess.PIPE, text=True, timeout=timeout, cwd=CACHE)
 
 
 def podman(*arguments: object, timeout: float = 300) -> str:
