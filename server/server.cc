@@ -45,6 +45,10 @@ constexpr v1::Range<absl::Duration> kHandshake{absl::Seconds(3), absl::Minutes(2
 // Clients may ask for a sign of life once a second (SessionOptions::ping_interval), give or take.
 constexpr int kPingIntervalMs = 500;
 
+// Of each call, beyond the message that it waits for. gRPC would let it grow with the line's speed to tens of
+// megabytes, which no budget counts.
+constexpr int kReadAheadBytes = 1 << 20;
+
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
 
@@ -133,6 +137,8 @@ absl::Status Server::Parts::listen() {
   builder.SetResourceQuota(quota);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
                              static_cast<int>(config.max_calls + config.max_sessions) + kOtherStreams);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kReadAheadBytes);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kPingIntervalMs);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
                              static_cast<int>(absl::ToInt64Milliseconds(
