@@ -82,7 +82,7 @@ def the_sbom_lists_every_package() -> None:
 
 def it_does_not_start_in_the_open_or_without_a_driver_and_says_why() -> None:
     def ends(code: int, says: str, *options: str, arguments: tuple[str, ...] = ()) -> None:
-        ended = attempt("podman", "run", "--rm", "--network=none", *podman.AS_SHIPPED, *options, podman.IMAGE, *arguments)
+        ended = attempt("podman", "run", "--rm", "--timeout=60", "--network=none", *podman.AS_SHIPPED, *options, podman.IMAGE, *arguments)
         lines = [line for line in ended.stderr.splitlines() if line.startswith("candelad: ")]
         expect(ended.returncode == code and len(lines) == 1 and says in lines[0],
                f"it ended with {ended.returncode}, not {code}, or did not say '{says}':\n{ended.stdout}{ended.stderr}")
