@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Deployment tests: container_test.py CLAIM BIN VERSION runs one. BIN has the host's candela and candelad of this tree.
 
-Each function below is a claim; ctest knows TheImageBuilds by its name as a type would have it. The first, the_image_builds, makes the image for the others.
+Claims are the functions below; ctest and CLAIM write the_image_builds, which makes the image for the others, TheImageBuilds.
 """
 import hashlib
 import json
