@@ -60,7 +60,9 @@ bool may_resume(const grpc::Status& status, bool resuming) {
     case grpc::INTERNAL:
       return absl::StrContains(status.error_message(), "RST_STREAM");
     case grpc::UNKNOWN:
-      return absl::StrContains(status.error_message(), "Stream removed");
+      // gRPC's own words: the call ended without the server's. The second ones where a proxy ended it.
+      return absl::StrContains(status.error_message(), "Stream removed") ||
+             absl::StrContains(status.error_message(), "No status received");
     default:
       return false;
   }

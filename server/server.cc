@@ -188,7 +188,7 @@ absl::Status Server::Parts::serve_metrics() {
   if (config.metrics.empty()) return absl::OkStatus();
   metrics->set_sampler([this]() -> Metrics::Sample {
     const PoolCounters pool = engines->engine()->pool.counters();
-    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle};
+    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle, backend->memory_budget_bytes};
   });
   absl::StatusOr<std::unique_ptr<MetricsServer>> started = MetricsServer::start(*metrics, config.metrics);
   if (!started.ok()) return started.status();

@@ -1,11 +1,13 @@
 #include "server/base/metrics.h"
 
+#include <CivetServer.h>
 #include <prometheus/counter.h>
-#include <prometheus/exposer.h>
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
 
+#include <atomic>
 #include <exception>
 #include <mutex>
 #include <utility>
@@ -14,6 +16,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 
 namespace candela {
 namespace {
@@ -29,6 +32,14 @@ using prometheus::Histogram;
 // Seconds: a small frame's pass takes a tenth of a millisecond, a large one's verification some seconds.
 const Histogram::BucketBoundaries kStageSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
                                                    0.05,   0.1,     0.25,   0.5,   1.0,    2.5,   5.0,  10.0};
+
+// How frames end, as far as is known beforehand.
+constexpr absl::StatusCode kFrameResults[] = {
+    absl::StatusCode::kOk,       absl::StatusCode::kCancelled,       absl::StatusCode::kDeadlineExceeded,
+    absl::StatusCode::kInternal, absl::StatusCode::kInvalidArgument, absl::StatusCode::kUnavailable,
+};
+
+std::string word(absl::StatusCode code) { return absl::AsciiStrToLower(absl::StatusCodeToString(code)); }
 
 const char* word(Rejection reason) {
   switch (reason) {
@@ -93,6 +104,15 @@ struct Metrics::Impl final : prometheus::Collectable {
       BuildGauge().Name("candela_memory_bytes").Help("Memory of the texture pool").Register(registry);
   Gauge& memory_in_use = memory.Add({{"pool", "textures_in_use"}});
   Gauge& memory_idle = memory.Add({{"pool", "textures_idle"}});
+  Gauge& memory_budget = BuildGauge()
+                             .Name("candela_memory_budget_bytes")
+                             .Help("What the texture pool may have")
+                             .Register(registry)
+                             .Add({});
+
+  // Not yet: what begins is alive.
+  std::atomic<bool> ready = false;
+  std::atomic<bool> live = true;
 
   mutable std::mutex mutex;
   std::function<Sample()> sampler;  // guarded by mutex
@@ -104,6 +124,7 @@ struct Metrics::Impl final : prometheus::Collectable {
       queue_frames.Set(static_cast<double>(sample.queue_frames));
       memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
       memory_idle.Set(static_cast<double>(sample.memory_idle_bytes));
+      memory_budget.Set(static_cast<double>(sample.memory_budget_bytes));
     }
     return registry.Collect();
   }
@@ -117,8 +138,14 @@ Metrics::Metrics(const std::string& version, const std::string& device, const st
       .Register(impl_->registry)
       .Add({{"version", version}, {"device", device}, {"driver", driver}})
       .Set(1);
-  // What has not happened yet is 0 and not absent.
-  impl_->frames.Add({{"result", "ok"}});
+  BuildGauge()
+      .Name("candela_start_time_seconds")
+      .Help("When this server began, since 1970")
+      .Register(impl_->registry)
+      .Add({})
+      .Set(absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
+  // What has not happened yet is 0 and not absent: a counter's first step from nothing is no increase.
+  for (const absl::StatusCode code : kFrameResults) impl_->frames.Add({{"result", word(code)}});
   for (int i = 0; i <= static_cast<int>(Rejection::kAccess); ++i) {
     impl_->rejections.Add({{"reason", word(static_cast<Rejection>(i))}});
   }
@@ -130,9 +157,7 @@ void Metrics::stage(absl::string_view stage, absl::Duration time) {
   impl_->stages.Add({{"stage", std::string(stage)}}, kStageSeconds).Observe(absl::ToDoubleSeconds(time));
 }
 
-void Metrics::frame_ended(absl::StatusCode code) {
-  impl_->frames.Add({{"result", absl::AsciiStrToLower(absl::StatusCodeToString(code))}}).Increment();
-}
+void Metrics::frame_ended(absl::StatusCode code) { impl_->frames.Add({{"result", word(code)}}).Increment(); }
 
 void Metrics::rejected(Rejection reason) { impl_->rejections.Add({{"reason", word(reason)}}).Increment(); }
 void Metrics::session_began() { impl_->sessions.Increment(); }
@@ -140,29 +165,71 @@ void Metrics::session_ended() { impl_->sessions.Decrement(); }
 void Metrics::bytes_in(uint64_t bytes) { impl_->bytes_in.Increment(static_cast<double>(bytes)); }
 void Metrics::bytes_out(uint64_t bytes) { impl_->bytes_out.Increment(static_cast<double>(bytes)); }
 void Metrics::device_rebuilt() { impl_->device_rebuilds.Increment(); }
-void Metrics::serving(bool serving) { impl_->serving.Set(serving ? 1 : 0); }
+
+void Metrics::health(bool ready, bool live) {
+  impl_->ready = ready;
+  impl_->live = live;
+  impl_->serving.Set(ready ? 1 : 0);
+}
 
 void Metrics::set_sampler(std::function<Sample()> sampler) {
   const std::lock_guard lock(impl_->mutex);
   impl_->sampler = std::move(sampler);
 }
 
-struct MetricsServer::Impl {
-  explicit Impl(const std::string& address)
-      : exposer(std::vector<std::string>{"listening_ports", address, "num_threads", "2", "request_timeout_ms",
-                                         "5000"}) {}
+// Answers every GET of its path.
+class MetricsServer::Page final : public CivetHandler {
+ public:
+  struct Answer {
+    const char* status;
+    std::string text;
+  };
+  explicit Page(std::function<Answer()> answer) : answer_(std::move(answer)) {}
 
-  std::shared_ptr<Metrics::Impl> metrics;
-  prometheus::Exposer exposer;
+  bool handleGet(CivetServer*, mg_connection* connection) override {
+    const Answer answer = answer_();
+    const std::string response = absl::StrFormat(
+        "HTTP/1.1 %s\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: %d\r\n"
+        "Connection: close\r\n\r\n%s",
+        answer.status, answer.text.size(), answer.text);
+    mg_write(connection, response.data(), response.size());
+    return true;
+  }
+
+ private:
+  const std::function<Answer()> answer_;
+};
+
+struct MetricsServer::Impl {
+  Impl(const std::shared_ptr<Metrics::Impl>& metrics, const std::string& address)
+      : scrape([metrics] {
+          return Page::Answer{kOk, prometheus::TextSerializer().Serialize(metrics->Collect())};
+        }),
+        live([metrics] { return yes_or_no(metrics->live); }),
+        ready([metrics] { return yes_or_no(metrics->ready); }),
+        server(std::vector<std::string>{"listening_ports", address, "num_threads", "2", "request_timeout_ms",
+                                        "5000"}) {
+    server.addHandler("/metrics$", scrape);
+    server.addHandler("/livez$", live);
+    server.addHandler("/readyz$", ready);
+  }
+
+  static constexpr char kOk[] = "200 OK";
+  static Page::Answer yes_or_no(bool yes) {
+    return yes ? Page::Answer{kOk, "ok\n"} : Page::Answer{"503 Service Unavailable", "no\n"};
+  }
+
+  Page scrape;
+  Page live;
+  Page ready;
+  CivetServer server;
 };
 
 absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::start(const Metrics& metrics,
                                                                     const std::string& address) {
   try {
-    auto impl = std::make_unique<Impl>(address);
-    impl->metrics = metrics.impl_;
-    impl->exposer.RegisterCollectable(impl->metrics);
-    const std::vector<int> ports = impl->exposer.GetListeningPorts();
+    auto impl = std::make_unique<Impl>(metrics.impl_, address);
+    const std::vector<int> ports = impl->server.getListeningPorts();
     const std::string host = address.substr(0, address.rfind(':') + 1);
     return std::unique_ptr<MetricsServer>(
         new MetricsServer(std::move(impl), absl::StrCat(host, ports.empty() ? 0 : ports.front())));

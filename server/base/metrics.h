@@ -34,6 +34,7 @@ class Metrics {
     uint64_t queue_frames = 0;
     uint64_t memory_in_use_bytes = 0;  // of the texture pool
     uint64_t memory_idle_bytes = 0;
+    uint64_t memory_budget_bytes = 0;  // what both together may have
   };
 
   // The arguments become labels of candela_build_info.
@@ -50,8 +51,8 @@ class Metrics {
   void bytes_in(uint64_t bytes);
   void bytes_out(uint64_t bytes);
   void device_rebuilt();
-  // What health says.
-  void serving(bool serving);
+  // What health says: frames come out and the server does not drain; the render thread moves.
+  void health(bool ready, bool live);
 
   // Whom to ask; until then, and after an empty one, nobody. Returns when the last question to the one before
   // has been answered.
@@ -63,7 +64,8 @@ class Metrics {
   std::shared_ptr<Impl> impl_;
 };
 
-// GET /metrics on a port of its own.
+// A port of its own for whoever watches the server and speaks no gRPC: GET /metrics; GET /livez and /readyz,
+// 200 where health says SERVING for "liveness" and "readiness", else 503.
 class MetricsServer {
  public:
   // `address` has passed check_metrics_address; port 0 takes a free one. UNAVAILABLE when it cannot be
@@ -76,6 +78,7 @@ class MetricsServer {
   const std::string& address() const { return address_; }
 
  private:
+  class Page;
   struct Impl;
   MetricsServer(std::unique_ptr<Impl> impl, std::string address);
   const std::unique_ptr<Impl> impl_;

@@ -41,7 +41,7 @@ void Health::tell() {
     service_->SetServingStatus(name, ready);
   }
   service_->SetServingStatus("liveness", moving_);
-  metrics_.serving(ready);
+  metrics_.health(ready, moving_);
 }
 
 }  // namespace candela

@@ -6,6 +6,7 @@
 
 #include <map>
 #include <sstream>
+#include <thread>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -65,8 +66,11 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   const Connection connection(server->in_process_channel());
   std::map<std::string, double> before = scrape(*server);
   EXPECT_EQ(before.at("candela_frames_total{result=\"ok\"}"), 0);
+  EXPECT_EQ(before.at("candela_frames_total{result=\"unavailable\"}"), 0);
   EXPECT_EQ(before.at("candela_rejections_total{reason=\"size\"}"), 0);
   EXPECT_EQ(before.at("candela_serving"), 1);
+  EXPECT_NEAR(before.at("candela_start_time_seconds"), absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()),
+              60);
   EXPECT_EQ(before.at("candela_sessions"), 0);
 
   const WireFrame frame = natural(320, 240);
@@ -84,6 +88,7 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   EXPECT_LT(after.at("candela_bytes_total{direction=\"out\"}"), 320 * 240 * 4 + 10000);
   EXPECT_EQ(after.at("candela_memory_bytes{pool=\"textures_in_use\"}"), 0);
   EXPECT_GT(after.at("candela_memory_bytes{pool=\"textures_idle\"}"), 0);
+  EXPECT_EQ(after.at("candela_memory_budget_bytes"), with_metrics().memory_budget_bytes);
   EXPECT_EQ(after.at("candela_queue_frames"), 0);
 
   const auto stub = v1::RenderService::NewStub(server->in_process_channel());
@@ -140,6 +145,23 @@ TEST(MetricsPort, ServesNothingElseAndEndsWithTheServer) {
   EXPECT_NE(get(address, "/metrics").find("candela_build_info{"), std::string::npos);
   server->drain_and_stop();
   EXPECT_EQ(get(address, "/metrics"), "");
+}
+
+TEST(MetricsPort, LivezAndReadyzSayWhatHealthSays) {
+  Config config = with_metrics();
+  config.pre_drain = absl::Seconds(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  const std::string address = server->metrics_address();
+  const auto says = [&address](const std::string& path) { return get(address, path).substr(9, 3); };
+  EXPECT_EQ(says("/livez"), "200");
+  EXPECT_EQ(says("/readyz"), "200");
+  EXPECT_EQ(says("/readyz/more"), "404");
+  std::thread drain([&server] { server->drain_and_stop(); });
+  const absl::Time limit = absl::Now() + absl::Milliseconds(900);
+  while (says("/readyz") == "200" && absl::Now() < limit) absl::SleepFor(absl::Milliseconds(5));
+  EXPECT_EQ(says("/readyz"), "503");
+  EXPECT_EQ(says("/livez"), "200");
+  drain.join();
 }
 
 TEST(MetricsPort, AnAddressThatIsTakenFailsTheStartInOneLine) {

@@ -1,0 +1,181 @@
+"""Holds deploy/kube.yaml against Kubernetes' types, against itself and against candelad: kube_test.py CANDELAD VERSION
+
+Needs no cluster and no network. The types are those of Debian's python3-kubernetes, made from Kubernetes' OpenAPI
+description. Exits with 77, saying why, where that is missing.
+"""
+
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+try:
+    import kubernetes.client.models as models
+    import yaml
+except ImportError as error:
+    print(f"skipped: {error}; as root: apt-get install python3-kubernetes")
+    sys.exit(77)
+
+CANDELAD, VERSION = sys.argv[1:]
+DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "deploy"
+STOP_GRACE_S = 10  # what candelad allows itself beyond its pre-drain and drain timeout
+# The package knows Kubernetes 1.22. What autoscaling/v2 has here it had as v2beta2.
+GROUPS = {
+    "v1": "V1", "apps/v1": "V1", "policy/v1": "V1", "networking.k8s.io/v1": "V1", "autoscaling/v2": "V2beta2",
+}
+PLAIN = {"str": str, "int": int, "bool": bool, "object": (str, int)}
+
+failures = []
+
+
+def check(holds, message):
+    if not holds:
+        failures.append(message)
+
+
+def check_type(value, kind, where):
+    """`value` is what the OpenAPI type `kind` may be: no unknown field, no wrong type, nothing missing."""
+    if match := re.fullmatch(r"list\[(.*)\]", kind):
+        check(isinstance(value, list), f"{where}: a list is wanted, not {value!r}")
+        for i, item in enumerate(value if isinstance(value, list) else []):
+            check_type(item, match[1], f"{where}[{i}]")
+    elif match := re.fullmatch(r"dict\(str, (.*)\)", kind):
+        check(isinstance(value, dict), f"{where}: a map is wanted, not {value!r}")
+        for key, item in value.items() if isinstance(value, dict) else []:
+            check_type(item, match[1], f"{where}.{key}")
+    elif kind in PLAIN:
+        fits = isinstance(value, PLAIN[kind]) and (kind == "bool" or not isinstance(value, bool))
+        check(fits, f"{where}: {kind} is wanted, not {value!r}")
+    elif not isinstance(value, dict):
+        check(False, f"{where}: a {kind} is wanted, not {value!r}")
+    else:
+        model = getattr(models, kind)
+        names = {json: name for name, json in model.attribute_map.items()}
+        for key, item in value.items():
+            if key in names:
+                check_type(item, model.openapi_types[names[key]], f"{where}.{key}")
+            else:
+                check(False, f"{where}.{key}: {kind} has no such field")
+        try:
+            model(**{names[key]: item for key, item in value.items() if key in names})
+        except ValueError as error:  # says what is missing
+            check(False, f"{where}: {error}")
+
+
+def seconds(text):
+    """Of candelad's times: 10s, 1m30s, 500ms, 0."""
+    units = {"h": 3600, "m": 60, "s": 1, "ms": 0.001, "": 0}
+    return sum(float(number) * units[unit] for number, unit in re.findall(r"([\d.]+)(h|ms|m|s|)", text))
+
+
+def run_candelad(environment, *arguments):
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("CANDELA_")}
+    command = [CANDELAD, *arguments]
+    try:
+        return subprocess.run(command, env=clean | environment, capture_output=True, text=True, timeout=30)
+    except subprocess.TimeoutExpired:
+        return subprocess.CompletedProcess(command, 0, "", "it serves")
+
+
+documents = list(yaml.safe_load_all((DEPLOY / "kube.yaml").read_text()))
+for document in documents:
+    kind = GROUPS.get(document["apiVersion"], "") + document["kind"]
+    if hasattr(models, kind):
+        check_type(document, kind, f"{document['kind']} {document['metadata']['name']}")
+    else:
+        check(False, f"{document['apiVersion']} has no {document['kind']}, as far as this test knows")
+if failures:
+    sys.exit("\n".join(failures))
+
+# Of every kind there is one.
+by_kind = {document["kind"]: document for document in documents}
+check(len(by_kind) == len(documents), "two documents of one kind: this test would look at one of them")
+settings, secret = by_kind["ConfigMap"], by_kind["Secret"]
+known = set(re.findall(r"Env:(CANDELA_\w+)", run_candelad({}, "--help").stdout))
+check(len(known) > 10, "candelad --help lists no variables")
+check(set(settings["data"]) <= known, f"candelad does not know {set(settings['data']) - known}")
+if failures:
+    sys.exit("\n".join(failures))
+
+# Against itself.
+deployment = by_kind["Deployment"]
+labels = deployment["spec"]["template"]["metadata"]["labels"]
+pod = deployment["spec"]["template"]["spec"]
+[candelad] = pod["containers"]
+grpc, metrics = (int(settings["data"][name].rsplit(":", 1)[1]) for name in ("CANDELA_LISTEN", "CANDELA_METRICS"))
+
+for where, selector in {
+    "Deployment": deployment["spec"]["selector"]["matchLabels"],
+    "topologySpreadConstraints": pod["topologySpreadConstraints"][0]["labelSelector"]["matchLabels"],
+    "Service": by_kind["Service"]["spec"]["selector"],
+    "PodDisruptionBudget": by_kind["PodDisruptionBudget"]["spec"]["selector"]["matchLabels"],
+    "NetworkPolicy": by_kind["NetworkPolicy"]["spec"]["podSelector"]["matchLabels"],
+}.items():
+    check(selector.items() <= labels.items(), f"{where} selects {selector}, and the pods have {labels}")
+target = by_kind["HorizontalPodAutoscaler"]["spec"]["scaleTargetRef"]
+check((target["kind"], target["name"]) == ("Deployment", deployment["metadata"]["name"]),
+      f"the autoscaler's target {target} is not the Deployment")
+for reference in candelad["envFrom"]:
+    check(reference["configMapRef"]["name"] == settings["metadata"]["name"], f"{reference}: there is no such ConfigMap")
+
+volumes = {volume["name"]: volume for volume in pod["volumes"]}
+mounts = {mount["mountPath"]: mount["name"] for mount in candelad["volumeMounts"]}
+check(set(mounts.values()) == set(volumes), f"mounted are {set(mounts.values())}, and there are {set(volumes)}")
+for name, value in settings["data"].items():
+    for path, volume in mounts.items() if value.startswith("/") else []:
+        if value.startswith(path + "/"):
+            keys = secret["stringData"] if "secret" in volumes.get(volume, {}) else [value[len(path) + 1:]]
+            check(value[len(path) + 1:] in keys, f"{name}: the Secret has no {value}")
+            break
+    else:
+        check(not value.startswith("/"), f"{name}: {value} is on no volume")
+for volume in volumes.values():
+    if "secret" in volume:
+        check(volume["secret"]["secretName"] == secret["metadata"]["name"], f"{volume}: there is no such Secret")
+        check(volume["secret"]["defaultMode"] & 0o37 == 0 and "fsGroup" in pod["securityContext"],
+              f"{volume}: candelad refuses a key that anyone can read")
+check(candelad["image"] == f"localhost/candela:{VERSION}",
+      f"the image is {candelad['image']}, and this is version {VERSION}")
+
+wanted = [(probe, candelad[probe]["httpGet"]["port"], metrics)
+          for probe in ("startupProbe", "readinessProbe", "livenessProbe")]
+wanted += [("Service", port.get("targetPort", port["port"]), grpc) for port in by_kind["Service"]["spec"]["ports"]]
+wanted += [("NetworkPolicy", port["port"], listens)
+           for rule, listens in zip(by_kind["NetworkPolicy"]["spec"]["ingress"], (grpc, metrics)) for port in rule["ports"]]
+for where, port, listens in wanted:
+    check(port == listens, f"{where}: port {port}, and candelad listens on {listens}")
+check("ports" not in candelad, "podman would take the container's ports on the host, once for every replica")
+
+stop = seconds(settings["data"]["CANDELA_PRE_DRAIN"]) + seconds(settings["data"]["CANDELA_DRAIN_TIMEOUT"])
+grace = pod["terminationGracePeriodSeconds"]
+check(grace > stop + STOP_GRACE_S, f"candelad may take {stop + STOP_GRACE_S:g} s to stop, and is killed after {grace}")
+
+# Against candelad.
+tried = run_candelad(settings["data"], "--list-devices")
+check(tried.returncode == 0, f"candelad does not take the ConfigMap: {tried.stderr.strip()}")
+with tempfile.TemporaryDirectory() as scratch:
+    keys = pathlib.Path(scratch, "resume-keys")
+    keys.touch(0o600)
+    keys.write_text(secret["stringData"]["resume-keys"])
+    tried = run_candelad({}, "--listen", "127.0.0.1:0", "--resume-keys", str(keys))
+    check(tried.returncode != 0 and "resume-keys" in tried.stderr, f"candelad takes the placeholder for a key: {tried}")
+
+# As the cluster gets it. Older versions cannot read the file.
+kubectl = shutil.which("kubectl")
+version = [kubectl, "version", "--client", "--output=json"]
+minor = kubectl and re.search(r'"gitVersion": "v1\.(\d+)', subprocess.run(version, capture_output=True, text=True).stdout)
+if minor and int(minor[1]) >= 21:
+    built = subprocess.run([kubectl, "kustomize", DEPLOY], capture_output=True, text=True)
+    check(built.returncode == 0, f"kubectl kustomize: {built.stderr.strip()}")
+    for document in yaml.safe_load_all(built.stdout):
+        if document["kind"] == "Deployment":
+            check("replicas" not in document["spec"], "an apply would set the autoscaler's replicas back")
+else:
+    print("no kubectl of version 1.21 or later: deploy/kustomization.yaml was not tried")
+
+if failures:
+    sys.exit("\n".join(failures))
+print(f"{len(documents)} documents, {len(settings['data'])} of candelad's {len(known)} variables")

@@ -1,0 +1,227 @@
+"""What the deployment tests share: podman with a storage of its own, the image of this tree, containers run as shipped.
+
+Needs root. CANDELA_DEPLOY_CACHE (/var/tmp/candela-deploy) keeps the base image and podman's layers from run to run.
+"""
+import contextlib
+import fcntl
+import hashlib
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+CACHE = pathlib.Path(os.environ.get("CANDELA_DEPLOY_CACHE", "/var/tmp/candela-deploy"))
+IMAGE = f"localhost/candela:test-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:12]}"
+BASE = "docker.io/library/debian:bookworm-slim"
+BASE_DAYS = 7  # then it is made anew, and every layer with it
+SKIPPED = 77
+# How deploy/Containerfile says that it may be run.
+AS_SHIPPED = ("--read-only", "--read-only-tmpfs=false", "--tmpfs=/tmp:size=16m", "--cap-drop=ALL",
+              "--security-opt=no-new-privileges")
+KEYS = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n"
+GRPC, METRICS = 50051, 9464
+
+CONTAINERS_CONF = """\
+[containers]
+default_ulimits = ["nofile=20000:20000", "nproc=32768:32768"]
+[engine]
+runtime = "runc"
+cgroup_manager = "cgroupfs"
+events_logger = "file"
+[network]
+network_config_dir = "{cache}/networks"
+"""
+STORAGE_CONF = """\
+[storage]
+driver = "overlay"
+graphroot = "{cache}/storage"
+runroot = "{cache}/run"
+"""
+
+
+def skip(reason: str) -> None:
+    print(f"skipped: {reason}")
+    sys.exit(SKIPPED)
+
+
+def fail(message: str) -> None:
+    raise SystemExit(f"failed: {message}")
+
+
+def expect(true: object, message: str) -> None:
+    if not true:
+        fail(message)
+
+
+def run(*command: object, timeout: float = 300) -> str:
+    """What it prints; when it fails, so does the test, with what it said."""
+    done = attempt(*command, timeout=timeout)
+    if done.returncode != 0:
+        fail(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done.stdout.strip()
+
+
+def attempt(*command: object, timeout: float = 300) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([str(word) for word in command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True, timeout=timeout, cwd=CACHE)
+
+
+def podman(*arguments: object, timeout: float = 300) -> str:
+    return run("podman", *arguments, timeout=timeout)
+
+
+@contextlib.contextmanager
+def prepared():
+    """podman's environment, and the machine's podman for this test alone. Skips where it cannot work."""
+    if os.geteuid() != 0:
+        skip("containers need root here; run it as root")
+    missing = [tool for tool in ("podman", "runc", "mmdebstrap", "catatonit", "haproxy") if not shutil.which(tool)]
+    if missing:
+        skip(f"{', '.join(missing)} is not installed; run deploy/install-packages.sh deploy")
+    (CACHE / "networks").mkdir(parents=True, exist_ok=True)
+    with open(CACHE / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for name, text in (("CONTAINERS_CONF", CONTAINERS_CONF), ("CONTAINERS_STORAGE_CONF", STORAGE_CONF)):
+            os.environ[name] = str(CACHE / name.lower())
+            (CACHE / name.lower()).write_text(text.format(cache=CACHE))
+        info = attempt("podman", "info")
+        if info.returncode != 0:
+            skip(f"podman does not work here: {info.stderr.strip().splitlines()[-1]}")
+        yield
+
+
+def make_base() -> None:
+    """The base image that the Containerfile names, from this machine's package mirror: as Debian makes its slim one."""
+    image = attempt("podman", "image", "inspect", "--format", "{{.Created.Unix}}", BASE)
+    if image.returncode == 0 and time.time() - int(image.stdout) < BASE_DAYS * 86400:
+        return
+    sources = next((path for path in map(pathlib.Path, ("/etc/apt/sources.list.d/debian.sources", "/etc/apt/sources.list"))
+                    if path.exists()), None)
+    expect(sources, "neither /etc/apt/sources.list.d/debian.sources nor /etc/apt/sources.list says where packages are")
+    slim = ["path-exclude=/usr/share/doc/*", "path-include=/usr/share/doc/*/copyright", "path-exclude=/usr/share/man/*",
+            "path-exclude=/usr/share/info/*", "path-exclude=/usr/share/locale/*"]
+    tar = CACHE / "base.tar"
+    run("mmdebstrap", "--variant=minbase", "--include=ca-certificates,usr-is-merged",
+        "--hook-dir=/usr/share/mmdebstrap/hooks/merged-usr", *(f"--dpkgopt={option}" for option in slim), "bookworm", tar,
+        sources, timeout=900)
+    podman("import", tar, BASE)
+    tar.unlink()
+    ran = attempt("podman", "run", "--rm", BASE, "true")
+    if ran.returncode != 0:
+        skip(f"podman cannot run a container here: {ran.stderr.strip().splitlines()[-1]}")
+
+
+def build_image(version: str) -> None:
+    make_base()
+    podman("build", "--pull=never", "--network=host", "--format=docker", f"--build-arg=VERSION={version}", f"--tag={IMAGE}",
+           f"--file={ROOT}/deploy/Containerfile", ROOT, timeout=2400)
+    podman("image", "prune", "--force", f"--filter=until={BASE_DAYS * 24}h")
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def wait_until(done: Callable[[], bool], what: str, why: Callable[[], str] = str, seconds: float = 120,
+               every: float = 0.1) -> None:
+    """`why` is asked for more when it takes too long."""
+    limit = time.monotonic() + seconds
+    while not done():
+        if time.monotonic() > limit:
+            fail(f"not within {seconds:.0f} s: {what}\n{why()}")
+        time.sleep(every)
+
+
+def get(port: int, path: str) -> tuple[int, str]:
+    """Status and body; 0 where nobody answers."""
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=5) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+    except OSError:
+        return 0, ""
+
+
+class Container:
+    """candelad as shipped, on 1 CPU and 1 GB, on ports of 127.0.0.1 that stay its own when it is started again."""
+
+    def __init__(self, *arguments: str, options: tuple[str, ...] = (), cpus: str = "1"):
+        self.port, self.metrics_port = free_port(), free_port()
+        self.address = f"127.0.0.1:{self.port}"
+        self.id = podman("create", *AS_SHIPPED, f"--cpus={cpus}", "--memory=1g", "--memory-swap=1g",
+                         f"--publish=127.0.0.1:{self.port}:{GRPC}", f"--publish=127.0.0.1:{self.metrics_port}:{METRICS}",
+                         *options, IMAGE, "--insecure", f"--metrics=0.0.0.0:{METRICS}", *arguments)
+
+    def start(self) -> "Container":
+        podman("start", self.id)
+        wait_until(self.ready_or_dead, "a container serves")
+        expect(self.running(), f"the container ended with {self.exit_code()}:\n{self.log()}")
+        return self
+
+    def ready_or_dead(self) -> bool:
+        return get(self.metrics_port, "/readyz")[0] == 200 or not self.running()
+
+    def inspect(self, field: str) -> str:
+        return podman("inspect", "--format", "{{." + field + "}}", self.id)
+
+    def running(self) -> bool:
+        return self.inspect("State.Running") == "true"
+
+    def exit_code(self) -> int:
+        return int(self.inspect("State.ExitCode"))
+
+    def log(self) -> str:
+        logs = attempt("podman", "logs", self.id)
+        return logs.stdout + logs.stderr
+
+    def metric(self, name: str) -> float:
+        status, text = get(self.metrics_port, "/metrics")
+        values = [line.rsplit(" ", 1)[1] for line in text.splitlines() if line.startswith(name)]
+        expect(status == 200 and values, f"/metrics says {status} and has no {name}")
+        return sum(map(float, values))
+
+    def stop(self) -> None:
+        podman("stop", "--time=60", self.id)
+
+    def kill(self) -> None:
+        """SIGKILL for the daemon and its init, without asking podman first."""
+        os.kill(int(self.inspect("State.Pid")), signal.SIGKILL)
+
+    def remove(self) -> None:
+        attempt("podman", "rm", "--force", "--time=1", self.id)
+
+
+@contextlib.contextmanager
+def containers(*those: Container):
+    """Starts them, and removes them whatever happens."""
+    try:
+        yield [container.start() for container in those]
+    finally:
+        for container in those:
+            container.remove()
+
+
+@contextlib.contextmanager
+def process(*command: object):
+    """Runs beside the test; what it said is printed where the test fails."""
+    running = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        yield running
+    except SystemExit:
+        running.kill()
+        print(running.stdout.read())
+        raise
+    finally:
+        running.kill()
+        running.wait()

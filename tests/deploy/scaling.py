@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+"""Measures what a core carries, and what a second one adds: scaling.py BIN [SECONDS]
+
+Needs two quiet cores, 0 and 1, and no root. BIN has candela and candelad; a measurement takes SECONDS (20).
+
+The load has to come from the same cores, so:
+- streams of 1280x720 at 24 a second: candelad has core 0 for itself, the load comes from core 1;
+- one replica and two: each replica has a core, and the load for it comes from that core, too. So replicas and load share
+  nothing but memory and its bandwidth, and what two do is held against what one does. The replicas' own seconds of
+  processor for a frame say what a core would do for one alone;
+- HAProxy, where it is installed: its seconds of processor for a frame and a gigabyte, candelad on core 0, all else on core 1.
+"""
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+SIZE, FPS = "1280x720", 24
+FRAME_BYTES = 1280 * 720 * (8 + 4)  # halves in, bytes out
+DELIVERED = 0.995  # of the frames due: so many count as all
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def on_core(core: int, *command: str) -> list[str]:
+    return ["taskset", "--cpu-list", str(core), *command]
+
+
+def cpu_seconds(pid: int) -> float:
+    user, system = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+    return (int(user) + int(system)) / TICKS
+
+
+@contextlib.contextmanager
+def replica(core: int):
+    """A candelad on one core, with as many threads as a quota of one would give it: its process and its address."""
+    with subprocess.Popen(on_core(core, f"{BIN}/candelad", "--listen", "127.0.0.1:0", "--log-level", "off"),
+                          env={**os.environ, "LP_NUM_THREADS": "1"}, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            line = process.stdout.readline()
+            if not line.startswith("listening on "):
+                raise SystemExit(f"{BIN}/candelad does not serve; run it by hand to see why")
+            yield process, line.split()[-1]
+        finally:
+            process.terminate()
+
+
+def load(core: int, address: str, sessions: int, fps: str) -> subprocess.Popen:
+    return subprocess.Popen(on_core(core, f"{BIN}/candela", "bench", "--server", address, "--sessions", str(sessions), "--size",
+                                    SIZE, "--fps", fps, "--seconds", str(SECONDS), "--json", "-", "-q"),
+                            stdout=subprocess.PIPE, text=True)
+
+
+def figures(bench: subprocess.Popen) -> dict:
+    out = bench.communicate(timeout=SECONDS + 300)[0]
+    if bench.returncode != 0:
+        raise SystemExit(f"candela bench ended with {bench.returncode}")
+    return json.loads(out)
+
+
+def streams_per_core() -> None:
+    carried, sessions = 0, 1
+    while True:
+        with replica(0) as (process, address):
+            before = cpu_seconds(process.pid)
+            result = figures(load(1, address, sessions, str(FPS)))
+            share = (cpu_seconds(process.pid) - before) / result["frames"] * result["frames_per_second"]
+        done = result["frames"] / (sessions * FPS * result["seconds"])
+        print(f"{sessions} streams of {SIZE} at {FPS} a second: {done:.1%} of the frames, p99 {result['latency_ms']['p99']:.0f} ms, "
+              f"{share:.0%} of a core")
+        if done < DELIVERED:
+            break
+        carried, sessions = sessions, sessions + 1
+    print(f"streams a core: {carried}\n")
+
+
+def throughput(cores: list[int]) -> float:
+    """Frames a second of a replica on each core, all together."""
+    with contextlib.ExitStack() as stack:
+        replicas = [stack.enter_context(replica(core)) for core in cores]
+        before = [cpu_seconds(process.pid) for process, _ in replicas]
+        benches = [load(core, address, 2, "max") for core, (_, address) in zip(cores, replicas)]
+        results = [figures(bench) for bench in benches]
+        spent = sum(cpu_seconds(process.pid) for process, _ in replicas) - sum(before)
+    frames, rate = sum(result["frames"] for result in results), sum(result["frames_per_second"] for result in results)
+    print(f"cores {cores}: {rate:.1f} frames a second in all; {1000 * spent / frames:.2f} ms of a processor a frame, which alone "
+          f"would be {frames / spent:.1f} a second and core, {frames / spent / FPS:.2f} streams")
+    return rate
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def behind_haproxy() -> None:
+    if not shutil.which("haproxy"):
+        print("HAProxy is not measured: it is not installed")
+        return
+    text = (pathlib.Path(__file__).resolve().parents[2] / "deploy/haproxy.cfg").read_text()
+    port = free_port()
+    with tempfile.TemporaryDirectory() as folder, replica(0) as (_, address):
+        config = pathlib.Path(folder) / "haproxy.cfg"
+        # Without TLS and checks: what it costs to pass frames on.
+        config.write_text(text.replace(":50051 ssl crt /etc/haproxy/candela.pem alpn h2", f"127.0.0.1:{port} proto h2")
+                          .split("    server a ")[0] + f"    server a {address}\n")
+        with subprocess.Popen(on_core(1, "haproxy", "-db", "-f", str(config)), stderr=subprocess.DEVNULL) as proxy:
+            try:
+                while subprocess.run([f"{BIN}/candela", "health", "--server", f"127.0.0.1:{port}"], stdout=subprocess.DEVNULL,
+                                     stderr=subprocess.DEVNULL).returncode != 0:
+                    if proxy.poll() is not None:
+                        raise SystemExit("haproxy ended; try: haproxy -c -f deploy/haproxy.cfg")
+                    time.sleep(0.1)
+                before = cpu_seconds(proxy.pid)
+                result = figures(load(1, f"127.0.0.1:{port}", 2, "max"))
+                spent = cpu_seconds(proxy.pid) - before
+            finally:
+                proxy.kill()
+    print(f"HAProxy, without TLS: {1000 * spent / result['frames']:.2f} ms of a processor a frame, "
+          f"{spent / result['frames'] / FRAME_BYTES * 1e9:.2f} s a gigabyte")
+
+
+def main() -> None:
+    if len(os.sched_getaffinity(0)) < 2:
+        raise SystemExit("this process may use one core; two are needed, 0 and 1")
+    streams_per_core()
+    one = max(throughput([0]), throughput([1]))
+    two = throughput([0, 1])
+    print(f"two replicas do {two / one:.2f} times what one does\n")
+    behind_haproxy()
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3):
+        raise SystemExit(__doc__)
+    BIN, SECONDS = sys.argv[1], float(sys.argv[2]) if len(sys.argv) == 3 else 20
+    main()
