@@ -363,6 +363,8 @@ def main() -> None:
     with podman.prepared(), tempfile.TemporaryDirectory(prefix="candela-deploy-") as folder:
         FOLDER = pathlib.Path(folder)
         FOLDER.chmod(0o755)
+        if claim != the_image_builds and attempt("podman", "image", "exists", podman.IMAGE).returncode != 0:
+            podman.skip("there is no image; TheImageBuilds says why")
         claim()
 
 
