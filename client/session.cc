@@ -333,8 +333,9 @@ class Session::Core {
       return {absl::OkStatus()};
     }
     if (status.ok()) {
-      if (call.leaving) return {absl::UnavailableError(call.peer.address + " went away"), true};
-      return {not_the_protocol("it ended before every frame had its result")};
+      // A proxy, too, may end a call like that when it cuts it short.
+      const char* how = call.leaving ? " went away" : " ended before every frame had its result";
+      return {absl::UnavailableError(call.peer.address + how), true};
     }
     return {from_grpc(status, call.peer, call.duplex.connected()), may_resume(status, was_open_),
             retry_delay(status)};
