@@ -43,7 +43,9 @@ void main() {
   RowSums a = row_sums(x, y2);
   RowSums b = row_sums(x, y2 + 1);
   uint rows_end = min(first_row + BLOOM_ROWS, p.to_height);
-  for (uint y = first_row; y < rows_end; ++y) {
+  [[unroll]] for (uint i = 0u; i < BLOOM_ROWS; ++i) {
+    uint y = first_row + i;
+    if (y >= rows_end) break;
     RowSums c = row_sums(x, 2 * int(y) + 2);
     RowSums d = row_sums(x, 2 * int(y) + 3);
     vec3 even_here = a.even + b.even;

@@ -48,7 +48,9 @@ void main() {
   Row d = filtered_row(x, int(first_row) + 1);
   bool odd_column = 2u * x + 1u < p.to_width;
   uint rows_end = min(first_row + BLOOM_ROWS, row_pairs);
-  for (uint y = first_row; y < rows_end; ++y) {
+  [[unroll]] for (uint i = 0u; i < BLOOM_ROWS; ++i) {
+    uint y = first_row + i;
+    if (y >= rows_end) break;
     Row e = filtered_row(x, int(y) + 2);
     add(to, 2u * x, 2u * y, 0.0625 * a.even + 0.3125 * b.even + 0.4375 * c.even + 0.1875 * d.even);
     if (odd_column)

@@ -1,5 +1,6 @@
 // What the passes share. Textures are read through texel buffers, which the software device gathers well, and
-// written by address, 8 bytes at a time: that device stores one lane after the other, and one word at a time.
+// written by address, 8 bytes at a time: that device stores one lane after the other, and one word at a time. Loops
+// that keep rows for their next turn are unrolled: it carries what a loop keeps through memory.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require

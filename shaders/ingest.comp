@@ -299,10 +299,9 @@ void main() {
     Histogram copies = Histogram(uvec2(p.histogram_lo, p.histogram_hi));
     if (HISTOGRAM) copies = copies[tile / HISTOGRAM_TILES * HISTOGRAM_BINS];
     clear();
-    for (uint column = 0u; column < TILE_TEXELS; column += INGEST_GROUP_X * GROUP_TEXELS) {
-      uint x = tile_x * TILE_TEXELS + column + gl_LocalInvocationID.x * GROUP_TEXELS;
-      if (x < p.frame.width) walk_down(x, first_row, copies);
-    }
+    uint x = tile_x * TILE_TEXELS + gl_LocalInvocationID.x * GROUP_TEXELS;
+    uint x_end = min((tile_x + 1u) * TILE_TEXELS, p.frame.width);
+    for (; x < x_end; x += INGEST_GROUP_X * GROUP_TEXELS) walk_down(x, first_row, copies);
     add_to_tile(tile);
   }
 }

@@ -127,7 +127,9 @@ void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight)
 void resolve_block(uint x, uint first_row, uint rows_end) {
   BloomRow above = bloom_row(x, int(first_row / LEVEL_SIZE) - 1);
   BloomRow here = bloom_row(x, int(first_row / LEVEL_SIZE));
-  for (uint y = first_row; y < rows_end; y += LEVEL_SIZE) {
+  [[unroll]] for (uint i = 0u; i < RESOLVE_ROWS; i += LEVEL_SIZE) {
+    uint y = first_row + i;
+    if (y >= rows_end) break;
     BloomRow below = bloom_row(x, int(y / LEVEL_SIZE) + 1);
     if (LEVEL_SIZE == 4u) {
       resolve_row(x, y, above, here, 0.625);
@@ -146,9 +148,9 @@ void resolve_block(uint x, uint first_row, uint rows_end) {
 void main() {
   uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
   uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
-  uint first = (gl_WorkGroupID.x * RESOLVE_STEPS * RESOLVE_GROUP_X + gl_LocalInvocationID.x) * GROUP_TEXELS;
-  for (uint i = 0u; i < RESOLVE_STEPS; ++i) {
-    uint x = first + i * RESOLVE_GROUP_X * GROUP_TEXELS;
-    if (x < p.frame.width) resolve_block(x, first_row, rows_end);
-  }
+  uint block = RESOLVE_GROUP_X * GROUP_TEXELS;
+  uint x = gl_WorkGroupID.x * RESOLVE_STEPS * block + gl_LocalInvocationID.x * GROUP_TEXELS;
+  uint x_end = min(x + RESOLVE_STEPS * block, p.frame.width);
+  // A loop, because the software device runs what an if() leaves out.
+  for (; x < x_end; x += block) resolve_block(x, first_row, rows_end);
 }
