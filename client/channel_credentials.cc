@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "absl/synchronization/mutex.h"
+#include "client/tls_probe.h"
 
 namespace candela {
 namespace {
@@ -96,6 +97,9 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> tls_credentials(const 
   status.Update(
       read("client certificate", "-----BEGIN CERTIFICATE-----", security.cert_file, options.pem_cert_chain));
   status.Update(read("client key", "-----BEGIN ", security.key_file, options.pem_private_key));
+  if (!security.cert_file.empty()) {
+    status.Update(check_client_certificate(security.cert_file, security.key_file));
+  }
   if (!status.ok()) return status;
   return grpc::SslCredentials(options);
 }

@@ -112,6 +112,24 @@ std::string about_refusal(SSL* ssl, const std::string& address, const ClientSecu
 
 }  // namespace
 
+absl::Status check_client_certificate(const std::string& cert_file, const std::string& key_file) {
+  const Context context(SSL_CTX_new(TLS_client_method()));
+  // Nobody is asked for a passphrase.
+  SSL_CTX_set_default_passwd_cb(context.get(), [](char*, int, int, void*) { return -1; });
+  const bool cert = SSL_CTX_use_certificate_chain_file(context.get(), cert_file.c_str()) == 1;
+  const bool pair =
+      cert && SSL_CTX_use_PrivateKey_file(context.get(), key_file.c_str(), SSL_FILETYPE_PEM) == 1;
+  ERR_clear_error();
+  if (pair) return absl::OkStatus();
+  if (!cert) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "the client certificate %s holds no PEM certificate that can be read; name another file", cert_file));
+  }
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s holds no PEM private key of the client certificate %s; give the two that were made together",
+      key_file, cert_file));
+}
+
 bool may_be_about_tls(absl::string_view message) {
   for (const char* sign :
        {"andshake", "SSL", "eer name", "orrupted frame", "ocket closed", "onnection reset"}) {

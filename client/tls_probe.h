@@ -4,10 +4,14 @@
 
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/strings/string_view.h"
 #include "client/security.h"
 
 namespace candela {
+
+// INVALID_ARGUMENT, saying which, for a client certificate or a key that cannot be used, or that are no pair.
+absl::Status check_client_certificate(const std::string& cert_file, const std::string& key_file);
 
 // Whether gRPC's words about a connection that did not come about may have to do with TLS or the lack of it.
 bool may_be_about_tls(absl::string_view message);

@@ -21,10 +21,9 @@ struct Config {
   bool insecure = false;  // allow addresses beyond loopback without TLS, where any one can connect and read
   std::string tls_cert;   // PEM files; empty: no TLS. Read again when they change
   std::string tls_key;    // of tls_cert
-  std::string tls_client_ca;  // clients must show a certificate of one of these; empty: they need none
-  std::string
-      token_file;      // bearer tokens, one a line, of which a call must show one; empty: none is asked for
-  std::string device;  // a part of a device's name, or its index; empty: the best there is
+  std::string tls_client_ca;         // clients must show a certificate of one of these; empty: they need none
+  std::string token_file;            // bearer tokens, of which a call must show one; empty: none is asked for
+  std::string device;                // a part of a device's name, or its index; empty: the best there is
   bool validation = false;           // Vulkan's validation layers
   std::string cache_dir;             // for what was measured about the device; empty: kept in memory only
   uint64_t memory_budget_bytes = 0;  // for the texture pool; 0: see choose_memory_budget

@@ -52,9 +52,8 @@ absl::Status check_listen_address(const std::string& address, bool public_too) {
   if (public_too || is_loopback(*host)) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrFormat("'%s' is reachable from other machines and this server has no TLS; give it --tls-cert "
-                      "and --tls-key, listen "
-                      "on 127.0.0.1 behind a proxy, or accept that anyone there can connect and read, tokens "
-                      "too, with --insecure",
+                      "and --tls-key, listen on 127.0.0.1 behind a proxy, or accept that anyone there can "
+                      "connect and read, tokens too, with --insecure",
                       address));
 }
 

@@ -18,9 +18,8 @@ constexpr absl::string_view kOpenToAll = "/grpc.health.v1.Health/";
 
 // One answer for a token that is missing and for one that is not known.
 constexpr char kWhatToDo[] =
-    "this server answers only those who show one of its tokens: send the metadata authorization: Bearer "
-    "TOKEN, "
-    "with candela by --token-file FILE; whoever runs the server hands them out";
+    "this server answers only those who show one of its tokens: send the metadata "
+    "authorization: Bearer TOKEN, with candela by --token-file FILE; whoever runs the server hands them out";
 
 absl::string_view view_of(const grpc_slice& slice) {
   return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};

@@ -66,7 +66,7 @@ class Manager {
 };
 
 TEST(ServiceManager, HearsOfStartServiceLifeAndEnd) {
-  constexpr absl::Duration kLimit = absl::Milliseconds(600);
+  constexpr absl::Duration kLimit = absl::Seconds(1);
   Manager manager(kLimit);
   Daemon daemon({"--listen", "127.0.0.1:0"});
   EXPECT_EQ(manager.next(), std::vector<std::string>{"STATUS=starting"});
@@ -88,12 +88,12 @@ TEST(ServiceManager, NoSocketAndNoWatchdogIsNothing) {
 }
 
 TEST(Watchdog, GivesNoSignWhileThereIsNoLife) {
-  constexpr absl::Duration kLimit = absl::Milliseconds(400);
+  constexpr absl::Duration kLimit = absl::Seconds(1);
   Manager manager(kLimit);
   std::atomic<bool> alive = true;
   const Watchdog watchdog([&alive] { return alive.load(); });
   const std::vector<std::string> sign{"WATCHDOG=1"};
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(manager.next(), sign);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(manager.next(kLimit), sign);
   alive = false;
   manager.next(kLimit);  // one may have been on its way
   EXPECT_TRUE(manager.next(2 * kLimit).empty());

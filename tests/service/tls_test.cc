@@ -49,7 +49,8 @@ TEST_F(Tls, SaysWhatIsWrongWithTheServersCertificate) {
 
   put("server", ca_.issue("server", -absl::Hours(1)));
   Daemon expired(tls());
-  expect_says(render(expired.wait_until_listening(), trusting()), kUnavailable, "has expired");
+  expect_says(render(expired.wait_until_listening(), trusting()), kUnavailable,
+              "has expired; whoever runs the server has to renew it");
   EXPECT_TRUE(absl::StrContains(expired.errors(), "the certificate has expired")) << expired.errors();
 }
 
@@ -211,6 +212,8 @@ TEST_F(SecurityFiles, OfAClientThatCannotBeUsedAreNamed) {
   expect_says(opened({.ca_file = "/no/such/ca"}), kInvalid, "/no/such/ca");
   expect_says(opened({.ca_file = put("text", "no PEM")}), kInvalid, "is not PEM");
   expect_says(opened({.cert_file = folder_.path("client.pem")}), kInvalid, "--tls-key");
+  expect_says(opened({.cert_file = folder_.path("client.pem"), .key_file = folder_.path("server.key")}),
+              kInvalid, "no PEM private key of the client certificate");
   expect_says(opened({.key_file = folder_.path("client.key")}), kInvalid, "--tls-cert");
   expect_says(opened({.token_file = "/no/such/token"}), kInvalid, "/no/such/token");
   expect_says(opened({.token_file = put("empty", "# none\n")}), kInvalid, "holds no token");
@@ -239,6 +242,7 @@ TEST_F(SecurityFiles, OfAServerThatCannotBeUsedAreNamed) {
     SetUp();
     put(bad.file, bad.text);
     Daemon daemon(tls({"--tls-client-ca", folder_.path("ca.pem"), "--token-file", folder_.path("tokens")}));
+    ASSERT_EQ(daemon.wait_until_listening(), "");
     EXPECT_EQ(daemon.wait(), 1);
     const std::string errors = daemon.errors();
     const std::string line = errors.substr(errors.find("candelad: "));
@@ -258,12 +262,14 @@ TEST_F(SecurityFiles, OfAServerThatCannotBeUsedAreNamed) {
         tls({"--tls-client-ca", folder_.path("ca.pem"), "--token-file", folder_.path("tokens")});
     std::replace(arguments.begin(), arguments.end(), folder_.path(file), std::string("/no/such/file"));
     Daemon daemon(arguments);
+    ASSERT_EQ(daemon.wait_until_listening(), "");
     EXPECT_EQ(daemon.wait(), 1);
     EXPECT_TRUE(absl::StrContains(daemon.errors(), option + ": cannot read /no/such/file"))
         << daemon.errors();
   }
   EXPECT_EQ(chmod(folder_.path("server.key").c_str(), 0644), 0);
   Daemon daemon(tls());
+  ASSERT_EQ(daemon.wait_until_listening(), "");
   EXPECT_EQ(daemon.wait(), 1);
   EXPECT_TRUE(absl::StrContains(daemon.errors(), "chmod 600")) << daemon.errors();
 }
