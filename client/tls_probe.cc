@@ -16,16 +16,9 @@ namespace {
 
 constexpr int kPatienceSeconds = 2;  // for connecting, and for each answer
 
-template <auto release>
-struct Release {
-  template <typename T>
-  void operator()(T* object) const {
-    release(object);
-  }
-};
-using Bio = std::unique_ptr<BIO, Release<BIO_free_all>>;
-using Context = std::unique_ptr<SSL_CTX, Release<SSL_CTX_free>>;
-using Ssl = std::unique_ptr<SSL, Release<SSL_free>>;
+using Bio = std::unique_ptr<BIO, decltype([](BIO* object) { BIO_free_all(object); })>;
+using Context = std::unique_ptr<SSL_CTX, decltype([](SSL_CTX* object) { SSL_CTX_free(object); })>;
+using Ssl = std::unique_ptr<SSL, decltype([](SSL* object) { SSL_free(object); })>;
 
 // Null where nothing listens.
 Bio connect_to(const std::string& address) {

@@ -217,7 +217,10 @@ void for_row_parts(uint32_t height, uint32_t parts, const Work& work) {
   }
 }
 
-uint32_t row_parts(uint32_t height) { return std::clamp<uint32_t>(usable_cpus(), 1, height); }
+uint32_t row_parts(uint32_t height) {
+  static const uint32_t cpus = usable_cpus();  // it reads files
+  return std::clamp<uint32_t>(cpus, 1, height);
+}
 
 // Compares rows [first, last): adds their errors to the tally and to row_sums[y], and maps them where a map
 // is wanted.

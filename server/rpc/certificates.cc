@@ -21,16 +21,9 @@ constexpr char kCert[] = "tls-cert";
 constexpr char kKey[] = "tls-key";
 constexpr char kClientCa[] = "tls-client-ca";
 
-template <auto release>
-struct Release {
-  template <typename T>
-  void operator()(T* object) const {
-    release(object);
-  }
-};
-using Bio = std::unique_ptr<BIO, Release<BIO_free>>;
-using Certificate = std::unique_ptr<X509, Release<X509_free>>;
-using Key = std::unique_ptr<EVP_PKEY, Release<EVP_PKEY_free>>;
+using Bio = std::unique_ptr<BIO, decltype([](BIO* object) { BIO_free(object); })>;
+using Certificate = std::unique_ptr<X509, decltype([](X509* object) { X509_free(object); })>;
+using Key = std::unique_ptr<EVP_PKEY, decltype([](EVP_PKEY* object) { EVP_PKEY_free(object); })>;
 
 Bio reader_of(const std::string& text) {
   return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
