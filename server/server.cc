@@ -5,6 +5,7 @@
 #include <grpcpp/health_check_service_interface.h>
 
 #include <algorithm>
+#include <climits>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -49,6 +50,11 @@ constexpr v1::Range<absl::Duration> kHandshake{absl::Seconds(3), absl::Minutes(2
 
 // Clients may ask for a sign of life once a second (SessionOptions::ping_interval), give or take.
 constexpr int kPingIntervalMs = 500;
+
+// How often a silent connection is asked for a sign of life. gRPC takes the kernel's word that all was read, and
+// the kernel says so of a connection that is reset right behind its last bytes (TCP_INQ); it shows only when
+// something is sent. How long an answer may take is the idle timeouts' matter: it may have to wait behind a frame.
+constexpr int kSignOfLifeMs = 5000;
 
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, beside calls with frames
@@ -159,6 +165,9 @@ absl::Status Server::Parts::listen() {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
                              static_cast<int>(config.max_calls + config.max_sessions) + kOtherStreams);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kPingIntervalMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kSignOfLifeMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, INT_MAX);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
                              static_cast<int>(absl::ToInt64Milliseconds(
                                  std::clamp(config.idle_timeout, kHandshake.min, kHandshake.max))));
