@@ -51,9 +51,10 @@ constexpr v1::Range<absl::Duration> kHandshake{absl::Seconds(3), absl::Minutes(2
 // Clients may ask for a sign of life once a second (SessionOptions::ping_interval), give or take.
 constexpr int kPingIntervalMs = 500;
 
-// How often a silent connection is asked for a sign of life. gRPC takes the kernel's word that all was read, and
-// the kernel says so of a connection that is reset right behind its last bytes (TCP_INQ); it shows only when
-// something is sent. How long an answer may take is the idle timeouts' matter: it may have to wait behind a frame.
+// How often a silent connection is asked for a sign of life. gRPC takes the kernel's word that all was read,
+// and the kernel says so of a connection that is reset right behind its last bytes (TCP_INQ); it shows only
+// when something is sent. How long an answer may take is the idle timeouts' matter: it may have to wait
+// behind a frame.
 constexpr int kSignOfLifeMs = 5000;
 
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services

@@ -1,7 +1,7 @@
 // Gaussian bloom, one direction of the separable 13-tap kernel of docs/pipeline.md section 4.
 //
-// In: the quarter-size means Q (first pass: VERTICAL, and the threshold is applied to what is read) or that pass's
-// result (second pass: along the rows). Out: a level of the same size.
+// In: D at a quarter of the frame's size (first pass: VERTICAL), or that pass's result (second pass: along the rows). Out:
+// a level of the same size.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -13,8 +13,7 @@ layout(push_constant) uniform Push { GaussianParams p; };
 
 vec3 tap(int x, int y) {
   int at = clamp(y, 0, int(p.height) - 1) * int(p.width) + clamp(x, 0, int(p.width) - 1);
-  vec3 c = fetch_rgb(from, at);
-  return VERTICAL ? c * at_most(at_least(luminance(c) - p.threshold, 0.0), 1.0) : c;
+  return fetch_rgb(from, at);
 }
 
 vec3 pair(int x, int y, int i) {

@@ -1,4 +1,5 @@
-// Twin of gaussian.comp: the quarter-size mean, its threshold, and the 13-tap kernel both ways.
+// Twin of gaussian.comp, the 13-tap kernel both ways, and of what bright_pass.comp makes for it: the
+// quarter-size mean and its threshold.
 #include <algorithm>
 #include <cmath>
 
@@ -10,8 +11,6 @@ namespace {
 
 constexpr double kKernel[13] = {0.002216, 0.008764, 0.026995, 0.064759, 0.120985, 0.176033, 0.199471,
                                 0.176033, 0.120985, 0.064759, 0.026995, 0.008764, 0.002216};
-
-double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
 
 Level blur(const Level& from, int64_t step_x, int64_t step_y) {
   double total = 0.0;

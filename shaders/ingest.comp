@@ -1,12 +1,12 @@
-// Phase A: reads the frame once; meters it and makes bloom level 0.
+// Phase A: reads the frame once, and meters it.
 //
-// In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: the first bloom level (where BLOOM is not BLOOM_NONE; one
-// texel for LEVEL_SIZE squared of the frame's), one TileRecord a tile, and the histogram (where HISTOGRAM).
-// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows, two rows at a time, with no barrier, again and
-// again from left to right, and adds its sums to each tile's record once: neighbours in memory come one after the other,
-// which is what processors fetch ahead. Every sum is of integers, so no order of execution shows.
+// In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: one TileRecord a tile, and the histogram (where
+// HISTOGRAM).
+// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows with no barrier, again and again from left to
+// right, and adds its sums to each tile's record once: neighbours in memory come one after the other, which is what
+// processors fetch ahead. Every sum is of integers, so no order of execution shows.
 // log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
-// everywhere (1.9e-6 EV from the truth); bright pass and firefly weights: docs/pipeline.md section 4.
+// everywhere (1.9e-6 EV from the truth).
 // A frame is first read without SCRUB; only one that turns out to need it is read again with it, and counted.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -17,12 +17,10 @@ layout(local_size_x = INGEST_GROUP_X, local_size_y = INGEST_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
 layout(constant_id = 1) const bool MATRIX = false;
 layout(constant_id = 2) const bool SCRUB = false;
-layout(constant_id = 3) const uint BLOOM = BLOOM_MIP;
-layout(constant_id = 4) const bool FIREFLY_WEIGHTS = true;
-layout(constant_id = 5) const uint WEIGHTS = WEIGHTS_AVERAGE;
-layout(constant_id = 6) const bool HISTOGRAM = false;
-layout(constant_id = 7) const uint LEVEL_SIZE = 2u;  // 2, or 4: the mean of 2x2 texels of level 0; GAUSSIAN: 4
-layout(constant_id = 8) const bool WHOLE = false;    // the frame is whole groups of texels wide, and whole pairs of rows high
+layout(constant_id = 3) const bool LIGHT = true;  // bloom asks for max_light_bits
+layout(constant_id = 4) const uint WEIGHTS = WEIGHTS_AVERAGE;
+layout(constant_id = 5) const bool HISTOGRAM = false;
+layout(constant_id = 6) const bool WHOLE = false;  // the frame is whole groups of texels wide
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "input.glsl"
@@ -73,23 +71,6 @@ uint weight_of(uint x, uint y) {
   return 1u;
 }
 
-// Level-0 texel from its 2x2 block: bright-passed, but for BLOOM_CONSERVE.
-vec3 level_texel(vec3 a, vec3 b, vec3 c, vec3 d) {
-  if (BLOOM == BLOOM_CONSERVE) return 0.25 * (a + b + c + d);
-  vec3 mean;
-  if (FIREFLY_WEIGHTS) {
-    vec4 k = 1.0 / (1.0 + vec4(luminance(a), luminance(b), luminance(c), luminance(d)));
-    mean = (k.x * a + k.y * b + k.z * c + k.w * d) * (1.0 / (k.x + k.y + k.z + k.w));
-  } else {
-    mean = 0.25 * (a + b + c + d);
-  }
-  float l = luminance(mean);
-  float over = l - p.threshold;
-  float soft = at_most(at_least(over + p.knee, 0.0), 2.0 * p.knee);
-  float q = p.knee > 0.0 ? soft * soft / (4.0 * p.knee) : 0.0;
-  return mean * (at_least(over, q) / at_least(l, 1e-4));
-}
-
 // What one invocation has seen of a tile; see clear().
 uint log2_sum;       // weighted; of WEIGHTS_CENTER only what the low 16 bits add
 uint log2_sum_high;  // of WEIGHTS_CENTER: what the others add
@@ -100,8 +81,7 @@ int min_luminance;
 uint max_magnitude;
 uint negative_halves;  // two counts, of 16 bits each
 uint negative_components;
-uint bright_texels;
-int max_bloom_luminance;
+int max_light;
 uint nan_components;
 uint infinite_components;
 uint first_bad_texel;
@@ -115,8 +95,7 @@ void clear() {
   max_magnitude = 0u;
   negative_halves = 0u;
   negative_components = 0u;
-  bright_texels = 0u;
-  max_bloom_luminance = 0;
+  max_light = 0;
   nan_components = 0u;
   infinite_components = 0u;
   first_bad_texel = 0xffffffffu;
@@ -173,11 +152,9 @@ void note(WireGroup wire, uint i, uint counted) {
   if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted);
 }
 
-// One row of a group: counts and meters the texels whose bit is set in `counted` (all ones or none), and gives all
-// of them as scene texels, negatives cut to 0.
-Group meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
+// One row of a group: counts and meters the texels whose bit is set in `counted` (all ones or none).
+void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
   WireGroup words = load_wire(p.frame, x, y);
-  Group g;
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
     vec4 wire = wire_texel(words, i);
     note(words, i, counted[i]);
@@ -193,65 +170,16 @@ Group meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
     int order = floatBitsToInt(l) & int(counted[i]);
     max_luminance = max(max_luminance, order);
     min_luminance = min(min_luminance, order | int(~counted[i] & 0x7fffffffu));
-    g.texel[i].rgb = at_least(scene, 0.0);
-  }
-  return g;
-}
-
-// Texels beyond the right edge repeat the last one.
-void clamp_to_edge(inout Group g, uint x) {
-  [[unroll]] for (uint i = 1u; i < GROUP_TEXELS; ++i) {
-    if (x + i >= p.frame.width) g.texel[i] = g.texel[i - 1u];
+    if (LIGHT) max_light = max(max_light, floatBitsToInt(luminance(at_least(scene, 0.0))) & int(counted[i]));
   }
 }
 
-vec3 row_sum(Group g) { return (g.texel[0].rgb + g.texel[1].rgb) + (g.texel[2].rgb + g.texel[3].rgb); }
-
-// Meters a group's columns down INGEST_ROWS rows and makes their texels of the level.
+// Meters a group's columns down INGEST_ROWS rows.
 void walk_down(uint x, uint first_row, Histogram copies) {
-  OutWords level = OutWords(uvec2(p.level_lo, p.level_hi));
   uvec4 inside = uvec4(0xffffffffu);
   if (!WHOLE) inside *= uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width)));
   uint rows_end = min(first_row + INGEST_ROWS, p.frame.height);
-  vec3 block = vec3(0.0);  // what a 4x4 block of the frame has added up to so far
-  for (uint y = first_row; y < rows_end; y += 2u) {
-    Group top = meter_row(x, y, inside, copies);
-    bool pair = WHOLE || y + 1u < p.frame.height;
-    Group bottom = meter_row(x, pair ? y + 1u : y, pair ? inside : uvec4(0u), copies);
-    if (!WHOLE && BLOOM != BLOOM_NONE) {
-      clamp_to_edge(top, x);
-      clamp_to_edge(bottom, x);
-    }
-    bool complete = (y & 2u) != 0u || y + 2u >= p.frame.height;
-    // Rows beyond the bottom repeat the last one.
-    float repeats = (y & 2u) == 0u && complete ? 2.0 : 1.0;
-    if (BLOOM == BLOOM_GAUSSIAN) {
-      block += row_sum(top) + row_sum(bottom) * (2.0 * repeats - 1.0);
-      if (complete) {
-        vec3 mean = block * (1.0 / 16.0);
-        block = vec3(0.0);
-        max_bloom_luminance = max(max_bloom_luminance, floatBitsToInt(luminance(mean)));
-        level[(y / 4u) * p.level_width + x / 4u].v = level_words(mean);
-      }
-    } else if (BLOOM != BLOOM_NONE) {
-      vec3 d[2];
-      [[unroll]] for (uint i = 0u; i < 2u; ++i) {
-        d[i] = level_texel(top.texel[2u * i].rgb, top.texel[2u * i + 1u].rgb, bottom.texel[2u * i].rgb,
-                           bottom.texel[2u * i + 1u].rgb);
-        if (WHOLE || x + 2u * i < p.frame.width) {
-          bright_texels += min(max(max(floatBitsToUint(d[i].r), floatBitsToUint(d[i].g)), floatBitsToUint(d[i].b)), 1u);
-          if (LEVEL_SIZE == 2u) level[(y / 2u) * p.level_width + x / 2u + i].v = level_words(d[i]);
-        }
-      }
-      if (LEVEL_SIZE == 4u) {
-        block += (d[0] + (x + 2u < p.frame.width ? d[1] : d[0])) * repeats;
-        if (complete) {
-          level[(y / 4u) * p.level_width + x / 4u].v = level_words(0.25 * block);
-          block = vec3(0.0);
-        }
-      }
-    }
-  }
+  for (uint y = first_row; y < rows_end; ++y) meter_row(x, y, inside, copies);
 }
 
 // Adds what was seen of a tile to its record, over the work group's invocations.
@@ -271,8 +199,7 @@ void add_to_tile(uint tile) {
   }
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
-  uint bright = subgroupAdd(bright_texels);
-  uint bloom_luminance = BLOOM == BLOOM_GAUSSIAN ? uint(subgroupMax(max_bloom_luminance)) : 0u;
+  uint light = LIGHT ? uint(subgroupMax(max_light)) : 0u;
   if (subgroupElect()) {
     atomicAdd(tiles[tile].v.log2_sum_low, low);
     atomicAdd(tiles[tile].v.log2_sum_high, high);
@@ -280,9 +207,8 @@ void add_to_tile(uint tile) {
     atomicMax(tiles[tile].v.min_luminance_bits_inverted, darkest);
     atomicMax(tiles[tile].v.max_magnitude_bits, magnitude);
     if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
-    if (bright != 0u) atomicAdd(tiles[tile].v.bright_texels, bright);
+    if (LIGHT) atomicMax(tiles[tile].v.max_light_bits, light);
     if (WEIGHTS != WEIGHTS_AVERAGE) atomicAdd(tiles[tile].v.weight_sum, weight);
-    if (BLOOM == BLOOM_GAUSSIAN) atomicMax(tiles[tile].v.max_bloom_luminance_bits, bloom_luminance);
   }
   if (SCRUB) {
     atomicAdd(tiles[tile].v.nan_components, nan_components);

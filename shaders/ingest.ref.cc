@@ -1,4 +1,4 @@
-// Twin of ingest.comp: ingest, metering and bloom level 0.
+// Twin of ingest.comp: ingest and metering.
 #include <half.h>
 
 #include <algorithm>
@@ -40,8 +40,6 @@ float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -65504.0f, 65
 
 // The nearest half; finite input within +-65504 stays finite.
 float to_half(float x) { return imath_half_to_float(imath_float_to_half(x)); }
-
-double luminance(double r, double g, double b) { return 0.2126 * r + 0.7152 * g + 0.0722 * b; }
 
 }  // namespace
 
@@ -103,7 +101,7 @@ Meter meter(const Scene& scene, const MeterParams& params) {
   for (uint32_t y = 0; y < scene.height; ++y) {
     for (uint32_t x = 0; x < scene.width; ++x) {
       const auto& c = scene.texels[size_t{y} * scene.width + x];
-      const double l = std::max(0.0, luminance(c[0], c[1], c[2]));
+      const double l = std::max(0.0, luminance({c[0], c[1], c[2]}));
       m.min_luminance = std::min(m.min_luminance, l);
       m.max_luminance = std::max(m.max_luminance, l);
       const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
@@ -136,38 +134,6 @@ Meter meter(const Scene& scene, const MeterParams& params) {
   }
   m.mean_log2_luminance = between / (high - low);
   return m;
-}
-
-Level bright_pass(const Scene& scene, const BloomParams& params) {
-  Level level{(scene.width + 1) / 2, (scene.height + 1) / 2, {}};
-  level.texels.resize(size_t{level.width} * level.height);
-  const double knee = params.softness * params.threshold;
-  for (uint32_t y = 0; y < level.height; ++y) {
-    for (uint32_t x = 0; x < level.width; ++x) {
-      Rgb sum{};
-      double weights = 0.0;
-      for (int j = 0; j < 2; ++j) {
-        for (int i = 0; i < 2; ++i) {
-          const auto& s = scene.at(2 * int64_t{x} + i, 2 * int64_t{y} + j);
-          const Rgb c = {std::max(0.0f, s[0]), std::max(0.0f, s[1]), std::max(0.0f, s[2])};
-          const double k = params.firefly_weights && params.kind != shader::BLOOM_CONSERVE
-                               ? 1.0 / (1.0 + luminance(c[0], c[1], c[2]))
-                               : 1.0;
-          for (int n = 0; n < 3; ++n) sum[n] += k * c[n];
-          weights += k;
-        }
-      }
-      Rgb& d = level.texels[size_t{y} * level.width + x];
-      for (int n = 0; n < 3; ++n) d[n] = sum[n] / weights;
-      if (params.kind == shader::BLOOM_CONSERVE) continue;
-      const double l = luminance(d[0], d[1], d[2]);
-      const double soft = std::clamp(l - params.threshold + knee, 0.0, 2.0 * knee);
-      const double q = knee > 0.0 ? soft * soft / (4.0 * knee) : 0.0;
-      const double gain = std::max({q, l - params.threshold, 0.0}) / std::max(l, 1e-4);
-      for (int n = 0; n < 3; ++n) d[n] *= gain;
-    }
-  }
-  return level;
 }
 
 }  // namespace candela::reference

@@ -47,11 +47,15 @@ CANDELA_CONST(uint) GROUP_TEXELS = 4u;
 // INGEST_TILES, side by side.
 CANDELA_CONST(uint) TILE_TEXELS = 64u;
 CANDELA_CONST(uint) INGEST_TILES = 8u;
-// Rows that one invocation walks down, how often it does so (RESOLVE_STEPS, from left to right), and the work
-// group's shape in invocations.
+// Rows that one invocation walks down, how often it does so (STEPS, from left to right), and the work group's
+// shape in invocations.
 CANDELA_CONST(uint) INGEST_ROWS = 16u;
 CANDELA_CONST(uint) INGEST_GROUP_X = 8u;
 CANDELA_CONST(uint) INGEST_GROUP_Y = 4u;
+CANDELA_CONST(uint) BRIGHT_ROWS = 8u;
+CANDELA_CONST(uint) BRIGHT_STEPS = 16u;
+CANDELA_CONST(uint) BRIGHT_GROUP_X = 8u;
+CANDELA_CONST(uint) BRIGHT_GROUP_Y = 4u;
 CANDELA_CONST(uint) BLOOM_ROWS = 8u;
 CANDELA_CONST(uint) BLOOM_GROUP_X = 32u;
 CANDELA_CONST(uint) BLOOM_GROUP_Y = 1u;
@@ -95,7 +99,7 @@ CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
 #define TABLE_TO_DISPLAY \
   1.60475f, -0.53108f, -0.07367f, -0.10208f, 1.10813f, -0.00605f, -0.00327f, -0.07276f, 1.07602f
 
-// Input texels to scene texels; shared by the two passes that read the frame.
+// Input texels to scene texels; shared by the passes that read the frame.
 struct InputParams {
   uint width, height;
   uint input_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
@@ -105,14 +109,18 @@ struct InputParams {
 
 struct IngestParams {
   InputParams frame;
-  uint level_lo, level_hi;  // bloom level 0, written
   uint tiles_lo, tiles_hi;  // TileRecord per tile, added to; zero before
-  uint level_width;
   uint tiles_x;
-  float threshold;
-  float knee;                               // softness * threshold
   uint histogram_lo, histogram_hi;          // HistogramBin, copy after copy, added to; zero before
   uint spot_x0, spot_y0, spot_x1, spot_y1;  // of WEIGHTS_SPOT
+};
+
+struct BrightPassParams {
+  InputParams frame;
+  uint level_lo, level_hi;  // bloom level 0, written
+  uint level_width;
+  float threshold;  // scene luminance
+  float knee;       // softness * threshold; of BLOOM_MIP
 };
 
 struct BloomParams {
@@ -124,7 +132,6 @@ struct BloomParams {
 struct GaussianParams {
   uint to_lo, to_hi;   // the level written
   uint width, height;  // of both levels
-  float threshold;     // scene luminance
 };
 
 struct ResolveParams {
@@ -153,8 +160,7 @@ struct TileRecord {
   // infinity's.
   uint max_magnitude_bits;
   uint negative_components;
-  uint bright_texels;             // of bloom level 0; not of BLOOM_GAUSSIAN
-  uint max_bloom_luminance_bits;  // of BLOOM_GAUSSIAN's quarter-size texels
+  uint max_light_bits;  // the largest luminance there is with negative components cut to 0; where LIGHT
   // Counted only with the scrub.
   uint nan_components;
   uint infinite_components;

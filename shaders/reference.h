@@ -89,6 +89,9 @@ struct ResolveParams {
 // The scene's texels are halves, as the pipeline has them, or what they were before they were rounded.
 enum class Rounding { kHalf, kNone };
 
+// Of Rec.709.
+inline double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
+
 // Wire bytes (rows `stride_bytes` apart, PIXELS_* format) to scene pixels. `matrix`: input primaries to
 // Rec.709.
 Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t width, uint32_t height,

@@ -1,4 +1,4 @@
-// Phase B's last pass: reads the frame a second time and makes the image.
+// Phase B's last pass: reads the frame once more and makes the image.
 //
 // In: the wire's pixels, B_0 (where BLOOM is not BLOOM_NONE), the table of the curves that have one. Out: the image in OUTPUT's format.
 // Method: docs/pipeline.md sections 4 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,

@@ -27,8 +27,6 @@ Rgb aces_hill(const Rgb& x) {
   return multiply(kOutput, v);
 }
 
-double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
-
 // Hable's published curve with its published letters.
 double hable(double x) {
   constexpr double kA = 0.15;

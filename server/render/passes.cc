@@ -5,9 +5,11 @@
 #include <bit>
 #include <cmath>
 
+#include "server/render/lit_area.h"
 #include "server/render/primaries.h"
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
+#include "shaders/bright_pass.spv.h"
 #include "shaders/gaussian.spv.h"
 #include "shaders/ingest.spv.h"
 #include "shaders/resolve.spv.h"
@@ -19,6 +21,7 @@ namespace {
 static_assert(shader::TILE_TEXELS % (shader::INGEST_GROUP_X * shader::GROUP_TEXELS) == 0);
 static_assert(shader::INGEST_GROUP_Y * shader::INGEST_ROWS == shader::TILE_TEXELS);
 static_assert(sizeof(shader::IngestParams) <= PipelineCache::kPushBytes);
+static_assert(sizeof(shader::BrightPassParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::GaussianParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::BloomParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
@@ -26,14 +29,15 @@ static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
 // A knee whose square a device may flush to 0 would divide 0 by 0; it is no knee.
 constexpr float kMinKnee = 1e-15f;
 
-// The specialisation of ingest and resolve.
-uint32_t bloom_constant(bool any, const BloomSettings& bloom) {
-  return any ? static_cast<uint32_t>(bloom.kind) : shader::BLOOM_NONE;
-}
-
 uint32_t level_size(const PassContext& context) {
   return context.settings.bloom.kind == BloomKind::kGaussian ? 4 : context.tier.bloom_level_size;
 }
+
+// gaussian.comp's taps on either side.
+constexpr uint32_t kGaussianReach = 6;
+
+// The input's rows end with a whole group of texels.
+bool whole_groups(const FrameMemory::Parts& parts) { return parts.desc.width % shader::GROUP_TEXELS == 0; }
 
 // The first level stands for a finer one, too.
 bool first_level_twice(const PassContext& context) {
@@ -46,31 +50,53 @@ constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(
 template <typename Params>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
                       const Constants& constants, std::initializer_list<VkBufferView> reads,
-                      const Params& params, uint32_t groups_x, uint32_t groups_y) {
+                      const Params& params, std::span<const Box> work) {
   const absl::StatusOr<VkPipeline> pipeline = pipelines.get(spirv, constants);
   if (!pipeline.ok()) return pipeline.status();
   recorder.dispatch(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, &params, sizeof params,
-                    groups_x, groups_y);
+                    work);
   return absl::OkStatus();
+}
+
+// Texels that light may be in after a step of the bloom, of the level that the step writes.
+Area lit_after(const PassContext& context, const Step& step) {
+  const std::vector<LevelSize>& sizes = context.parts.level_sizes;
+  Area area = in_level({context.lit.begin(), context.lit.end()}, level_size(context));
+  if (step.pass == Pass::kBrightPass) return area;
+  if (step.pass == Pass::kGaussian) {
+    area = after_gaussian(area, sizes[1], 0, kGaussianReach);
+    return step.level == 1 ? area : after_gaussian(area, sizes[0], kGaussianReach, 0);
+  }
+  const bool up = step.pass == Pass::kBloomUp;
+  const auto last = static_cast<uint32_t>(up ? sizes.size() - 1 : step.level);
+  for (uint32_t level = 1; level <= last; ++level) area = after_bloom_down(area, sizes[level]);
+  for (uint32_t level = last; up && level-- > step.level;) area = after_bloom_up(area, sizes[level]);
+  return area;
+}
+
+// The groups of a step that writes level `step.level`, `width` x `height` of its texels each. Where they are
+// not all there are, and the level holds nothing yet, the rest of it is cleared.
+std::vector<Box> groups_of(const PassContext& context, const Step& step, uint32_t width, uint32_t height,
+                           Recorder& recorder) {
+  const LevelSize& size = context.parts.level_sizes[step.level];
+  Cover work =
+      cover(lit_after(context, step), width, height, groups(size.width, width), groups(size.height, height));
+  const bool in_place = step.pass == Pass::kBloomUp || (step.pass == Pass::kGaussian && step.level == 0);
+  if (!work.whole() && !in_place) {
+    recorder.fill_zero(context.parts.levels[step.level].buffer());
+    recorder.barrier();
+  }
+  return std::move(work.groups);
 }
 
 absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
   const FrameMemory::Parts& parts = context.parts;
-  const BloomSettings& bloom = context.settings.bloom;
-  const bool level = !parts.levels.empty();
-  const VkDeviceAddress level_address = level ? parts.levels[0].buffer().address() : 0;
   const VkDeviceAddress tiles_address = parts.tiles.buffer().address();
   shader::IngestParams params{};
   params.frame = context.input;
-  params.level_lo = low(level_address);
-  params.level_hi = high(level_address);
   params.tiles_lo = low(tiles_address);
   params.tiles_hi = high(tiles_address);
-  params.level_width = level ? parts.level_sizes[0].width : 0;
   params.tiles_x = parts.tiles_x;
-  params.threshold = bloom.threshold;
-  const float knee = bloom.softness * bloom.threshold;
-  params.knee = knee < kMinKnee ? 0.0f : knee;
   const bool histogram = parts.histogram_copies > 0;
   const VkDeviceAddress histogram_address = histogram ? parts.histogram.buffer().address() : 0;
   params.histogram_lo = low(histogram_address);
@@ -80,27 +106,49 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
   params.spot_y0 = metering.spot.y0;
   params.spot_x1 = metering.spot.x1;
   params.spot_y1 = metering.spot.y1;
+  const Constants constants = {
+      static_cast<uint32_t>(parts.desc.format), context.matrix, context.scrub,      !parts.levels.empty(),
+      static_cast<uint32_t>(metering.weights),  histogram,      whole_groups(parts)};
+  const VkBufferView frame = parts.input.buffer().view();
+  const Box all = {0, 0, groups(parts.tiles_x, shader::INGEST_TILES), parts.tiles_y};
+  return dispatch(pipelines, recorder, k_ingest_spirv, constants,
+                  {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
+                  {&all, 1});
+}
+
+absl::Status record_bright_pass(const PassContext& context, const Step& step, PipelineCache& pipelines,
+                                Recorder& recorder) {
+  const FrameMemory::Parts& parts = context.parts;
+  const BloomSettings& bloom = context.settings.bloom;
+  const VkDeviceAddress level_address = parts.levels[0].buffer().address();
+  shader::BrightPassParams params{};
+  params.frame = context.input;
+  params.level_lo = low(level_address);
+  params.level_hi = high(level_address);
+  params.level_width = parts.level_sizes[0].width;
+  params.threshold = context.bright_threshold;
+  const float knee = bloom.softness * bloom.threshold;
+  params.knee = knee < kMinKnee ? 0.0f : knee;
+  const uint32_t size = level_size(context);
   const Constants constants = {static_cast<uint32_t>(parts.desc.format),
                                context.matrix,
                                context.scrub,
-                               bloom_constant(level, bloom),
+                               static_cast<uint32_t>(bloom.kind),
                                bloom.firefly_weights,
-                               static_cast<uint32_t>(metering.weights),
-                               histogram,
-                               level_size(context),
-                               parts.desc.width % shader::GROUP_TEXELS == 0 && parts.desc.height % 2 == 0};
-  const VkBufferView frame = parts.input.buffer().view();
-  return dispatch(pipelines, recorder, k_ingest_spirv, constants,
-                  {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
-                  groups(parts.tiles_x, shader::INGEST_TILES), parts.tiles_y);
+                               size,
+                               whole_groups(parts)};
+  const uint32_t width = shader::GROUP_TEXELS * shader::BRIGHT_GROUP_X * shader::BRIGHT_STEPS;
+  const uint32_t height = shader::BRIGHT_ROWS * shader::BRIGHT_GROUP_Y;
+  return dispatch(pipelines, recorder, k_bright_pass_spirv, constants, {parts.input.buffer().view()}, params,
+                  groups_of(context, step, width / size, height / size, recorder));
 }
 
-// From level `from` to level `to`; an invocation makes `columns` columns and BLOOM_ROWS * columns rows of
-// `to`.
-absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
-                          std::span<const uint32_t> spirv, const Constants& constants, uint32_t from,
-                          uint32_t to, uint32_t columns) {
+// From level `from` to the step's; an invocation makes `columns` columns and BLOOM_ROWS * columns rows of it.
+absl::Status record_bloom(const PassContext& context, const Step& step, PipelineCache& pipelines,
+                          Recorder& recorder, std::span<const uint32_t> spirv, const Constants& constants,
+                          uint32_t from, uint32_t columns) {
   const FrameMemory::Parts& parts = context.parts;
+  const uint32_t to = step.level;
   const VkDeviceAddress to_address = parts.levels[to].buffer().address();
   shader::BloomParams params{};
   params.to_lo = low(to_address);
@@ -111,32 +159,50 @@ absl::Status record_bloom(const PassContext& context, PipelineCache& pipelines, 
   params.to_height = parts.level_sizes[to].height;
   return dispatch(pipelines, recorder, spirv, constants,
                   {parts.levels[from].buffer().view(), parts.levels[to].buffer().view()}, params,
-                  groups(params.to_width, columns * shader::BLOOM_GROUP_X),
-                  groups(params.to_height, columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
+                  groups_of(context, step, columns * shader::BLOOM_GROUP_X,
+                            columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y, recorder));
 }
 
-// `to` 1: vertical, from level 0; `to` 0: horizontal, from level 1.
-absl::Status record_gaussian(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
-                             uint32_t to) {
+// To level 1: vertical, from level 0; to level 0: horizontal, from level 1.
+absl::Status record_gaussian(const PassContext& context, const Step& step, PipelineCache& pipelines,
+                             Recorder& recorder) {
   const FrameMemory::Parts& parts = context.parts;
+  const uint32_t to = step.level;
   const VkDeviceAddress to_address = parts.levels[to].buffer().address();
   shader::GaussianParams params{};
   params.to_lo = low(to_address);
   params.to_hi = high(to_address);
   params.width = parts.level_sizes[to].width;
   params.height = parts.level_sizes[to].height;
-  params.threshold = context.gaussian_threshold;
   const VkBufferView from = parts.levels[1 - to].buffer().view();
   // The second binding is not used.
-  return dispatch(pipelines, recorder, k_gaussian_spirv, {to}, {from, from}, params,
-                  groups(params.width, shader::BLOOM_GROUP_X),
-                  groups(params.height, shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y));
+  return dispatch(
+      pipelines, recorder, k_gaussian_spirv, {to}, {from, from}, params,
+      groups_of(context, step, shader::BLOOM_GROUP_X, shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y, recorder));
 }
 
 uint32_t curve_constant(const PassContext& context) {
   if (context.table != nullptr && context.table->axes == shader::AXES_REC709)
     return shader::CURVE_TABLE_REC709;
   return static_cast<uint32_t>(context.settings.curve);
+}
+
+// The rows of groups that bloom reaches, and the rest. Whole rows: what a shorter walk along them costs is
+// more than what is saved where there is no bloom.
+Cover resolve_groups(const PassContext& context) {
+  const FrameDesc& desc = context.parts.desc;
+  constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS;
+  constexpr uint32_t kHeight = shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y;
+  Area reached;
+  if (context.bloom) {
+    const Pass last = context.settings.bloom.kind == BloomKind::kGaussian ? Pass::kGaussian : Pass::kBloomUp;
+    reached = in_frame(lit_after(context, {last, 0}), level_size(context), desc.width, desc.height);
+  }
+  Cover rows = cover(reached, desc.width, kHeight, 1, groups(desc.height, kHeight));
+  for (std::vector<Box>* part : {&rows.groups, &rows.rest}) {
+    for (Box& box : *part) box.x1 = groups(desc.width, kWidth);
+  }
+  return rows;
 }
 
 // Into `output`, in a format of OUTPUT_*.
@@ -171,20 +237,25 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
     params.bloom_scale = intensity / static_cast<float>(summed_levels(context));
     params.scene_scale = 1.0f - intensity;
   }
-  const Constants constants = {static_cast<uint32_t>(parts.desc.format),
-                               context.matrix,
-                               context.scrub,
-                               bloom_constant(context.bloom, context.settings.bloom),
-                               curve_constant(context),
-                               static_cast<uint32_t>(output_transfer(context.settings)),
-                               format,
-                               context.settings.dither && parts.output_format != OutputFormat::kRgba16f,
-                               level_size(context),
-                               context.tier.transfer_terms};
-  return dispatch(pipelines, recorder, k_resolve_spirv, constants,
-                  {parts.input.buffer().view(), bloom, table}, params,
-                  groups(parts.pitch, shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS),
-                  groups(parts.desc.height, shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y));
+  const Cover work = resolve_groups(context);
+  const auto make = [&](std::span<const Box> part, uint32_t bloom_kind) {
+    if (part.empty()) return absl::OkStatus();
+    const Constants constants = {static_cast<uint32_t>(parts.desc.format),
+                                 context.matrix,
+                                 context.scrub,
+                                 bloom_kind,
+                                 curve_constant(context),
+                                 static_cast<uint32_t>(output_transfer(context.settings)),
+                                 format,
+                                 context.settings.dither && parts.output_format != OutputFormat::kRgba16f,
+                                 level_size(context),
+                                 context.tier.transfer_terms};
+    return dispatch(pipelines, recorder, k_resolve_spirv, constants,
+                    {parts.input.buffer().view(), bloom, table}, params, part);
+  };
+  absl::Status status = make(work.groups, static_cast<uint32_t>(context.settings.bloom.kind));
+  status.Update(make(work.rest, shader::BLOOM_NONE));
+  return status;
 }
 
 }  // namespace
@@ -215,16 +286,17 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
   switch (step.pass) {
     case Pass::kIngest:
       return record_ingest(context, pipelines, recorder);
+    case Pass::kBrightPass:
+      return record_bright_pass(context, step, pipelines, recorder);
     case Pass::kBloomDown:
-      return record_bloom(context, pipelines, recorder, k_bloom_down_spirv, {}, step.level - 1, step.level,
-                          1);
+      return record_bloom(context, step, pipelines, recorder, k_bloom_down_spirv, {}, step.level - 1, 1);
     case Pass::kBloomUp: {
       const float fine_weight = step.level == 0 && first_level_twice(context) ? 2.0f : 1.0f;
-      return record_bloom(context, pipelines, recorder, k_bloom_up_spirv,
-                          {std::bit_cast<uint32_t>(fine_weight)}, step.level + 1, step.level, 2);
+      return record_bloom(context, step, pipelines, recorder, k_bloom_up_spirv,
+                          {std::bit_cast<uint32_t>(fine_weight)}, step.level + 1, 2);
     }
     case Pass::kGaussian:
-      return record_gaussian(context, pipelines, recorder, step.level);
+      return record_gaussian(context, step, pipelines, recorder);
     case Pass::kResolve:
       return record_resolve(context, pipelines, recorder, context.parts.output.buffer(),
                             static_cast<uint32_t>(context.parts.output_format));

@@ -2,6 +2,8 @@
 // server/render.
 #pragma once
 
+#include <span>
+
 #include "absl/status/status.h"
 #include "server/render/frame_memory.h"
 #include "server/vulkan/pipeline.h"
@@ -15,13 +17,14 @@ struct PassContext {
   const FrameMemory::Parts& parts;
   const Settings& settings;
   const Tier& tier;
-  shader::InputParams input;       // of the frame; carries the primaries' matrix
-  bool matrix = false;             // the matrix is not the identity
-  bool scrub = false;              // some component is not finite or beyond +-65504
-  bool bloom = false;              // resolve: there is some
-  float gaussian_threshold = 0.0;  // gaussian: scene luminance
-  double exposure = 1.0;           // resolve: E * prescale
-  uint32_t dither_frame = 0;       // resolve: the frame's sequence number, low 32 bits
+  shader::InputParams input;     // of the frame; carries the primaries' matrix
+  bool matrix = false;           // the matrix is not the identity
+  bool scrub = false;            // some component is not finite or beyond +-65504
+  bool bloom = false;            // resolve: there is some
+  std::span<const Box> lit{};    // of the bloom's passes: where the frame has light for it, in texels
+  float bright_threshold = 0.0;  // bright pass: scene luminance
+  double exposure = 1.0;         // resolve: E * prescale
+  uint32_t dither_frame = 0;     // resolve: the frame's sequence number, low 32 bits
   // resolve, of the curves that have one: the table, and its points on the device.
   const ColorTable* table = nullptr;
   const Buffer* table_points = nullptr;

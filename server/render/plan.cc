@@ -5,6 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/render/lit_area.h"
+#include "shaders/params.h"
 
 namespace candela {
 
@@ -25,7 +27,8 @@ std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
   return {2, {(width + 3) / 4, (height + 3) / 4}};
 }
 
-float gaussian_threshold(const BloomSettings& bloom, const FrameStats& stats) {
+float bright_threshold(const BloomSettings& bloom, const FrameStats& stats) {
+  if (bloom.kind != BloomKind::kGaussian) return bloom.threshold;
   return static_cast<float>(bloom.threshold * std::exp2(stats.mean_log2_luminance));
 }
 
@@ -33,6 +36,8 @@ const char* name(Pass pass) {
   switch (pass) {
     case Pass::kIngest:
       return "ingest";
+    case Pass::kBrightPass:
+      return "bright_pass";
     case Pass::kBloomDown:
       return "bloom_down";
     case Pass::kBloomUp:
@@ -63,6 +68,29 @@ std::string metering_words(const MeteringSettings& metering) {
   return words;
 }
 
+// Room for the roundings of a mean and of what is taken from it, at most 8 of 2^-24 each.
+constexpr float kRoundings = 0x1p-20f;
+
+// No texel of bloom level 0 gets light where no light of the frame is above this.
+float bright_bound(const BloomSettings& bloom, float threshold) {
+  if (bloom.kind == BloomKind::kConserve) return -1.0f;  // what is conserved is taken from everywhere
+  const float knee = bloom.kind == BloomKind::kMip ? bloom.softness * threshold : 0.0f;
+  return threshold - knee - kRoundings * threshold;
+}
+
+uint64_t texels_of(const std::vector<Box>& boxes) {
+  uint64_t texels = 0;
+  for (const Box& box : boxes) texels += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
+  return texels;
+}
+
+// Where the light is, for people.
+std::string light_words(const FrameDesc& desc, const std::vector<Box>& lit) {
+  const double part = static_cast<double>(texels_of(lit)) / (static_cast<double>(desc.width) * desc.height);
+  return part < 1 ? absl::StrFormat("light in %.2g %% of the frame's tiles", 100 * part)
+                  : "light in all tiles of the frame";
+}
+
 // Adds the bloom's steps and words, or the reason why there is none.
 void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSettings& bloom, const Tier& tier,
                 Plan& plan) {
@@ -70,44 +98,39 @@ void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSetti
     plan.words.push_back("no bloom: its intensity is 0");
     return;
   }
-  if (bloom.kind == BloomKind::kGaussian) {
-    const float threshold = gaussian_threshold(bloom, stats);
-    if (!(stats.max_bloom_luminance > threshold)) {
-      plan.words.push_back(
-          absl::StrFormat("no bloom: nothing of quarter size passes the threshold %g, %g times the mean (the "
-                          "brightest is %g)",
-                          threshold, bloom.threshold, stats.max_bloom_luminance));
-      return;
-    }
-    plan.bloom = true;
-    plan.steps.push_back({Pass::kGaussian, 1});
-    plan.steps.push_back({Pass::kGaussian, 0});
-    const LevelSize size = gaussian_level_sizes(desc.width, desc.height)[0];
-    plan.words.push_back(absl::StrFormat("gaussian bloom at %dx%d: threshold %g, %g times the mean",
-                                         size.width, size.height, threshold, bloom.threshold));
-    return;
-  }
-  // What is conserved is taken from the scene even where nothing is bright.
-  const bool conserve = bloom.kind == BloomKind::kConserve;
-  if (stats.bright_texels == 0 && !conserve) {
-    plan.words.push_back(absl::StrFormat("no bloom: nothing passes the threshold %g (the brightest is %g)",
-                                         bloom.threshold, stats.max_luminance));
+  const bool gaussian = bloom.kind == BloomKind::kGaussian;
+  const float threshold = bright_threshold(bloom, stats);
+  plan.lit = lit_area(stats.tile_light, desc.width, desc.height, bright_bound(bloom, threshold));
+  if (plan.lit.empty()) {
+    plan.words.push_back(absl::StrFormat(
+        "no bloom: nothing passes the threshold %g%s (the brightest is %g)", threshold,
+        gaussian ? absl::StrFormat(", %g times the mean", bloom.threshold) : "", stats.max_luminance));
     return;
   }
   plan.bloom = true;
+  plan.steps.push_back({Pass::kBrightPass, 0});
+  if (gaussian) {
+    plan.steps.push_back({Pass::kGaussian, 1});
+    plan.steps.push_back({Pass::kGaussian, 0});
+    const LevelSize size = gaussian_level_sizes(desc.width, desc.height)[0];
+    plan.words.push_back(absl::StrFormat("gaussian bloom at %dx%d: threshold %g, %g times the mean; %s",
+                                         size.width, size.height, threshold, bloom.threshold,
+                                         light_words(desc, plan.lit)));
+    return;
+  }
   const std::vector<LevelSize> sizes =
       bloom_level_sizes(desc.width, desc.height, bloom.levels, tier.bloom_level_size);
   const auto count = static_cast<uint32_t>(sizes.size());
   for (uint32_t level = 1; level < count; ++level) plan.steps.push_back({Pass::kBloomDown, level});
   for (uint32_t level = count - 1; level-- > 0;) plan.steps.push_back({Pass::kBloomUp, level});
-  plan.words.push_back(absl::StrFormat("bloom over %d level%s from %dx%d to %dx%d: %s%s", count,
-                                       count == 1 ? "" : "s", sizes.front().width, sizes.front().height,
-                                       sizes.back().width, sizes.back().height,
-                                       conserve ? absl::StrFormat("%g of the scene's light", bloom.intensity)
-                                                : absl::StrFormat("%d bright texels", stats.bright_texels),
-                                       count + (tier.bloom_level_size == 4 && bloom.levels > 1) < bloom.levels
-                                           ? "; the frame is too small for more levels"
-                                           : ""));
+  plan.words.push_back(absl::StrFormat(
+      "bloom over %d level%s from %dx%d to %dx%d: %s%s", count, count == 1 ? "" : "s", sizes.front().width,
+      sizes.front().height, sizes.back().width, sizes.back().height,
+      bloom.kind == BloomKind::kConserve ? absl::StrFormat("%g of the scene's light", bloom.intensity)
+                                         : light_words(desc, plan.lit),
+      count + (tier.bloom_level_size == 4 && bloom.levels > 1) < bloom.levels
+          ? "; the frame is too small for more levels"
+          : ""));
 }
 
 }  // namespace
@@ -116,9 +139,8 @@ Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, c
                 const Tier& tier) {
   Plan plan;
   plan.steps.push_back({Pass::kIngest});
-  plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s%s", desc.width, desc.height,
-                                       name(desc.format), metering_words(settings.exposure.metering),
-                                       settings.bloom.intensity > 0 ? ", bloom level 0" : ""));
+  plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height, name(desc.format),
+                                       metering_words(settings.exposure.metering)));
 
   if (scrubbed) {
     plan.steps.push_back({Pass::kIngest});

@@ -8,6 +8,7 @@
 #include "server/render/metering.h"
 #include "server/render/settings.h"
 #include "server/render/tiers.h"
+#include "server/vulkan/box.h"
 
 namespace candela {
 
@@ -19,17 +20,17 @@ struct FrameStats {
   uint64_t nan_components = 0;
   uint64_t infinite_components = 0;
   uint64_t negative_components = 0;
-  uint64_t bright_texels =
-      0;  // of bloom level 0: those with D_0 > 0; 0 for kGaussian and where no bloom was asked for
-  float max_bloom_luminance = 0.0f;  // of kGaussian's quarter-size texels
-  uint64_t metered_weight = 0;       // the sum of all texels' metering weights
+  uint64_t metered_weight = 0;  // the sum of all texels' metering weights
+  // Of every tile of shader::TILE_TEXELS squared, row by row, the largest luminance with negative components
+  // cut to 0: no mean of its texels, as bloom makes them, is brighter. Empty where no bloom was asked for.
+  std::vector<float> tile_light;
   ScenePrint print{};
   // By log2 luminance, 64 bins an octave from 2^-14 on, where the settings ask for it.
   std::vector<uint64_t> histogram;
 };
 
-// Scene luminance above which kGaussian blooms.
-float gaussian_threshold(const BloomSettings& bloom, const FrameStats& stats);
+// Scene luminance above which there is bloom: the settings' own, or kGaussian's multiple of the mean.
+float bright_threshold(const BloomSettings& bloom, const FrameStats& stats);
 
 // Sizes of the bloom levels of a width x height frame: half its size, half of that and so on, `levels` of
 // them at most. The first always exists, a further one only when its short side has 2 texels or more.
@@ -43,12 +44,13 @@ std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32
 // kGaussian works on one quarter-size level, and on a second one of that size in between.
 std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 
-enum class Pass : uint32_t { kIngest, kBloomDown, kBloomUp, kGaussian, kResolve, kReference };
-const char* name(Pass pass);  // "ingest", "bloom_down", "bloom_up", "gaussian", "resolve", "reference"
+enum class Pass : uint32_t { kIngest, kBrightPass, kBloomDown, kBloomUp, kGaussian, kResolve, kReference };
+// "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "reference"
+const char* name(Pass pass);
 
-// One dispatch over a texture; kReference is the host's work and stands for all that follows ingest.
-// `level` is the level written: for kBloomDown n+1, for kBloomUp n, for
-// kGaussian 1 in the vertical pass and 0 in the horizontal one.
+// One texture made; kReference is the host's work and stands for all that follows ingest.
+// `level` is the level written: for kBrightPass 0, for kBloomDown n+1, for kBloomUp n, for kGaussian 1 in the
+// vertical pass and 0 in the horizontal one.
 struct Step {
   Pass pass;
   uint32_t level = 0;
@@ -56,8 +58,9 @@ struct Step {
 };
 
 struct Plan {
-  std::vector<Step> steps;         // in order; kIngest comes first
-  bool bloom = false;              // resolve adds bloom
+  std::vector<Step> steps;  // in order; kIngest comes first
+  bool bloom = false;       // resolve adds bloom
+  std::vector<Box> lit;     // where the frame may pass the bright pass, in texels; it does not elsewhere
   std::vector<std::string> words;  // the same for people, with the reasons
 };
 

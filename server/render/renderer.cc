@@ -98,7 +98,6 @@ TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
   uint32_t brightest = 0;
   uint32_t magnitude = 0;
   uint64_t weight = 0;
-  uint32_t bloom_luminance = 0;
   const size_t count = size_t{parts.tiles_x} * parts.tiles_y;
   for (size_t i = 0; i < count; ++i) {
     const shader::TileRecord tile =
@@ -110,9 +109,8 @@ TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
     stats.nan_components += tile.nan_components;
     stats.infinite_components += tile.infinite_components;
     stats.negative_components += tile.negative_components;
-    stats.bright_texels += tile.bright_texels;
     weight += tile.weight_sum;
-    bloom_luminance = std::max(bloom_luminance, tile.max_bloom_luminance_bits);
+    if (!parts.levels.empty()) stats.tile_light.push_back(std::bit_cast<float>(tile.max_light_bits));
     sums.first_bad_texel = std::min(sums.first_bad_texel, ~tile.first_bad_texel_inverted);
   }
   const MeteringSettings& metering = settings.exposure.metering;
@@ -129,7 +127,6 @@ TileSums sum_tiles(const FrameMemory::Parts& parts, const Settings& settings) {
     }
   }
   stats.print = print_of(parts, weighted);
-  stats.max_bloom_luminance = std::bit_cast<float>(bloom_luminance);
   stats.max_luminance = std::bit_cast<float>(brightest);
   stats.min_luminance = std::bit_cast<float>(~darkest_inverted);
   sums.needs_scrub = magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
@@ -329,7 +326,8 @@ absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& 
   } else {
     context.exposure = expose_by(report.stats.mean_log2_luminance) * settings.prescale;
     context.bloom = report.plan.bloom;
-    context.gaussian_threshold = gaussian_threshold(settings.bloom, report.stats);
+    context.lit = report.plan.lit;
+    context.bright_threshold = bright_threshold(settings.bloom, report.stats);
     context.dither_frame = static_cast<uint32_t>(sequence);
     if (absl::Status status = impl_->load_table(context); !status.ok()) return status;
     if (absl::Status status = impl_->draw(context, report.plan); !status.ok()) return status;

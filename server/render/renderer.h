@@ -86,7 +86,7 @@ struct Verification {
 struct FrameVerification {
   Verification rounded;    // the reference rounds the scene to halves, as the pipeline does
   Verification unrounded;  // it does not
-  FrameStats truth;        // what the reference metered and counted; bright_texels is not filled
+  FrameStats truth;        // what the reference metered and counted; tile_light is not filled
 };
 
 // What is known about a frame after it was rendered; the image is in its FrameMemory.

@@ -77,7 +77,7 @@ void Recorder::mark(const char* name) {
 }
 
 void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                        const void* push, uint32_t push_bytes, uint32_t groups_x, uint32_t groups_y) {
+                        const void* push, uint32_t push_bytes, std::span<const Box> groups) {
   vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
   VkWriteDescriptorSet writes[PipelineCache::kReads] = {};
   for (uint32_t i = 0; i < reads.size(); ++i) {
@@ -90,7 +90,9 @@ void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<
   device_->push_descriptors()(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0,
                               static_cast<uint32_t>(reads.size()), writes);
   vkCmdPushConstants(commands_, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes, push);
-  vkCmdDispatch(commands_, groups_x, groups_y, 1);
+  for (const Box& box : groups) {
+    vkCmdDispatchBase(commands_, box.x0, box.y0, 0, box.x1 - box.x0, box.y1 - box.y0, 1);
+  }
 }
 
 void Recorder::fill_zero(const Buffer& buffer) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/vulkan/box.h"
 #include "server/vulkan/buffer.h"
 #include "server/vulkan/device.h"
 
@@ -32,9 +33,10 @@ class Recorder {
   // What is recorded from here to the next mark or the end counts as `name`, a string that lives on.
   void mark(const char* name);
 
-  // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads.
+  // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads; `groups` the work groups
+  // that run, in no order.
   void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                const void* push, uint32_t push_bytes, uint32_t groups_x, uint32_t groups_y);
+                const void* push, uint32_t push_bytes, std::span<const Box> groups);
   void fill_zero(const Buffer& buffer);
   // Copies `bytes`, a multiple of 4 and at most 65536, out of `data` now and into the buffer later.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);

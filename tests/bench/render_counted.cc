@@ -62,7 +62,8 @@ absl::Status render(const Workbench& bench, Passes& passes, const testing::WireF
   PassContext context = pass_context(memory->parts(), settings);
   const Plan plan = plan_frame(frame.desc, metered->stats, metered->scrubbed, settings, context.tier);
   context.bloom = plan.bloom;
-  context.gaussian_threshold = gaussian_threshold(settings.bloom, metered->stats);
+  context.lit = plan.lit;
+  context.bright_threshold = bright_threshold(settings.bloom, metered->stats);
   if (absl::Status status = load_table(context, passes.tables, passes.recorder); !status.ok()) return status;
   for (const Step& step : plan.steps) {
     if (step.pass == Pass::kIngest) continue;
@@ -90,6 +91,8 @@ absl::Status render_all() {
   if (!recorder.ok()) return recorder.status();
   Passes passes{*std::move(pipelines), *std::move(recorder), TableCache(*bench->device)};
   const testing::WireFrame frame = testing::natural(kWidth, kHeight);
+  // Larger: light has to end somewhere.
+  const testing::WireFrame tiles = testing::lit_tiles(2 * kWidth, 2 * kHeight);
   std::vector<Variant> kinds = {{"bright", [](Settings&) {}},
                                 {"dim", [](Settings& s) { s.bloom.threshold = kNothingBright; }},
                                 {"draft", [](Settings& s) { s.tier = "draft"; }}};
@@ -102,6 +105,9 @@ absl::Status render_all() {
       if (absl::Status status = render(*bench, passes, frame, kind.name, settings); !status.ok())
         return status;
     }
+    Settings settings;
+    settings.bloom.threshold = kLightsOnly;
+    if (absl::Status status = render(*bench, passes, tiles, "tiles", settings); !status.ok()) return status;
   }
   return absl::OkStatus();
 }

@@ -11,6 +11,7 @@
 
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
+#include "shaders/bright_pass.spv.h"
 #include "shaders/gaussian.spv.h"
 #include "shaders/ingest.spv.h"
 #include "shaders/resolve.spv.h"
@@ -53,22 +54,20 @@ std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
 
 TEST(Params, OffsetsAreThoseOfTheSpirv) {
   auto ingest = structs(k_ingest_spirv);
-  EXPECT_EQ(ingest["IngestParams"].size(), 15u);
+  EXPECT_EQ(ingest["IngestParams"].size(), 10u);
   EXPECT_OFFSET(ingest, InputParams, width);
   EXPECT_OFFSET(ingest, InputParams, input_pitch);
   EXPECT_OFFSET(ingest, InputParams, m00);
   EXPECT_OFFSET(ingest, InputParams, m22);
   EXPECT_OFFSET(ingest, IngestParams, frame);
-  EXPECT_OFFSET(ingest, IngestParams, level_lo);
   EXPECT_OFFSET(ingest, IngestParams, tiles_hi);
   EXPECT_OFFSET(ingest, IngestParams, tiles_x);
-  EXPECT_OFFSET(ingest, IngestParams, knee);
   EXPECT_OFFSET(ingest, IngestParams, histogram_hi);
   EXPECT_OFFSET(ingest, IngestParams, spot_y1);
   EXPECT_OFFSET(ingest, HistogramBin, offset_sum);
   EXPECT_OFFSET(ingest, TileRecord, log2_sum_low);
   EXPECT_OFFSET(ingest, TileRecord, max_magnitude_bits);
-  EXPECT_OFFSET(ingest, TileRecord, bright_texels);
+  EXPECT_OFFSET(ingest, TileRecord, max_light_bits);
   EXPECT_OFFSET(ingest, TileRecord, first_bad_texel_inverted);
   EXPECT_EQ(ingest["TileRecord"].size() * 4, sizeof(shader::TileRecord));
 
@@ -80,10 +79,15 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
     EXPECT_OFFSET(bloom, BloomParams, to_height);
   }
 
+  auto bright_pass = structs(k_bright_pass_spirv);
+  EXPECT_OFFSET(bright_pass, BrightPassParams, frame);
+  EXPECT_OFFSET(bright_pass, BrightPassParams, level_hi);
+  EXPECT_OFFSET(bright_pass, BrightPassParams, knee);
+
   auto gaussian = structs(k_gaussian_spirv);
   EXPECT_EQ(gaussian["GaussianParams"].size() * 4, sizeof(shader::GaussianParams));
   EXPECT_OFFSET(gaussian, GaussianParams, to_hi);
-  EXPECT_OFFSET(gaussian, GaussianParams, threshold);
+  EXPECT_OFFSET(gaussian, GaussianParams, height);
 
   auto resolve = structs(k_resolve_spirv);
   EXPECT_OFFSET(resolve, ResolveParams, frame);

@@ -106,18 +106,24 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
   const FrameDesc desc = {1920, 1080, PixelFormat::kRgba16f};
   FrameStats stats;
   stats.max_luminance = 0.5f;
+  stats.tile_light.assign(30 * 17, 0.25f);
   const Tier& tier = *find_tier("standard");
   const std::vector<Step> dim = {{Pass::kIngest}, {Pass::kResolve}};
   EXPECT_EQ(plan_frame(desc, stats, false, {}, tier).steps, dim);
   EXPECT_EQ(plan_frame(desc, stats, false, {}, tier).words[1],
             "no bloom: nothing passes the threshold 1 (the brightest is 0.5)");
 
-  stats.bright_texels = 7;
+  stats.tile_light[31] = 3.0f;
   Settings settings;
   settings.bloom.levels = 3;
-  const std::vector<Step> bright = {{Pass::kIngest},     {Pass::kBloomDown, 1}, {Pass::kBloomDown, 2},
-                                    {Pass::kBloomUp, 1}, {Pass::kBloomUp, 0},   {Pass::kResolve}};
-  EXPECT_EQ(plan_frame(desc, stats, false, settings, tier).steps, bright);
+  const std::vector<Step> bright = {{Pass::kIngest},       {Pass::kBrightPass, 0}, {Pass::kBloomDown, 1},
+                                    {Pass::kBloomDown, 2}, {Pass::kBloomUp, 1},    {Pass::kBloomUp, 0},
+                                    {Pass::kResolve}};
+  const Plan plan = plan_frame(desc, stats, false, settings, tier);
+  EXPECT_EQ(plan.steps, bright);
+  EXPECT_EQ(plan.lit, (std::vector<Box>{{64, 64, 128, 128}}));
+  EXPECT_EQ(plan.words[1],
+            "bloom over 3 levels from 960x540 to 240x135: light in 0.2 % of the frame's tiles");
   settings.bloom.intensity = 0;
   EXPECT_EQ(plan_frame(desc, stats, false, settings, tier).steps, dim);
   const std::vector<Step> scrubbed = {{Pass::kIngest}, {Pass::kIngest}, {Pass::kResolve}};

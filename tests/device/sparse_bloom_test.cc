@@ -1,0 +1,118 @@
+// Bloom is made only where light reaches; not one bit shows it.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+#include "tests/support/device_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+class SparseBloom : public DeviceTest {
+ protected:
+  // The image where every tile counts as lit, so that every pass makes all of its level.
+  static std::vector<std::byte> dense(const WireFrame& frame, const Settings& settings) {
+    absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, settings);
+    EXPECT_TRUE(memory.ok()) << memory.status();
+    for (uint32_t y = 0; y < frame.desc.height; ++y) {
+      std::copy_n(frame.pixels.begin() + static_cast<std::ptrdiff_t>(y * frame.desc.row_bytes()),
+                  frame.desc.row_bytes(), memory->input_row(y).begin());
+    }
+    absl::StatusOr<Metered> metered = renderer().meter(*memory, settings);
+    EXPECT_TRUE(metered.ok()) << metered.status();
+    for (float& light : metered->stats.tile_light) light = std::numeric_limits<float>::infinity();
+    const auto report = renderer().draw(*memory, settings, 0, *metered, [&](double mean_log2_luminance) {
+      return expose(settings.exposure, std::nullopt, mean_log2_luminance);
+    });
+    EXPECT_TRUE(report.ok()) << report.status();
+    return image(*memory);
+  }
+
+  // Also that part of the frame was left out, where `sparse`.
+  static void expect_same(const WireFrame& frame, const Settings& settings, bool sparse,
+                          const std::string& what) {
+    const auto rendered = render(frame, settings);
+    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    uint64_t lit = 0;
+    for (const Box& box : rendered->report.plan.lit) lit += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
+    EXPECT_EQ(lit < uint64_t{frame.desc.width} * frame.desc.height, sparse) << what;
+    EXPECT_EQ(image(rendered->memory), dense(frame, settings)) << what;
+  }
+};
+
+// A dim picture, negative components among it, and lights of `size` texels.
+WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
+                 uint32_t size, Texel light, PixelFormat format = PixelFormat::kRgba16f) {
+  return make_frame(width, height, format, [&](uint32_t x, uint32_t y) -> Texel {
+    for (const auto& [cx, cy] : at) {
+      if (x - cx < size && y - cy < size) return light;
+    }
+    return {0.2f * noise(x, y, 0), 0.3f * noise(x, y, 1) - 0.05f, 0.1f, 1};
+  });
+}
+
+TEST_F(SparseBloom, IsTheDenseOneWhateverTheKindAndTheTier) {
+  const Texel white = {900, 700, 400, 1};
+  for (const BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
+    for (const char* tier : {"standard", "draft"}) {
+      for (const uint32_t levels : {1u, 2u, 5u, 9u}) {
+        Settings settings;
+        settings.tier = tier;
+        settings.bloom.kind = kind;
+        settings.bloom.levels = levels;
+        if (kind == BloomKind::kGaussian) settings.bloom.threshold = 8;
+        const std::string what = std::string(tier) + ", " + std::to_string(levels) + " levels of kind " +
+                                 std::to_string(static_cast<int>(kind));
+        expect_same(lights(1500, 1100, {{700, 500}}, 3, white), settings, kind != BloomKind::kConserve, what);
+      }
+    }
+  }
+}
+
+TEST_F(SparseBloom, IsTheDenseOneWhereverTheLightsAre) {
+  std::mt19937 random(11);
+  constexpr std::pair<uint32_t, uint32_t> kSizes[] = {{1920, 1080}, {1283, 719}, {130, 2000}, {2051, 67}};
+  for (const auto& [width, height] : kSizes) {
+    const std::vector<std::pair<uint32_t, uint32_t>> corners = {
+        {0, 0}, {width - 1, 0}, {0, height - 1}, {width - 1, height - 1}};
+    for (int round = 0; round < 8; ++round) {
+      std::vector<std::pair<uint32_t, uint32_t>> at;
+      if (round < 4) {
+        at = {corners[static_cast<size_t>(round)]};
+      } else {
+        for (int i = 4; i <= round; ++i) at.emplace_back(random() % width, random() % height);
+      }
+      const Texel light = {4000, 4000, 4000, 1};
+      expect_same(lights(width, height, at, 1 + round % 3, light), {}, true,
+                  std::to_string(width) + "x" + std::to_string(height) + ", round " + std::to_string(round));
+    }
+  }
+}
+
+// A tile is told to be dark by its brightest texel, and what a pass makes of it must be: at the threshold,
+// where its luminance is small because a component is negative, where the primaries make components negative,
+// and in each format.
+TEST_F(SparseBloom, IsTheDenseOneAtTheThreshold) {
+  for (const float softness : {0.0f, 0.5f, 1.0f}) {
+    for (const float light : {0.499f, 0.5f, 0.501f, 0.9995f, 1.0f, 1.0005f}) {
+      Settings settings;
+      settings.bloom.softness = softness;
+      const WireFrame frame = lights(700, 500, {{333, 222}}, 40, {light, light, light, 1});
+      EXPECT_EQ(image(render(frame, settings)->memory), dense(frame, settings)) << softness << " " << light;
+    }
+  }
+  const std::vector<std::pair<uint32_t, uint32_t>> at = {{333, 222}};
+  expect_same(lights(700, 500, at, 9, {-300, -50, 900, 1}), {}, true, "negative components");
+  expect_same(lights(700, 500, at, 9, {-300, -50, 900, 1}, PixelFormat::kRgba32f), {}, true, "in floats");
+  expect_same(lights(700, 500, at, 9, {0, 50, 900, 1}, PixelFormat::kRgb9e5), {}, true,
+              "in shared exponents");
+  Settings wide;
+  wide.input_chromaticities = chromaticities(Primaries::kRec2020);
+  expect_same(lights(700, 500, at, 9, {0, 30, 0, 1}), wide, true, "wide primaries");
+  expect_same(lights(700, 500, at, 9, {std::numeric_limits<float>::infinity(), 0, 0, 1}), {}, true,
+              "infinite");
+}
+
+}  // namespace
+}  // namespace candela::testing
