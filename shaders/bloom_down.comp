@@ -33,7 +33,6 @@ void main() {
   uint x = gl_GlobalInvocationID.x;
   uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
   if (x >= p.to_width || first_row >= p.to_height) return;
-  OutWords to = OutWords(uvec2(p.to_lo, p.to_hi));
 
   int y2 = 2 * int(first_row);
   RowSums above = row_sums(x, y2 - 2);
@@ -52,7 +51,7 @@ void main() {
     vec3 even_after = c.even + d.even;
     vec3 even = even_before + 2.0 * even_here + even_after;
     vec3 odd = odd_before + a.odd + b.odd + c.odd;
-    to[y * p.to_width + x].v = level_words((0.03125 * 0.25) * even + (0.125 * 0.25) * odd);
+    written[(y - p.first_row) * p.to_width + x] = level_words((0.03125 * 0.25) * even + (0.125 * 0.25) * odd);
     even_before = even_here;
     odd_before = b.odd;
     a = c;

@@ -11,7 +11,7 @@
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
 layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // of D_n: 2 where it stands for a finer level, too
 layout(set = 0, binding = 0) uniform utextureBuffer from;
-// The same texture as `p.to`; an invocation reads only what it writes itself, and before it does.
+// The same texture as `written`; an invocation reads only what it writes itself, and before it does.
 layout(set = 0, binding = 1) uniform utextureBuffer to_before;
 layout(push_constant) uniform Push { BloomParams p; };
 
@@ -30,9 +30,9 @@ Row filtered_row(uint x, int y) {
              0.1875 * t[1] + 0.4375 * t[2] + 0.3125 * t[3] + 0.0625 * t[4]);
 }
 
-void add(OutWords to, uint x, uint y, vec3 c) {
-  uint at = y * p.to_width + x;
-  to[at].v = level_words(FINE_WEIGHT * fetch_rgb(to_before, int(at)) + c);
+void add(uint x, uint y, vec3 c) {
+  vec3 before = fetch_rgb(to_before, int(y * p.to_width + x));
+  written[(y - p.first_row) * p.to_width + x] = level_words(FINE_WEIGHT * before + c);
 }
 
 void main() {
@@ -40,7 +40,6 @@ void main() {
   uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
   uint row_pairs = (p.to_height + 1u) / 2u;
   if (2u * x >= p.to_width || first_row >= row_pairs) return;
-  OutWords to = OutWords(uvec2(p.to_lo, p.to_hi));
 
   Row a = filtered_row(x, int(first_row) - 2);
   Row b = filtered_row(x, int(first_row) - 1);
@@ -52,13 +51,13 @@ void main() {
     uint y = first_row + i;
     if (y >= rows_end) break;
     Row e = filtered_row(x, int(y) + 2);
-    add(to, 2u * x, 2u * y, 0.0625 * a.even + 0.3125 * b.even + 0.4375 * c.even + 0.1875 * d.even);
+    add(2u * x, 2u * y, 0.0625 * a.even + 0.3125 * b.even + 0.4375 * c.even + 0.1875 * d.even);
     if (odd_column)
-      add(to, 2u * x + 1u, 2u * y, 0.0625 * a.odd + 0.3125 * b.odd + 0.4375 * c.odd + 0.1875 * d.odd);
+      add(2u * x + 1u, 2u * y, 0.0625 * a.odd + 0.3125 * b.odd + 0.4375 * c.odd + 0.1875 * d.odd);
     if (2u * y + 1u < p.to_height) {
-      add(to, 2u * x, 2u * y + 1u, 0.1875 * b.even + 0.4375 * c.even + 0.3125 * d.even + 0.0625 * e.even);
+      add(2u * x, 2u * y + 1u, 0.1875 * b.even + 0.4375 * c.even + 0.3125 * d.even + 0.0625 * e.even);
       if (odd_column)
-        add(to, 2u * x + 1u, 2u * y + 1u, 0.1875 * b.odd + 0.4375 * c.odd + 0.3125 * d.odd + 0.0625 * e.odd);
+        add(2u * x + 1u, 2u * y + 1u, 0.1875 * b.odd + 0.4375 * c.odd + 0.3125 * d.odd + 0.0625 * e.odd);
     }
     a = b;
     b = c;

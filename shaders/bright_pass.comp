@@ -74,21 +74,20 @@ vec3 gaussian_texel(uint x, uint y) {
 
 // What rows y to y + LEVEL_SIZE - 1 come to.
 void make_row(uint x, uint y) {
-  OutWords level = OutWords(uvec2(p.level_lo, p.level_hi));
-  uint at = y / LEVEL_SIZE * p.level_width + x / LEVEL_SIZE;
+  uint at = (y / LEVEL_SIZE - p.first_row) * p.level_width + x / LEVEL_SIZE;
   if (BLOOM == BLOOM_GAUSSIAN) {
-    level[at].v = level_words(gaussian_texel(x, y));
+    written[at] = level_words(gaussian_texel(x, y));
   } else if (LEVEL_SIZE == 4u) {
     // The mean of D_0's texels, of which the last column and the last row repeat.
     Pair top = level_texels(x, y);
     Pair bottom = level_texels(x, y + 2u < p.frame.height ? y + 2u : y);
     bool wide = WHOLE || x + 2u < p.frame.width;
     vec3 sum = (top.left + (wide ? top.right : top.left)) + (bottom.left + (wide ? bottom.right : bottom.left));
-    level[at].v = level_words(0.25 * sum);
+    written[at] = level_words(0.25 * sum);
   } else {
     Pair texels = level_texels(x, y);
-    level[at].v = level_words(texels.left);
-    if (WHOLE || x + 2u < p.frame.width) level[at + 1u].v = level_words(texels.right);
+    written[at] = level_words(texels.left);
+    if (WHOLE || x + 2u < p.frame.width) written[at + 1u] = level_words(texels.right);
   }
 }
 

@@ -1,6 +1,7 @@
 // What the passes share. Textures are read through texel buffers, which the software device gathers well, and
-// written by address, 8 bytes at a time: that device stores one lane after the other, and one word at a time. Loops
-// that keep rows for their next turn are unrolled: it carries what a loop keeps through memory.
+// written through a storage buffer, 8 bytes at a time: that device stores one lane after the other, and one word at a
+// time; by address it takes twice as long. Loops that keep rows for their next turn are unrolled: it carries what a loop
+// keeps through memory.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require
@@ -9,7 +10,8 @@
 
 #include "params.h"
 
-layout(buffer_reference, std430, buffer_reference_align = 16) writeonly buffer OutWords { u64vec2 v; };
+// What a pass writes, or as many rows of it as a storage buffer holds everywhere; its first row is the parameters'.
+layout(set = 0, binding = 3, std430) writeonly buffer Written { u64vec2 written[]; };
 
 u64vec2 pack64(uvec4 words) { return u64vec2(pack64(words.xy), pack64(words.zw)); }
 

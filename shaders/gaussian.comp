@@ -24,7 +24,6 @@ void main() {
   uint x = gl_GlobalInvocationID.x;
   uint first_row = gl_GlobalInvocationID.y * BLOOM_ROWS;
   if (x >= p.width || first_row >= p.height) return;
-  OutWords to = OutWords(uvec2(p.to_lo, p.to_hi));
   uint rows_end = min(first_row + BLOOM_ROWS, p.height);
   for (uint row = first_row; row < rows_end; ++row) {
     int y = int(row);
@@ -35,6 +34,6 @@ void main() {
     sum += 0.026995 * pair(int(x), y, 4);
     sum += 0.008764 * pair(int(x), y, 5);
     sum += 0.002216 * pair(int(x), y, 6);
-    to[row * p.width + x].v = level_words(sum * (1.0 / 0.998975));
+    written[(row - p.first_row) * p.width + x] = level_words(sum * (1.0 / 0.998975));
   }
 }

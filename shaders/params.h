@@ -117,26 +117,26 @@ struct IngestParams {
 
 struct BrightPassParams {
   InputParams frame;
-  uint level_lo, level_hi;  // bloom level 0, written
+  uint first_row;  // of the level's, in what is bound for writing
   uint level_width;
   float threshold;  // scene luminance
   float knee;       // softness * threshold; of BLOOM_MIP
 };
 
 struct BloomParams {
-  uint to_lo, to_hi;  // the level written
+  uint first_row;  // of the level written, in what is bound for writing
   uint from_width, from_height;
   uint to_width, to_height;
 };
 
 struct GaussianParams {
-  uint to_lo, to_hi;   // the level written
+  uint first_row;      // of the level written, in what is bound for writing
   uint width, height;  // of both levels
 };
 
 struct ResolveParams {
   InputParams frame;
-  uint output_lo, output_hi;
+  uint first_row;  // of the output, in what is bound for writing
   uint level_width, level_height;
   uint output_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
   float exposure;     // E * prescale

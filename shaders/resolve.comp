@@ -66,20 +66,19 @@ uint64_t pack_texel(vec4 c, uint x, uint y) {
 }
 
 void write(uint x, uint y, Group g) {
-  OutWords words = OutWords(uvec2(p.output_lo, p.output_hi));
-  uint at = y * p.output_pitch + x;
+  uint at = (y - p.first_row) * p.output_pitch + x;
   if (OUTPUT == OUTPUT_RGBA8) {
     uvec4 v;
     [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
       uvec4 q = quantise(g.texel[i], 255.0, x + i, y);
       v[i] = q.r | (q.g << 8) | (q.b << 16) | (q.a << 24);
     }
-    words[at / 4u].v = pack64(v);
+    written[at / 4u] = pack64(v);
   } else if (OUTPUT == OUTPUT_FLOAT) {
-    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) words[at + i].v = pack64(floatBitsToUint(g.texel[i]));
+    [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) written[at + i] = pack64(floatBitsToUint(g.texel[i]));
   } else {
-    words[at / 2u].v = u64vec2(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
-    words[at / 2u + 1u].v = u64vec2(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));
+    written[at / 2u] = u64vec2(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
+    written[at / 2u + 1u] = u64vec2(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));
   }
 }
 

@@ -47,14 +47,44 @@ bool first_level_twice(const PassContext& context) {
 constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
 constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
 
+// What a pass writes, a row of work groups after the other. Rows are whole words of 16 bytes.
+struct Target {
+  const Buffer& buffer;
+  uint64_t row_bytes;
+  uint32_t rows;
+  uint32_t group_rows;  // that a work group makes
+};
+
+Target level_target(const FrameMemory::Parts& parts, uint32_t level, uint32_t group_rows) {
+  const LevelSize& size = parts.level_sizes[level];
+  return {parts.levels[level].buffer(), uint64_t{size.width} * 4 * sizeof(float), size.height, group_rows};
+}
+
+// As often as it takes to bind all of the target for writing; `params` gets the first row of each part.
 template <typename Params>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
-                      const Constants& constants, std::initializer_list<VkBufferView> reads,
-                      const Params& params, std::span<const Box> work) {
+                      const Constants& constants, std::initializer_list<VkBufferView> reads, Params params,
+                      const Target& target, std::span<const Box> work) {
   const absl::StatusOr<VkPipeline> pipeline = pipelines.get(spirv, constants);
   if (!pipeline.ok()) return pipeline.status();
-  recorder.dispatch(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, &params, sizeof params,
-                    work);
+  // So many that each part begins at a row of groups, and where a binding may.
+  const uint64_t step = target.group_rows * PipelineCache::kWriteAlignment / 16;
+  const uint64_t rows = PipelineCache::kMaxWriteBytes / target.row_bytes / step * step;
+  for (uint64_t first = 0; first < target.rows; first += rows) {
+    const auto begin = static_cast<uint32_t>(first / target.group_rows);
+    const auto end =
+        static_cast<uint32_t>(std::min<uint64_t>(UINT32_MAX, (first + rows) / target.group_rows));
+    std::vector<Box> part;
+    for (const Box& box : work) {
+      const Box within = {box.x0, std::max(box.y0, begin), box.x1, std::min(box.y1, end)};
+      if (within.y0 < within.y1) part.push_back(within);
+    }
+    params.first_row = static_cast<uint32_t>(first);
+    const VkDescriptorBufferInfo written = {target.buffer.handle(), first * target.row_bytes,
+                                            std::min<uint64_t>(rows, target.rows - first) * target.row_bytes};
+    recorder.dispatch(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
+                      sizeof params, part);
+  }
   return absl::OkStatus();
 }
 
@@ -111,20 +141,19 @@ absl::Status record_ingest(const PassContext& context, PipelineCache& pipelines,
       static_cast<uint32_t>(metering.weights),  histogram,      whole_groups(parts)};
   const VkBufferView frame = parts.input.buffer().view();
   const Box all = {0, 0, groups(parts.tiles_x, shader::INGEST_TILES), parts.tiles_y};
-  return dispatch(pipelines, recorder, k_ingest_spirv, constants,
-                  {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame}, params,
-                  {&all, 1});
+  const absl::StatusOr<VkPipeline> pipeline = pipelines.get(k_ingest_spirv, constants);
+  if (!pipeline.ok()) return pipeline.status();
+  const VkBufferView reads[] = {frame, parts.center_weights ? parts.center_weights.buffer().view() : frame};
+  recorder.dispatch(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params, {&all, 1});
+  return absl::OkStatus();
 }
 
 absl::Status record_bright_pass(const PassContext& context, const Step& step, PipelineCache& pipelines,
                                 Recorder& recorder) {
   const FrameMemory::Parts& parts = context.parts;
   const BloomSettings& bloom = context.settings.bloom;
-  const VkDeviceAddress level_address = parts.levels[0].buffer().address();
   shader::BrightPassParams params{};
   params.frame = context.input;
-  params.level_lo = low(level_address);
-  params.level_hi = high(level_address);
   params.level_width = parts.level_sizes[0].width;
   params.threshold = context.bright_threshold;
   const float knee = bloom.softness * bloom.threshold;
@@ -140,6 +169,7 @@ absl::Status record_bright_pass(const PassContext& context, const Step& step, Pi
   const uint32_t width = shader::GROUP_TEXELS * shader::BRIGHT_GROUP_X * shader::BRIGHT_STEPS;
   const uint32_t height = shader::BRIGHT_ROWS * shader::BRIGHT_GROUP_Y;
   return dispatch(pipelines, recorder, k_bright_pass_spirv, constants, {parts.input.buffer().view()}, params,
+                  level_target(parts, 0, height / size),
                   groups_of(context, step, width / size, height / size, recorder));
 }
 
@@ -149,18 +179,16 @@ absl::Status record_bloom(const PassContext& context, const Step& step, Pipeline
                           uint32_t from, uint32_t columns) {
   const FrameMemory::Parts& parts = context.parts;
   const uint32_t to = step.level;
-  const VkDeviceAddress to_address = parts.levels[to].buffer().address();
+  const uint32_t rows = columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y;
   shader::BloomParams params{};
-  params.to_lo = low(to_address);
-  params.to_hi = high(to_address);
   params.from_width = parts.level_sizes[from].width;
   params.from_height = parts.level_sizes[from].height;
   params.to_width = parts.level_sizes[to].width;
   params.to_height = parts.level_sizes[to].height;
   return dispatch(pipelines, recorder, spirv, constants,
                   {parts.levels[from].buffer().view(), parts.levels[to].buffer().view()}, params,
-                  groups_of(context, step, columns * shader::BLOOM_GROUP_X,
-                            columns * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y, recorder));
+                  level_target(parts, to, rows),
+                  groups_of(context, step, columns * shader::BLOOM_GROUP_X, rows, recorder));
 }
 
 // To level 1: vertical, from level 0; to level 0: horizontal, from level 1.
@@ -168,17 +196,15 @@ absl::Status record_gaussian(const PassContext& context, const Step& step, Pipel
                              Recorder& recorder) {
   const FrameMemory::Parts& parts = context.parts;
   const uint32_t to = step.level;
-  const VkDeviceAddress to_address = parts.levels[to].buffer().address();
+  constexpr uint32_t kRows = shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y;
   shader::GaussianParams params{};
-  params.to_lo = low(to_address);
-  params.to_hi = high(to_address);
   params.width = parts.level_sizes[to].width;
   params.height = parts.level_sizes[to].height;
   const VkBufferView from = parts.levels[1 - to].buffer().view();
   // The second binding is not used.
-  return dispatch(
-      pipelines, recorder, k_gaussian_spirv, {to}, {from, from}, params,
-      groups_of(context, step, shader::BLOOM_GROUP_X, shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y, recorder));
+  return dispatch(pipelines, recorder, k_gaussian_spirv, {to}, {from, from}, params,
+                  level_target(parts, to, kRows),
+                  groups_of(context, step, shader::BLOOM_GROUP_X, kRows, recorder));
 }
 
 uint32_t curve_constant(const PassContext& context) {
@@ -187,33 +213,32 @@ uint32_t curve_constant(const PassContext& context) {
   return static_cast<uint32_t>(context.settings.curve);
 }
 
+// That a work group of resolve makes.
+constexpr uint32_t kResolveRows = shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y;
+
 // The rows of groups that bloom reaches, and the rest. Whole rows: what a shorter walk along them costs is
 // more than what is saved where there is no bloom.
 Cover resolve_groups(const PassContext& context) {
   const FrameDesc& desc = context.parts.desc;
   constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS;
-  constexpr uint32_t kHeight = shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y;
   Area reached;
   if (context.bloom) {
     const Pass last = context.settings.bloom.kind == BloomKind::kGaussian ? Pass::kGaussian : Pass::kBloomUp;
     reached = in_frame(lit_after(context, {last, 0}), level_size(context), desc.width, desc.height);
   }
-  Cover rows = cover(reached, desc.width, kHeight, 1, groups(desc.height, kHeight));
+  Cover rows = cover(reached, desc.width, kResolveRows, 1, groups(desc.height, kResolveRows));
   for (std::vector<Box>* part : {&rows.groups, &rows.rest}) {
     for (Box& box : *part) box.x1 = groups(desc.width, kWidth);
   }
   return rows;
 }
 
-// Into `output`, in a format of OUTPUT_*.
+// Into `output`, in a format of OUTPUT_* with so many bytes a texel.
 absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines, Recorder& recorder,
-                            const Buffer& output, uint32_t format) {
+                            const Buffer& output, uint32_t format, uint64_t texel_bytes) {
   const FrameMemory::Parts& parts = context.parts;
-  const VkDeviceAddress output_address = output.address();
   shader::ResolveParams params{};
   params.frame = context.input;
-  params.output_lo = low(output_address);
-  params.output_hi = high(output_address);
   params.output_pitch = parts.pitch;
   // 2^46 is beyond where any curve still rises for a half's smallest step; it keeps the arithmetic finite.
   params.exposure = static_cast<float>(std::min(context.exposure, 0x1p46));
@@ -251,7 +276,8 @@ absl::Status record_resolve(const PassContext& context, PipelineCache& pipelines
                                  level_size(context),
                                  context.tier.transfer_terms};
     return dispatch(pipelines, recorder, k_resolve_spirv, constants,
-                    {parts.input.buffer().view(), bloom, table}, params, part);
+                    {parts.input.buffer().view(), bloom, table}, params,
+                    {output, parts.pitch * texel_bytes, parts.desc.height, kResolveRows}, part);
   };
   absl::Status status = make(work.groups, static_cast<uint32_t>(context.settings.bloom.kind));
   status.Update(make(work.rest, shader::BLOOM_NONE));
@@ -299,7 +325,8 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
       return record_gaussian(context, step, pipelines, recorder);
     case Pass::kResolve:
       return record_resolve(context, pipelines, recorder, context.parts.output.buffer(),
-                            static_cast<uint32_t>(context.parts.output_format));
+                            static_cast<uint32_t>(context.parts.output_format),
+                            bytes_per_pixel(context.parts.output_format));
     case Pass::kReference:
       break;  // nothing of the device's
   }
@@ -307,7 +334,8 @@ absl::Status record(const Step& step, const PassContext& context, PipelineCache&
 }
 
 absl::Status record_exact(const PassContext& context, PipelineCache& pipelines, Recorder& recorder) {
-  return record_resolve(context, pipelines, recorder, context.parts.exact.buffer(), shader::OUTPUT_FLOAT);
+  return record_resolve(context, pipelines, recorder, context.parts.exact.buffer(), shader::OUTPUT_FLOAT,
+                        4 * sizeof(float));
 }
 
 }  // namespace candela

@@ -1,4 +1,5 @@
-// A buffer with its memory: shaders write it by its address and read it as a texel buffer.
+// A buffer with its memory: shaders write it as a storage buffer or by its address, and read it as a texel
+// buffer.
 #pragma once
 
 #include <vulkan/vulkan.h>

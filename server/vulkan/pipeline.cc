@@ -8,14 +8,15 @@ namespace candela {
 absl::StatusOr<PipelineCache> PipelineCache::create(const Device& device) {
   PipelineCache cache;
   cache.device_ = device.handle();
-  VkDescriptorSetLayoutBinding bindings[kReads] = {};
+  VkDescriptorSetLayoutBinding bindings[kReads + 1] = {};
   for (uint32_t i = 0; i < kReads; ++i) {
     bindings[i] = {i, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
   }
+  bindings[kReads] = {kReads, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
   VkDescriptorSetLayoutCreateInfo set_info{};
   set_info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
   set_info.flags = VK_DESCRIPTOR_SET_LAYOUT_CREATE_PUSH_DESCRIPTOR_BIT_KHR;
-  set_info.bindingCount = kReads;
+  set_info.bindingCount = kReads + 1;
   set_info.pBindings = bindings;
   CANDELA_VK(vkCreateDescriptorSetLayout(cache.device_, &set_info, nullptr, &cache.set_layout_));
   const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushBytes};

@@ -18,12 +18,15 @@ namespace candela {
 using Constants = std::vector<uint32_t>;
 
 // One thread at a time. The device outlives it. All shaders have one layout: push constants of at most
-// kPushBytes, and up to kReads texel buffers to read, as bindings 0.. of set 0, pushed as well. They write by
-// address.
+// kPushBytes, up to kReads texel buffers to read, as bindings 0.. of set 0, and a storage buffer to write, as
+// binding kReads; these are pushed as well. What is added to from many sides is written by address.
 class PipelineCache {
  public:
   static constexpr uint32_t kPushBytes = 128;
   static constexpr uint32_t kReads = 3;
+  // What can be bound for writing at once on every device, and where it may begin.
+  static constexpr uint64_t kMaxWriteBytes = uint64_t{1} << 27;
+  static constexpr uint64_t kWriteAlignment = 256;
 
   static absl::StatusOr<PipelineCache> create(const Device& device);
   PipelineCache(PipelineCache&& other) noexcept;

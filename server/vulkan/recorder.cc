@@ -77,18 +77,27 @@ void Recorder::mark(const char* name) {
 }
 
 void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                        const void* push, uint32_t push_bytes, std::span<const Box> groups) {
+                        const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
+                        std::span<const Box> groups) {
   vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-  VkWriteDescriptorSet writes[PipelineCache::kReads] = {};
-  for (uint32_t i = 0; i < reads.size(); ++i) {
+  VkWriteDescriptorSet writes[PipelineCache::kReads + 1] = {};
+  auto count = static_cast<uint32_t>(reads.size());
+  for (uint32_t i = 0; i < count; ++i) {
     writes[i].sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
     writes[i].dstBinding = i;
     writes[i].descriptorCount = 1;
     writes[i].descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
     writes[i].pTexelBufferView = &reads[i];
   }
-  device_->push_descriptors()(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0,
-                              static_cast<uint32_t>(reads.size()), writes);
+  if (written.buffer != VK_NULL_HANDLE) {
+    VkWriteDescriptorSet& write = writes[count++];
+    write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+    write.dstBinding = PipelineCache::kReads;
+    write.descriptorCount = 1;
+    write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    write.pBufferInfo = &written;
+  }
+  device_->push_descriptors()(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, count, writes);
   vkCmdPushConstants(commands_, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes, push);
   for (const Box& box : groups) {
     vkCmdDispatchBase(commands_, box.x0, box.y0, 0, box.x1 - box.x0, box.y1 - box.y0, 1);

@@ -36,7 +36,8 @@ class Recorder {
   // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads; `groups` the work groups
   // that run, in no order.
   void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                const void* push, uint32_t push_bytes, std::span<const Box> groups);
+                const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
+                std::span<const Box> groups);
   void fill_zero(const Buffer& buffer);
   // Copies `bytes`, a multiple of 4 and at most 65536, out of `data` now and into the buffer later.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);

@@ -322,6 +322,28 @@ TEST_F(Properties, PrescaleIsExposureByAnotherName) {
   EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
 }
 
+// More is written than can be bound at once on every device.
+TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
+  constexpr uint32_t kWidth = 8192, kHeight = 2200;
+  const WireFrame tile = natural(kWidth, 64, PixelFormat::kRgb9e5);
+  WireFrame frame = {{kWidth, kHeight, PixelFormat::kRgb9e5}, {}};
+  for (uint32_t y = 0; y < kHeight; ++y) {
+    const auto row = tile.pixels.begin() + static_cast<std::ptrdiff_t>(y % 64 * tile.desc.row_bytes());
+    frame.pixels.insert(frame.pixels.end(), row, row + static_cast<std::ptrdiff_t>(tile.desc.row_bytes()));
+  }
+  Settings settings;
+  settings.exposure.mode = ExposureMode::kManual;
+  settings.bloom.intensity = 0;
+  settings.output_format = OutputFormat::kRgba16;
+  const Rendered small = must_render(tile, settings);
+  const Rendered large = must_render(frame, settings);
+  for (uint32_t y = 0; y < kHeight; ++y) {
+    const std::span<const std::byte> is = large.memory.output_row(y),
+                                     should = small.memory.output_row(y % 64);
+    ASSERT_TRUE(std::equal(is.begin(), is.end(), should.begin(), should.end())) << "row " << y;
+  }
+}
+
 TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {
   // Widths of 129 to 132 share their textures, and 132 fills the columns that are padding for 129.
   for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f}) {

@@ -75,23 +75,23 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
        {std::span<const uint32_t>(k_bloom_down_spirv), std::span<const uint32_t>(k_bloom_up_spirv)}) {
     auto bloom = structs(spirv);
     EXPECT_EQ(bloom["BloomParams"].size() * 4, sizeof(shader::BloomParams));
-    EXPECT_OFFSET(bloom, BloomParams, to_lo);
+    EXPECT_OFFSET(bloom, BloomParams, first_row);
     EXPECT_OFFSET(bloom, BloomParams, to_height);
   }
 
   auto bright_pass = structs(k_bright_pass_spirv);
   EXPECT_OFFSET(bright_pass, BrightPassParams, frame);
-  EXPECT_OFFSET(bright_pass, BrightPassParams, level_hi);
+  EXPECT_OFFSET(bright_pass, BrightPassParams, first_row);
   EXPECT_OFFSET(bright_pass, BrightPassParams, knee);
 
   auto gaussian = structs(k_gaussian_spirv);
   EXPECT_EQ(gaussian["GaussianParams"].size() * 4, sizeof(shader::GaussianParams));
-  EXPECT_OFFSET(gaussian, GaussianParams, to_hi);
+  EXPECT_OFFSET(gaussian, GaussianParams, first_row);
   EXPECT_OFFSET(gaussian, GaussianParams, height);
 
   auto resolve = structs(k_resolve_spirv);
   EXPECT_OFFSET(resolve, ResolveParams, frame);
-  EXPECT_OFFSET(resolve, ResolveParams, output_lo);
+  EXPECT_OFFSET(resolve, ResolveParams, first_row);
   EXPECT_OFFSET(resolve, ResolveParams, output_pitch);
   EXPECT_OFFSET(resolve, ResolveParams, exposure);
   EXPECT_OFFSET(resolve, ResolveParams, bloom_scale);
