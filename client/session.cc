@@ -301,8 +301,10 @@ class Session::Core {
       }
       if (!own.status.ok()) call.duplex.cancel();
     }
-    const absl::MutexLock lock(&mutex_);
-    call_ = nullptr;
+    {
+      const absl::MutexLock lock(&mutex_);
+      call_ = nullptr;
+    }
     return own.status.ok() ? how_it_ended(call) : own;
   }
 
@@ -327,18 +329,23 @@ class Session::Core {
     return request;
   }
 
-  CallEnd how_it_ended(const Call& call) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+  // Not under the lock: finding out why TLS failed may take seconds.
+  CallEnd how_it_ended(const Call& call) const ABSL_LOCKS_EXCLUDED(mutex_) {
     const grpc::Status& status = call.duplex.status();
-    if (call.closed && finished_ && log_.unanswered() == 0 && (status.ok() || may_resume(status, true))) {
-      return {absl::OkStatus()};
+    bool resumable = false;
+    {
+      const absl::MutexLock lock(&mutex_);
+      if (call.closed && finished_ && log_.unanswered() == 0 && (status.ok() || may_resume(status, true))) {
+        return {absl::OkStatus()};
+      }
+      resumable = may_resume(status, was_open_);
     }
     if (status.ok()) {
       // A proxy, too, may end a call like that when it cuts it short.
       const char* how = call.leaving ? " went away" : " ended before every frame had its result";
       return {absl::UnavailableError(call.peer.address + how), true};
     }
-    return {from_grpc(status, call.peer, call.duplex.connected()), may_resume(status, was_open_),
-            retry_delay(status)};
+    return {from_grpc(status, call.peer, call.duplex.connected()), resumable, retry_delay(status)};
   }
 
   // Starts the next write, if there is anything to send.

@@ -1,6 +1,7 @@
 #include "server/render/texture_pool.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -11,6 +12,7 @@ struct TexturePool::Entry {
   TextureKey key;
   uint64_t bytes = 0;
   Buffer buffer;  // none: a reservation
+  std::chrono::steady_clock::time_point idle_since{};
 };
 
 uint64_t TextureKey::bytes() const {
@@ -18,8 +20,8 @@ uint64_t TextureKey::bytes() const {
   return std::max<uint64_t>(16, uint64_t{width} * height * texel_bytes);
 }
 
-TexturePool::TexturePool(Device& device, uint64_t budget_bytes)
-    : device_(device), budget_bytes_(budget_bytes) {}
+TexturePool::TexturePool(Device& device, uint64_t budget_bytes, std::chrono::nanoseconds keep)
+    : device_(device), budget_bytes_(budget_bytes), keep_(keep) {}
 
 TexturePool::~TexturePool() = default;
 
@@ -69,19 +71,26 @@ absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
         what, bytes, counters_.bytes_in_use, budget_bytes_));
   }
   while (!idle_.empty() && counters_.bytes_in_use + counters_.bytes_idle + bytes > budget_bytes_) {
-    counters_.bytes_idle -= idle_.front()->bytes;
-    given_up->push_back(std::move(idle_.front()));
-    idle_.erase(idle_.begin());
+    give_up_oldest(given_up);
   }
   counters_.bytes_in_use += bytes;
   counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
   return absl::OkStatus();
 }
 
+void TexturePool::give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up) {
+  counters_.bytes_idle -= idle_.front()->bytes;
+  given_up->push_back(std::move(idle_.front()));
+  idle_.erase(idle_.begin());
+}
+
 void TexturePool::give_back(std::unique_ptr<Entry> entry) {
+  std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   const std::lock_guard lock(mutex_);
   counters_.bytes_in_use -= entry->bytes;
   if (entry->buffer.handle() == VK_NULL_HANDLE) return;
+  entry->idle_since = std::chrono::steady_clock::now();
+  while (!idle_.empty() && entry->idle_since - idle_.front()->idle_since > keep_) give_up_oldest(&given_up);
   counters_.bytes_idle += entry->bytes;
   idle_.push_back(std::move(entry));
 }

@@ -4,6 +4,7 @@
 // read and write than an image, and on a device with unified memory the buffer is the wire's own.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -38,10 +39,13 @@ struct PoolCounters {
 };
 
 // Thread-safe. Holds no more than the budget; idle textures are given up, oldest first, to make room (they
-// are freed beside the lock, so that for a moment the device may hold both).
+// are freed beside the lock, so that for a moment the device may hold both), and when another one is given
+// back after nobody took them for `keep`.
 class TexturePool {
  public:
-  TexturePool(Device& device, uint64_t budget_bytes);
+  static constexpr std::chrono::seconds kKeep{30};
+
+  TexturePool(Device& device, uint64_t budget_bytes, std::chrono::nanoseconds keep = kKeep);
   ~TexturePool();
 
   class Lease;
@@ -59,6 +63,8 @@ class TexturePool {
 
  private:
   struct Entry;
+  // Moves the oldest idle texture to `given_up`. With mutex_ held.
+  void give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up);
   // Counts `bytes` as in use and moves the idle textures that have to go for them to `given_up`, to be freed
   // outside the lock. `what` needs them, for the message. With mutex_ held.
   absl::Status make_room(uint64_t bytes, const std::string& what,
@@ -67,6 +73,7 @@ class TexturePool {
 
   Device& device_;
   const uint64_t budget_bytes_;
+  const std::chrono::nanoseconds keep_;
   mutable std::mutex mutex_;
   // Guarded by mutex_.
   std::vector<std::unique_ptr<Entry>> idle_;  // oldest first

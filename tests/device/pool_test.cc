@@ -1,6 +1,9 @@
 // The texture pool: reuse, budget, counters.
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <thread>
+
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
 #include "tests/support/device_fixture.h"
@@ -50,6 +53,19 @@ TEST_F(Pool, GivesUpIdleTexturesToMakeRoom) {
     EXPECT_LE(local.counters().bytes_idle, 2 * kBytes);
   }
   EXPECT_LE(local.counters().bytes_peak, 2 * kBytes);
+}
+
+TEST_F(Pool, GivesUpWhatNobodyTookForLong) {
+  constexpr std::chrono::milliseconds kKeep{200};
+  constexpr TextureKey kOther = {10, 10, 16, MemoryUse::kDevice};
+  TexturePool local(device(), 10 * kBytes, kKeep);
+  ASSERT_TRUE(local.take(kKey).ok());
+  ASSERT_TRUE(local.take(kOther).ok());
+  EXPECT_EQ(local.counters().bytes_idle, kBytes + kOther.bytes()) << "too soon";
+  std::this_thread::sleep_for(2 * kKeep);
+  ASSERT_TRUE(local.take(kOther).ok());
+  EXPECT_EQ(local.counters().bytes_idle, kOther.bytes());
+  EXPECT_EQ(local.counters().hits, 1u) << "what is in use again is not what nobody took";
 }
 
 TEST_F(Pool, AReservationIsInUseUntilItIsGivenBackAndNeverIdle) {
