@@ -117,7 +117,7 @@ int print_devices() {
 // Each arena keeps some, so that there are few of them where memory is short.
 void keep_freed_memory() {
   constexpr int kLargestKept = 4 << 20;  // bytes of one block: a message, and no texture
-  constexpr int kKept = 64 << 20;         // bytes in all, of each of its arenas
+  constexpr int kKept = 64 << 20;        // bytes in all, of each of its arenas
   mallopt(M_MMAP_THRESHOLD, kLargestKept);
   mallopt(M_TRIM_THRESHOLD, kKept);
   constexpr int kFewArenas = 2;
