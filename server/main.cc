@@ -116,7 +116,7 @@ int print_devices() {
 // system after each and faulted in again for the next, which cost a stream 6 % of its frames.
 // Each arena keeps some, so that there are few of them where memory is short.
 void keep_freed_memory() {
-  constexpr int kLargestKept = 4 << 20;  // bytes of one block: a message, and no texture
+  constexpr int kLargestKept = 4 << 20;  // bytes of one block: a message, but no large texture
   constexpr int kKept = 64 << 20;        // bytes in all, of each of its arenas
   mallopt(M_MMAP_THRESHOLD, kLargestKept);
   mallopt(M_TRIM_THRESHOLD, kKept);

@@ -47,8 +47,9 @@ struct Size {
 constexpr Size kSizes[] = {{1, 1},   {1, 7},   {2, 2},     {3, 5},     {8, 3},      {17, 31},
                            {64, 64}, {67, 63}, {129, 127}, {333, 517}, {1000, 501}, {1, 1000}};
 
-// With n levels the coarsest one still holds D_{n-1}: with 1, what bright_pass wrote; with more, what bloom_down
-// did. Level 0 then holds B_0, through every bloom_up. Over all n that is every level of every pass.
+// With n levels the coarsest one still holds D_{n-1}: with 1, what bright_pass wrote; with more, what
+// bloom_down did. Level 0 then holds B_0, through every bloom_up. Over all n that is every level of every
+// pass.
 TEST_F(Stages, EveryBloomLevelIsItsTwins) {
   for (const Size& size : kSizes) {
     const WireFrame frame = natural(size.width, size.height);
