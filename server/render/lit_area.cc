@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "server/render/frame_memory.h"
 #include "shaders/params.h"
 
 namespace candela {
@@ -87,11 +88,12 @@ Area each_axis(const Area& area, uint32_t width, uint32_t height, const Along& a
 }  // namespace
 
 Area lit_area(std::span<const float> tile_light, uint32_t width, uint32_t height, float bound) {
-  const auto tiles = [](uint32_t size) { return (size + shader::TILE_TEXELS - 1) / shader::TILE_TEXELS; };
-  Mask lit(tiles(width), tiles(height));
-  for (uint32_t y = 0; y < tiles(height); ++y) {
-    for (uint32_t x = 0; x < tiles(width); ++x) {
-      if (tile_light[size_t{y} * tiles(width) + x] > bound) lit.set({x, y, x + 1, y + 1});
+  const uint32_t tiles_x = groups(width, shader::TILE_TEXELS);
+  const uint32_t tiles_y = groups(height, shader::TILE_TEXELS);
+  Mask lit(tiles_x, tiles_y);
+  for (uint32_t y = 0; y < tiles_y; ++y) {
+    for (uint32_t x = 0; x < tiles_x; ++x) {
+      if (tile_light[size_t{y} * tiles_x + x] > bound) lit.set({x, y, x + 1, y + 1});
     }
   }
   return each_axis(lit.boxes(true), width, height, [](int64_t begin, int64_t end, uint32_t size) {

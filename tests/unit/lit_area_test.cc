@@ -56,7 +56,7 @@ Grid next(LevelSize size, const Reads& reads) {
   return grid;
 }
 
-// All of `lit` is in `area`; and not many more.
+// All of `lit` is in `area`.
 void expect_holds(const Area& area, const Grid& lit, const std::string& what) {
   const Grid held = grid_of(area, lit.size);
   for (size_t i = 0; i < lit.lit.size(); ++i) {
