@@ -15,6 +15,7 @@
 #include "client/connection.h"
 #include "client/raw_call.h"
 #include "tests/service/daemon.h"
+#include "tests/support/files.h"
 #include "tests/support/scenes.h"
 
 namespace candela::testing {
@@ -39,8 +40,8 @@ TEST(Candelad, RendersOverTcpAndEndsWithZeroOnSigterm) {
 }
 
 TEST(Candelad, RendersOverAUnixSocket) {
-  const std::string address =
-      "unix:" + ::testing::TempDir() + "candelad_" + std::to_string(getpid()) + ".sock";
+  const TemporaryFolder folder;
+  const std::string address = "unix:" + folder.path("candelad.sock");
   Daemon daemon({"--listen", address});
   ASSERT_EQ(daemon.wait_until_listening(), address) << daemon.errors();
   const absl::StatusOr<RenderResult> result = Connection::open(address)->render({}, view(natural(5, 5)));
@@ -108,8 +109,8 @@ TEST(Candelad, AnAddressInUseEndsWithOneLineThatSaysSo) {
 }
 
 TEST(Candelad, ASocketThatIsServedIsNotTakenAway) {
-  const std::string path = ::testing::TempDir() + "candelad_served.sock";
-  std::remove(path.c_str());
+  const TemporaryFolder folder;
+  const std::string path = folder.path("candelad.sock");
   Daemon first({"--listen", "unix:" + path});
   ASSERT_NE(first.wait_until_listening(), "");
   Daemon second({"--listen", "unix:" + path});
@@ -119,12 +120,13 @@ TEST(Candelad, ASocketThatIsServedIsNotTakenAway) {
 }
 
 TEST(Candelad, AFileThatIsNoSocketIsNotTakenAway) {
-  const std::string path = ::testing::TempDir() + "candelad_file";
-  std::fclose(std::fopen(path.c_str(), "w"));
+  const TemporaryFolder folder;
+  const std::string path = folder.path("file");
+  write_file(path, "");
   Daemon daemon({"--listen", "unix:" + path});
   EXPECT_EQ(daemon.wait(), 1);
   EXPECT_NE(daemon.errors().find("no socket"), std::string::npos) << daemon.errors();
-  EXPECT_EQ(std::remove(path.c_str()), 0);
+  EXPECT_EQ(access(path.c_str(), F_OK), 0) << "the file is gone";
 }
 
 TEST(Candelad, BadOptionsEndWithTwoAndOneLine) {

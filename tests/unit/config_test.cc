@@ -11,6 +11,7 @@
 
 #include "server/listen_address.h"
 #include "server/units.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -23,14 +24,12 @@ absl::StatusOr<Invocation> parse(std::vector<const char*> arguments) {
 // A file that is gone after the test.
 class TemporaryFile {
  public:
-  explicit TemporaryFile(const std::string& text) : path_(::testing::TempDir() + "candelad_test.conf") {
-    std::ofstream(path_) << text;
-  }
-  ~TemporaryFile() { std::remove(path_.c_str()); }
+  explicit TemporaryFile(const std::string& text) { write_file(path_, text); }
   const char* path() const { return path_.c_str(); }
 
  private:
-  std::string path_;
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.path("candelad.conf");
 };
 
 // A variable of the environment for the length of a test.

@@ -2,18 +2,16 @@
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <bit>
 #include <cmath>
-#include <cstdio>
-#include <fstream>
 #include <set>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "candela/v1/render.pb.h"
 #include "proto/candela/v1/limits.h"
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
@@ -24,17 +22,15 @@ constexpr absl::Duration kTtl = absl::Seconds(90);
 // A file of keys that is gone after the test.
 class KeyFile {
  public:
-  explicit KeyFile(const std::string& text, mode_t mode = 0600)
-      : path_(absl::StrCat(::testing::TempDir(), "candela_keys_", getpid())) {
-    std::remove(path_.c_str());
-    std::ofstream(path_) << text;
+  explicit KeyFile(const std::string& text, mode_t mode = 0600) {
+    write_file(path_, text);
     EXPECT_EQ(chmod(path_.c_str(), mode), 0);
   }
-  ~KeyFile() { std::remove(path_.c_str()); }
   const std::string& path() const { return path_; }
 
  private:
-  std::string path_;
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.path("keys");
 };
 
 std::string key(char digit) { return std::string(64, digit); }
