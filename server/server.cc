@@ -20,6 +20,7 @@
 #include "server/listen_address.h"
 #include "server/memory_budget.h"
 #include "server/render/renderer.h"
+#include "server/render/self_test.h"
 #include "server/render/texture_pool.h"
 #include "server/render/tiers.h"
 #include "server/rpc/access.h"
@@ -37,9 +38,8 @@ namespace {
 // For calls that were refused at the last moment to hear so; only those that watch health take it all.
 constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
 
-// The frame that is rendered to see whether frames come out; of the self-test's formats, whose pipelines are
-// there.
-constexpr FrameDesc kBeat = {8, 8, PixelFormat::kRgba32f};
+// The frame that is rendered to see whether frames come out.
+constexpr FrameDesc kBeat = {8, 8, kUsualFormat};
 
 // How many limits of health the render thread may take for one frame before it counts as stuck.
 constexpr int kMovingLimits = 4;
@@ -216,8 +216,7 @@ absl::StatusOr<FrameReport> Server::Parts::render(Frame& frame) {
 
 absl::Status Server::Parts::beat() {
   const std::shared_ptr<Renderer> renderer = engines->renderer();
-  Settings settings;
-  settings.output_format = OutputFormat::kRgba16;
+  const Settings settings;
   absl::StatusOr<FrameMemory> memory = renderer->allocate(kBeat, settings);
   if (!memory.ok()) return memory.status();
   for (uint32_t y = 0; y < kBeat.height; ++y) {
