@@ -7,7 +7,8 @@
 // program waits for: the frame's pixels copied in and render(), and `cpu` the processor time of that.
 // "bright" is a scene with lights and bloom, "dim" the same with nothing above the threshold; both in every
 // tier. "tiles" has light above its threshold in 1 % of the tiles. At 1920x1080 the bright scene is also
-// rendered with one setting changed at a time.
+// rendered with one setting changed at a time; in `standard` there are more sizes, to see that a pixel's time
+// does not grow with the frame.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -95,6 +96,9 @@ int main_(int argc, char** argv) {
   benchmark::AddCustomContext("device", summary.name + " (" + summary.driver + ")");
 
   constexpr std::pair<uint32_t, uint32_t> kSizes[] = {{1280, 720}, {1920, 1080}, {3840, 2160}};
+  constexpr std::pair<uint32_t, uint32_t> kMoreSizes[] = {{640, 400},   {1366, 768},  {1919, 1081},
+                                                          {2560, 1440}, {5120, 2880}, {7680, 4320},
+                                                          {7681, 4321}, {16384, 2025}};
   using Scene = testing::WireFrame (*)(uint32_t, uint32_t);
   constexpr Scene kNatural = [](uint32_t width, uint32_t height) { return testing::natural(width, height); };
   const auto add = [renderer = bench->renderer.get()](uint32_t width, uint32_t height,
@@ -118,6 +122,12 @@ int main_(int argc, char** argv) {
     Settings settings;
     settings.bloom.threshold = kLightsOnly;
     add(width, height, "tiles/" + settings.tier, testing::lit_tiles, settings);
+  }
+  for (const auto& [width, height] : kMoreSizes) {
+    Settings settings;
+    add(width, height, "bright/" + settings.tier, kNatural, settings);
+    settings.bloom.threshold = kNothingBright;
+    add(width, height, "dim/" + settings.tier, kNatural, settings);
   }
   for (const auto& [what, change] : variants()) {
     Settings settings;
