@@ -142,11 +142,11 @@ absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
   if (!pictures.ok()) return pictures;
   Json stages = judge_stages(session, {*hard, *curves, *pictures});
   stages.insert(stages.begin(), *ingest);
-  Json skips = measure_skips(session, plan);
+  Json scenes = measure_scenes(session, plan);
   Json times = measure_times(session, plan);
   return Json{{"times", std::move(times)},      {"stage_errors", std::move(stages)},
               {"hard_cases", *std::move(hard)}, {"curves", *std::move(curves)},
-              {"aces", *std::move(aces)},       {"skips", std::move(skips)},
+              {"aces", *std::move(aces)},       {"scenes", std::move(scenes)},
               {"images", *std::move(pictures)}};
 }
 

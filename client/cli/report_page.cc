@@ -276,33 +276,27 @@ std::string images_section(const Json& report) {
   return html;
 }
 
-std::string plan_cell_text(const Json& side) {
-  std::vector<std::string> lines{"<b>" + html_escaped(side["frame"]) + "</b>"};
-  for (const Json& line : side["plan"]) lines.push_back(html_escaped(line));
-  return absl::StrJoin(lines, "<br>");
-}
-
-std::string skips_section(const Json& report) {
-  HtmlTable table({"work", "frame and plan", "device, ms (p10 .. p90)", "saved where it is skipped"});
-  for (const Json& row : report["skips"]) {
+std::string scenes_section(const Json& report) {
+  HtmlTable table(
+      {"scene", "size", "device, ms (p10 .. p90)", "memcpy, ms", "of a memcpy", "the server's plan"});
+  for (const Json& row : report["scenes"]) {
     if (row.contains("error")) {
-      table.add({text_cell(row["what"]), message_cell(row["error"], 3, true)});
+      table.add({text_cell(row["what"]), message_cell(row["error"], 5, true)});
       continue;
     }
-    const std::string saved =
-        absl::StrFormat("%s ms, %s %%", short_number(row["saved_ms"]), short_number(row["saved_percent"], 2));
+    std::vector<std::string> plan;
+    for (const Json& line : row["plan"]) plan.push_back(html_escaped(line));
     table.add({text_cell(row["what"]),
-               {.text = plan_cell_text(row["with"])},
-               spread_cell(row["with"]["device_ms"]),
-               {}});
-    table.add({{},
-               {.text = plan_cell_text(row["without"])},
-               spread_cell(row["without"]["device_ms"]),
-               text_cell(saved)});
+               text_cell(size_words(row)),
+               spread_cell(row["device_ms"]),
+               number_cell(row["memcpy_ms"]["median"]),
+               {.text = short_number(row["memcpy_ratio"]) + "x", .number = true},
+               {.text = absl::StrJoin(plan, "<br>")}});
   }
-  return heading("Work that a frame does not need is not done") +
+  return heading("What a scene does not need is not done") +
          html_paragraph(
-             "The same frame with and without what makes the work necessary; the plan is the server's own.") +
+             "One thing changed at a time against the first row. The memcpy is of the frame as it comes in, "
+             "beside every frame that is timed; the plan is the server's own.") +
          table.html();
 }
 
@@ -317,7 +311,7 @@ absl::StatusOr<std::string> report_page(const Json& report) {
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<title>Candela report</title>\n",
       "<meta name=\"viewport\" content=\"width=device-width\">\n<style>", kStyle, "</style></head><body>\n",
       summary_section(report), machine_section(report), *times, *stages, bounds_section(report),
-      hard_cases_section(report), aces_section(report), images_section(report), skips_section(report),
+      hard_cases_section(report), aces_section(report), images_section(report), scenes_section(report),
       "</body></html>\n");
 }
 

@@ -117,6 +117,12 @@ std::vector<CaseShape> case_shapes() {
   };
 }
 
+absl::StatusOr<Image> copy_of(const Image& halves) {
+  absl::StatusOr<Image> image = make_image(halves.width, halves.height, halves.format);
+  if (image.ok()) std::memcpy(image->pixels.data(), halves.pixels.data(), halves.bytes());
+  return image;
+}
+
 }  // namespace
 
 FrameSize frame_size(double megapixels) {
@@ -147,10 +153,18 @@ absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height) {
 }
 
 absl::StatusOr<Image> with_one_nan(const Image& halves) {
-  absl::StatusOr<Image> image = make_image(halves.width, halves.height, halves.format);
+  absl::StatusOr<Image> image = copy_of(halves);
   if (!image.ok()) return image;
-  std::memcpy(image->pixels.data(), halves.pixels.data(), halves.bytes());
   put(*image, halves.width / 2, halves.height / 2, grey(std::numeric_limits<float>::quiet_NaN()));
+  return image;
+}
+
+absl::StatusOr<Image> with_few_lights(const Image& halves) {
+  constexpr uint32_t kLights = 5;
+  absl::StatusOr<Image> image = copy_of(halves);
+  for (uint32_t i = 0; image.ok() && i < kLights; ++i) {
+    put(*image, (2 * i + 1) * halves.width / (2 * kLights), (i % 2 + 1) * halves.height / 3, grey(30000));
+  }
   return image;
 }
 

@@ -14,9 +14,9 @@ namespace candela {
 namespace {
 
 constexpr int kWarmUp = 2;
-constexpr double kSlowMs = 2000;         // a frame that takes longer is slow: timed less often, not warmed up
-constexpr double kLongestMs = 30000;     // a frame that would take longer is not tried
-constexpr double kSkipMegapixels = 2.1;  // what skips save is measured at most there
+constexpr double kSlowMs = 2000;      // a frame that takes longer is slow: timed less often, not warmed up
+constexpr double kLongestMs = 30000;  // a frame that would take longer is not tried
+constexpr double kSceneMegapixels = 2.1;  // scenes are measured at most there
 
 using Clock = std::chrono::steady_clock;
 
@@ -54,10 +54,15 @@ struct Samples {
     }
   }
 
-  Json stage_spreads() const {
+  Json json() const {
     Json rows = Json::array();
     for (const auto& [name, ms] : stages) rows.push_back({{"name", name}, {"ms", spread(ms)}});
-    return rows;
+    return {{"frames", device.size()},
+            {"device_ms", spread(device)},
+            {"call_ms", spread(call)},
+            {"memcpy_ms", spread(copy)},
+            {"memcpy_ratio", quantile(device, 0.5) / std::max(1e-6, quantile(copy, 0.5))},
+            {"stages", std::move(rows)}};
   }
 };
 
@@ -163,12 +168,7 @@ Json time_row(const ReportSession& session, const TimePlan& plan, const Image& f
     return row;
   }
   seen.frame_ms = quantile(samples->device, 0.5);
-  row["frames"] = samples->device.size();
-  row["device_ms"] = spread(samples->device);
-  row["call_ms"] = spread(samples->call);
-  row["memcpy_ms"] = spread(samples->copy);
-  row["memcpy_ratio"] = seen.frame_ms / std::max(1e-6, quantile(samples->copy, 0.5));
-  row["stages"] = samples->stage_spreads();
+  row.update(samples->json());
   add_error(session, plan, frame, seen, row);
   return row;
 }
@@ -188,34 +188,32 @@ Json blank_row(const FrameSize& size, const std::string& tier) {
   return {{"megapixels", size.megapixels}, {"width", size.width}, {"height", size.height}, {"tier", tier}};
 }
 
-Json side(const std::string& frame, const Samples& samples) {
-  return {{"frame", frame}, {"plan", samples.plan}, {"device_ms", spread(samples.device)}};
-}
-
 // A frame and its settings, in words.
-struct Half {
-  std::string words;
-  const Image& frame;
+struct Scene {
+  const char* what;
+  const absl::StatusOr<Image>& frame;
   v1::Settings settings;
 };
 
-Json skip_row(const ReportSession& session, const TimePlan& plan, const std::string& what, const Half& with,
-              const Half& without) {
-  Json row = {{"what", what}};
-  const absl::StatusOr<Samples> slow = time_frames(session, with.settings, with.frame, plan);
-  const absl::StatusOr<Samples> fast = time_frames(session, without.settings, without.frame, plan);
-  if (!slow.ok() || !fast.ok()) {
-    row["error"] = std::string((slow.ok() ? fast : slow).status().message());
+Json scene_row(const ReportSession& session, const TimePlan& plan, const Scene& scene) {
+  Json row = {{"what", scene.what}};
+  const absl::StatusOr<Samples> samples =
+      scene.frame.ok() ? time_frames(session, scene.settings, *scene.frame, plan) : scene.frame.status();
+  if (!samples.ok()) {
+    row["error"] = std::string(samples.status().message());
     return row;
   }
-  const double ms = quantile(slow->device, 0.5), less = quantile(fast->device, 0.5);
-  row["width"] = with.frame.width;
-  row["height"] = with.frame.height;
-  row["with"] = side(with.words, *slow);
-  row["without"] = side(without.words, *fast);
-  row["saved_ms"] = ms - less;
-  row["saved_percent"] = 100 * (ms - less) / ms;
+  row["width"] = scene.frame->width;
+  row["height"] = scene.frame->height;
+  row["plan"] = samples->plan;
+  row.update(samples->json());
   return row;
+}
+
+v1::Settings with_threshold(v1::Settings settings, double luminance) {
+  settings.mutable_bloom()->set_threshold(luminance);
+  settings.mutable_bloom()->set_softness(0);
+  return settings;
 }
 
 }  // namespace
@@ -245,25 +243,34 @@ Json measure_times(const ReportSession& session, const TimePlan& plan) {
   return rows;
 }
 
-Json measure_skips(const ReportSession& session, const TimePlan& plan) {
-  session.show("what was skipped");
+Json measure_scenes(const ReportSession& session, const TimePlan& plan) {
+  session.show("what scenes cost");
   FrameSize size = plan.sizes.front();
   for (const FrameSize& other : plan.sizes) {
-    if (other.megapixels <= kSkipMegapixels) size = other;
+    if (other.megapixels <= kSceneMegapixels) size = other;
   }
+  constexpr double kAboveAll = 65504;
   const absl::StatusOr<Image> frame = sample_frame(size.width, size.height);
-  if (!frame.ok()) return Json::array({{{"what", "all"}, {"error", std::string(frame.status().message())}}});
-  const absl::StatusOr<Image> dirty = with_one_nan(*frame);
-  if (!dirty.ok()) return Json::array({{{"what", "all"}, {"error", std::string(dirty.status().message())}}});
+  const absl::StatusOr<Image> dirty = frame.ok() ? with_one_nan(*frame) : frame;
+  const absl::StatusOr<Image> few = frame.ok() ? with_few_lights(*frame) : frame;
   const v1::Settings usual = ReportSession::settings(session.bounded_tier());
-  v1::Settings dim = usual;
-  dim.mutable_bloom()->set_threshold(65504);
-  dim.mutable_bloom()->set_softness(0);
-  return Json::array(
-      {skip_row(session, plan, "Bloom", {"lights above the threshold", *frame, usual},
-                {"the same frame, threshold above all of it", *frame, dim}),
-       skip_row(session, plan, "Scrubbing bad values", {"the same frame with one NaN", *dirty, usual},
-                {"a clean frame", *frame, usual})});
+  std::vector<Scene> scenes = {
+      {"the sample scene, default settings", frame, usual},
+      {"five small lights above the threshold", few, with_threshold(usual, kFewLightsOnly)},
+      {"nothing above the threshold", frame, with_threshold(usual, kAboveAll)},
+      {"one NaN among the texels", dirty, usual}};
+  if (session.has_tier("draft")) {
+    const v1::Settings draft = ReportSession::settings("draft");
+    scenes.push_back({"tier draft", frame, draft});
+    scenes.push_back({"tier draft, nothing above the threshold", frame, with_threshold(draft, kAboveAll)});
+  }
+  if (const std::optional<v1::ToneCurve> aces = session.curve("aces-1")) {
+    scenes.push_back({"curve aces-1", frame, usual});
+    scenes.back().settings.set_curve(*aces);
+  }
+  Json rows = Json::array();
+  for (const Scene& scene : scenes) rows.push_back(scene_row(session, plan, scene));
+  return rows;
 }
 
 }  // namespace candela

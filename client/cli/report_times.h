@@ -1,4 +1,4 @@
-// The time half of a report: how long frames take, and what skipped work saves.
+// The time half of a report: how long frames take, and what of it is what a scene needs.
 #pragma once
 
 #include <vector>
@@ -21,8 +21,8 @@ struct TimePlan {
 // error {max_codes, p999_codes, mean_codes} or error_skipped (why).
 Json measure_times(const ReportSession& session, const TimePlan& plan);
 
-// Work that a frame needs against the same without it: what, with and without {frame, plan, device_ms},
-// saved_ms, saved_percent, or error (why not). At the largest planned size of at most 2 megapixels.
-Json measure_skips(const ReportSession& session, const TimePlan& plan);
+// What scenes and settings cost, at the largest planned size of at most 2 megapixels: a row each, with what,
+// width, height, plan, device_ms, memcpy_ms, memcpy_ratio and stages as above, or what and error (why not).
+Json measure_scenes(const ReportSession& session, const TimePlan& plan);
 
 }  // namespace candela

@@ -56,7 +56,16 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
       EXPECT_LE(stage.at("ms").at("p10"), stage.at("ms").at("p90")) << row;
     }
   }
-  EXPECT_EQ(report.at("skips").size(), 2u);
+  std::map<std::string, json> scenes;
+  for (const json& row : report.at("scenes")) {
+    ASSERT_FALSE(row.contains("error")) << row;
+    EXPECT_GT(row.at("memcpy_ratio"), 0) << row;
+    scenes[row.at("what")] = row.at("plan");
+  }
+  EXPECT_EQ(scenes.size(), 7u);
+  // The lights are what their words say: some of the tiles, and none.
+  EXPECT_NE(scenes.at("five small lights above the threshold").dump().find("light in"), std::string::npos);
+  EXPECT_EQ(scenes.at("nothing above the threshold").dump().find("bloom over"), std::string::npos);
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
 
   const std::string page = read_file(at + "/index.html");
