@@ -251,8 +251,9 @@ Json measure_scenes(const ReportSession& session, const TimePlan& plan) {
   }
   constexpr double kAboveAll = 65504;
   const absl::StatusOr<Image> frame = sample_frame(size.width, size.height);
-  const absl::StatusOr<Image> dirty = frame.ok() ? with_one_nan(*frame) : frame;
-  const absl::StatusOr<Image> few = frame.ok() ? with_few_lights(*frame) : frame;
+  if (!frame.ok()) return Json::array({{{"what", "all"}, {"error", std::string(frame.status().message())}}});
+  const absl::StatusOr<Image> dirty = with_one_nan(*frame);
+  const absl::StatusOr<Image> few = with_few_lights(*frame);
   const v1::Settings usual = ReportSession::settings(session.bounded_tier());
   std::vector<Scene> scenes = {
       {"the sample scene, default settings", frame, usual},
