@@ -159,6 +159,18 @@ absl::StatusOr<Image> with_one_nan(const Image& halves) {
   return image;
 }
 
+absl::StatusOr<Image> cut_to(const Image& halves, float most) {
+  absl::StatusOr<Image> image = copy_of(halves);
+  if (!image.ok()) return image;
+  for (uint64_t i = 0; i < image->bytes(); i += sizeof(uint16_t)) {
+    uint16_t bits = 0;
+    std::memcpy(&bits, image->pixels.data() + i, sizeof bits);
+    if (imath_half_to_float(bits) > most) bits = imath_float_to_half(most);
+    std::memcpy(image->pixels.data() + i, &bits, sizeof bits);
+  }
+  return image;
+}
+
 absl::StatusOr<Image> with_few_lights(const Image& halves) {
   constexpr uint32_t kLights = 5;
   absl::StatusOr<Image> image = copy_of(halves);

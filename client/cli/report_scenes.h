@@ -27,10 +27,11 @@ absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height);
 // The same picture with one NaN in its middle.
 absl::StatusOr<Image> with_one_nan(const Image& halves);
 
-// The same picture with five small lights far beyond all else, in about 1 % of the tiles of a frame of 2
-// megapixels, and the luminance above which there is nothing but them.
+// The same picture with all components above `most` cut to it.
+absl::StatusOr<Image> cut_to(const Image& halves, float most);
+
+// The same picture with five texels of 30000: in about 1 % of the tiles of a frame of 2 megapixels.
 absl::StatusOr<Image> with_few_lights(const Image& halves);
-inline constexpr double kFewLightsOnly = 2000;
 
 // The middle of an image, of at most that many megapixels and of its shape; the image itself if it is no
 // larger.
