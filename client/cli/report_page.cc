@@ -296,10 +296,8 @@ std::string scenes_section(const Json& report) {
   return heading("What a scene does not need is not done") +
          html_paragraph(
              "One thing changed at a time against the first row; \"nothing bright\" and \"five small "
-             "lights\" are "
-             "the same picture cut to a quarter of the bloom's threshold. The memcpy is of the frame as it "
-             "comes in, "
-             "beside every frame that is timed; the plan is the server's own.") +
+             "lights\" are the same picture cut to a quarter of the bloom's threshold. The memcpy is of the "
+             "frame as it comes in, beside every frame that is timed; the plan is the server's own.") +
          table.html();
 }
 
