@@ -69,10 +69,12 @@ void EngineKeeper::replace(const Engine& lost) {
     --to_lose_;
     (*started)->device->lose();
   }
-  metrics_.device_rebuilt();
   std::shared_ptr<Engine> old = *std::move(started);  // outlives the lock
-  absl::MutexLock lock(&mutex_);
-  engine_.swap(old);
+  {
+    absl::MutexLock lock(&mutex_);
+    engine_.swap(old);
+  }
+  metrics_.device_rebuilt();
 }
 
 void EngineKeeper::lose(int times) {
