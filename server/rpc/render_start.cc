@@ -60,7 +60,7 @@ std::shared_ptr<const ColorTable> table_from(const v1::ColorTable& message) {
   if (message.axes() != v1::ColorTable::AXES_UNSPECIFIED) table->axes = static_cast<uint32_t>(message.axes());
   table->end = message.has_end() ? message.end() : v1::kDefaultTableEnd;
   table->values.resize((bytes.size() + 1) / 2);
-  std::memcpy(table->values.data(), bytes.data(), bytes.size());
+  if (!bytes.empty()) std::memcpy(table->values.data(), bytes.data(), bytes.size());
   return table;
 }
 
