@@ -73,7 +73,7 @@ def svg(result: dict) -> str:
         y += 12
     width = LABEL + BAR + NUMBER
     words = (f"Medians of {result['rounds']} rounds, whiskers least to most. {result['processor']}, "
-             f"{result['device'].partition(' (llvmpipe')[0]}, {result['date']}; {others(result)}.")
+             f"{result['device'].partition(' (llvmpipe')[0]}, {result['date']}.")
     parts.append(f'<text x="8" y="{y + 8}" fill="#555" font-size="11">{escape(words)}</text>')
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {y + 18}" font-family="sans-serif" font-size="13">'
             f'<rect width="100%" height="100%" fill="white"/>{"".join(parts)}</svg>\n')
