@@ -136,7 +136,7 @@ FrameSize frame_size(double megapixels) {
           static_cast<uint32_t>(height)};
 }
 
-absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height) {
+absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height, float most) {
   const absl::StatusOr<Image> scene = sample_scene(width, height);
   if (!scene.ok()) return scene.status();
   absl::StatusOr<Image> frame = make_image(width, height, ImageFormat::kRgba16f);
@@ -146,7 +146,8 @@ absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height) {
   for (uint64_t i = 0; i < uint64_t{width} * height * 4; ++i) {
     float value = 0;
     std::memcpy(&value, in + i * sizeof value, sizeof value);
-    const uint16_t bits = imath_float_to_half(std::clamp(value, -kMax, kMax));
+    const bool alpha = i % 4 == 3;
+    const uint16_t bits = imath_float_to_half(std::clamp(value, -kMax, alpha ? kMax : most));
     std::memcpy(out + i * sizeof bits, &bits, sizeof bits);
   }
   return frame;
@@ -156,18 +157,6 @@ absl::StatusOr<Image> with_one_nan(const Image& halves) {
   absl::StatusOr<Image> image = copy_of(halves);
   if (!image.ok()) return image;
   put(*image, halves.width / 2, halves.height / 2, grey(std::numeric_limits<float>::quiet_NaN()));
-  return image;
-}
-
-absl::StatusOr<Image> cut_to(const Image& halves, float most) {
-  absl::StatusOr<Image> image = copy_of(halves);
-  if (!image.ok()) return image;
-  for (uint64_t i = 0; i < image->bytes(); i += sizeof(uint16_t)) {
-    uint16_t bits = 0;
-    std::memcpy(&bits, image->pixels.data() + i, sizeof bits);
-    if (imath_half_to_float(bits) > most) bits = imath_float_to_half(most);
-    std::memcpy(image->pixels.data() + i, &bits, sizeof bits);
-  }
   return image;
 }
 

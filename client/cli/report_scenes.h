@@ -21,14 +21,11 @@ struct FrameSize {
 // About 16:9 and as near to `megapixels` as whole pixels come; of 1, 2, 8 and 33 the sizes of screens.
 FrameSize frame_size(double megapixels);
 
-// The sample scene as halves, clamped to +-65504. Fails as make_image does.
-absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height);
+// The sample scene as halves, its colour clamped to -65504 .. most. Fails as make_image does.
+absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height, float most = 65504.0f);
 
 // The same picture with one NaN in its middle.
 absl::StatusOr<Image> with_one_nan(const Image& halves);
-
-// The same picture with all components above `most` cut to it.
-absl::StatusOr<Image> cut_to(const Image& halves, float most);
 
 // The same picture with five texels of 30000: in about 1 % of the tiles of a frame of 2 megapixels.
 absl::StatusOr<Image> with_few_lights(const Image& halves);

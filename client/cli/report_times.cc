@@ -238,19 +238,18 @@ Json measure_times(const ReportSession& session, const TimePlan& plan) {
 }
 
 Json measure_scenes(const ReportSession& session, const TimePlan& plan) {
-  const auto failed = [](const absl::Status& status) {
-    return Json::array({{{"what", "all"}, {"error", std::string(status.message())}}});
-  };
   session.show("what scenes cost");
   FrameSize size = plan.sizes.front();
   for (const FrameSize& other : plan.sizes) {
     if (other.megapixels <= kSceneMegapixels) size = other;
   }
   const absl::StatusOr<Image> frame = sample_frame(size.width, size.height);
-  if (!frame.ok()) return failed(frame.status());
   constexpr float kDim = 0.25f;  // below the knee of the default threshold
-  const absl::StatusOr<Image> dim = cut_to(*frame, kDim);
-  if (!dim.ok()) return failed(dim.status());
+  const absl::StatusOr<Image> dim = sample_frame(size.width, size.height, kDim);
+  if (!frame.ok() || !dim.ok()) {
+    const absl::Status& status = frame.ok() ? dim.status() : frame.status();
+    return Json::array({{{"what", "all"}, {"error", std::string(status.message())}}});
+  }
   const absl::StatusOr<Image> few = with_few_lights(*dim);
   const absl::StatusOr<Image> dirty = with_one_nan(*frame);
   const v1::Settings usual = ReportSession::settings(session.bounded_tier());
