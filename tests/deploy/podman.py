@@ -119,11 +119,14 @@ def make_base() -> None:
 
 
 def try_podman() -> None:
-    """A container with the limits and the network that the tests want."""
+    """A container with the limits and the network that the tests want, and one with the mirror that the build wants."""
     ran = attempt("podman", "run", "--rm", "--cpus=1", "--memory=64m", "--memory-swap=64m",
                   f"--publish=127.0.0.1:{free_port()}:{GRPC}", BASE, "true")
     if ran.returncode != 0:
         skip(f"podman cannot run a container here: {ran.stderr.strip().splitlines()[-1]}")
+    asked = attempt("podman", "run", "--rm", "--network=host", BASE, "apt-get", "--option=APT::Update::Error-Mode=any", "update")
+    if asked.returncode != 0:
+        skip(f"a container reaches no package mirror here: {asked.stderr.strip().splitlines()[-1]}")
 
 
 def build_image(version: str) -> None:
