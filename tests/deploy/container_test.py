@@ -351,11 +351,107 @@ def kube_play_brings_it_up() -> None:
         down()
 
 
+# A machine that systemd runs, with the image's programs on it. Its mounts are shared, as systemd wants them for what it
+# shows to services.
+MACHINE = f"""\
+FROM {podman.IMAGE}
+USER 0
+RUN apt-get update && apt-get install -y --no-install-recommends --fix-broken \\
+ && apt-get install -y --no-install-recommends systemd
+RUN ln -s /usr/bin/candelad /usr/local/bin/
+COPY candelad.service /etc/systemd/system/
+ENTRYPOINT ["sh", "-c", "mount --make-rshared / && exec /lib/systemd/systemd"]
+"""
+
+
+def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
+    podman.expect_package_mirror()
+    (FOLDER / "Containerfile").write_text(MACHINE)
+    podman.podman("build", "--pull=never", "--network=host", "--format=docker", f"--tag={podman.IMAGE}-systemd",
+                  f"--file={FOLDER}/Containerfile", podman.ROOT / "deploy", timeout=900)
+    film, expected = make_film("320x180", 20, 1)
+    machine = podman.podman("create", "--privileged", "--systemd=always", f"--volume={FOLDER}:{FOLDER}",
+                            f"{podman.IMAGE}-systemd")
+
+    def inside(*command: object) -> str:
+        return podman.podman("exec", machine, *command)
+
+    def unit(field: str) -> str:
+        return inside("systemctl", "show", "--value", f"--property={field}", "candelad")
+
+    def log() -> str:
+        return attempt("podman", "exec", machine, "journalctl", "--no-pager", "--output=cat", "--unit=candelad").stdout
+
+    def serves_as_another_process(before: str) -> bool:
+        return unit("ActiveState") == "active" and unit("MainPID") != before
+
+    shipped = (podman.ROOT / "deploy/candelad.service").read_text()
+    offered = [line[1:] for line in shipped.splitlines() if line.startswith(("#LoadCredential=", "#Environment="))]
+    expect(len(offered) == 2, f"the unit offers {offered}")
+    try:
+        podman.podman("start", machine)
+        wait_until(lambda: attempt("podman", "exec", machine, "systemctl", "is-system-running").stdout.strip() == "running",
+                   "systemd runs", lambda: attempt("podman", "exec", machine, "systemctl", "--failed").stdout)
+        # As the runbook and the unit's comments say it; only the time until the watchdog bites is another.
+        keys = FOLDER / "resume-keys"
+        keys.write_text(podman.KEYS)
+        keys.chmod(0o600)
+        inside("install", "-D", "-m", "600", keys, "/etc/candela/resume-keys")
+        (FOLDER / "drop-in.conf").write_text("\n".join(["[Service]", "WatchdogSec=3s", *offered, ""]))
+        inside("install", "-D", "-m", "644", FOLDER / "drop-in.conf", "/etc/systemd/system/candelad.service.d/test.conf")
+        # The image has its driver in a place of its own.
+        inside("sh", "-c", "echo VK_DRIVER_FILES=$VK_DRIVER_FILES >/etc/candela/environment")
+        inside("systemctl", "enable", "--now", "candelad")
+        expect(unit("StatusText").startswith("serving on 127.0.0.1:50051"), f"its status is {unit('StatusText')}")
+        status = inside("cat", f"/proc/{unit('MainPID')}/status").split("\n")
+        for fact in ("NoNewPrivs:\t1", "Seccomp:\t2", "CapEff:\t0000000000000000", "CapBnd:\t0000000000000000"):
+            expect(fact in status, f"'{fact}' is not so: {status}")
+        user = next(line.split()[1] for line in status if line.startswith("Uid:"))
+        expect(61184 <= int(user) <= 65519, f"it runs as user {user}, who is not of systemd's making")
+
+        session = subprocess.Popen(
+            ["podman", "exec", machine, "candela", "stream", str(film), str(FOLDER / "there"), "--server", "127.0.0.1:50051",
+             "--resume", "60", "--json", str(FOLDER / "there.json"), "-q"], stderr=subprocess.PIPE, text=True)
+        try:
+            def goes_on() -> None:
+                have = len(list((FOLDER / "there").glob("*.png")))
+                wait_until(lambda: len(list((FOLDER / "there").glob("*.png"))) > have + 8 or session.poll() is not None,
+                           "the session has new results", log)
+                expect(session.poll() is None, f"the session ended too soon, with {session.returncode}")
+
+            goes_on()
+            for what, hurt in (("crash", "KILL"), ("hang", "STOP")):
+                before = unit("MainPID")
+                inside("systemctl", "kill", f"--signal={hurt}", "candelad")
+                wait_until(lambda: serves_as_another_process(before), f"systemd starts it anew after a {what}", log, 60)
+                goes_on()
+            expect(unit("NRestarts") == "2", f"it was started anew {unit('NRestarts')} times")
+            inside("systemctl", "restart", "candelad")
+            expect(unit("Result") == "success" and log().count("info stopped") == 1, f"it did not drain:\n{log()}")
+            goes_on()
+            errors = session.communicate(timeout=300)[1]
+            expect(session.returncode == 0, f"the session ended with {session.returncode}: {errors}")
+        finally:
+            session.kill()
+            session.wait()
+        expect_same(FOLDER / "there", expected)
+        lines = [json.loads(line) for line in (FOLDER / "there.json").read_text().splitlines()]
+        expect([frame["frame"] for frame in lines[:-1]] == list(range(len(expected))), "a result came twice or late")
+        expect(lines[-1]["summary"]["resumes"] >= 3, f"the session resumed {lines[-1]['summary']['resumes']} times")
+        inside("systemctl", "stop", "candelad")
+        expect(unit("ExecMainStatus") == "0" and unit("Result") == "success", f"it did not end well:\n{log()}")
+        print(f"{len(expected)} frames; {log().count('info serving')} starts under systemd "
+              + inside("systemctl", "--version").split()[1])
+    finally:
+        attempt("podman", "rm", "--force", "--time=1", machine)
+
+
 CLAIMS = {claim.__name__: claim for claim in (
     the_image_builds, the_image_is_small_and_holds_what_runs_and_says_what_it_is, the_sbom_lists_every_package,
     it_does_not_start_in_the_open_or_without_a_driver_and_says_why, it_renders_and_streams_the_hosts_bits,
     a_stop_under_load_loses_no_frame, more_sessions_than_memory_are_refused_and_nothing_is_killed,
-    behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame, kube_play_brings_it_up)}
+    behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame, kube_play_brings_it_up,
+    systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame)}
 
 
 def main() -> None:
