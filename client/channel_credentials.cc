@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
@@ -11,20 +12,16 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/strip.h"
 #include "absl/synchronization/mutex.h"
 #include "client/tls_probe.h"
+#include "proto/candela/v1/address.h"
 
 namespace candela {
 namespace {
 
-bool is_unix(const std::string& address) { return absl::StartsWith(address, "unix:"); }
-
-bool is_loopback(absl::string_view address) {
-  absl::string_view host = address.substr(0, address.rfind(':'));
-  if (absl::ConsumePrefix(&host, "[")) absl::ConsumeSuffix(&host, "]");
-  const bool all_digits = host.find_first_not_of("0123456789.") == absl::string_view::npos;
-  return host == "localhost" || host == "::1" || (all_digits && absl::StartsWith(host, "127."));
+bool stays_here(const std::string& address) {
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  return v1::is_unix_address(address) || (at && v1::is_loopback(at->host));
 }
 
 absl::StatusOr<std::string> read_file(const char* what, const std::string& path) {
@@ -108,20 +105,21 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> tls_credentials(const 
 
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
     const std::string& address, const ClientSecurity& security, grpc::ChannelArguments& arguments) {
-  const bool tls = security.wants_tls() && !is_unix(address);
+  const bool is_unix = v1::is_unix_address(address);
+  const bool tls = security.wants_tls() && !is_unix;
   std::shared_ptr<grpc::ChannelCredentials> channel = grpc::InsecureChannelCredentials();
   if (tls) {
     auto made = tls_credentials(security);
     if (!made.ok()) return made.status();
     channel = *std::move(made);
     if (!security.server_name.empty()) arguments.SetSslTargetNameOverride(security.server_name);
-  } else if (!security.key_file.empty() && !is_unix(address)) {
+  } else if (!security.key_file.empty() && !is_unix) {
     return absl::InvalidArgumentError(
         "a client key is of no use without its certificate; give --tls-cert, too");
   }
   if (security.token_file.empty()) return channel;
 
-  if (!tls && !is_unix(address) && !is_loopback(address)) {
+  if (!tls && !stays_here(address)) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "a token is not sent to %s in the clear, where anyone on the way could read it; add --tls or "
         "--tls-ca, or leave the token out",
@@ -135,7 +133,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
   }
   // Plain, and gRPC holds the connection's other end against what is local before a call is sent.
   return grpc::CompositeChannelCredentials(
-      grpc::experimental::LocalCredentials(is_unix(address) ? UDS : LOCAL_TCP),
+      grpc::experimental::LocalCredentials(is_unix ? UDS : LOCAL_TCP),
       grpc::experimental::MetadataCredentialsFromPlugin(std::move(plugin), GRPC_SECURITY_NONE));
 }
 

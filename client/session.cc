@@ -98,6 +98,12 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
 
 class Session::Core {
  public:
+  static absl::StatusOr<Session> open(std::vector<Server> servers, const SessionOptions& options) {
+    auto core = std::make_unique<Core>(std::move(servers), options);
+    if (absl::Status status = core->wait_until_open(); !status.ok()) return status;
+    return Session(std::move(core));
+  }
+
   Core(std::vector<Server> servers, const SessionOptions& options)
       : options_(options),
         name_(options.name.empty() ? random_name() : options.name),
@@ -470,9 +476,7 @@ absl::StatusOr<Session> Session::open(const SessionOptions& options) {
     if (!channel.ok()) return channel.status();
     servers.push_back({*std::move(channel), std::move(peer)});
   }
-  auto core = std::make_unique<Core>(std::move(servers), options);
-  if (absl::Status status = core->wait_until_open(); !status.ok()) return status;
-  return Session(std::move(core));
+  return Core::open(std::move(servers), options);
 }
 
 absl::StatusOr<Session> Session::open(std::vector<std::shared_ptr<grpc::Channel>> channels,
@@ -482,9 +486,7 @@ absl::StatusOr<Session> Session::open(std::vector<std::shared_ptr<grpc::Channel>
   for (std::shared_ptr<grpc::Channel>& channel : channels) {
     servers.push_back({std::move(channel), Peer{"this process"}});
   }
-  auto core = std::make_unique<Core>(std::move(servers), options);
-  if (absl::Status status = core->wait_until_open(); !status.ok()) return status;
-  return Session(std::move(core));
+  return Core::open(std::move(servers), options);
 }
 
 Session::Session(std::unique_ptr<Core> core) : core_(std::move(core)) {}

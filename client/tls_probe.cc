@@ -7,9 +7,11 @@
 #include <sys/time.h>
 
 #include <memory>
+#include <optional>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/address.h"
 
 namespace candela {
 namespace {
@@ -33,11 +35,6 @@ Bio connect_to(const std::string& address) {
   return bio;
 }
 
-std::string host_of(const std::string& address) {
-  const std::string host = address.substr(0, address.rfind(':'));
-  return host.size() > 2 && host.front() == '[' ? host.substr(1, host.size() - 2) : host;
-}
-
 Context context_for(const ClientSecurity& security) {
   Context context(SSL_CTX_new(TLS_client_method()));
   SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
@@ -55,8 +52,9 @@ Context context_for(const ClientSecurity& security) {
   return context;
 }
 
-// What is wrong with the server's certificate.
-std::string about_certificate(long result, const std::string& address, const ClientSecurity& security) {
+// What is wrong with the server's certificate, which should be of `host`.
+std::string about_certificate(long result, const std::string& address, const std::string& host,
+                              const ClientSecurity& security) {
   switch (result) {
     case X509_V_ERR_CERT_HAS_EXPIRED:
       return absl::StrFormat("the certificate of %s has expired; whoever runs the server has to renew it",
@@ -69,7 +67,7 @@ std::string about_certificate(long result, const std::string& address, const Cli
       return absl::StrFormat(
           "the certificate of %s is for another name than %s; connect by a name that it has, or give that as "
           "--tls-name",
-          address, security.server_name.empty() ? host_of(address) : security.server_name);
+          address, host);
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
     case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:
@@ -132,7 +130,8 @@ bool may_be_about_tls(absl::string_view message) {
 }
 
 std::string why_tls_fails(const std::string& address, const ClientSecurity& security) {
-  if (absl::StartsWith(address, "unix:")) return "";
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  if (!at) return "";
   const Bio connection = connect_to(address);
   if (connection == nullptr) return "";
   const Context context = context_for(security);
@@ -143,7 +142,7 @@ std::string why_tls_fails(const std::string& address, const ClientSecurity& secu
   };
   SSL_CTX_set_cert_cb(context.get(), note, &asked);
   const Ssl ssl(SSL_new(context.get()));
-  const std::string host = security.server_name.empty() ? host_of(address) : security.server_name;
+  const std::string host = security.server_name.empty() ? std::string(at->host) : security.server_name;
   if (X509_VERIFY_PARAM_set1_ip_asc(SSL_get0_param(ssl.get()), host.c_str()) != 1) {
     SSL_set_tlsext_host_name(ssl.get(), host.c_str());
     SSL_set1_host(ssl.get(), host.c_str());
@@ -169,7 +168,7 @@ std::string why_tls_fails(const std::string& address, const ClientSecurity& secu
   ERR_clear_error();
   if (well) return "";
   if (const long result = SSL_get_verify_result(ssl.get()); result != X509_V_OK) {
-    return about_certificate(result, address, security);
+    return about_certificate(result, address, host, security);
   }
   if (asked) return about_refusal(ssl.get(), address, security);
   if (!spoke_tls && reason == SSL_R_WRONG_VERSION_NUMBER) {

@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <climits>
+#include <optional>
 #include <utility>
 
-#include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "client/channel_credentials.h"
 #include "client/tls_probe.h"
+#include "proto/candela/v1/address.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -22,11 +22,8 @@ constexpr int kSlowestReconnectMs = 1000;
 constexpr int kFastestPingMs = 1000;  // gRPC sends none faster
 
 bool is_address(const std::string& address) {
-  if (absl::StartsWith(address, "unix:")) return address.size() > 5;
-  const size_t colon = address.rfind(':');
-  uint32_t port = 0;
-  return colon != std::string::npos && colon != 0 && address.find('/') == std::string::npos &&
-         absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 1 && port <= 65535;
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  return v1::is_unix_address(address) || (at && at->port >= 1);
 }
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc::ChannelArguments arguments) {

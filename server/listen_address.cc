@@ -6,50 +6,25 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <optional>
 
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
+#include "proto/candela/v1/address.h"
 
 namespace candela {
-namespace {
-
-constexpr uint32_t kMaxPort = 65535;
-
-bool is_loopback(absl::string_view host) {
-  const bool all_digits = host.find_first_not_of("0123456789.") == absl::string_view::npos;
-  return host == "localhost" || host == "::1" || (all_digits && absl::StartsWith(host, "127."));
-}
-
-// Of "HOST:PORT", without the brackets of an IPv6 host; nothing for any other shape.
-std::optional<absl::string_view> host_of(absl::string_view address) {
-  const size_t colon = address.rfind(':');
-  if (colon == absl::string_view::npos || colon == 0) return std::nullopt;
-  absl::string_view host = address.substr(0, colon);
-  uint32_t port = 0;
-  if (!absl::SimpleAtoi(address.substr(colon + 1), &port) || port > kMaxPort) return std::nullopt;
-  const bool bracketed = absl::ConsumePrefix(&host, "[") && absl::ConsumeSuffix(&host, "]");
-  if (host.empty() || (!bracketed && host.find_first_of("[]:/") != absl::string_view::npos)) {
-    return std::nullopt;
-  }
-  return host;
-}
-
-}  // namespace
 
 absl::Status check_listen_address(const std::string& address, bool public_too) {
-  if (absl::StartsWith(address, "unix:") && address.size() > 5) return absl::OkStatus();
-  const std::optional<absl::string_view> host = host_of(address);
-  if (!host) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "listen address '%s' is neither HOST:PORT (port 0 .. %d) nor unix:PATH", address, kMaxPort));
+  if (v1::is_unix_address(address)) return absl::OkStatus();
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  if (!at) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("listen address '%s' is neither HOST:PORT (port 0 .. 65535) nor unix:PATH", address));
   }
-  if (public_too || is_loopback(*host)) return absl::OkStatus();
+  if (public_too || v1::is_loopback(at->host)) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrFormat("'%s' is reachable from other machines and this server has no TLS; give it --tls-cert "
                       "and --tls-key, listen on 127.0.0.1 behind a proxy, or accept that anyone there can "
@@ -58,19 +33,19 @@ absl::Status check_listen_address(const std::string& address, bool public_too) {
 }
 
 absl::Status check_metrics_address(const std::string& address, bool insecure) {
-  const std::optional<absl::string_view> host = host_of(address);
-  if (!host) {
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  if (!at) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "metrics is '%s'; it must be HOST:PORT (port 0 .. %d), for metrics are served over HTTP", address,
-        kMaxPort));
+        "metrics is '%s'; it must be HOST:PORT (port 0 .. 65535), for metrics are served over HTTP",
+        address));
   }
-  if (absl::StrContains(*host, ':')) {
+  if (absl::StrContains(at->host, ':')) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "metrics is '%s'; they are served over IPv4 alone, for Debian's civetweb is built without "
         "IPv6: write 127.0.0.1:PORT",
         address));
   }
-  if (insecure || is_loopback(*host)) return absl::OkStatus();
+  if (insecure || v1::is_loopback(at->host)) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrFormat(
       "metrics is '%s', which is reachable from other machines, and metrics have no TLS; serve them "
       "on 127.0.0.1, or accept that anyone there can read them with --insecure",

@@ -8,10 +8,10 @@
 #include <climits>
 #include <utility>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "proto/candela/v1/address.h"
 #include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
@@ -94,7 +94,7 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
 
 // The address with the port that was taken, which matters for port 0.
 std::string with_port(const std::string& address, int port) {
-  if (absl::StartsWith(address, "unix:")) return address;
+  if (v1::is_unix_address(address)) return address;
   return absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
 }
 

@@ -9,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "proto/candela/v1/address.h"
 #include "server/base/log.h"
 
 namespace candela {
@@ -24,8 +25,6 @@ constexpr char kWhatToDo[] =
 absl::string_view view_of(const grpc_slice& slice) {
   return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
 }
-
-bool is_unix(const std::string& address) { return absl::StartsWith(address, "unix:"); }
 
 }  // namespace
 
@@ -151,7 +150,7 @@ void Access::read_again() {
 }
 
 std::shared_ptr<grpc::ServerCredentials> Access::credentials(const std::string& address, Metrics& metrics) {
-  const bool with_tls = tls() && !is_unix(address);
+  const bool with_tls = tls() && !v1::is_unix_address(address);
   if (!with_tls && token_file_.empty()) return grpc::InsecureServerCredentials();
   return ports_.emplace_back(std::make_shared<Port>(*this, metrics, with_tls));
 }

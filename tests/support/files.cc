@@ -1,5 +1,7 @@
 #include "tests/support/files.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
@@ -25,6 +27,11 @@ std::vector<std::string> TemporaryFolder::list() const {
   for (const auto& entry : fs::directory_iterator(root_)) names.push_back(entry.path().filename());
   std::sort(names.begin(), names.end());
   return names;
+}
+
+TemporaryFile::TemporaryFile(const std::string& bytes, mode_t mode) {
+  write_file(path_, bytes);
+  if (chmod(path_.c_str(), mode) != 0) std::abort();
 }
 
 void write_file(const std::string& path, const std::string& bytes) {

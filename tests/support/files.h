@@ -1,6 +1,8 @@
 // Files for tests that need no device: a folder that goes away, whole files in and out, the test data.
 #pragma once
 
+#include <sys/types.h>
+
 #include <string>
 #include <vector>
 
@@ -19,6 +21,17 @@ class TemporaryFolder {
 
  private:
   std::string root_;
+};
+
+// A file in a folder of its own, readable for its owner alone unless `mode` says otherwise.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& bytes, mode_t mode = 0600);
+  const std::string& path() const { return path_; }
+
+ private:
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.path("file");
 };
 
 void write_file(const std::string& path, const std::string& bytes);

@@ -1,15 +1,15 @@
 #include "server/base/cgroup.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <fstream>
+#include <filesystem>
+#include <string>
 #include <thread>
+
+#include "tests/support/files.h"
 
 namespace candela {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr char kVersion2[] = "30 24 0:26 / /sys/fs/cgroup rw,nosuid shared:4 - cgroup2 cgroup2 rw\n";
 // As systemd mounts them: version 1 by controller, and version 2 without controllers beside it.
@@ -20,20 +20,17 @@ constexpr char kHybrid[] =
 
 class Cgroup : public ::testing::Test {
  protected:
-  void SetUp() override { fs::remove_all(root_); }
-  void TearDown() override { fs::remove_all(root_); }
-  void write(const std::string& path, const std::string& text) {
-    fs::create_directories((root_ / path).parent_path());
-    std::ofstream(root_ / path) << text;
+  void write(const std::string& below, const std::string& text) {
+    std::filesystem::create_directories(std::filesystem::path(path(below)).parent_path());
+    write_file(path(below), text);
   }
   void mounts(const std::string& text) {
     write("proc/self/mountinfo", "22 1 8:1 / / rw - ext4 /dev/a rw\n" + text);
   }
-  CgroupLimits limits() const { return read_cgroup_limits(root_); }
-  std::string path(const std::string& below) const { return (root_ / below).string(); }
+  CgroupLimits limits() const { return read_cgroup_limits(root_.path("")); }
+  std::string path(const std::string& below) const { return root_.path(below); }
 
-  // One a process: ctest may run several at once.
-  const fs::path root_ = fs::path(::testing::TempDir()) / ("cgroup_test." + std::to_string(getpid()));
+  const TemporaryFolder root_;
 };
 
 TEST_F(Cgroup, NoGroupIsNoLimit) {

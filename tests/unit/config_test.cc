@@ -21,17 +21,6 @@ absl::StatusOr<Invocation> parse(std::vector<const char*> arguments) {
   return parse_invocation(static_cast<int>(arguments.size()), arguments.data());
 }
 
-// A file that is gone after the test.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(const std::string& text) { write_file(path_, text); }
-  const char* path() const { return path_.c_str(); }
-
- private:
-  const TemporaryFolder folder_;
-  const std::string path_ = folder_.path("candelad.conf");
-};
-
 // A variable of the environment for the length of a test.
 class Variable {
  public:
@@ -104,7 +93,7 @@ TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
   const TemporaryFile file("max-calls = 5\nmax-dimension = 100\nmemory-budget = \"1GiB\"\nlog-json = true\n");
   const Variable calls("CANDELA_MAX_CALLS", "6");
   const Variable dimension("CANDELA_MAX_DIMENSION", "200");
-  const absl::StatusOr<Invocation> invocation = parse({"--config", file.path(), "--max-calls", "7"});
+  const absl::StatusOr<Invocation> invocation = parse({"--config", file.path().c_str(), "--max-calls", "7"});
   ASSERT_TRUE(invocation.ok()) << invocation.status();
   EXPECT_EQ(invocation->config.max_calls, 7u);
   EXPECT_EQ(invocation->config.max_dimension, 200u);
@@ -116,7 +105,7 @@ TEST(Config, SessionsOptionsAreRead) {
   const Variable keys("CANDELA_RESUME_KEYS", "/etc/candela/keys");
   const TemporaryFile file("resume-ttl = \"1h\"\nmetrics = \"127.0.0.1:9090\"\n");
   const absl::StatusOr<Invocation> invocation =
-      parse({"--config", file.path(), "--max-sessions", "3", "--max-frames-in-flight", "4",
+      parse({"--config", file.path().c_str(), "--max-sessions", "3", "--max-frames-in-flight", "4",
              "--encoder-threads", "5", "--pre-drain", "6s"});
   ASSERT_TRUE(invocation.ok()) << invocation.status();
   EXPECT_EQ(invocation->config.max_sessions, 3u);
@@ -132,8 +121,8 @@ TEST(Config, SessionsOptionsAreRead) {
 TEST(Config, SecurityIsRead) {
   const Variable key("CANDELA_TLS_KEY", "/etc/candela/key");
   const TemporaryFile file("tls-cert = \"/etc/candela/cert\"\ntls-client-ca = \"/etc/candela/ca\"\n");
-  const absl::StatusOr<Invocation> invocation =
-      parse({"--config", file.path(), "--token-file", "/etc/candela/tokens", "--listen", "0.0.0.0:1"});
+  const absl::StatusOr<Invocation> invocation = parse(
+      {"--config", file.path().c_str(), "--token-file", "/etc/candela/tokens", "--listen", "0.0.0.0:1"});
   ASSERT_TRUE(invocation.ok()) << invocation.status();
   EXPECT_EQ(invocation->config.tls_cert, "/etc/candela/cert");
   EXPECT_EQ(invocation->config.tls_key, "/etc/candela/key");
@@ -179,7 +168,7 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
       {{"--listen", "nowhere"}, "nowhere"},
       {{"--lisen", "127.0.0.1:1"}, "--lisen"},
       {{"--config", "/no/such/file"}, "/no/such/file"},
-      {{"--config", unknown_key.path()}, "max-cals"},
+      {{"--config", unknown_key.path().c_str()}, "max-cals"},
   };
   for (const auto& [arguments, named] : cases) {
     const absl::Status status = parse(arguments).status();

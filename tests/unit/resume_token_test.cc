@@ -1,7 +1,6 @@
 #include "server/rpc/resume_token.h"
 
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
 #include <bit>
 #include <cmath>
@@ -19,24 +18,10 @@ namespace {
 const absl::Time kNow = absl::FromUnixSeconds(1'700'000'000);
 constexpr absl::Duration kTtl = absl::Seconds(90);
 
-// A file of keys that is gone after the test.
-class KeyFile {
- public:
-  explicit KeyFile(const std::string& text, mode_t mode = 0600) {
-    write_file(path_, text);
-    EXPECT_EQ(chmod(path_.c_str(), mode), 0);
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  const TemporaryFolder folder_;
-  const std::string path_ = folder_.path("keys");
-};
-
 std::string key(char digit) { return std::string(64, digit); }
 
 TokenKeys keys(const std::string& lines) {
-  const KeyFile file(lines);
+  const TemporaryFile file(lines);
   absl::StatusOr<TokenKeys> read = TokenKeys::read(file.path(), kTtl);
   EXPECT_TRUE(read.ok()) << read.status();
   return *std::move(read);
@@ -228,7 +213,7 @@ TEST(KeyFile, CommentsEmptyLinesAndEitherCaseAreRead) {
 TEST(KeyFile, RefusesWhatIsNoKeyAndNamesTheLine) {
   const std::string good = key('a') + "\n";
   for (const std::string& bad : {std::string(62, 'a'), key('a') + "a", key('g'), std::string("secret")}) {
-    const KeyFile file(good + bad + "\n");
+    const TemporaryFile file(good + bad + "\n");
     const absl::Status status = TokenKeys::read(file.path()).status();
     EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
     EXPECT_TRUE(says(std::string(status.message()), "line 2")) << status;
@@ -238,31 +223,32 @@ TEST(KeyFile, RefusesWhatIsNoKeyAndNamesTheLine) {
 }
 
 TEST(KeyFile, RefusesNoKeyAndTooMany) {
-  const KeyFile none("# nothing yet\n");
+  const TemporaryFile none("# nothing yet\n");
   EXPECT_TRUE(says(std::string(TokenKeys::read(none.path()).status().message()), "openssl rand -hex 32"));
   std::string lines;
   for (size_t i = 0; i < kMaxKeys; ++i) lines += key("0123456789abcdef"[i]) + "\n";
-  EXPECT_TRUE(TokenKeys::read(KeyFile(lines).path()).ok());
-  const absl::Status status = TokenKeys::read(KeyFile(lines + key('a') + key('a')).path()).status();
+  EXPECT_TRUE(TokenKeys::read(TemporaryFile(lines).path()).ok());
+  const absl::Status status = TokenKeys::read(TemporaryFile(lines + key('a') + key('a')).path()).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
 }
 
 TEST(KeyFile, RefusesAFileThatOthersMayReadOrChange) {
   for (const mode_t mode : {0604, 0620, 0602, 0644, 0666}) {
-    const KeyFile file(key('a'), mode);
+    const TemporaryFile file(key('a'), mode);
     const absl::Status status = TokenKeys::read(file.path()).status();
     EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
     EXPECT_TRUE(says(std::string(status.message()), "chmod 600 " + file.path())) << status;
   }
   for (const mode_t mode : {0400, 0600, 0440, 0640}) {
-    EXPECT_TRUE(TokenKeys::read(KeyFile(key('a'), mode).path()).ok()) << mode;
+    EXPECT_TRUE(TokenKeys::read(TemporaryFile(key('a'), mode).path()).ok()) << mode;
   }
 }
 
 TEST(KeyFile, RefusesWhatCannotBeRead) {
   EXPECT_TRUE(absl::IsNotFound(TokenKeys::read("/no/such/file").status()));
   EXPECT_TRUE(absl::IsNotFound(TokenKeys::read(::testing::TempDir()).status()));
-  EXPECT_TRUE(absl::IsInvalidArgument(TokenKeys::read(KeyFile(std::string(70000, '#')).path()).status()));
+  EXPECT_TRUE(
+      absl::IsInvalidArgument(TokenKeys::read(TemporaryFile(std::string(70000, '#')).path()).status()));
 }
 
 TEST(SettingsHash, TellsSettingsApartAndOnlyThem) {

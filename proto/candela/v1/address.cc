@@ -1,0 +1,35 @@
+#include "proto/candela/v1/address.h"
+
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/strip.h"
+
+namespace candela::v1 {
+
+namespace {
+constexpr absl::string_view kUnix = "unix:";
+constexpr uint32_t kMaxPort = 65535;
+}  // namespace
+
+bool is_unix_address(absl::string_view address) {
+  return absl::StartsWith(address, kUnix) && address.size() > kUnix.size();
+}
+
+std::optional<HostPort> parse_host_port(absl::string_view address) {
+  const size_t colon = address.rfind(':');
+  if (colon == absl::string_view::npos) return std::nullopt;
+  HostPort parsed{address.substr(0, colon)};
+  if (!absl::SimpleAtoi(address.substr(colon + 1), &parsed.port) || parsed.port > kMaxPort)
+    return std::nullopt;
+  const bool bracketed = absl::ConsumePrefix(&parsed.host, "[") && absl::ConsumeSuffix(&parsed.host, "]");
+  if (parsed.host.empty()) return std::nullopt;
+  if (!bracketed && parsed.host.find_first_of("[]:/") != absl::string_view::npos) return std::nullopt;
+  return parsed;
+}
+
+bool is_loopback(absl::string_view host) {
+  const bool all_digits = host.find_first_not_of("0123456789.") == absl::string_view::npos;
+  return host == "localhost" || host == "::1" || (all_digits && absl::StartsWith(host, "127."));
+}
+
+}  // namespace candela::v1
