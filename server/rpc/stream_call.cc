@@ -105,8 +105,6 @@ absl::Status StreamCall::take_open(grpc::ByteBuffer& message) {
           "after");
     }
     epoch_ = point.epoch + 1;
-    tier_ = point.tier;
-    last_sequence_ = point.sequence;
   }
   absl::StatusOr<std::shared_ptr<SessionCall>> before =
       backend_.sessions.enter(start->session, epoch_, resumed, self_);
@@ -118,7 +116,8 @@ absl::Status StreamCall::take_open(grpc::ByteBuffer& message) {
     return absl::UnavailableError("server is draining and takes no new sessions; use another one");
   }
   told_ = point.exposure;
-  settings_ = std::move(start->settings);
+  settings_.emplace(std::move(start->settings), start->encoding);
+  if (resumed) settings_->resume(point.sequence, point.tier);
   track_.emplace(start->lookahead, start->cut_threshold_ev, point.exposure);
   start_ = *std::move(start);
   backend_.metrics.session_began();
@@ -139,52 +138,32 @@ absl::Status StreamCall::take_between(grpc::ByteBuffer& message) {
   v1::StreamRequest request;
   if (absl::Status status = parse_request(message, request); !status.ok()) return status;
   if (request.has_frame()) return take_header(request.frame());
-  if (request.has_change()) return take_change(request.change());
+  if (request.has_change()) return settings_->add(request.change());
   return absl::InvalidArgumentError(
       request.has_band() ? "a band came and the frame before it has every row; send `frame` first"
                          : "message holds neither `frame` nor `change` where one is due");
 }
 
-absl::Status StreamCall::take_change(const v1::SettingsChange& change) {
-  if (last_sequence_ && change.from_sequence() <= *last_sequence_) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("change.from_sequence is %d and frame %d came already; name a later one",
-                        change.from_sequence(), *last_sequence_));
-  }
-  if (changes_.size() >= v1::kMaxPendingChanges && changes_.count(change.from_sequence()) == 0) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%d changes of settings wait for their frames already, the most there may be", changes_.size()));
-  }
-  absl::StatusOr<SessionSettings> settings = session_settings_from(change.settings(), start_->encoding);
-  if (!settings.ok()) return settings.status();
-  changes_.insert_or_assign(change.from_sequence(), *std::move(settings));
-  return absl::OkStatus();
-}
-
 absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   const absl::StatusOr<FrameLayout> layout = frame_layout_from(header, backend_.limits);
   if (!layout.ok()) return layout.status();
-  while (!changes_.empty() && changes_.begin()->first <= header.sequence()) {
-    settings_ = std::move(changes_.begin()->second);
-    tier_.clear();
-    changes_.erase(changes_.begin());
-  }
-  if (absl::Status status = check_settings_for(settings_.settings, layout->desc); !status.ok()) return status;
+  settings_->advance(header.sequence());
+  const Settings& settings = settings_->now().settings;
+  if (absl::Status status = check_settings_for(settings, layout->desc); !status.ok()) return status;
   if (absl::Status status =
-          track_->add(header.sequence(), header.media_time_ns(), header.cut(), settings_.settings.exposure);
+          track_->add(header.sequence(), header.media_time_ns(), header.cut(), settings.exposure);
       !status.ok()) {
     return status;
   }
-  last_sequence_ = header.sequence();
   auto frame = std::make_shared<SessionFrame>();
   frame->sequence = header.sequence();
   frame->cut = header.cut();
   frame->layout = *layout;
   if (header.timeout_ms() > 0) frame->deadline = absl::Now() + absl::Milliseconds(header.timeout_ms());
-  frame->settings_hash = settings_.hash;
+  frame->settings_hash = settings_->now().hash;
   frames_.push_back(std::move(frame));
   memory_deadline_ = absl::Now() + backend_.idle_timeout;
-  if (!settings_.settings.promise.given() || !tier_.empty()) return admit();
+  if (!settings_->wants_tier()) return admit();
   state_ = Reading::kChoosing;
   return backend_.loop.post([self = self_] { self->choose_tier(); });
 }
@@ -196,14 +175,13 @@ void StreamCall::choose_tier() {
     absl::MutexLock lock(&mutex_);
     if (finished_ || ending_) return;
     desc = frames_.back()->layout.desc;
-    settings = settings_.settings;
+    settings = settings_->now().settings;
   }
-  const absl::StatusOr<TierChoice> choice = backend_.tier_meter.choose(desc, settings);
+  absl::StatusOr<TierChoice> choice = backend_.tier_meter.choose(desc, settings);
   absl::MutexLock lock(&mutex_);
   if (finished_ || ending_) return;
   if (!choice.ok()) return finish(choice.status());
-  tier_ = choice->tier;
-  tier_reason_ = choice->reason;
+  settings_->choose(*std::move(choice));
   memory_deadline_ = absl::Now() + backend_.idle_timeout;
   if (absl::Status status = admit(); !status.ok()) return finish(status);
   read_on();
@@ -211,11 +189,8 @@ void StreamCall::choose_tier() {
 
 absl::Status StreamCall::admit() {
   const FramePtr& frame = frames_.back();
-  Settings settings = settings_.settings;
-  if (!tier_.empty()) {
-    settings.tier = tier_;
-    frame->tier_reason = tier_reason_;
-  }
+  Settings settings = settings_->of_frame();
+  frame->tier_reason = settings_->tier_reason();
   const std::shared_ptr<Renderer> renderer = backend_.renderer();
   absl::StatusOr<FrameMemory> memory = renderer->allocate(frame->layout.desc, settings);
   if (absl::IsUnavailable(memory.status()) && absl::Now() < memory_deadline_) {
@@ -451,7 +426,7 @@ std::string StreamCall::token(const SessionFrame& frame) {
                              .sequence = frame.sequence,
                              .exposure = told_,
                              .settings_hash = frame.settings_hash,
-                             .tier = tier_},
+                             .tier = settings_->tier()},
                             absl::Now());
 }
 

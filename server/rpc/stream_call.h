@@ -8,7 +8,6 @@
 
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +21,7 @@
 #include "server/rpc/render_start.h"
 #include "server/rpc/result_writer.h"
 #include "server/rpc/session_table.h"
+#include "server/rpc/settings_track.h"
 #include "server/rpc/stream_start.h"
 #include "server/stream/exposure_track.h"
 
@@ -88,7 +88,6 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   absl::Status take_message(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_open(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_between(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::Status take_change(const v1::SettingsChange& change) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_header(const v1::FrameHeader& header) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void choose_tier();
   absl::Status admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -139,11 +138,7 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
 
   std::optional<StreamStart> start_ ABSL_GUARDED_BY(mutex_);
   uint64_t epoch_ ABSL_GUARDED_BY(mutex_) = 0;
-  SessionSettings settings_ ABSL_GUARDED_BY(mutex_);  // of the frame that came last
-  std::string tier_ ABSL_GUARDED_BY(mutex_);          // chosen for a promise; empty: not yet
-  std::string tier_reason_ ABSL_GUARDED_BY(mutex_);
-  std::map<uint64_t, SessionSettings> changes_ ABSL_GUARDED_BY(mutex_);  // by the first frame they are for
-  std::optional<uint64_t> last_sequence_ ABSL_GUARDED_BY(mutex_);
+  std::optional<SettingsTrack> settings_ ABSL_GUARDED_BY(mutex_);
   std::optional<ExposureTrack> track_ ABSL_GUARDED_BY(mutex_);
   std::deque<FramePtr> frames_ ABSL_GUARDED_BY(mutex_);  // in the order of their headers
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
