@@ -190,6 +190,7 @@ void StreamCall::choose_tier() {
 absl::Status StreamCall::admit() {
   const FramePtr& frame = frames_.back();
   Settings settings = settings_->of_frame();
+  frame->tier = settings_->tier();
   frame->tier_reason = settings_->tier_reason();
   const std::shared_ptr<Renderer> renderer = backend_.renderer();
   absl::StatusOr<FrameMemory> memory = renderer->allocate(frame->layout.desc, settings);
@@ -426,7 +427,7 @@ std::string StreamCall::token(const SessionFrame& frame) {
                              .sequence = frame.sequence,
                              .exposure = told_,
                              .settings_hash = frame.settings_hash,
-                             .tier = settings_->tier()},
+                             .tier = frame.tier},
                             absl::Now());
 }
 

@@ -65,6 +65,7 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
     absl::Time begun;
     absl::Time deadline = absl::InfiniteFuture();
     std::string settings_hash;
+    std::string tier;  // chosen for a promise
     std::string tier_reason;
     Stage stage = Stage::kReceiving;
     std::shared_ptr<Frame> frame;
