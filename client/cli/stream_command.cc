@@ -1,8 +1,6 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cmath>
 #include <deque>
 #include <future>
 #include <map>
@@ -10,11 +8,10 @@
 #include <thread>
 #include <utility>
 
-#include "absl/base/thread_annotations.h"
 #include "absl/strings/str_format.h"
-#include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands.h"
+#include "client/cli/frame_feeder.h"
 #include "client/cli/frame_files.h"
 #include "client/cli/frame_reader.h"
 #include "client/cli/json_output.h"
@@ -29,16 +26,6 @@ namespace {
 
 constexpr size_t kReadAhead = 2;
 constexpr size_t kMostNotes = 5;
-
-int64_t media_time_ns(uint64_t index, double fps) {
-  return std::llround(static_cast<double>(index) * 1e9 / fps);
-}
-
-// What the image's file needs to know of the frame's.
-struct FrameFacts {
-  bool has_alpha = false;
-  double pixel_aspect = 1;
-};
 
 absl::StatusOr<std::vector<std::string>> write_bytes(const std::string& path, const RenderResult& result) {
   absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
@@ -58,122 +45,6 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));
 }
-
-// Reads the files and submits them, on a thread of its own.
-class Feeder {
- public:
-  Feeder(const StreamOptions& options, FrameReader& reader) : options_(options), reader_(reader) {}
-  ~Feeder() { join(); }
-
-  // The first frame that can be read; before start(). None when there is none.
-  absl::StatusOr<const Image*> first() {
-    while (!next_ || !next_->image.ok()) {
-      next_ = reader_.next();
-      if (!next_) return nullptr;
-      if (next_->image.ok()) break;
-      if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
-    }
-    return &*next_->image;
-  }
-
-  // `settings` are those the session was opened with, for the first frame. The session outlives the thread.
-  void start(Session& session, const v1::Settings& settings) {
-    thread_ = std::thread([this, &session, settings] {
-      absl::Status status = feed(session, settings);
-      {
-        const absl::MutexLock lock(&mutex_);
-        status_ = std::move(status);
-      }
-      session.finish();
-    });
-  }
-
-  void join() {
-    if (thread_.joinable()) thread_.join();
-  }
-
-  // Why it stopped before the last file; known once the session has no more results.
-  absl::Status status() const {
-    const absl::MutexLock lock(&mutex_);
-    return status_;
-  }
-
-  FrameFacts take_facts(uint64_t index) {
-    const absl::MutexLock lock(&mutex_);
-    const auto node = facts_.extract(index);
-    return node ? node.mapped() : FrameFacts();
-  }
-
-  // The files before `index` that were skipped and not given out yet.
-  std::vector<std::pair<uint64_t, absl::Status>> take_skipped(uint64_t index) {
-    const absl::MutexLock lock(&mutex_);
-    std::vector<std::pair<uint64_t, absl::Status>> skipped;
-    while (!skipped_.empty() && skipped_.front().first < index) {
-      skipped.push_back(std::move(skipped_.front()));
-      skipped_.pop_front();
-    }
-    return skipped;
-  }
-
-  std::set<std::string> take_notes() {
-    const absl::MutexLock lock(&mutex_);
-    return std::exchange(notes_, {});
-  }
-
- private:
-  absl::Status bad_file(uint64_t index, const absl::Status& status) {
-    if (!options_.skip_bad) return status;
-    const absl::MutexLock lock(&mutex_);
-    skipped_.emplace_back(index, status);
-    return absl::OkStatus();
-  }
-
-  absl::Status feed(Session& session, v1::Settings settings) {
-    for (; next_; next_ = reader_.next()) {
-      if (!next_->image.ok()) {
-        if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
-        continue;
-      }
-      v1::Settings own = settings_for(*next_->image, options_.settings);
-      if (own.input_chromaticities().SerializeAsString() !=
-          settings.input_chromaticities().SerializeAsString()) {
-        *settings.mutable_input_chromaticities() = own.input_chromaticities();
-        if (!own.has_input_chromaticities()) settings.clear_input_chromaticities();
-        if (!session.change_settings(next_->index, settings).ok()) return absl::OkStatus();
-      }
-      // A failure is the session's end, which its results tell.
-      if (!session.submit(frame(next_->index, *std::move(next_->image))).ok()) return absl::OkStatus();
-    }
-    return absl::OkStatus();
-  }
-
-  SessionFrame frame(uint64_t index, Image read) {
-    {
-      const absl::MutexLock lock(&mutex_);
-      facts_[index] = {read.has_alpha, read.pixel_aspect};
-      notes_.insert(read.notes.begin(), read.notes.end());
-    }
-    const auto image = std::make_shared<const Image>(std::move(read));
-    return {.width = image->width,
-            .height = image->height,
-            .format = wire_format(image->format),
-            .pixels = image->pixels.span(),
-            .owner = image,
-            .sequence = index,
-            .media_time_ns = media_time_ns(index, options_.fps),
-            .timeout = options_.timeout};
-  }
-
-  const StreamOptions& options_;
-  FrameReader& reader_;
-  std::optional<FrameReader::Read> next_;
-  mutable absl::Mutex mutex_;
-  absl::Status status_ ABSL_GUARDED_BY(mutex_);
-  std::map<uint64_t, FrameFacts> facts_ ABSL_GUARDED_BY(mutex_);  // of frames without a result
-  std::deque<std::pair<uint64_t, absl::Status>> skipped_ ABSL_GUARDED_BY(mutex_);
-  std::set<std::string> notes_ ABSL_GUARDED_BY(mutex_);
-  std::thread thread_;
-};
 
 // A sequence on its way from files to files.
 class Streaming {
@@ -197,7 +68,7 @@ class Streaming {
     FrameReader reader(paths_,
                        {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
                        kReadAhead);
-    Feeder feeder(options_, reader);
+    FrameFeeder feeder(options_, reader);
     const absl::StatusOr<const Image*> first = feeder.first();
     if (!first.ok()) return first.status();
     absl::Status status;
@@ -235,7 +106,7 @@ class Streaming {
     return link_.check_tier(settings.tier());
   }
 
-  absl::Status stream(const Image& first, SessionOptions options, Feeder& feeder) {
+  absl::Status stream(const Image& first, SessionOptions options, FrameFeeder& feeder) {
     options.settings = settings_for(first, std::move(options.settings));
     options.name = options_.session;
     options.lookahead = options_.lookahead;
@@ -259,7 +130,7 @@ class Streaming {
     return status;
   }
 
-  absl::Status take_results(Session& session, Feeder& feeder) {
+  absl::Status take_results(Session& session, FrameFeeder& feeder) {
     while (true) {
       absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
       if (!result.ok()) return result.status();
@@ -304,7 +175,7 @@ class Streaming {
     return frame;
   }
 
-  void add_skipped(Feeder& feeder, uint64_t before) {
+  void add_skipped(FrameFeeder& feeder, uint64_t before) {
     for (auto& [index, status] : feeder.take_skipped(before)) {
       StreamFrame frame = frame_of(index);
       frame.status = std::move(status);
