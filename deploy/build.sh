@@ -8,7 +8,7 @@ log=build/$preset.log
 mkdir -p build
 echo "building $preset (log: $log)"
 if ! { cmake --preset "$preset" "$@" && cmake --build --preset "$preset"; } >"$log" 2>&1; then
-  grep -E -A5 'error|FAILED' "$log" | head -n 40 >&2
+  grep -E -i -A5 'error|failed' "$log" | head -n 40 >&2 || true
   tail -n 5 "$log" >&2
   echo "the build failed; see $log" >&2
   exit 1

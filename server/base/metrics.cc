@@ -149,6 +149,7 @@ Metrics::Metrics(const std::string& version, const std::string& device, const st
   for (int i = 0; i <= static_cast<int>(Rejection::kAccess); ++i) {
     impl_->rejections.Add({{"reason", word(static_cast<Rejection>(i))}});
   }
+  impl_->stages.Add({{"stage", "queue"}}, kStageSeconds);  // the one that every frame has
 }
 
 Metrics::~Metrics() = default;

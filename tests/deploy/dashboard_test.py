@@ -1,4 +1,5 @@
-"""Asks a real Prometheus, which scrapes a loaded candelad, every query of the dashboard and what every alert looks at.
+"""Asks a real Prometheus, which scrapes a loaded candelad, every query of the dashboard, the autoscaler's, and what every
+alert looks at.
 
   dashboard_test.py CANDELA CANDELAD
 
@@ -27,7 +28,7 @@ VARIABLES = {"$__rate_interval": "10s", "$instance": ".*"}
 # Panels that show more than zeros while frames come and clients are turned away.
 MOVING = {"Servers that serve", "Sessions", "Frames a second", "Clients turned away, a second", "Wait for the device",
           "Time of a frame, by stage", "Frames a second, by how they ended", "Turned away a second, by reason",
-          "Device busy", "Sessions, by server", "Memory of textures", "Traffic", "What runs"}
+          "Device busy", "Sessions, by server", "Memory of textures", "Traffic", "What runs", "autoscaler"}
 
 if not shutil.which("prometheus"):
     print("skipped: no prometheus; as root: apt-get install prometheus")
@@ -122,6 +123,13 @@ def alert_selectors():
     return selectors
 
 
+def autoscaler_query():
+    """What prometheus-adapter makes of its rule in kube.yaml, by server."""
+    comment = re.search(r"#         sum by.*\n(?:#         .*\n)*", (DEPLOY / "kube.yaml").read_text())[0]
+    query = " ".join(line[1:].strip() for line in comment.splitlines())
+    return query.replace("<<.GroupBy>>", "instance").replace("<<.LabelMatchers>>", 'job="candela"').replace("[2m]", "[10s]")
+
+
 def is_answer(panel, values):
     if not values or any(value != value for value in values):  # nothing, or 0 / 0
         return False
@@ -150,6 +158,8 @@ def main(scratch):
         prometheus = Prometheus(port)
         wait_for(f"prometheus ({prometheus_log.read_text()})", prometheus.ready)
 
+        wait_for("a wait of 0 where there are no frames", lambda: prometheus.values(autoscaler_query()) == [0])
+
         # As many sessions as there may be; whoever comes now is turned away.
         load = [CANDELA, "bench", "--server", server, "--size", "320x180", "--fps", "10", "--quiet",
                 "--seconds", str(5 * LIMIT_S)]
@@ -158,6 +168,7 @@ def main(scratch):
         stack.enter_context(running(load, scratch / "refused"))
 
         wanted = list(dashboard_queries()) + [("", selector) for selector in alert_selectors()]
+        wanted.append(("autoscaler", autoscaler_query()))
         pending = wanted
         end = time.monotonic() + LIMIT_S
         while pending and time.monotonic() < end:

@@ -143,10 +143,12 @@ check(candelad["image"] == f"localhost/candela:{VERSION}",
 wanted = [(probe, candelad[probe]["httpGet"]["port"], metrics)
           for probe in ("startupProbe", "readinessProbe", "livenessProbe")]
 wanted += [("Service", port.get("targetPort", port["port"]), grpc) for port in by_kind["Service"]["spec"]["ports"]]
-wanted += [("NetworkPolicy", port["port"], listens)
-           for rule, listens in zip(by_kind["NetworkPolicy"]["spec"]["ingress"], (grpc, metrics)) for port in rule["ports"]]
 for where, port, listens in wanted:
     check(port == listens, f"{where}: port {port}, and candelad listens on {listens}")
+lets_in = {next(iter(next(iter(source.values()))["matchLabels"])): {port["port"] for port in rule["ports"]}
+           for rule in by_kind["NetworkPolicy"]["spec"]["ingress"] for source in rule["from"]}
+check(lets_in == {"candela-client": {grpc}, "candela-proxy": {grpc, metrics}, "kubernetes.io/metadata.name": {metrics}},
+      f"NetworkPolicy: {lets_in}, and candelad listens on {grpc} and {metrics}; a proxy asks both")
 check("ports" not in candelad, "podman would take the container's ports on the host, once for every replica")
 
 stop = seconds(settings["data"]["CANDELA_PRE_DRAIN"]) + seconds(settings["data"]["CANDELA_DRAIN_TIMEOUT"])

@@ -70,8 +70,16 @@ def run(*command: object, timeout: float = 300) -> str:
 
 
 def attempt(*command: object, timeout: float = 300) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([str(word) for word in command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True, timeout=timeout, cwd=CACHE)
+    words = [str(word) for word in command]
+    try:
+        return subprocess.run(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                              timeout=timeout, cwd=CACHE)
+    except subprocess.TimeoutExpired:
+        return subprocess.CompletedProcess(words, 124, "", f"nothing came of it within {timeout:.0f} s")
+
+
+def last_line(done: subprocess.CompletedProcess[str]) -> str:
+    return (done.stderr.strip().splitlines() or [f"it ended with {done.returncode}"])[-1]
 
 
 def podman(*arguments: object, timeout: float = 300) -> str:
@@ -94,7 +102,7 @@ def prepared():
             (CACHE / name.lower()).write_text(text.format(cache=CACHE))
         info = attempt("podman", "info")
         if info.returncode != 0:
-            skip(f"podman does not work here: {info.stderr.strip().splitlines()[-1]}")
+            skip(f"podman does not work here: {last_line(info)}")
         yield
 
 
@@ -113,7 +121,7 @@ def make_base() -> None:
                    "--hook-dir=/usr/share/mmdebstrap/hooks/merged-usr", *(f"--dpkgopt={option}" for option in slim), "bookworm",
                    tar, sources, timeout=900)
     if made.returncode != 0:
-        skip(f"mmdebstrap cannot make a base image here: {made.stderr.strip().splitlines()[-1]}")
+        skip(f"mmdebstrap cannot make a base image here: {last_line(made)}")
     podman("import", tar, BASE)
     tar.unlink()
 
@@ -123,18 +131,19 @@ def try_podman() -> None:
     ran = attempt("podman", "run", "--rm", "--cpus=1", "--memory=64m", "--memory-swap=64m",
                   f"--publish=127.0.0.1:{free_port()}:{GRPC}", BASE, "true")
     if ran.returncode != 0:
-        skip(f"podman cannot run a container here: {ran.stderr.strip().splitlines()[-1]}")
+        skip(f"podman cannot run a container here: {last_line(ran)}")
 
 
 def expect_package_mirror() -> None:
     """Images are built from it; without one, the test skips."""
     asked = attempt("podman", "run", "--rm", "--network=host", BASE, "apt-get", "--option=APT::Update::Error-Mode=any",
-                    "update")
+                    "--option=Acquire::Retries=0", "--option=Acquire::http::Timeout=20", "update")
     if asked.returncode != 0:
-        skip(f"a container reaches no package mirror here: {asked.stderr.strip().splitlines()[-1]}")
+        skip(f"a container reaches no package mirror here: {last_line(asked)}")
 
 
 def build_image(version: str) -> None:
+    attempt("podman", "untag", IMAGE)  # no test takes an older tree's image for this one's
     make_base()
     try_podman()
     expect_package_mirror()
