@@ -203,6 +203,7 @@ class Session::Core {
     std::shared_ptr<const SessionFrame> sending = nullptr;  // its bands are going out
     uint64_t row = 0;                                       // of the next one
     int64_t owed = 0;                                       // frames that were sent whole and have no result
+    bool answered = false;                                  // a result came
     absl::Time last_progress;                               // a message came, or a write began or ended
   };
 
@@ -344,7 +345,9 @@ class Session::Core {
       if (call.closed && finished_ && log_.unanswered() == 0 && (status.ok() || may_resume(status, true))) {
         return {absl::OkStatus()};
       }
-      resumable = may_resume(status, was_open_);
+      // The session's own call before, whose open came late, may have taken it over.
+      const bool by_itself = status.error_code() == grpc::ABORTED && was_open_ && !call.answered;
+      resumable = by_itself || may_resume(status, was_open_);
     }
     if (status.ok()) {
       // A proxy, too, may end a call like that when it cuts it short.
@@ -408,6 +411,7 @@ class Session::Core {
     if (std::holds_alternative<v1::GoAway>(*event)) call.leaving = true;
     if (auto* answer = std::get_if<FrameAnswer>(&*event)) {
       take_answer(std::move(*answer));
+      call.answered = true;
       --call.owed;
       attempts = 0;
     }

@@ -121,7 +121,7 @@ class Session {
   // Waits for the next frame's result, in the order of the frames, each once. None: finish() was called and
   // every frame has its result. A failure is the end of the session, after all results that came before:
   // the server's refusal (see Stream in render.proto), or UNAVAILABLE when no server took the session on
-  // within the resume limit.
+  // within the resume limit. DEADLINE_EXCEEDED for a session that sent nothing for the server's idle timeout.
   absl::StatusOr<std::optional<FrameResult>> next_result();
 
   SessionStats stats() const;

@@ -291,7 +291,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
                                    .keys = *std::move(keys),
                                    .metrics = *parts->metrics,
                                    .gate = CallGate("calls", config.max_calls),
-                                   .session_gate = CallGate("sessions", config.max_sessions)});
+                                   .session_gate = CallGate("sessions", config.max_sessions),
+                                   .lookahead_memory = LookaheadMemory(config.memory_budget_bytes)});
   parts->service = std::make_unique<RenderService>(
       *parts->backend, [engines = parts->engines.get()] { return engines->engine()->pool.counters(); },
       server_info(config, device));

@@ -8,12 +8,15 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "server/render/tiers.h"
+#include "shaders/color_table.h"
 
 namespace candela {
 
@@ -89,6 +92,14 @@ double device_ms(const FrameReport& report) {
   return static_cast<double>(ns) * 1e-6;
 }
 
+// Of a client's table, which may be as smooth or as steep as it likes.
+std::string words(const ColorTable& table) {
+  const std::string_view bytes(reinterpret_cast<const char*>(table.values.data()),
+                               table.values.size() * sizeof table.values[0]);
+  return absl::StrFormat("table %d %d %.9g %016x", table.size, table.axes, table.end,
+                         std::hash<std::string_view>()(bytes));
+}
+
 // Everything that a frame's time or error depends on.
 std::string key_of(const std::string& device, const FrameDesc& desc, const Settings& s) {
   const ExposureSettings& e = s.exposure;
@@ -96,12 +107,13 @@ std::string key_of(const std::string& device, const FrameDesc& desc, const Setti
   return absl::StrFormat(
       "%s|%dx%d %s|%s %.9g %s %s dither %d prescale %.17g|bloom %d %.9g %.9g %.9g %d %d|exposure %d %.17g "
       "%.17g %.17g "
-      "%.17g %.17g|meter %d %.17g %.17g %d|%s",
+      "%.17g %.17g|meter %d %.17g %.17g %d|%s|%s",
       device, desc.width, desc.height, name(desc.format), name(s.curve), s.curve_white, name(s.transfer),
       name(s.output_format), s.dither, s.prescale, b.kind, b.intensity, b.threshold, b.softness, b.levels,
       b.firefly_weights, e.mode, e.manual_ev, e.compensation_ev, e.key, e.min_exposure, e.max_exposure,
       e.metering.statistic, e.metering.percentile_low, e.metering.percentile_high, e.metering.weights,
-      s.input_chromaticities ? absl::StrJoin(s.input_chromaticities->xy, " ") : "");
+      s.input_chromaticities ? absl::StrJoin(s.input_chromaticities->xy, " ") : "",
+      s.table ? words(*s.table) : "");
 }
 
 }  // namespace

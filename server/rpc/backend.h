@@ -13,6 +13,7 @@
 #include "server/render/renderer.h"
 #include "server/render/tier_numbers.h"
 #include "server/rpc/call_gate.h"
+#include "server/rpc/lookahead_memory.h"
 #include "server/rpc/resume_token.h"
 #include "server/rpc/session_table.h"
 #include "server/stream/render_loop.h"
@@ -39,6 +40,7 @@ struct Backend {
   CallGate gate;          // Render and Meter calls
   CallGate session_gate;  // streams
   SessionTable sessions{};
+  LookaheadMemory lookahead_memory;
   std::atomic<Flow> next_session_flow{1};  // odd: a session's; even: a connection's
   std::atomic<uint64_t> frames_rendered{0};
 };

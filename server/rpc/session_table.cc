@@ -17,7 +17,8 @@ absl::StatusOr<std::shared_ptr<SessionCall>> SessionTable::enter(const std::stri
           "session '%s' is open on another call; choose another name, or go on with its resume token",
           session));
     }
-    if (epoch <= entry->second.epoch) {
+    // An equal one has the last token, too: results of the other call did not reach its client.
+    if (epoch < entry->second.epoch) {
       return absl::FailedPreconditionError(absl::StrFormat(
           "session '%s' was resumed since this token was given; use the last token received", session));
     }

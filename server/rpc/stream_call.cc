@@ -76,7 +76,7 @@ void StreamCall::OnReadDone(bool ok) {
   grpc::ByteBuffer message;  // the next read may begin before this one is understood
   message.Swap(&incoming_);
   const absl::Status status = ok ? take_message(message) : half_closed();
-  if (!status.ok()) return finish(status);
+  if (!status.ok()) return read_no_more(status);
   read_on();
 }
 
@@ -163,7 +163,10 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   frame->settings_hash = settings_->now().hash;
   frames_.push_back(std::move(frame));
   memory_deadline_ = absl::Now() + backend_.idle_timeout;
-  if (!settings_->wants_tier()) return admit();
+  return settings_->wants_tier() ? ask_for_tier() : admit();
+}
+
+absl::Status StreamCall::ask_for_tier() {
   state_ = Reading::kChoosing;
   return backend_.loop.post([self = self_] { self->choose_tier(); });
 }
@@ -180,10 +183,14 @@ void StreamCall::choose_tier() {
   absl::StatusOr<TierChoice> choice = backend_.tier_meter.choose(desc, settings);
   absl::MutexLock lock(&mutex_);
   if (finished_ || ending_) return;
-  if (!choice.ok()) return finish(choice.status());
+  if (absl::IsUnavailable(choice.status()) && absl::Now() < memory_deadline_) {
+    memory_alarm_ = call_later(kMemoryRetry, weak_from_this(), &StreamCall::retry);
+    return;
+  }
+  if (!choice.ok()) return read_no_more(choice.status());
   settings_->choose(*std::move(choice));
   memory_deadline_ = absl::Now() + backend_.idle_timeout;
-  if (absl::Status status = admit(); !status.ok()) return finish(status);
+  if (absl::Status status = admit(); !status.ok()) return read_no_more(status);
   read_on();
 }
 
@@ -194,21 +201,15 @@ absl::Status StreamCall::admit() {
   frame->tier_reason = settings_->tier_reason();
   const std::shared_ptr<Renderer> renderer = backend_.renderer();
   absl::StatusOr<FrameMemory> memory = renderer->allocate(frame->layout.desc, settings);
+  if (memory.ok()) {
+    if (absl::Status status = promise_lookahead(*memory); !status.ok()) memory = std::move(status);
+  }
   if (absl::IsUnavailable(memory.status()) && absl::Now() < memory_deadline_) {
     state_ = Reading::kMemory;
-    memory_alarm_ = call_later(kMemoryRetry, weak_from_this(), &StreamCall::retry_admission);
+    memory_alarm_ = call_later(kMemoryRetry, weak_from_this(), &StreamCall::retry);
     return absl::OkStatus();
   }
   if (!memory.ok()) return memory.status();
-  const uint64_t wanted = memory->bytes() * (start_->lookahead + 1);
-  if (wanted > backend_.memory_budget_bytes) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("a look-ahead of %d frames of %dx%d takes %d bytes and this server's memory budget "
-                        "is %d; ask for one of at "
-                        "most %d",
-                        start_->lookahead, frame->layout.desc.width, frame->layout.desc.height, wanted,
-                        backend_.memory_budget_bytes, backend_.memory_budget_bytes / memory->bytes() - 1));
-  }
   frame->frame = std::make_shared<Frame>(
       Frame{renderer, *std::move(memory), std::move(settings), {frame->sequence, std::nullopt}});
   frame->begun = absl::Now();
@@ -217,10 +218,37 @@ absl::Status StreamCall::admit() {
   return absl::OkStatus();
 }
 
-void StreamCall::retry_admission() {
+// That all frames of the session's look-ahead can have as much at once.
+absl::Status StreamCall::promise_lookahead(const FrameMemory& memory) {
+  if (plain()) return absl::OkStatus();
+  const FrameDesc& desc = memory.desc();
+  const uint64_t wanted = memory.bytes() * (start_->lookahead + 1);
+  if (wanted > backend_.memory_budget_bytes) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("a look-ahead of %d frames of %dx%d takes %d bytes and this server's memory budget "
+                        "is %d; ask for one of at most %d",
+                        start_->lookahead, desc.width, desc.height, wanted, backend_.memory_budget_bytes,
+                        backend_.memory_budget_bytes / memory.bytes() - 1));
+  }
+  if (wanted <= promised_bytes_) return absl::OkStatus();
+  if (!backend_.lookahead_memory.change(promised_bytes_, wanted)) {
+    return absl::UnavailableError(absl::StrFormat(
+        "a look-ahead of %d frames of %dx%d takes %d bytes, and other sessions' look-ahead %d "
+        "of this server's memory budget of %d; try again when they have ended, look less far "
+        "ahead, or raise --memory-budget",
+        start_->lookahead, desc.width, desc.height, wanted,
+        backend_.lookahead_memory.promised() - promised_bytes_, backend_.memory_budget_bytes));
+  }
+  promised_bytes_ = wanted;
+  return absl::OkStatus();
+}
+
+// For memory.
+void StreamCall::retry() {
   absl::MutexLock lock(&mutex_);
-  if (finished_ || ending_ || state_ != Reading::kMemory) return;
-  if (absl::Status status = admit(); !status.ok()) return finish(status);
+  if (finished_ || ending_ || (state_ != Reading::kMemory && state_ != Reading::kChoosing)) return;
+  const absl::Status status = state_ == Reading::kMemory ? admit() : ask_for_tier();
+  if (!status.ok()) return read_no_more(status);
   read_on();
 }
 
@@ -446,7 +474,7 @@ grpc::ByteBuffer StreamCall::header_message(const SessionFrame& frame) {
 }
 
 grpc::ByteBuffer StreamCall::failure_message(const SessionFrame& frame) {
-  told_.cut_pending |= frame.cut;
+  if (!told_.is_of(frame.sequence)) told_.cut_pending |= frame.cut;
   v1::StreamResponse response;
   v1::FrameFailure& failure = *response.mutable_failure();
   failure.set_sequence(frame.sequence);
@@ -467,9 +495,7 @@ void StreamCall::go_away() {
   v1::StreamResponse response;
   response.mutable_go_away()->set_reason("server is draining");
   notices_.push_back(v1::pack(response));
-  const bool receiving = !frames_.empty() && frames_.back()->stage == Stage::kReceiving;
-  end_before(frames_.size() - (receiving ? 1 : 0), status);
-  write_on();
+  read_no_more(status);
 }
 
 void StreamCall::give_up() {
@@ -492,6 +518,13 @@ void StreamCall::drop(const FramePtr& frame) {
   frame->stage = Stage::kFailed;
   frame->writer.reset();
   if (!working) frame->frame.reset();
+}
+
+void StreamCall::read_no_more(const absl::Status& status) {
+  if (!start_ || absl::IsCancelled(status)) return finish(status);
+  const bool receiving = !frames_.empty() && frames_.back()->stage == Stage::kReceiving;
+  end_before(frames_.size() - (receiving ? 1 : 0), status);
+  write_on();
 }
 
 void StreamCall::end_before(size_t first, const absl::Status& status) {
@@ -529,6 +562,7 @@ void StreamCall::finish(const absl::Status& status) {
   for (const FramePtr& frame : frames_) drop(frame);
   frames_.clear();
   memory_alarm_.reset();
+  backend_.lookahead_memory.change(std::exchange(promised_bytes_, 0), 0);
   if (inside_) watch_idle(backend_.idle_timeout);
   Finish(told);
 }

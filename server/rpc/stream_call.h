@@ -90,9 +90,11 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   absl::Status take_open(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_between(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_header(const v1::FrameHeader& header) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status ask_for_tier() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void choose_tier();
   absl::Status admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void retry_admission();
+  absl::Status promise_lookahead(const FrameMemory& memory) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void retry();
   absl::Status take_band(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status half_closed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void read_on() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -112,6 +114,9 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   grpc::ByteBuffer failure_message(const SessionFrame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string token(const SessionFrame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
+  // Nothing more is read. Frames that came whole get their results, where they do not wait for later ones;
+  // then the call ends with `status`.
+  void read_no_more(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // No frame from `first` on gets a result, nor one that look-ahead holds back, for what it waits for does
   // not come any more. What is before still does, then the call ends with `status`.
   void end_before(size_t first, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -144,6 +149,7 @@ class StreamCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::
   std::deque<FramePtr> frames_ ABSL_GUARDED_BY(mutex_);  // in the order of their headers
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
   absl::Time memory_deadline_ ABSL_GUARDED_BY(mutex_);
+  uint64_t promised_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // of LookaheadMemory
 
   std::deque<grpc::ByteBuffer> notices_ ABSL_GUARDED_BY(mutex_);  // before the next result
   ExposureState told_ ABSL_GUARDED_BY(mutex_);                  // after the last frame whose answer went out

@@ -74,8 +74,8 @@ std::optional<double> ExposureTrack::mean_of_first() const {
   uint64_t last = 0;
   for (size_t i = 0; i < frames_.size() && later <= lookahead_; ++i) {
     const Waiting& frame = frames_[i];
-    if (i > 0 && frame.cut) return sum / weights;
     if (i > 0 && frame.sequence == last) continue;
+    if (i > 0 && frame.cut) return sum / weights;
     if (frame.failed) {
       ++later;
       continue;
@@ -94,13 +94,13 @@ std::optional<double> ExposureTrack::mean_of_first() const {
 
 std::optional<FrameExposure> ExposureTrack::next() {
   while (!frames_.empty() && frames_.front().failed) {
-    // The scene that it would have begun begins with the next one.
-    state_.cut_pending |= frames_.front().cut;
+    // The scene that it would have begun begins with the next one; a repeat begins none.
+    if (!state_.is_of(frames_.front().sequence)) state_.cut_pending |= frames_.front().cut;
     frames_.pop_front();
   }
   if (frames_.empty() || !frames_.front().stats) return std::nullopt;
   const Waiting& frame = frames_.front();
-  if (state_.begun && frame.sequence == state_.sequence) {
+  if (state_.is_of(frame.sequence)) {
     frames_.pop_front();
     return FrameExposure{state_.sequence, state_};
   }

@@ -26,6 +26,9 @@ struct ExposureState {
   bool cut_pending = false;         // a frame that was to begin one failed: the next one does
   std::optional<ScenePrint> print;  // where cuts are detected
 
+  // Whether that frame is the last one that was exposed: one that comes now with its number repeats it.
+  bool is_of(uint64_t frame) const { return begun && sequence == frame; }
+
   bool operator==(const ExposureState&) const = default;
 };
 

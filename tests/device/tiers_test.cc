@@ -3,8 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <memory>
 
+#include "server/render/aces.h"
+#include "server/render/tier_numbers.h"
 #include "server/render/verify.h"
 #include "tests/support/device_fixture.h"
 
@@ -73,6 +77,24 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
     settings.bloom.intensity = 0;
     show("natural, no bloom", natural(641, 359), plain);
   }
+}
+
+// One that is flat hides errors that another shows.
+TEST_F(Tiers, NumbersOfATableAreItsOwn) {
+  TierMeter meter([] { return std::shared_ptr<Renderer>(&renderer(), [](Renderer*) {}); }, "a device", "");
+  const auto error_of_draft = [&meter](const ColorTable& table) {
+    Settings settings;
+    settings.curve = ToneCurve::kTable;
+    settings.table = std::make_shared<const ColorTable>(table);
+    const auto numbers = meter.numbers({64, 48, PixelFormat::kRgba16f}, settings);
+    EXPECT_TRUE(numbers.ok()) << numbers.status();
+    return numbers.ok() && numbers->front().tier == "draft" ? numbers->front().max_error_codes : -1.0;
+  };
+  ColorTable table = **aces_1_table(17);
+  const double steep = error_of_draft(table);
+  EXPECT_GT(steep, 0.0);
+  std::fill(table.values.begin(), table.values.end(), uint16_t{20000});
+  EXPECT_LT(error_of_draft(table), steep / 2);
 }
 
 }  // namespace

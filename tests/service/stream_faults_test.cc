@@ -183,6 +183,27 @@ TEST(StreamFaults, TheFramesOfASessionThatIsGoneAreNotRendered) {
   EXPECT_TRUE(wait_until_idle(connection));
 }
 
+// Together they want more memory than there is, and each holds what waits for more.
+TEST(StreamFaults, SessionsWithLookaheadDoNotWaitForEachOthersMemory) {
+  Config config = test_config();
+  config.memory_budget_bytes = uint64_t{20} << 20;
+  config.idle_timeout = absl::Seconds(20);
+  const std::unique_ptr<Server> server = start_server(config);
+  const std::vector<WireFrame> frames(24, natural(200, 150));
+  const absl::Time begin = absl::Now();
+  std::vector<std::thread> clients;
+  for (int i = 0; i < 3; ++i) {
+    clients.emplace_back([&, i] {
+      v1::StreamOpen open = open_of(absl::StrCat("ahead-", i));
+      open.set_lookahead(16);
+      EXPECT_EQ(stream_all(own_channel(server->addresses().at(0)), open, frames).size(), frames.size());
+    });
+  }
+  for (std::thread& client : clients) client.join();
+  EXPECT_LT(absl::Now() - begin, config.idle_timeout);
+  EXPECT_TRUE(wait_until_idle(Connection(server->in_process_channel())));
+}
+
 TEST(StreamFaults, ADrainAnswersEveryFrameThatWasSentInFull) {
   const std::unique_ptr<Server> server = start_server(test_config());
   const Connection connection(server->in_process_channel());
@@ -365,6 +386,20 @@ TEST_P(StreamLimits, ALookaheadThatCanNeverFitIsRefused) {
                    c.send_header(frame, 0, 0);
                  }),
                  grpc::RESOURCE_EXHAUSTED, "look-ahead of 16 frames of 1920x1080");
+}
+
+// What came whole is answered before the refusal of what came after it.
+TEST_P(StreamLimits, ARefusalComesAfterTheResultsOfWhatCameBefore) {
+  StreamClient client(channel());
+  ASSERT_TRUE(client.open(opening()));
+  ASSERT_TRUE(client.send(natural(1200, 800), 0, 0));
+  WireFrame huge = natural(1, 1);
+  huge.desc.width = 1u << 20;
+  client.send_header(huge, 1, 1);
+  StreamResult result;
+  ASSERT_TRUE(client.read(result));
+  EXPECT_EQ(result.sequence(), 0u);
+  EXPECT_EQ(client.finish().error_code(), grpc::RESOURCE_EXHAUSTED);
 }
 
 TEST_P(StreamLimits, AFullMemoryBudgetHoldsTheClientBackUntilThereIsRoom) {

@@ -308,5 +308,35 @@ TEST_P(Stream, OneCallAtATimeHasASession) {
   EXPECT_TRUE(third.finish().ok());
 }
 
+// A client that lost two calls in a row has the same token for both, whatever the server knows of them.
+TEST_P(Stream, ATokenIsGoodUntilAResultHasComeBack) {
+  StreamClient first(channel());
+  ASSERT_TRUE(first.open("twice"));
+  first.send(natural(16, 16), 0, 0);
+  StreamResult result;
+  ASSERT_TRUE(first.read(result));
+  const std::string token = result.token();
+  StreamClient second(channel());
+  ASSERT_TRUE(second.open("twice", {}, token));
+  second.send(natural(16, 16), 1, 1);
+  ASSERT_TRUE(second.read(result));
+  EXPECT_EQ(first.finish().error_code(), grpc::ABORTED);
+  StreamClient third(channel());
+  ASSERT_TRUE(third.open("twice", {}, token));
+  third.send(natural(16, 16), 1, 1);
+  StreamResult again;
+  ASSERT_TRUE(third.read(again));
+  EXPECT_TRUE(again.pixels == result.pixels);
+  EXPECT_EQ(second.finish().error_code(), grpc::ABORTED);
+  // Going on from the later token makes the earlier one too old.
+  StreamClient fourth(channel());
+  ASSERT_TRUE(fourth.open("twice", {}, again.token()));
+  fourth.send(natural(16, 16), 2, 2);
+  ASSERT_TRUE(fourth.read(result));
+  StreamClient late(channel());
+  late.open("twice", {}, token);
+  EXPECT_EQ(late.finish().error_code(), grpc::FAILED_PRECONDITION);
+}
+
 }  // namespace
 }  // namespace candela::testing

@@ -150,6 +150,24 @@ TEST(ExposureTrack, LookaheadEndsAtACut) {
   EXPECT_EQ(decided[0].state.exposed.target, target(1.0));
 }
 
+// One that says `cut`, and one that fails with it, are repeats all the same.
+TEST(ExposureTrack, ARepeatBoundsNoLookaheadAndLeavesNoCut) {
+  const auto last = [](bool repeat) {
+    Film film(2);
+    film.show(0, 1.0);
+    film.show(1, 2.0, /*cut=*/true);
+    if (repeat) film.show(1, 2.0, /*cut=*/true);
+    if (repeat && film.add(1, /*cut=*/true).ok()) film.track.failed(1);
+    std::vector<FrameExposure> all;
+    for (uint64_t i = 2; i < 6; ++i) {
+      for (FrameExposure& decided : film.show(i, static_cast<double>(i))) all.push_back(std::move(decided));
+    }
+    return all.back();
+  };
+  EXPECT_EQ(last(true).sequence, last(false).sequence);
+  EXPECT_EQ(last(true).state, last(false).state);
+}
+
 TEST(ExposureTrack, OrderOfMeteringChangesNothing) {
   Film forwards(2);
   Film backwards(2);

@@ -266,6 +266,21 @@ TEST(Session, ARefusalEndsItAfterWhatCameBefore) {
   EXPECT_EQ(got.stats.resumes, 0u);
 }
 
+// What took it over may be its own call before, whose open came late; once it has results, it is another's.
+TEST(Session, ACallThatIsTakenOverBeforeAResultGoesOn) {
+  std::atomic<int> times = 0;
+  FakeServer server([&](uint64_t sequence, Wire&) {
+    if (sequence == 2 && times == 0) return grpc::Status(grpc::UNAVAILABLE, (++times, "lost"));
+    if (sequence == 2 && times == 1) return grpc::Status(grpc::ABORTED, (++times, "another call"));
+    if (sequence == 5) return grpc::Status(grpc::ABORTED, "another call");
+    return grpc::Status::OK;
+  });
+  const Outcome got = run(options_for({server.address()}), 9);
+  EXPECT_EQ(got.values, expected(5));
+  EXPECT_EQ(got.status, absl::AbortedError("another call"));
+  EXPECT_EQ(got.stats.resumes, 2u);
+}
+
 TEST(Session, ItGivesUpWhenItsLimitIsOver) {
   auto server = std::make_unique<FakeServer>([](uint64_t sequence, Wire&) {
     return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
