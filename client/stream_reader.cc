@@ -3,9 +3,11 @@
 #include <google/protobuf/wire_format_lite.h>
 
 #include <cstring>
+#include <new>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "client/wire.h"
 #include "proto/candela/v1/message_wire.h"
 
@@ -73,7 +75,11 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   inside_ = true;
   result_ = {};
   result_.bytes = header.encoded_bytes() > 0 ? header.encoded_bytes() : raw_bytes;
-  result_.data = std::make_unique_for_overwrite<std::byte[]>(result_.bytes);
+  result_.data.reset(new (std::nothrow) std::byte[result_.bytes]);
+  if (result_.data == nullptr) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("out of memory for an image of %d bytes; give this process more", result_.bytes));
+  }
   encoded_ = 0;
   if (header.encoded_bytes() == 0) {
     image_.begin({result_.data.get(), result_.bytes}, due->width * pixel_bytes);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <climits>
+#include <cstdlib>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -96,6 +97,12 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
 std::string with_port(const std::string& address, int port) {
   if (v1::is_unix_address(address)) return address;
   return absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
+}
+
+// Of the software device, and of the tier that runs on the host.
+std::string threads() {
+  const char* of_device = std::getenv("LP_NUM_THREADS");
+  return absl::StrCat(usable_cpus(), " ", of_device == nullptr ? "all" : of_device);
 }
 
 void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const Config& config) {
@@ -273,7 +280,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
       std::make_unique<EngineKeeper>(*engine, start_one, *parts->metrics, std::move(on_device_gone));
   const auto renderer = [engines = parts->engines.get()] { return engines->renderer(); };
   parts->tier_meter = std::make_unique<TierMeter>(
-      renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver),
+      renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", threads()),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(
       [p = parts.get()](Frame& frame) { return p->render(frame); },

@@ -54,6 +54,8 @@ class Load {
   BenchSession take_result() { return std::move(result_); }
   uint64_t returned_bytes() const { return returned_bytes_; }
   uint64_t answered() const { return answered_; }
+  // Whether no more images come.
+  bool ended() const { return ended_; }
 
  private:
   void submit(absl::Time begin) {
@@ -89,7 +91,10 @@ class Load {
     while (true) {
       const absl::StatusOr<std::optional<FrameResult>> next = session_.next_result();
       status_ = next.status();
-      if (!next.ok() || !*next) return;
+      if (!next.ok() || !*next) {
+        ended_ = true;
+        return;
+      }
       const FrameResult& result = **next;
       ++answered_;
       if (!result.status.ok()) {
@@ -112,6 +117,7 @@ class Load {
   absl::Status status_;
   uint64_t returned_bytes_ = 0;
   std::atomic<uint64_t> answered_ = 0;
+  std::atomic<bool> ended_ = false;
   uint64_t failed_ = 0;
   uint64_t dropped_ = 0;  // the submitting thread's
   std::thread submitting_;
@@ -154,6 +160,7 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
   for (double s = 0; s < all; s = absl::ToDoubleSeconds(absl::Now() - begin)) {
     uint64_t answered = 0;
     for (const auto& load : loads) answered += load->answered();
+    if (std::all_of(loads.begin(), loads.end(), [](const auto& load) { return load->ended(); })) break;
     progress.show_bar(s / all, absl::StrFormat("%d frames, %.1f a second, %.0f s left", answered,
                                                s > 0 ? static_cast<double>(answered) / s : 0, all - s));
     absl::SleepFor(absl::Seconds(std::min(0.2, std::max(0.001, all - s))));

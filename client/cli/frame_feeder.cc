@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <memory>
+#include <new>
 
 #include "client/cli/frame_files.h"
 
@@ -69,7 +70,7 @@ absl::Status FrameFeeder::bad_file(uint64_t index, const absl::Status& status) {
   return absl::OkStatus();
 }
 
-absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) {
+absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
   for (; next_; next_ = reader_.next()) {
     if (!next_->image.ok()) {
       if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
@@ -86,6 +87,8 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) {
     if (!session.submit(frame(next_->index, *std::move(next_->image))).ok()) return absl::OkStatus();
   }
   return absl::OkStatus();
+} catch (const std::bad_alloc&) {
+  return absl::ResourceExhaustedError("out of memory between the frames; give this process more");
 }
 
 SessionFrame FrameFeeder::frame(uint64_t index, Image read) {

@@ -5,6 +5,7 @@
 
 #include <csignal>
 #include <cstdlib>
+#include <exception>
 #include <new>
 #include <type_traits>
 
@@ -45,7 +46,7 @@ void clean_up_on_signals() {
   }
 }
 
-absl::Status run(const Invocation& invocation) try {
+absl::Status run(const Invocation& invocation) {
   return std::visit(
       [](const auto& options) {
         using Options = std::decay_t<decltype(options)>;
@@ -60,9 +61,16 @@ absl::Status run(const Invocation& invocation) try {
         if constexpr (std::is_same_v<Options, HealthOptions>) return run_health(options);
       },
       invocation);
+}
+
+absl::Status run_line(int argc, char** argv) try {
+  const absl::StatusOr<Invocation> invocation = parse_command_line(argc, argv);
+  return invocation.ok() ? run(*invocation) : invocation.status();
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(
       "out of memory; render a smaller image, or give this process more memory");
+} catch (const std::exception& error) {
+  return absl::InternalError(error.what());
 }
 
 int run(int argc, char** argv) {
@@ -72,8 +80,7 @@ int run(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
   // What gRPC has to say also comes back as a status.
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
-  const absl::StatusOr<Invocation> invocation = parse_command_line(argc, argv);
-  const absl::Status status = invocation.ok() ? run(*invocation) : invocation.status();
+  const absl::Status status = run_line(argc, argv);
   if (status.ok()) return 0;
   print_error(status);
   return is_usage_error(status) ? kUsage : kFailed;

@@ -89,8 +89,10 @@ void add_metering_options(CLI::App& app, v1::Metering& metering) {
       [&metering](const std::string& text) {
         const auto values = parse_list("--percentiles", text, 2, v1::kPercentile);
         if (!values.ok()) return values.status();
-        if (!((*values)[0] < (*values)[1])) {
-          return usage_error(absl::StrFormat("--percentiles is \"%s\"; the first must be the smaller", text));
+        if ((*values)[1] - (*values)[0] < v1::kLeastPercentileRange) {
+          return usage_error(
+              absl::StrFormat("--percentiles is \"%s\"; the first must be smaller by %s or more", text,
+                              format_number(v1::kLeastPercentileRange)));
         }
         metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
         metering.set_percentile_low((*values)[0]);

@@ -51,6 +51,12 @@ bool is_image(const fs::path& path) {
   return extension == ".exr" || extension == ".hdr" || extension == ".pfm";
 }
 
+// What cannot be looked at is none: whoever reads or writes it says why.
+bool is_there_as_folder(const std::string& path) {
+  std::error_code failed;
+  return fs::is_directory(path, failed);
+}
+
 std::vector<std::string> files_by_glob(const std::string& pattern) {
   std::vector<std::string> files;
   glob_t found{};
@@ -58,7 +64,7 @@ std::vector<std::string> files_by_glob(const std::string& pattern) {
     for (size_t i = 0; i < found.gl_pathc; ++i) files.emplace_back(found.gl_pathv[i]);
   }
   globfree(&found);
-  std::erase_if(files, [](const std::string& file) { return fs::is_directory(file); });
+  std::erase_if(files, is_there_as_folder);
   return files;
 }
 
@@ -151,7 +157,7 @@ absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const 
     names.extension_ = fs::path("x" + pattern->after).extension().string();
     return names;
   }
-  if (!fs::is_directory(output) && fs::path(output).has_extension()) {
+  if (!is_there_as_folder(output) && fs::path(output).has_extension()) {
     return usage_error(absl::StrFormat(
         "%s is one file; a sequence is written to a folder or to a pattern such as out/%%04d%s", output,
         fs::path(output).extension().string()));

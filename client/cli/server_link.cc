@@ -40,6 +40,10 @@ absl::StatusOr<const Connection*> ServerLink::connection() {
   if (!choice_.address.empty()) {
     absl::StatusOr<Connection> opened = Connection::open(choice_.address, choice_.security);
     if (!opened.ok()) return usage_error(std::string(opened.status().message()));
+    for (const std::string& address : choice_.others) {
+      const absl::StatusOr<Connection> other = Connection::open(address, choice_.security);
+      if (!other.ok()) return usage_error(std::string(other.status().message()));
+    }
     connection_ = *std::move(opened);
     return &*connection_;
   }

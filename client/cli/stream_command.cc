@@ -1,10 +1,13 @@
 #include <OpenEXR/ImfThreading.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <deque>
 #include <future>
 #include <map>
 #include <new>
+#include <optional>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -243,9 +246,21 @@ class Streaming {
   uint64_t resumes_ = 0;
 };
 
+// A file, by whatever name.
+using FileId = std::pair<dev_t, ino_t>;
+std::optional<FileId> file_id(const std::string& path) {
+  struct stat about {};
+  if (stat(path.c_str(), &about) != 0) return std::nullopt;
+  return FileId{about.st_dev, about.st_ino};
+}
+
 // Two frames must not become one image, and no image may replace a frame.
 absl::Status check_outputs(const StreamOptions& options, const std::vector<std::string>& paths,
                            const OutputNames& names) {
+  std::set<FileId> frames;
+  for (const std::string& path : paths) {
+    if (const std::optional<FileId> frame = file_id(path)) frames.insert(*frame);
+  }
   std::map<std::string, std::string> inputs;
   for (size_t i = 0; i < paths.size(); ++i) {
     const std::string output = names.path(options.first + i, paths[i]);
@@ -256,7 +271,7 @@ absl::Status check_outputs(const StreamOptions& options, const std::vector<std::
                           "as out/%%04d%s",
                           other->second, paths[i], output, names.extension()));
     }
-    if (std::find(paths.begin(), paths.end(), output) != paths.end()) {
+    if (const std::optional<FileId> there = file_id(output); there && frames.contains(*there)) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s is one of the frames; write the images to another folder", output));
     }

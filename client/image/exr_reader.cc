@@ -56,14 +56,34 @@ absl::StatusOr<Part> choose_part(const std::string& path, const Imf::MultiPartIn
       channel_names(file.header(0).channels())));
 }
 
+// Of scan lines (https://openexr.com/en/latest/OpenEXRFileLayout.html, "Scan line blocks").
+int64_t rows_of_chunk(Imf::Compression compression) {
+  switch (compression) {
+    case Imf::NO_COMPRESSION:
+    case Imf::RLE_COMPRESSION:
+    case Imf::ZIPS_COMPRESSION:
+      return 1;
+    case Imf::ZIP_COMPRESSION:
+    case Imf::PXR24_COMPRESSION:
+      return 16;
+    case Imf::PIZ_COMPRESSION:
+    case Imf::B44_COMPRESSION:
+    case Imf::B44A_COMPRESSION:
+    case Imf::DWAA_COMPRESSION:
+      return 32;
+    default:
+      return 256;  // DWAB's, the tallest
+  }
+}
+
 absl::Status check_chunk(const std::string& path, const Imf::Header& header, const Window& data,
                          uint64_t max_bytes) {
   uint64_t pixel_bytes = 0;
   for (auto i = header.channels().begin(); i != header.channels().end(); ++i) {
     pixel_bytes += i.channel().type == Imf::HALF ? 2 : 4;
   }
-  constexpr int64_t kMostRows = 256;  // DWAB's, the tallest chunk of any compression
-  auto pixels = static_cast<uint64_t>(data.width() * std::min(data.height(), kMostRows));
+  const int64_t rows = std::min(data.height(), rows_of_chunk(header.compression()));
+  auto pixels = static_cast<uint64_t>(data.width() * rows);
   if (header.hasTileDescription()) {
     // A row of tiles is held while scan lines are cut from it.
     const Imf::TileDescription& tile = header.tileDescription();

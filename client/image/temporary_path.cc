@@ -16,7 +16,7 @@ struct Slot {
   std::atomic<bool> filled{false};
   char path[PATH_MAX];
 };
-constexpr int kSlots = 8;
+constexpr int kSlots = 1024;  // writers at once: one a core
 Slot slots[kSlots];
 
 int remember(const std::string& path) {

@@ -124,10 +124,11 @@ absl::Status check_settings(const Settings& settings) {
         "exposure.min_exposure is %g and exposure.max_exposure is %g; the minimum must not be larger",
         exposure.min_exposure, exposure.max_exposure));
   }
-  if (!(metering.percentile_low < metering.percentile_high)) {
+  if (metering.percentile_high - metering.percentile_low < v1::kLeastPercentileRange) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "exposure.metering.percentile_low is %g and percentile_high is %g; the low one must be smaller",
-        metering.percentile_low, metering.percentile_high));
+        "exposure.metering.percentile_low is %g and percentile_high is %g; the low one must be smaller by %g "
+        "or more",
+        metering.percentile_low, metering.percentile_high, v1::kLeastPercentileRange));
   }
   if (const Rectangle& spot = metering.spot;
       metering.weights == MeterWeights::kSpot && (spot.x0 >= spot.x1 || spot.y0 >= spot.y1)) {

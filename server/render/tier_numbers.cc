@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -178,10 +179,10 @@ absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Sett
 }
 
 void TierMeter::load() {
-  std::ifstream file(cache_file_);
-  const nlohmann::json kept = nlohmann::json::parse(file, nullptr, /*allow_exceptions=*/false);
-  if (!kept.is_object()) return;
   try {
+    std::ifstream file(cache_file_);
+    const nlohmann::json kept = nlohmann::json::parse(file, nullptr, /*allow_exceptions=*/false);
+    if (!kept.is_object()) return;
     for (const auto& [key, rows] : kept.items()) {
       std::vector<TierNumbers> all;
       for (const auto& row : rows) all.push_back({row.at("tier"), row.at("ms"), row.at("max_error_codes")});
@@ -190,8 +191,8 @@ void TierMeter::load() {
                      [](const TierNumbers& n, const Tier& tier) { return n.tier == tier.name; });
       if (complete && known_.size() < kMaxKept) known_[key] = std::move(all);
     }
-  } catch (const nlohmann::json::exception&) {
-    known_.clear();  // not ours, or an older one's
+  } catch (const std::exception&) {  // nlohmann's, or of a read that fails, as a folder's does
+    known_.clear();                  // not ours, or an older one's
   }
 }
 

@@ -160,10 +160,10 @@ absl::Status Recorder::submit_to_device() {
   for (int i = 0; i < kWaits && waited == VK_TIMEOUT; ++i) {
     waited = vkWaitForFences(device_->handle(), 1, &fence_, VK_TRUE, kTimeoutNs);
   }
-  if (waited == VK_TIMEOUT) {
+  if (waited != VK_SUCCESS && waited != VK_ERROR_DEVICE_LOST) {
     // The device may still write to the frame's memory: nothing of it can be reused or freed.
-    std::fprintf(stderr, "the Vulkan device %s hangs: no answer within two minutes\n",
-                 device_->summary().name.c_str());
+    std::fprintf(stderr, "the Vulkan device %s hangs: no answer within two minutes (VkResult %d)\n",
+                 device_->summary().name.c_str(), waited);
     std::_Exit(EXIT_FAILURE);
   }
   if (absl::Status status = vulkan_status(waited, "vkWaitForFences"); !status.ok()) return status;

@@ -77,6 +77,11 @@ TEST_F(WithServer, MemoryThatRunsOutIsAnErrorInOneLine) {
                                                      {"render", scene, out_, "--server", daemon.address()});
   EXPECT_EQ(outcome.code, 1);
   EXPECT_EQ(outcome.err.find("candela: error: out of memory"), 0u) << outcome.err;
+  const Outcome stream =
+      candela_on_failing_machine("CANDELA_TEST_MOST_NEW_BYTES", "2000000",
+                                 {"stream", scene, folder_.path("out"), "--server", daemon.address()});
+  EXPECT_EQ(stream.code, 1);
+  EXPECT_NE(stream.err.find("out of memory"), std::string::npos) << stream.err;
 }
 
 TEST_F(WithServer, AnUnknownTierIsAWrongUseThatListsItsTiers) {

@@ -11,6 +11,7 @@
 #include "server/render/tier_numbers.h"
 #include "server/render/verify.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/files.h"
 
 namespace candela::testing {
 namespace {
@@ -95,6 +96,16 @@ TEST_F(Tiers, NumbersOfATableAreItsOwn) {
   EXPECT_GT(steep, 0.0);
   std::fill(table.values.begin(), table.values.end(), uint16_t{20000});
   EXPECT_LT(error_of_draft(table), steep / 2);
+}
+
+TEST_F(Tiers, NumbersThatCannotBeReadAreMeasured) {
+  const TemporaryFolder folder;
+  const auto shared = [] { return std::shared_ptr<Renderer>(&renderer(), [](Renderer*) {}); };
+  write_file(folder.path("damaged"), "{\"a\": [1, ");
+  for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path(".")}) {
+    TierMeter meter(shared, "a device", file);
+    EXPECT_TRUE(meter.numbers({8, 8, PixelFormat::kRgba16f}, Settings()).ok()) << file;
+  }
 }
 
 }  // namespace

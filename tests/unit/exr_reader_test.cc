@@ -376,6 +376,21 @@ TEST_F(ExrReader, ChecksTheLimitsFromTheHeaderAlone) {
   EXPECT_NE(error().find("smaller tiles"), std::string::npos) << error();
 }
 
+TEST_F(ExrReader, HoldsItsMemoryAgainstTheChunksOfTheCompression) {
+  auto channels = rgb_channels();
+  for (int i = 0; i < 37; ++i) {
+    channels.push_back({"more." + std::to_string(i), Imf::FLOAT, [](int x, int y) { return x + y; }});
+  }
+  for (const Imf::Compression compression :
+       {Imf::ZIP_COMPRESSION, Imf::PIZ_COMPRESSION, Imf::DWAB_COMPRESSION}) {
+    Imf::Header header(64, 300);
+    header.compression() = compression;
+    write_scan_lines(path_, header, channels);
+    const absl::Status status = read_image(path_, {.max_chunk_bytes = 1 << 20}).status();
+    EXPECT_EQ(status.ok(), compression != Imf::DWAB_COMPRESSION) << status;
+  }
+}
+
 TEST_F(ExrReader, RefusesAFileCutAnywhere) {
   for (const bool tiled : {false, true}) {
     const Imf::Header header(40, 40);

@@ -30,7 +30,8 @@ inline constexpr Range<double> kCompensationEv{-40.0, 40.0};     // EV
 inline constexpr Range<double> kKey{1e-6, 1e6};                  // scene-linear
 inline constexpr Range<double> kExposureLimit{0x1p-40, 0x1p40};  // factor; min_exposure <= max_exposure
 inline constexpr Range<double> kPrescale{0x1p-40, 0x1p40};       // factor
-inline constexpr Range<double> kPercentile{0.0, 100.0};          // percent; low < high
+inline constexpr Range<double> kPercentile{0.0, 100.0};          // percent
+inline constexpr double kLeastPercentileRange = 1e-6;            // percent; from low to high
 inline constexpr Range<double> kAdaptationSpeed{0.0, 1000.0};    // per second
 inline constexpr Range<double> kElapsedSeconds{0.0, 1e9};        // of media time
 inline constexpr Range<double> kMaxErrorCodes{0.0, 255.0};       // codes
