@@ -35,23 +35,30 @@ ServerLink::ServerLink(const ServerChoice& choice) : choice_(choice) {
   });
 }
 
+std::vector<std::string> ServerLink::addresses() const {
+  std::vector<std::string> all = {choice_.address};
+  all.insert(all.end(), choice_.others.begin(), choice_.others.end());
+  return all;
+}
+
 absl::StatusOr<const Connection*> ServerLink::connection() {
-  if (connection_) return &*connection_;
+  if (!connections_.empty()) return &connections_.front();
   if (!choice_.address.empty()) {
-    absl::StatusOr<Connection> opened = Connection::open(choice_.address, choice_.security);
-    if (!opened.ok()) return usage_error(std::string(opened.status().message()));
-    for (const std::string& address : choice_.others) {
-      const absl::StatusOr<Connection> other = Connection::open(address, choice_.security);
-      if (!other.ok()) return usage_error(std::string(other.status().message()));
+    // All of them, so that one that is written wrongly is said before any work.
+    std::vector<Connection> opened;
+    for (const std::string& address : addresses()) {
+      absl::StatusOr<Connection> one = Connection::open(address, choice_.security);
+      if (!one.ok()) return usage_error(std::string(one.status().message()));
+      opened.push_back(*std::move(one));
     }
-    connection_ = *std::move(opened);
-    return &*connection_;
+    connections_ = std::move(opened);
+    return &connections_.front();
   }
   Started started = starting_.get();
   if (!started.ok()) return started.status();
   server_ = *std::move(started);
-  connection_.emplace(server_->channel());
-  return &*connection_;
+  connections_.emplace_back(server_->channel());
+  return &connections_.front();
 }
 
 absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& options) {
@@ -62,8 +69,7 @@ absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& options) 
   }
   SessionOptions there = options;
   there.security = choice_.security;
-  there.servers = {choice_.address};
-  there.servers.insert(there.servers.end(), choice_.others.begin(), choice_.others.end());
+  there.servers = addresses();
   return Session::open(there);
 }
 
@@ -71,11 +77,8 @@ absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
   const absl::StatusOr<const Connection*> server = connection();
   if (!server.ok()) return server.status();
   absl::StatusOr<v1::GetServerInfoResponse> info = ask_info(**server);
-  for (const std::string& address : choice_.others) {
-    if (info.ok()) break;
-    const absl::StatusOr<Connection> other = Connection::open(address, choice_.security);
-    if (!other.ok()) return usage_error(std::string(other.status().message()));
-    if (auto answer = ask_info(*other); answer.ok()) info = std::move(answer);
+  for (size_t i = 1; i < connections_.size() && !info.ok(); ++i) {
+    if (auto answer = ask_info(connections_[i]); answer.ok()) info = std::move(answer);
   }
   return info;
 }
@@ -107,7 +110,7 @@ absl::Status ServerLink::check_tier(const std::string& tier) {
 void ServerLink::close() {
   if (starting_.valid()) starting_.wait();
   starting_ = {};
-  connection_.reset();
+  connections_.clear();
   server_.reset();
 }
 

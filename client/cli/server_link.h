@@ -3,7 +3,8 @@
 
 #include <future>
 #include <memory>
-#include <optional>
+#include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
@@ -49,10 +50,13 @@ class ServerLink {
  private:
   using Started = absl::StatusOr<std::unique_ptr<EmbeddedServer>>;
 
+  // Of running servers.
+  std::vector<std::string> addresses() const;
+
   const ServerChoice choice_;
   std::future<Started> starting_;
   std::unique_ptr<EmbeddedServer> server_;
-  std::optional<Connection> connection_;
+  std::vector<Connection> connections_;  // the first one's, then the choice's others'
   double start_ms_ = 0;
 };
 
