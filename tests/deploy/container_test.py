@@ -367,8 +367,7 @@ ENTRYPOINT ["sh", "-c", "mount --make-rshared / && exec /lib/systemd/systemd"]
 def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
     podman.expect_package_mirror()
     (FOLDER / "Containerfile").write_text(MACHINE)
-    podman.podman("build", "--pull=never", "--network=host", "--format=docker", f"--tag={podman.IMAGE}-systemd",
-                  f"--file={FOLDER}/Containerfile", podman.ROOT / "deploy", timeout=900)
+    podman.build(f"{podman.IMAGE}-systemd", FOLDER / "Containerfile", podman.ROOT / "deploy")
     film, expected = make_film("320x180", 20, 1)
     machine = podman.podman("create", "--privileged", "--systemd=always", f"--volume={FOLDER}:{FOLDER}",
                             f"{podman.IMAGE}-systemd")

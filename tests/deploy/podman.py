@@ -142,13 +142,18 @@ def expect_package_mirror() -> None:
         skip(f"a container reaches no package mirror here: {last_line(asked)}")
 
 
+def build(tag: str, file: pathlib.Path, context: pathlib.Path, *options: str) -> None:
+    """On the bases that are here, with packages from the machine's mirror."""
+    podman("build", "--pull=never", "--network=host", "--format=docker", f"--tag={tag}", f"--file={file}", *options, context,
+           timeout=2400)
+
+
 def build_image(version: str) -> None:
     attempt("podman", "untag", IMAGE)  # no test takes an older tree's image for this one's
     make_base()
     try_podman()
     expect_package_mirror()
-    podman("build", "--pull=never", "--network=host", "--format=docker", f"--build-arg=VERSION={version}", f"--tag={IMAGE}",
-           f"--file={ROOT}/deploy/Containerfile", ROOT, timeout=2400)
+    build(IMAGE, ROOT / "deploy/Containerfile", ROOT, f"--build-arg=VERSION={version}")
     podman("image", "prune", "--force", f"--filter=until={BASE_DAYS * 24}h")
 
 

@@ -22,6 +22,10 @@ constexpr double kRestBound = 4e-4;
 
 class Tiers : public DeviceTest {
  protected:
+  // Nobody's to delete.
+  static std::shared_ptr<Renderer> shared_renderer() {
+    return {&renderer(), [](Renderer*) {}};
+  }
   static Verification against(const WireFrame& frame, const Settings& settings, uint32_t bloom_level_size) {
     auto rendered = render(frame, settings, {}, Verify::kYes);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
@@ -82,7 +86,7 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
 
 // One that is flat hides errors that another shows.
 TEST_F(Tiers, NumbersOfATableAreItsOwn) {
-  TierMeter meter([] { return std::shared_ptr<Renderer>(&renderer(), [](Renderer*) {}); }, "a device", "");
+  TierMeter meter(shared_renderer, "a device", "");
   const auto error_of_draft = [&meter](const ColorTable& table) {
     Settings settings;
     settings.curve = ToneCurve::kTable;
@@ -100,10 +104,9 @@ TEST_F(Tiers, NumbersOfATableAreItsOwn) {
 
 TEST_F(Tiers, NumbersThatCannotBeReadAreMeasured) {
   const TemporaryFolder folder;
-  const auto shared = [] { return std::shared_ptr<Renderer>(&renderer(), [](Renderer*) {}); };
   write_file(folder.path("damaged"), "{\"a\": [1, ");
   for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path(".")}) {
-    TierMeter meter(shared, "a device", file);
+    TierMeter meter(shared_renderer, "a device", file);
     EXPECT_TRUE(meter.numbers({8, 8, PixelFormat::kRgba16f}, Settings()).ok()) << file;
   }
 }
