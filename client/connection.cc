@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/raw_call.h"
-#include "client/result_reader.h"
-#include "client/wire.h"
+#include "client/call/raw_call.h"
+#include "client/call/result_reader.h"
+#include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/wire.h"
+#include "client/call/wire.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {

@@ -4,8 +4,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/base/units.h"
 #include "server/listen_address.h"
-#include "server/units.h"
 
 namespace candela {
 namespace {

@@ -9,8 +9,8 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/metrics.h"
+#include "server/render/device/texture_pool.h"
 #include "server/render/renderer.h"
-#include "server/render/texture_pool.h"
 #include "server/vulkan/device.h"
 
 namespace candela {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_format.h"
-#include "server/units.h"
+#include "server/base/units.h"
 
 namespace candela {
 namespace {

@@ -9,7 +9,7 @@
 // Processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "common.glsl"
+#include "glsl/common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
 layout(set = 0, binding = 0) uniform utextureBuffer from;

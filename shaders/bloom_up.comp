@@ -6,7 +6,7 @@
 // walks down BLOOM_ROWS row pairs, keeping the filtered rows that the next pair shares.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "common.glsl"
+#include "glsl/common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
 layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // of D_n: 2 where it stands for a finer level, too

@@ -5,7 +5,7 @@
 // to, BRIGHT_STEPS of them along x: neighbours in memory come one after the other, which is what processors fetch ahead.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "common.glsl"
+#include "glsl/common.glsl"
 
 layout(local_size_x = BRIGHT_GROUP_X, local_size_y = BRIGHT_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
@@ -17,7 +17,7 @@ layout(constant_id = 5) const uint LEVEL_SIZE = 2u;  // 2, or 4: the mean of 2x2
 layout(constant_id = 6) const bool WHOLE = false;    // the frame is whole groups of texels wide
 
 layout(push_constant) uniform Push { BrightPassParams p; };
-#include "input.glsl"
+#include "glsl/input.glsl"
 
 // A row of the scene, negatives cut to 0. Texels beyond the right edge repeat the last one, rows beyond the bottom too.
 Group scene_row(uint x, uint y) {

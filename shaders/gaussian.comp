@@ -4,7 +4,7 @@
 // a level of the same size.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "common.glsl"
+#include "glsl/common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
 layout(constant_id = 0) const bool VERTICAL = true;

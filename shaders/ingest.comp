@@ -11,7 +11,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
-#include "common.glsl"
+#include "glsl/common.glsl"
 
 layout(local_size_x = INGEST_GROUP_X, local_size_y = INGEST_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
@@ -23,7 +23,7 @@ layout(constant_id = 5) const bool HISTOGRAM = false;
 layout(constant_id = 6) const bool WHOLE = false;  // the frame is whole groups of texels wide
 
 layout(push_constant) uniform Push { IngestParams p; };
-#include "input.glsl"
+#include "glsl/input.glsl"
 
 layout(set = 0, binding = 1) uniform utextureBuffer center_weights;
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Histogram { HistogramBin v; };

@@ -7,7 +7,7 @@
 // two rows of a block share stay in registers, filtered along x.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "common.glsl"
+#include "glsl/common.glsl"
 
 layout(local_size_x = RESOLVE_GROUP_X, local_size_y = RESOLVE_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
@@ -23,10 +23,10 @@ layout(constant_id = 9) const uint TRANSFER_TERMS = 8u;
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
-#include "input.glsl"
-#include "transfer.glsl"
-#include "table.glsl"
-#include "curves.glsl"
+#include "glsl/input.glsl"
+#include "glsl/transfer.glsl"
+#include "glsl/table.glsl"
+#include "glsl/curves.glsl"
 
 vec4 image_texel(vec4 wire, vec3 light) {
   vec4 scene = ingest(p.frame, wire);

@@ -9,11 +9,11 @@
 #include <new>
 #include <type_traits>
 
-#include "client/cli/commands.h"
-#include "client/cli/options.h"
-#include "client/cli/terminal.h"
-#include "client/cli/usage.h"
-#include "client/image/temporary_path.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/files/terminal.h"
+#include "client/cli/options/options.h"
+#include "client/cli/options/usage.h"
+#include "client/image/write/temporary_path.h"
 
 namespace candela {
 namespace {

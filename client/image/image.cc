@@ -2,8 +2,8 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
-#include "client/image/file_reader.h"
-#include "client/image/readers.h"
+#include "client/image/read/file_reader.h"
+#include "client/image/read/readers.h"
 
 namespace candela {
 

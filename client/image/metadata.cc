@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
-#include "client/image/readers.h"
+#include "client/image/read/readers.h"
 
 namespace candela {
 namespace {

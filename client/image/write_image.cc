@@ -4,7 +4,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
-#include "client/image/writers.h"
+#include "client/image/write/writers.h"
 
 namespace candela {
 namespace {

@@ -9,12 +9,12 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "server/render/aces.h"
-#include "server/render/frame_memory.h"
-#include "server/render/metering.h"
-#include "server/render/passes.h"
-#include "server/render/table_cache.h"
-#include "server/render/verify.h"
+#include "server/render/color/aces.h"
+#include "server/render/device/frame_memory.h"
+#include "server/render/device/passes.h"
+#include "server/render/device/table_cache.h"
+#include "server/render/plan/metering.h"
+#include "server/render/reference/verify.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 

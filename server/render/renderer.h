@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/render/exposure.h"
-#include "server/render/frame.h"
-#include "server/render/plan.h"
-#include "server/render/settings.h"
-#include "server/render/texture_pool.h"
+#include "server/render/device/texture_pool.h"
+#include "server/render/plan/exposure.h"
+#include "server/render/plan/plan.h"
+#include "server/render/settings/frame.h"
+#include "server/render/settings/settings.h"
 
 namespace candela {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "server/render/verify.h"
+#include "server/render/reference/verify.h"
 
 namespace candela {
 

@@ -16,7 +16,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "server/render/tiers.h"
+#include "server/render/settings/tiers.h"
 #include "shaders/color_table.h"
 
 namespace candela {

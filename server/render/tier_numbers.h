@@ -9,7 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/render/renderer.h"
-#include "server/render/tier_choice.h"
+#include "server/render/settings/tier_choice.h"
 
 namespace candela {
 

@@ -13,10 +13,10 @@
 #include "server/render/renderer.h"
 #include "server/render/tier_numbers.h"
 #include "server/rpc/call_gate.h"
-#include "server/rpc/lookahead_memory.h"
-#include "server/rpc/resume_token.h"
-#include "server/rpc/session_table.h"
-#include "server/stream/render_loop.h"
+#include "server/schedule/render_loop.h"
+#include "server/session/lookahead_memory.h"
+#include "server/session/resume_token.h"
+#include "server/session/session_table.h"
 
 namespace candela {
 

@@ -10,7 +10,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "proto/candela/v1/band_wire.h"
-#include "server/render/frame.h"
+#include "server/render/settings/frame.h"
 
 namespace candela {
 

@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "server/base/metrics.h"
-#include "server/stream/frame_queue.h"
+#include "server/schedule/frame_queue.h"
 
 namespace candela {
 

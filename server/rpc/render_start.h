@@ -8,10 +8,10 @@
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "server/render/exposure.h"
-#include "server/render/frame.h"
+#include "server/render/plan/exposure.h"
 #include "server/render/renderer.h"
-#include "server/render/settings.h"
+#include "server/render/settings/frame.h"
+#include "server/render/settings/settings.h"
 
 namespace candela {
 

@@ -9,7 +9,7 @@
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
-#include "server/render/metering.h"
+#include "server/render/plan/metering.h"
 
 namespace candela {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "candela/v1/render.pb.h"
-#include "server/stream/frame_queue.h"
+#include "server/schedule/frame_queue.h"
 
 namespace candela {
 

@@ -20,10 +20,10 @@
 #include "server/rpc/band_reader.h"
 #include "server/rpc/render_start.h"
 #include "server/rpc/result_writer.h"
-#include "server/rpc/session_table.h"
-#include "server/rpc/settings_track.h"
 #include "server/rpc/stream_start.h"
-#include "server/stream/exposure_track.h"
+#include "server/session/exposure_track.h"
+#include "server/session/session_table.h"
+#include "server/session/settings_track.h"
 
 namespace candela {
 

@@ -7,7 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 #include "server/rpc/render_start.h"
-#include "server/rpc/resume_token.h"
+#include "server/session/resume_token.h"
 
 namespace candela {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "server/render/settings.h"
-#include "server/stream/image_file.h"
+#include "server/render/settings/settings.h"
+#include "server/schedule/image_file.h"
 
 namespace candela {
 

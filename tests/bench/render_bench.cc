@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "server/render/tiers.h"
+#include "server/render/settings/tiers.h"
 #include "tests/bench/workbench.h"
 
 namespace candela::bench {

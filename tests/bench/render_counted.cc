@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "server/render/aces.h"
-#include "server/render/passes.h"
-#include "server/render/table_cache.h"
+#include "server/render/color/aces.h"
+#include "server/render/device/passes.h"
+#include "server/render/device/table_cache.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "tests/bench/workbench.h"

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "server/render/frame_memory.h"
+#include "server/render/device/frame_memory.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "server/render/frame_memory.h"
+#include "server/render/device/frame_memory.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 

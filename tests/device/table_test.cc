@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "client/image/image.h"
-#include "server/render/aces.h"
-#include "server/render/primaries.h"
+#include "server/render/color/aces.h"
+#include "server/render/color/primaries.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/files.h"

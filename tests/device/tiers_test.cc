@@ -1,5 +1,5 @@
 // Tiers: each does what its numbers say, and its error against the whole pipeline is what is published.
-#include "server/render/tiers.h"
+#include "server/render/settings/tiers.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <memory>
 
-#include "server/render/aces.h"
+#include "server/render/color/aces.h"
+#include "server/render/reference/verify.h"
 #include "server/render/tier_numbers.h"
-#include "server/render/verify.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
 

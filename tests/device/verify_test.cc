@@ -1,5 +1,5 @@
 // Verification sees what is wrong with an image, where, and by how much.
-#include "server/render/verify.h"
+#include "server/render/reference/verify.h"
 
 #include <gtest/gtest.h>
 #include <half.h>
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "server/render/frame_memory.h"
+#include "server/render/device/frame_memory.h"
 #include "tests/support/device_fixture.h"
 
 namespace candela::testing {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/time/clock.h"
-#include "client/raw_call.h"
+#include "client/call/raw_call.h"
 #include "tests/service/service_fixture.h"
 
 namespace candela::testing {

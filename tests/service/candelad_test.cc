@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "absl/time/clock.h"
+#include "client/call/raw_call.h"
 #include "client/connection.h"
-#include "client/raw_call.h"
 #include "tests/service/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "client/raw_call.h"
+#include "client/call/raw_call.h"
 #include "tests/service/service_fixture.h"
 
 namespace candela::testing {

@@ -1,5 +1,5 @@
 // What candelad tells its service manager, and when it gives no sign of life any more.
-#include "server/service_manager.h"
+#include "server/daemon/service_manager.h"
 
 #include <gtest/gtest.h>
 #include <sys/socket.h>

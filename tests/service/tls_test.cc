@@ -8,7 +8,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "client/raw_call.h"
+#include "client/call/raw_call.h"
 #include "tests/service/security_fixture.h"
 
 namespace candela::testing {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "server/render/settings.h"
+#include "server/render/settings/settings.h"
 
 namespace candela::testing {
 

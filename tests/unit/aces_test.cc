@@ -1,5 +1,5 @@
 // The curve aces-1 against what others publish, and its table against OpenColorIO.
-#include "server/render/aces.h"
+#include "server/render/color/aces.h"
 
 #include <OpenColorIO/OpenColorIO.h>
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@
 #include <random>
 #include <vector>
 
-#include "server/render/primaries.h"
-#include "server/render/settings.h"
+#include "server/render/color/primaries.h"
+#include "server/render/settings/settings.h"
 #include "shaders/reference.h"
 #include "tests/support/files.h"
 

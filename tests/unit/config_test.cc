@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "server/base/units.h"
 #include "server/listen_address.h"
-#include "server/units.h"
 #include "tests/support/files.h"
 
 namespace candela {

@@ -1,5 +1,5 @@
 // Exposure over time: docs/pipeline.md section 3. No device.
-#include "server/render/exposure.h"
+#include "server/render/plan/exposure.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // A session's exposure over its frames, as docs/pipeline.md sections 3 and 7 define it.
-#include "server/stream/exposure_track.h"
+#include "server/session/exposure_track.h"
 
 #include <gtest/gtest.h>
 

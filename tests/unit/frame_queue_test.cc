@@ -1,5 +1,5 @@
 // Whose frame is next.
-#include "server/stream/frame_queue.h"
+#include "server/schedule/frame_queue.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/stream/heartbeat.h"
+#include "server/schedule/heartbeat.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Where light can be after each pass of the bloom, against a count of every texel that a pass reads.
-#include "server/render/lit_area.h"
+#include "server/render/plan/lit_area.h"
 
 #include <gtest/gtest.h>
 

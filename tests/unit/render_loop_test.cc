@@ -1,4 +1,4 @@
-#include "server/stream/render_loop.h"
+#include "server/schedule/render_loop.h"
 
 #include <gtest/gtest.h>
 

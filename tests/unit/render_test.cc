@@ -3,10 +3,10 @@
 
 #include <cmath>
 
-#include "server/render/exposure.h"
-#include "server/render/plan.h"
-#include "server/render/primaries.h"
-#include "server/render/settings.h"
+#include "server/render/color/primaries.h"
+#include "server/render/plan/exposure.h"
+#include "server/render/plan/plan.h"
+#include "server/render/settings/settings.h"
 #include "shaders/reference.h"
 
 namespace candela {

@@ -1,4 +1,4 @@
-#include "server/rpc/resume_token.h"
+#include "server/session/resume_token.h"
 
 #include <gtest/gtest.h>
 

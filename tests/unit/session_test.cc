@@ -15,7 +15,7 @@
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "candela/v1/render.grpc.pb.h"
-#include "client/retry_info.h"
+#include "client/call/retry_info.h"
 #include "client/session_log.h"
 
 namespace candela {

@@ -1,5 +1,5 @@
 // Which tier keeps a promise. No device.
-#include "server/render/tier_choice.h"
+#include "server/render/settings/tier_choice.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,140 @@
+#include "client/call/channel_credentials.h"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/synchronization/mutex.h"
+#include "client/call/tls_probe.h"
+#include "proto/candela/v1/address.h"
+
+namespace candela {
+namespace {
+
+bool stays_here(const std::string& address) {
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  return v1::is_unix_address(address) || (at && v1::is_loopback(at->host));
+}
+
+absl::StatusOr<std::string> read_file(const char* what, const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (file.is_open() && !file.bad() && !text.empty()) return text;
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "cannot read the %s %s, or it is empty; name a file that this user may read", what, path));
+}
+
+absl::StatusOr<std::string> read_pem(const char* what, const char* begin, const std::string& path) {
+  absl::StatusOr<std::string> text = read_file(what, path);
+  if (!text.ok() || absl::StrContains(*text, begin)) return text;
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "the %s %s is not PEM, which has a line that begins with %s; name another file", what, path, begin));
+}
+
+absl::StatusOr<std::string> read_token(const std::string& path) {
+  std::ifstream file(path);
+  if (!file.is_open()) return read_file("token file", path);
+  for (std::string line; std::getline(file, line);) {
+    const std::string token(absl::StripAsciiWhitespace(line));
+    if (token.empty() || token[0] == '#') continue;
+    if (std::all_of(token.begin(), token.end(), absl::ascii_isgraph)) return token;
+    return absl::InvalidArgumentError(
+        absl::StrFormat("the token in %s holds a space or what is no visible ASCII; write it anew", path));
+  }
+  return absl::InvalidArgumentError(
+      absl::StrFormat("the token file %s holds no token; write one into it", path));
+}
+
+// Adds the token to each call.
+class TokenPlugin final : public grpc::MetadataCredentialsPlugin {
+ public:
+  TokenPlugin(std::string path, std::string token) : path_(std::move(path)), token_(std::move(token)) {}
+
+  bool IsBlocking() const override { return false; }  // a small file
+  const char* GetType() const override { return "candela"; }
+  grpc::string DebugString() override { return "candela's bearer token"; }
+
+  grpc::Status GetMetadata(grpc::string_ref, grpc::string_ref, const grpc::AuthContext&,
+                           std::multimap<grpc::string, grpc::string>* metadata) override {
+    absl::StatusOr<std::string> read = read_token(path_);
+    const absl::MutexLock lock(&mutex_);
+    if (read.ok()) token_ = *std::move(read);
+    metadata->emplace("authorization", absl::StrCat("Bearer ", token_));
+    return grpc::Status::OK;
+  }
+
+ private:
+  const std::string path_;
+  absl::Mutex mutex_;
+  std::string token_ ABSL_GUARDED_BY(mutex_);
+};
+
+absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> tls_credentials(const ClientSecurity& security) {
+  if (security.cert_file.empty() != security.key_file.empty()) {
+    return absl::InvalidArgumentError(
+        "a client certificate and its key go together: give both, --tls-cert and --tls-key");
+  }
+  grpc::SslCredentialsOptions options;
+  const auto read = [](const char* what, const char* begin, const std::string& path, std::string& into) {
+    if (path.empty()) return absl::OkStatus();
+    absl::StatusOr<std::string> text = read_pem(what, begin, path);
+    if (text.ok()) into = *std::move(text);
+    return text.status();
+  };
+  absl::Status status =
+      read("CA file", "-----BEGIN CERTIFICATE-----", security.ca_file, options.pem_root_certs);
+  status.Update(
+      read("client certificate", "-----BEGIN CERTIFICATE-----", security.cert_file, options.pem_cert_chain));
+  status.Update(read("client key", "-----BEGIN ", security.key_file, options.pem_private_key));
+  if (!security.cert_file.empty()) {
+    status.Update(check_client_certificate(security.cert_file, security.key_file));
+  }
+  if (!status.ok()) return status;
+  return grpc::SslCredentials(options);
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
+    const std::string& address, const ClientSecurity& security, grpc::ChannelArguments& arguments) {
+  const bool is_unix = v1::is_unix_address(address);
+  const bool tls = security.wants_tls() && !is_unix;
+  std::shared_ptr<grpc::ChannelCredentials> channel = grpc::InsecureChannelCredentials();
+  if (tls) {
+    auto made = tls_credentials(security);
+    if (!made.ok()) return made.status();
+    channel = *std::move(made);
+    if (!security.server_name.empty()) arguments.SetSslTargetNameOverride(security.server_name);
+  } else if (!security.key_file.empty() && !is_unix) {
+    return absl::InvalidArgumentError(
+        "a client key is of no use without its certificate; give --tls-cert, too");
+  }
+  if (security.token_file.empty()) return channel;
+
+  if (!tls && !stays_here(address)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "a token is not sent to %s in the clear, where anyone on the way could read it; add --tls or "
+        "--tls-ca, or leave the token out",
+        address));
+  }
+  absl::StatusOr<std::string> token = read_token(security.token_file);
+  if (!token.ok()) return token.status();
+  auto plugin = std::make_unique<TokenPlugin>(security.token_file, *std::move(token));
+  if (tls) {
+    return grpc::CompositeChannelCredentials(channel, grpc::MetadataCredentialsFromPlugin(std::move(plugin)));
+  }
+  // Plain, and gRPC holds the connection's other end against what is local before a call is sent.
+  return grpc::CompositeChannelCredentials(
+      grpc::experimental::LocalCredentials(is_unix ? UDS : LOCAL_TCP),
+      grpc::experimental::MetadataCredentialsFromPlugin(std::move(plugin), GRPC_SECURITY_NONE));
+}
+
+}  // namespace candela

@@ -1,0 +1,47 @@
+#include "client/call/incoming_bands.h"
+
+#include <string>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+
+absl::Status not_the_protocol(const char* what) {
+  return absl::InternalError(absl::StrFormat("server's answer is not what render.proto says: %s", what));
+}
+
+uint64_t bytes_per_pixel(v1::OutputFormat format) {
+  switch (format) {
+    case v1::OUTPUT_FORMAT_RGBA8:
+      return 4;
+    case v1::OUTPUT_FORMAT_RGBA16:
+    case v1::OUTPUT_FORMAT_RGBA16F:
+      return 8;
+    default:
+      return 0;
+  }
+}
+
+void IncomingBands::begin(std::span<std::byte> bytes, uint64_t row_bytes) {
+  bytes_ = bytes;
+  row_bytes_ = row_bytes;
+  at_ = 0;
+}
+
+absl::Status IncomingBands::take(grpc::ByteBuffer& message) {
+  uint64_t taken = 0;
+  const auto take = [&](google::protobuf::io::CodedInputStream& input, uint64_t bytes) -> absl::Status {
+    if (bytes > bytes_.size() - at_) return not_the_protocol("it holds more than the frame has");
+    if (!input.ReadRaw(bytes_.data() + at_, static_cast<int>(bytes))) return not_the_protocol("cut short");
+    taken = bytes;
+    return absl::OkStatus();
+  };
+  const absl::StatusOr<uint32_t> first_row = v1::read_band(kind_, message, take);
+  if (!first_row.ok()) return not_the_protocol(std::string(first_row.status().message()).c_str());
+  if (taken == 0) return not_the_protocol("an empty band");
+  if (*first_row * row_bytes_ != at_) return not_the_protocol("its bands are out of order");
+  at_ += taken;
+  return absl::OkStatus();
+}
+
+}  // namespace candela

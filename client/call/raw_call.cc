@@ -1,0 +1,60 @@
+#include "client/call/raw_call.h"
+
+namespace candela {
+
+RawCall::RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                 absl::Time deadline) {
+  if (deadline != absl::InfiniteFuture()) context_.set_deadline(absl::ToChronoTime(deadline));
+  stream_ = grpc::GenericStub(channel).PrepareCall(&context_, method, &queue_);
+  stream_->StartCall(this);
+  started_ = wait();
+}
+
+RawCall::~RawCall() {
+  if (!finished_) {
+    context_.TryCancel();
+    finish();
+  }
+  queue_.Shutdown();
+  void* tag = nullptr;
+  bool ok = false;
+  while (queue_.Next(&tag, &ok)) {
+  }
+}
+
+// One operation at a time is under way, so the next event is its end.
+bool RawCall::wait() {
+  void* tag = nullptr;
+  bool ok = false;
+  return queue_.Next(&tag, &ok) && ok;
+}
+
+bool RawCall::write(const grpc::ByteBuffer& message) {
+  if (!started_) return false;
+  stream_->Write(message, this);
+  const bool ok = wait();
+  connected_ |= ok;
+  return ok;
+}
+
+bool RawCall::half_close() {
+  if (!started_) return false;
+  stream_->WritesDone(this);
+  return wait();
+}
+
+bool RawCall::read(grpc::ByteBuffer& message) {
+  if (!started_) return false;
+  stream_->Read(&message, this);
+  return wait();
+}
+
+grpc::Status RawCall::finish() {
+  grpc::Status status;
+  stream_->Finish(&status, this);
+  wait();
+  finished_ = true;
+  return status;
+}
+
+}  // namespace candela

@@ -1,0 +1,122 @@
+#include "client/call/stream_reader.h"
+
+#include <google/protobuf/wire_format_lite.h>
+
+#include <cstring>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "client/call/wire.h"
+#include "proto/candela/v1/message_wire.h"
+
+namespace candela {
+namespace {
+
+// No image becomes larger by encoding than by so much.
+constexpr uint64_t kEncodedOverhead = 1u << 16;
+
+bool is_band(const grpc::ByteBuffer& message) {
+  using google::protobuf::internal::WireFormatLite;
+  constexpr uint32_t kTag = WireFormatLite::MakeTag(static_cast<int>(v1::kStreamImageBand.field),
+                                                    WireFormatLite::WIRETYPE_LENGTH_DELIMITED);
+  std::vector<grpc::Slice> slices;
+  if (!message.Dump(&slices).ok()) return false;
+  for (const grpc::Slice& slice : slices) {
+    if (slice.size() > 0) return *slice.begin() == kTag;
+  }
+  return false;
+}
+
+}  // namespace
+
+absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const SessionFrame* due) {
+  if (is_band(message)) {
+    if (!inside_ || image_.whole()) return not_the_protocol("a band where none is due");
+    if (absl::Status status = image_.take(message); !status.ok()) return status;
+    if (image_.whole()) return answer();
+    return MoreToCome();
+  }
+  v1::StreamResponse response;
+  if (!v1::unpack(message, response)) return not_the_protocol("it cannot be read");
+  switch (response.part_case()) {
+    case v1::StreamResponse::kOpened:
+      if (opened_) return not_the_protocol("it opens twice");
+      opened_ = true;
+      return std::move(*response.mutable_opened());
+    case v1::StreamResponse::kGoAway:
+      return std::move(*response.mutable_go_away());
+    case v1::StreamResponse::kHeader:
+      return take_header(std::move(*response.mutable_header()), due);
+    case v1::StreamResponse::kFailure:
+      return take_failure(response.failure(), due);
+    case v1::StreamResponse::kEncoded:
+      return take_part(response.encoded().data());
+    default:
+      return not_the_protocol("a message of no kind");
+  }
+}
+
+absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const SessionFrame* due) {
+  if (!opened_ || inside_) return not_the_protocol("a header where none is due");
+  if (due == nullptr || due->sequence != header.sequence()) {
+    return not_the_protocol("a result of a frame whose turn it is not");
+  }
+  if (header.width() != due->width || header.height() != due->height) {
+    return not_the_protocol("the image is not of the frame's size");
+  }
+  const uint64_t pixel_bytes = bytes_per_pixel(header.format());
+  if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
+  const uint64_t raw_bytes = uint64_t{due->width} * due->height * pixel_bytes;
+  if (header.encoded_bytes() > 2 * raw_bytes + kEncodedOverhead) {
+    return not_the_protocol("an encoded image is larger than one can be");
+  }
+  inside_ = true;
+  result_ = {};
+  result_.bytes = header.encoded_bytes() > 0 ? header.encoded_bytes() : raw_bytes;
+  result_.data.reset(new (std::nothrow) std::byte[result_.bytes]);
+  if (result_.data == nullptr) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("out of memory for an image of %d bytes; give this process more", result_.bytes));
+  }
+  encoded_ = 0;
+  if (header.encoded_bytes() == 0) {
+    image_.begin({result_.data.get(), result_.bytes}, due->width * pixel_bytes);
+  } else {
+    image_.begin({}, 0);
+  }
+  result_.header = std::move(header);
+  return MoreToCome();
+}
+
+absl::StatusOr<StreamEvent> StreamReader::take_failure(const v1::FrameFailure& failure,
+                                                       const SessionFrame* due) const {
+  if (!opened_ || inside_) return not_the_protocol("a failure where none is due");
+  if (due == nullptr || due->sequence != failure.sequence()) {
+    return not_the_protocol("a failure of a frame whose turn it is not");
+  }
+  const auto code = static_cast<absl::StatusCode>(failure.code());
+  if (code == absl::StatusCode::kOk) return not_the_protocol("a failure that is none");
+  return FrameAnswer{absl::Status(code, failure.message()), {}, failure.resume_token()};
+}
+
+absl::StatusOr<StreamEvent> StreamReader::take_part(const std::string& part) {
+  if (!inside_ || !image_.empty()) return not_the_protocol("a part of a file where none is due");
+  if (part.empty() || part.size() > result_.bytes - encoded_) {
+    return not_the_protocol("a part of a file that does not fit");
+  }
+  std::memcpy(result_.data.get() + encoded_, part.data(), part.size());
+  encoded_ += part.size();
+  if (encoded_ == result_.bytes) return answer();
+  return MoreToCome();
+}
+
+FrameAnswer StreamReader::answer() {
+  inside_ = false;
+  std::string token = std::move(*result_.header.mutable_resume_token());
+  result_.header.clear_resume_token();
+  return {absl::OkStatus(), std::exchange(result_, {}), std::move(token)};
+}
+
+}  // namespace candela

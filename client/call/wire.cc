@@ -1,0 +1,132 @@
+#include "client/call/wire.h"
+
+#include <grpcpp/create_channel.h>
+#include <grpcpp/support/channel_arguments.h>
+
+#include <algorithm>
+#include <climits>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/call/channel_credentials.h"
+#include "client/call/tls_probe.h"
+#include "proto/candela/v1/address.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+namespace {
+
+constexpr int kFirstReconnectMs = 100;
+constexpr int kSlowestReconnectMs = 1000;
+constexpr int kFastestPingMs = 1000;  // gRPC sends none faster
+
+bool is_address(const std::string& address) {
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  return v1::is_unix_address(address) || (at && at->port >= 1);
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc::ChannelArguments arguments) {
+  const std::string& address = peer.address;
+  if (!is_address(address)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
+  }
+  auto credentials = channel_credentials(address, peer.security, arguments);
+  if (!credentials.ok()) return credentials.status();
+  // The address is the server's, whatever the environment says.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
+  return grpc::CreateCustomChannel(address, *credentials, arguments);
+}
+
+}  // namespace
+
+uint64_t bytes_per_pixel(v1::PixelFormat format) {
+  switch (format) {
+    case v1::PIXEL_FORMAT_RGBA16F:
+      return 8;
+    case v1::PIXEL_FORMAT_RGBA32F:
+      return 16;
+    case v1::PIXEL_FORMAT_RGB9E5:
+      return 4;
+    default:
+      return 0;
+  }
+}
+
+absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes) {
+  if (width == 0 || height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame is %dx%d pixels and has to be at least 1x1", width, height));
+  }
+  if (bytes != uint64_t{width} * height * bytes_per_pixel(format)) {
+    return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", width, height,
+                                                      v1::PixelFormat_Name(format), bytes));
+  }
+  return absl::OkStatus();
+}
+
+uint64_t rows_of_band(uint64_t row_bytes) {
+  return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer) { return open_with(peer, {}); }
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
+                                                                    absl::Duration ping_interval) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
+  const auto ping_ms = static_cast<int>(
+      std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
+  // A session may wait for long with nothing to send.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  return open_with(peer, std::move(arguments));
+}
+
+absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected) {
+  if (status.ok()) return absl::OkStatus();
+  const std::string& address = peer.address;
+  const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+  const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
+                                                    : std::string(plain.message()));
+  switch (status.error_code()) {
+    case grpc::UNAVAILABLE:
+      // A server's own refusal carries details; without any it is the transport's.
+      if (!status.error_details().empty()) break;
+      if (connected) {
+        return absl::UnavailableError(absl::StrFormat(
+            "lost the server at %s: %s; it may have stopped, so look at its log and try again", address,
+            message));
+      }
+      if (may_be_about_tls(message)) {
+        const std::string why = why_tls_fails(address, peer.security);
+        if (!why.empty()) return absl::UnavailableError(why);
+      }
+      return absl::UnavailableError(
+          absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
+                          address, message, address));
+    case grpc::CANCELLED:
+      // This side never cancels: a server does, by gRPC when it stops or when its idle timeout is over.
+      return absl::UnavailableError(
+          absl::StrFormat("the server at %s ended the call: it is stopping, or this side read nothing for "
+                          "longer than its --idle-timeout; try again",
+                          address));
+    case grpc::UNIMPLEMENTED:
+      return absl::UnimplementedError(
+          absl::StrFormat("%s does not speak candela.v1: %s; is it a candelad?", address, message));
+    case grpc::DEADLINE_EXCEEDED:
+      if (message != "Deadline Exceeded") break;
+      return absl::DeadlineExceededError(
+          absl::StrFormat("no answer from %s in the time given; give it more", address));
+    default:
+      break;
+  }
+  return absl::Status(plain.code(), message);
+}
+
+}  // namespace candela

@@ -1,0 +1,196 @@
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/cli/commands/bench_report.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/commands/server_link.h"
+#include "client/cli/files/frame_files.h"
+#include "client/cli/files/json_output.h"
+#include "client/cli/files/terminal.h"
+#include "client/image/sample.h"
+
+namespace candela {
+namespace {
+
+// Media time of a session that runs as fast as it goes.
+constexpr double kNominalFps = 24;
+
+constexpr absl::Duration kWarmUpTimeout = absl::Minutes(5);
+
+double ms_of(const v1::ResultHeader& header, bool queue) {
+  double ms = 0;
+  for (const v1::StageTime& stage : header.stages()) {
+    if ((stage.name() == "queue") == queue) ms += static_cast<double>(stage.ns()) * 1e-6;
+  }
+  return ms;
+}
+
+// One session under load: a thread that submits and one that takes results.
+class Load {
+ public:
+  Load(const BenchOptions& options, Session session, std::shared_ptr<const Image> frame)
+      : options_(options), session_(std::move(session)), frame_(std::move(frame)) {}
+
+  void start(absl::Time begin) {
+    submitting_ = std::thread([this, begin] { submit(begin); });
+    taking_ = std::thread([this, begin] { take(begin); });
+  }
+
+  // Waits until the last result is here. Why the session ended, if it did not end well.
+  absl::Status finish() {
+    submitting_.join();
+    taking_.join();
+    result_.resumes = session_.stats().resumes;
+    result_.dropped = dropped_;
+    result_.failed = failed_;
+    return status_;
+  }
+
+  BenchSession take_result() { return std::move(result_); }
+  uint64_t returned_bytes() const { return returned_bytes_; }
+  uint64_t answered() const { return answered_; }
+  // Whether no more images come.
+  bool ended() const { return ended_; }
+
+ private:
+  void submit(absl::Time begin) {
+    const absl::Time end = begin + options_.duration;
+    const double fps = options_.fps > 0 ? options_.fps : kNominalFps;
+    for (uint64_t i = 0;; ++i) {
+      if (options_.fps > 0) {
+        const absl::Time due = begin + absl::Seconds(static_cast<double>(i) / fps);
+        if (due >= end) break;
+        absl::SleepFor(due - absl::Now());
+        if (!session_.ready()) {
+          ++dropped_;
+          continue;
+        }
+      } else if (absl::Now() >= end) {
+        break;
+      }
+      const absl::Status status =
+          session_.submit({.width = frame_->width,
+                           .height = frame_->height,
+                           .format = v1::PIXEL_FORMAT_RGBA16F,
+                           .pixels = frame_->pixels.span(),
+                           .owner = frame_,
+                           .sequence = i,
+                           .media_time_ns = std::llround(static_cast<double>(i) * 1e9 / fps),
+                           .timeout = options_.timeout});
+      if (!status.ok()) break;
+    }
+    session_.finish();
+  }
+
+  void take(absl::Time begin) {
+    while (true) {
+      const absl::StatusOr<std::optional<FrameResult>> next = session_.next_result();
+      status_ = next.status();
+      if (!next.ok() || !*next) {
+        ended_ = true;
+        return;
+      }
+      const FrameResult& result = **next;
+      ++answered_;
+      if (!result.status.ok()) {
+        ++failed_;
+        continue;
+      }
+      const double done_s = absl::ToDoubleSeconds(absl::Now() - begin);
+      // What is still under way at the end is waited for and not counted.
+      if (done_s > absl::ToDoubleSeconds(options_.duration)) continue;
+      returned_bytes_ += result.image.bytes;
+      result_.frames.push_back({done_s, absl::ToDoubleMilliseconds(result.latency),
+                                ms_of(result.image.header, true), ms_of(result.image.header, false)});
+    }
+  }
+
+  const BenchOptions& options_;
+  Session session_;
+  const std::shared_ptr<const Image> frame_;
+  BenchSession result_;  // the taking thread's, until finish()
+  absl::Status status_;
+  uint64_t returned_bytes_ = 0;
+  std::atomic<uint64_t> answered_ = 0;
+  std::atomic<bool> ended_ = false;
+  uint64_t failed_ = 0;
+  uint64_t dropped_ = 0;  // the submitting thread's
+  std::thread submitting_;
+  std::thread taking_;
+};
+
+// A server's first frame waits for the driver's compiling.
+absl::Status warm_up(ServerLink& link, const Image& frame) {
+  const absl::StatusOr<const Connection*> server = link.connection();
+  if (!server.ok()) return server.status();
+  return (*server)->render({}, view_of(frame), absl::Now() + kWarmUpTimeout).status();
+}
+
+absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progress) {
+  progress.show("making the frame");
+  absl::StatusOr<Image> made = sample_sequence_frame(options.width, options.height, 0, 1);
+  if (!made.ok()) return made.status();
+  const auto frame = std::make_shared<const Image>(*std::move(made));
+  ServerLink link(options.server);
+  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
+  if (!info.ok()) return info.status();
+  BenchReport report;
+  report.device = info->device().name();
+  report.sent_bytes = frame->bytes();
+  progress.show("warming up");
+  if (absl::Status status = warm_up(link, *frame); !status.ok()) return status;
+  SessionOptions session;
+  session.lookahead = options.lookahead;
+  session.encoding = options.encoding;
+  std::vector<std::unique_ptr<Load>> loads;
+  for (uint32_t i = 0; i < options.sessions; ++i) {
+    progress.show(absl::StrFormat("opening session %d of %d", i + 1, options.sessions));
+    absl::StatusOr<Session> opened = link.open_session(session);
+    if (!opened.ok()) return opened.status();
+    loads.push_back(std::make_unique<Load>(options, *std::move(opened), frame));
+  }
+  const absl::Time begin = absl::Now();
+  for (const auto& load : loads) load->start(begin);
+  const double all = absl::ToDoubleSeconds(options.duration);
+  for (double s = 0; s < all; s = absl::ToDoubleSeconds(absl::Now() - begin)) {
+    uint64_t answered = 0;
+    for (const auto& load : loads) answered += load->answered();
+    if (std::all_of(loads.begin(), loads.end(), [](const auto& load) { return load->ended(); })) break;
+    progress.show_bar(s / all, absl::StrFormat("%d frames, %.1f a second, %.0f s left", answered,
+                                               s > 0 ? static_cast<double>(answered) / s : 0, all - s));
+    absl::SleepFor(absl::Seconds(std::min(0.2, std::max(0.001, all - s))));
+  }
+  progress.show("waiting for the last images");
+  absl::Status status;
+  for (const auto& load : loads) {
+    status.Update(load->finish());
+    report.returned_bytes += load->returned_bytes();
+    report.sessions.push_back(load->take_result());
+  }
+  report.seconds = all;
+  loads.clear();
+  if (!status.ok()) return status;
+  return report;
+}
+
+}  // namespace
+
+absl::Status run_bench(const BenchOptions& options) {
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  Progress progress(!options.quiet);
+  const absl::StatusOr<BenchReport> report = measure(options, progress);
+  progress.clear();
+  if (!report.ok()) return report.status();
+  if (!options.quiet && !json->to_stdout()) {
+    if (absl::Status status = print(to_text(options, *report)); !status.ok()) return status;
+  }
+  return json->write(to_json(options, *report));
+}
+
+}  // namespace candela

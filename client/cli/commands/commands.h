@@ -1,0 +1,19 @@
+// The subcommands. Each prints what it did, unless told not to, and returns why it could not; usage errors
+// (see usage.h) are those that only showed while working.
+#pragma once
+
+#include "absl/status/status.h"
+#include "client/cli/options/options.h"
+
+namespace candela {
+
+absl::Status run_render(const RenderOptions& options);
+absl::Status run_stream(const StreamOptions& options);
+absl::Status run_meter(const MeterOptions& options);
+absl::Status run_bench(const BenchOptions& options);
+absl::Status run_sample(const SampleOptions& options);
+absl::Status run_report(const ReportOptions& options);
+absl::Status run_info(const InfoOptions& options);
+absl::Status run_health(const HealthOptions& options);
+
+}  // namespace candela

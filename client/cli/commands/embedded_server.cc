@@ -1,0 +1,29 @@
+#include "client/cli/commands/embedded_server.h"
+
+#include <utility>
+
+#include "server/base/driver_environment.h"
+#include "server/memory_budget.h"
+#include "server/server.h"
+
+namespace candela {
+
+void EmbeddedServer::prepare() { prepare_driver_environment(); }
+
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device) {
+  Config config;
+  config.device = device;
+  config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
+  config.cache_dir = default_cache_dir();
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
+  if (!server.ok()) return server.status();
+  return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(*std::move(server)));
+}
+
+EmbeddedServer::EmbeddedServer(std::unique_ptr<Server> server) : server_(std::move(server)) {}
+
+EmbeddedServer::~EmbeddedServer() = default;
+
+std::shared_ptr<grpc::Channel> EmbeddedServer::channel() const { return server_->in_process_channel(); }
+
+}  // namespace candela

@@ -1,0 +1,127 @@
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/commands/server_link.h"
+#include "client/cli/commands/stream_report.h"
+#include "client/cli/files/frame_files.h"
+#include "client/cli/files/json_output.h"
+#include "client/cli/files/terminal.h"
+
+namespace candela {
+namespace {
+
+// Ends a wait for a server that will never answer.
+constexpr absl::Duration kMeterTimeout = absl::Minutes(10);
+constexpr int kBarCells = 48;
+
+double bin_ev(const v1::MeterResponse& metered, int bin) {
+  return metered.histogram_first_ev() + static_cast<double>(bin) / metered.histogram_bins_per_ev();
+}
+
+// The bins of each whole EV together, from the first that is not empty to the last.
+std::vector<std::pair<int, double>> by_ev(const v1::MeterResponse& metered) {
+  std::vector<std::pair<int, double>> rows;
+  if (metered.histogram_bins_per_ev() == 0) return rows;
+  for (int bin = 0; bin < metered.histogram_size(); ++bin) {
+    const int ev = static_cast<int>(std::floor(bin_ev(metered, bin)));
+    if (rows.empty() || rows.back().first != ev) rows.emplace_back(ev, 0);
+    rows.back().second += static_cast<double>(metered.histogram(bin));
+  }
+  const auto filled = [](const std::pair<int, double>& row) { return row.second > 0; };
+  rows.erase(std::find_if(rows.rbegin(), rows.rend(), filled).base(), rows.end());
+  rows.erase(rows.begin(), std::find_if(rows.begin(), rows.end(), filled));
+  return rows;
+}
+
+std::string histogram_text(const v1::MeterResponse& metered) {
+  const std::vector<std::pair<int, double>> rows = by_ev(metered);
+  double all = 0, most = 0;
+  for (const auto& [ev, weight] : rows) {
+    all += weight;
+    most = std::max(most, weight);
+  }
+  const double mean = metered.statistics().mean_log2_luminance();
+  std::string text;
+  for (const auto& [ev, weight] : rows) {
+    const auto cells = static_cast<size_t>(std::ceil(kBarCells * weight / most));
+    absl::StrAppendFormat(&text, "  %+4d EV  %5.1f %% %s%s\n", ev, 100 * weight / all,
+                          std::string(cells, '#'), std::floor(mean) == ev ? " <- the mean" : "");
+  }
+  return text;
+}
+
+std::string to_text(const std::string& path, const Image& image, const v1::MeterResponse& metered) {
+  const v1::FrameStatistics& statistics = metered.statistics();
+  std::string text = absl::StrFormat("%s\n", path);
+  const auto line = [&text](const char* name, const std::string& words) {
+    absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
+  };
+  line("size", absl::StrFormat("%dx%d", image.width, image.height));
+  line("exposure", absl::StrFormat("%.6g (%+.3f EV); the target is %.6g", metered.exposure(),
+                                   std::log2(metered.exposure()), metered.target()));
+  line("luminance", absl::StrFormat("%.4g .. %.4g, mean 2^%.3f", statistics.min_luminance(),
+                                    statistics.max_luminance(), statistics.mean_log2_luminance()));
+  if (statistics.nan_components() + statistics.infinite_components() + statistics.negative_components() > 0) {
+    line("bad values",
+         absl::StrFormat("%d NaN, %d infinite, %d negative components", statistics.nan_components(),
+                         statistics.infinite_components(), statistics.negative_components()));
+  }
+  return text + histogram_text(metered);
+}
+
+std::string to_json(const std::string& path, const Image& image, const v1::MeterResponse& metered) {
+  const v1::FrameStatistics& statistics = metered.statistics();
+  nlohmann::ordered_json stages = nlohmann::ordered_json::object();
+  for (const v1::StageTime& stage : metered.stages())
+    stages[stage.name()] = static_cast<double>(stage.ns()) * 1e-6;
+  const nlohmann::ordered_json json = {
+      {"input", path},
+      {"size", {{"width", image.width}, {"height", image.height}}},
+      {"exposure", metered.exposure()},
+      {"target", metered.target()},
+      {"mean_log2_luminance", statistics.mean_log2_luminance()},
+      {"min_luminance", static_cast<double>(statistics.min_luminance())},
+      {"max_luminance", static_cast<double>(statistics.max_luminance())},
+      {"bad_values",
+       {{"nan", statistics.nan_components()},
+        {"inf", statistics.infinite_components()},
+        {"negative", statistics.negative_components()}}},
+      {"histogram",
+       {{"first_ev", metered.histogram_first_ev()},
+        {"bins_per_ev", metered.histogram_bins_per_ev()},
+        {"weights", std::vector<uint64_t>(metered.histogram().begin(), metered.histogram().end())}}},
+      {"stage_ms", stages}};
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+absl::Status run_meter(const MeterOptions& options) {
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  Progress progress(true);
+  progress.show("metering " + options.input);
+  ServerLink link(options.server);
+  const absl::StatusOr<v1::Limits> limits = link.limits();
+  if (!limits.ok()) return limits.status();
+  const absl::StatusOr<Image> image = read_image(
+      options.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()});
+  if (!image.ok()) return image.status();
+  const absl::StatusOr<const Connection*> server = link.connection();
+  if (!server.ok()) return server.status();
+  const absl::StatusOr<v1::MeterResponse> metered =
+      (*server)->meter(settings_for(*image, options.settings), view_of(*image), absl::Now() + kMeterTimeout);
+  progress.clear();
+  if (!metered.ok()) return name_file(metered.status(), options.input);
+  for (const std::string& note : image->notes) print_note(note);
+  if (!json->to_stdout()) {
+    if (absl::Status status = print(to_text(options.input, *image, *metered)); !status.ok()) return status;
+  }
+  return json->write(to_json(options.input, *image, *metered));
+}
+
+}  // namespace candela

@@ -1,0 +1,152 @@
+#include "client/cli/commands/render_report.h"
+
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/cli/files/error_map.h"
+
+namespace candela {
+namespace {
+
+constexpr char kLine[] = "  %-10s %s\n";
+
+std::string exposure_words(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  const std::string factor =
+      absl::StrFormat("%.4g (%+.2f EV)", header.exposure(), std::log2(header.exposure()));
+  const std::string prescale =
+      header.prescale() == 1 ? "" : absl::StrFormat(", times prescale %.4g", header.prescale());
+  if (!report.metered) return factor + ", as given" + prescale;
+  return absl::StrFormat("%s, metered: mean luminance 2^%.3f%s", factor,
+                         header.statistics().mean_log2_luminance(), prescale);
+}
+
+std::string bad_value_words(const v1::FrameStatistics& statistics) {
+  std::vector<std::string> words;
+  const auto add = [&words](uint64_t count, const char* what) {
+    if (count > 0) words.push_back(absl::StrFormat("%d %s", count, what));
+  };
+  add(statistics.nan_components(), "NaN");
+  add(statistics.infinite_components(), "infinite");
+  add(statistics.negative_components(), "negative");
+  return absl::StrJoin(words, ", ");
+}
+
+std::string time_words(const RenderReport& report) {
+  const auto stage = [](std::string* out, const std::pair<std::string, double>& s) {
+    absl::StrAppendFormat(out, "%s %.3g", s.first, s.second);
+  };
+  return absl::StrFormat("%.0f ms: %s", report.total_ms, absl::StrJoin(report.stage_ms, ", ", stage));
+}
+
+void add_verification(const RenderReport& report, const std::function<void(const char*, std::string)>& line) {
+  const v1::ResultHeader& header = report.header;
+  if (!header.has_verify()) return;
+  const v1::Verification& v = header.verify();
+  const auto errors = [](const v1::Verification& e) {
+    return absl::StrFormat("at most %.3g codes, at %d,%d; p99.9 %.3g, mean %.3g", e.max_error_codes(),
+                           e.worst_x(), e.worst_y(), e.p999_error_codes(), e.mean_error_codes());
+  };
+  line("verify", "off the float64 reference by " + errors(v));
+  if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
+    line("",
+         absl::StrFormat("%.3g %% of the components differ once quantised", 100 * v.differing_components()));
+  }
+  line("", absl::StrFormat("metering off by %.2g EV, bloom by %.2g of its largest value", v.meter_error_ev(),
+                           v.bloom_error()));
+  line("", "with the scene not rounded to half, by " + errors(header.verify_unrounded()));
+  if (!report.error_map.empty()) {
+    line("error map", absl::StrFormat("%s: %s", report.error_map, error_scale_words()));
+  }
+}
+
+nlohmann::ordered_json to_json(const v1::Verification& v) {
+  return {{"max_error_codes", v.max_error_codes()},
+          {"p999_error_codes", v.p999_error_codes()},
+          {"mean_error_codes", v.mean_error_codes()},
+          {"worst_pixel", {v.worst_x(), v.worst_y()}},
+          {"differing_components", v.differing_components()},
+          {"meter_error_ev", v.meter_error_ev()},
+          {"bloom_error", v.bloom_error()}};
+}
+
+nlohmann::ordered_json to_json(const std::optional<ViewReport>& view) {
+  if (!view) return nullptr;
+  return {{"display", view->display},       {"view", view->view},
+          {"input", view->input},           {"table_size", view->table_size},
+          {"table_end", view->table_end},   {"max_codes", view->max_codes},
+          {"p999_codes", view->p999_codes}, {"mean_codes", view->mean_codes}};
+}
+
+}  // namespace
+
+std::string to_text(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  const v1::FrameStatistics& statistics = header.statistics();
+  std::string text = absl::StrFormat("%s -> %s\n", report.input, report.output);
+  const auto line = [&text](const char* name, const std::string& words) {
+    absl::StrAppendFormat(&text, kLine, name, words);
+  };
+  line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
+  if (!header.tier_reason().empty()) line("", header.tier_reason());
+  line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
+  line("exposure", exposure_words(report));
+  line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
+  const std::string bad = bad_value_words(statistics);
+  if (!bad.empty()) line("bad values", bad + " components");
+  if (report.view) {
+    line("view", absl::StrFormat("%s, %s, from %s; by %d^3 points, %.2g codes off at most, %.2g on average",
+                                 report.view->display, report.view->view, report.view->input,
+                                 report.view->table_size, report.view->max_codes, report.view->mean_codes));
+  }
+  for (int i = 0; i < header.plan_size(); ++i) line(i == 0 ? "plan" : "", header.plan(i));
+  add_verification(report, line);
+  line("time", time_words(report));
+  return text;
+}
+
+std::string to_json(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  const v1::FrameStatistics& statistics = header.statistics();
+  nlohmann::ordered_json stages = nlohmann::ordered_json::object();
+  for (const auto& [name, ms] : report.stage_ms) stages[name] = ms;
+  nlohmann::ordered_json frame = {
+      {"input", report.input},
+      {"output", report.output},
+      {"size", {{"width", header.width()}, {"height", header.height()}}},
+      {"device", header.device()},
+      {"tier", header.tier()},
+      {"tier_reason", header.tier_reason()},
+      {"exposure", header.exposure()},
+      {"target", header.target()},
+      {"mean_log2_luminance", statistics.mean_log2_luminance()},
+      {"min_luminance", static_cast<double>(statistics.min_luminance())},
+      {"max_luminance", static_cast<double>(statistics.max_luminance())},
+      {"bad_values",
+       {{"nan", statistics.nan_components()},
+        {"inf", statistics.infinite_components()},
+        {"negative", statistics.negative_components()}}},
+      {"view", to_json(report.view)},
+      {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},
+      {"stage_ms", stages},
+      {"total_ms", report.total_ms},
+      {"notes", report.notes},
+  };
+  if (header.has_verify()) {
+    frame["verify"] = to_json(header.verify());
+    frame["verify_unrounded"] = to_json(header.verify_unrounded());
+  }
+  if (!report.error_map.empty()) {
+    frame["error_map"] = {{"file", report.error_map},
+                          {"least_codes", kLeastErrorCodes},
+                          {"most_codes", kMostErrorCodes},
+                          {"scale", error_scale_words()}};
+  }
+  // A path need not be UTF-8.
+  return frame.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace candela

@@ -1,0 +1,51 @@
+#include "absl/strings/str_format.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/files/sequence_files.h"
+#include "client/cli/files/terminal.h"
+#include "client/image/sample.h"
+
+namespace candela {
+namespace {
+
+absl::Status make_sequence(const SampleOptions& options) {
+  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.sequence, ".exr");
+  if (!names.ok()) return names.status();
+  if (absl::Status status = names->make_folder(); !status.ok()) return status;
+  Progress progress(!options.quiet);
+  for (uint64_t i = 0; i < options.frames; ++i) {
+    progress.show_bar(static_cast<double>(i) / static_cast<double>(options.frames), names->path(i, ""));
+    const absl::StatusOr<Image> frame =
+        sample_sequence_frame(options.width, options.height, i, options.frames);
+    if (!frame.ok()) return frame.status();
+    if (const auto notes = write_image(names->path(i, ""), *frame); !notes.ok()) return notes.status();
+  }
+  progress.clear();
+  if (options.quiet) return absl::OkStatus();
+  const std::string of = absl::StrFormat("%s .. %s", names->path(0, ""), names->path(options.frames - 1, ""));
+  return print(
+      absl::StrFormat("%s: %d frames of %dx%d, 2^12 brighter from the middle on; `candela stream %s out "
+                      "--exposure-plot exposure.svg` shows what exposure makes of it\n",
+                      of, options.frames, options.width, options.height, options.sequence));
+}
+
+}  // namespace
+
+absl::Status run_sample(const SampleOptions& options) {
+  if (!options.sequence.empty()) return make_sequence(options);
+  if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
+  Progress progress(!options.quiet);
+  progress.show("making the scene");
+  const absl::StatusOr<Image> scene = sample_scene(options.width, options.height);
+  if (!scene.ok()) return scene.status();
+  progress.show("writing " + options.output);
+  const absl::StatusOr<std::vector<std::string>> notes = write_image(options.output, *scene);
+  progress.clear();
+  if (!notes.ok()) return notes.status();
+  if (options.quiet) return absl::OkStatus();
+  for (const std::string& note : *notes) print_note(note);
+  return print(
+      absl::StrFormat("%s: %dx%d, a sun of 1e5 and shadows of 1e-3; `candela render %s scene.png` shows it\n",
+                      options.output, options.width, options.height, options.output));
+}
+
+}  // namespace candela

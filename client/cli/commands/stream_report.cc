@@ -1,0 +1,170 @@
+#include "client/cli/commands/stream_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
+#include "client/cli/files/plot.h"
+#include "client/cli/options/usage.h"
+#include "client/image/write/atomic_file.h"
+
+namespace candela {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kPlotWidth = 900;
+constexpr int kPlotHeight = 420;
+constexpr char kPlotStyle[] =
+    "set border 11 lc rgb '#888888'\n"
+    "set tics nomirror tc rgb '#333333'\n"
+    "set grid lc rgb '#dddddd' lt 1\n"
+    "set key above left Left reverse tc rgb '#333333' samplen 2\n"
+    "set xlabel 'media time, s'\n"
+    "set ylabel 'exposure and its target, EV'\n"
+    "set y2label 'mean log2 luminance, EV'\n"
+    "set y2tics\n"
+    "set offsets 0, 0, graph 0.05, graph 0.05\n";
+
+// A path need not be UTF-8.
+std::string line_of(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+double per_second(const StreamSummary& summary) {
+  const double seconds = absl::ToDoubleSeconds(summary.time);
+  return seconds > 0 ? static_cast<double>(summary.written) / seconds : 0;
+}
+
+double mean_latency_ms(const StreamSummary& summary) {
+  return summary.written == 0
+             ? 0
+             : absl::ToDoubleMilliseconds(summary.latency) / static_cast<double>(summary.written);
+}
+
+bool is_svg(const std::string& path) {
+  return absl::AsciiStrToLower(std::filesystem::path(path).extension().string()) == ".svg";
+}
+
+}  // namespace
+
+std::string to_json(const StreamFrame& frame) {
+  Json json = {{"frame", frame.index},
+               {"input", frame.input},
+               {"output", frame.output},
+               {"media_time_ns", frame.media_time_ns}};
+  if (!frame.status.ok()) {
+    json["error"] = std::string(frame.status.message());
+    return line_of(json);
+  }
+  const v1::ResultHeader& header = frame.header;
+  const v1::FrameStatistics& statistics = header.statistics();
+  Json stages = Json::object();
+  for (const v1::StageTime& stage : header.stages())
+    stages[stage.name()] = static_cast<double>(stage.ns()) * 1e-6;
+  json.update({{"width", header.width()},
+               {"height", header.height()},
+               {"exposure", header.exposure()},
+               {"exposure_before", header.exposure_before()},
+               {"target", header.target()},
+               {"mean_log2_luminance", statistics.mean_log2_luminance()},
+               {"min_luminance", static_cast<double>(statistics.min_luminance())},
+               {"max_luminance", static_cast<double>(statistics.max_luminance())},
+               {"cut", header.cut()},
+               {"tier", header.tier()},
+               {"stage_ms", stages},
+               {"latency_ms", absl::ToDoubleMilliseconds(frame.latency)}});
+  return line_of(json);
+}
+
+std::string to_json(const StreamSummary& summary) {
+  return line_of({{"summary",
+                   {{"frames", summary.frames},
+                    {"written", summary.written},
+                    {"skipped", summary.skipped},
+                    {"seconds", absl::ToDoubleSeconds(summary.time)},
+                    {"frames_per_second", per_second(summary)},
+                    {"mean_latency_ms", mean_latency_ms(summary)},
+                    {"resumes", summary.session.resumes},
+                    {"frames_sent_again", summary.session.sent_again},
+                    {"seconds_without_results", absl::ToDoubleSeconds(summary.session.time_without_results)},
+                    {"server", summary.session.server}}}});
+}
+
+std::string to_text(const StreamSummary& summary, const std::string& where) {
+  std::string text = absl::StrFormat("%d of %d frames -> %s\n", summary.written, summary.frames, where);
+  const auto line = [&text](const char* name, const std::string& words) {
+    absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
+  };
+  line("time",
+       absl::StrFormat("%.2f s, %.4g frames a second, each %.0f ms from sent to back",
+                       absl::ToDoubleSeconds(summary.time), per_second(summary), mean_latency_ms(summary)));
+  if (!summary.curve.empty()) {
+    const auto [least, most] = std::minmax_element(
+        summary.curve.begin(), summary.curve.end(),
+        [](const ExposurePoint& a, const ExposurePoint& b) { return a.exposure < b.exposure; });
+    const auto cuts = std::count_if(summary.curve.begin(), summary.curve.end(),
+                                    [](const ExposurePoint& point) { return point.cut; });
+    line("exposure", absl::StrFormat("%.4g .. %.4g (%+.2f .. %+.2f EV)%s", least->exposure, most->exposure,
+                                     std::log2(least->exposure), std::log2(most->exposure),
+                                     cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
+  }
+  if (summary.skipped > 0) line("skipped", absl::StrFormat("%d frames", summary.skipped));
+  if (summary.session.resumes > 0) {
+    line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames sent again, %.2f s without results",
+                                    summary.session.resumes, summary.session.resumes == 1 ? "" : "s",
+                                    summary.session.server, summary.session.sent_again,
+                                    absl::ToDoubleSeconds(summary.session.time_without_results)));
+  }
+  return text;
+}
+
+std::string exposure_words(double exposure) {
+  return absl::StrFormat("exposure %.4g (%+.2f EV)", exposure, std::log2(exposure));
+}
+
+absl::Status check_plot(const std::string& path) {
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  if (extension != ".png" && extension != ".svg") {
+    return usage_error(absl::StrFormat("--exposure-plot %s: a plot is written as .png or .svg", path));
+  }
+  if (absl::Status status = check_gnuplot(); !status.ok()) return status;
+  return writable_destination(path).status();
+}
+
+absl::Status plot_exposure(const std::vector<ExposurePoint>& curve, const std::string& path) {
+  std::string script = std::string(kPlotStyle) + "$curve << EOD\n";
+  for (const ExposurePoint& point : curve) {
+    absl::StrAppendFormat(&script, "%.9g %.9g %.9g %.9g\n", point.seconds, std::log2(point.exposure),
+                          std::log2(point.target), point.mean_log2_luminance);
+  }
+  script += "EOD\n";
+  for (const ExposurePoint& point : curve) {
+    if (!point.cut) continue;
+    absl::StrAppendFormat(&script,
+                          "set arrow from first %.9g, graph 0 to first %.9g, graph 1 nohead dt 3 lc rgb "
+                          "'#888888'\n",
+                          point.seconds, point.seconds);
+  }
+  // gnuplot has no range for a single point.
+  if (curve.size() < 2) script += "set xrange [-1:1]\n";
+  script +=
+      "plot $curve using 1:4 axes x1y2 with steps lw 1.2 lc rgb '#8a8a8a' title 'luminance', "
+      "$curve using 1:3 with steps lw 1.4 dt 2 lc rgb '#d9822b' title 'target', "
+      "$curve using 1:2 with linespoints pt 7 ps 0.35 lw 1.8 lc rgb '#1b4f8a' title 'exposure'";
+  const absl::StatusOr<std::string> drawn = is_svg(path)
+                                                ? plot_svg("exposure", kPlotWidth, kPlotHeight, script)
+                                                : plot_png(kPlotWidth, kPlotHeight, script);
+  if (!drawn.ok()) return drawn.status();
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
+  if (!file.ok()) return file.status();
+  const std::string head = is_svg(path) ? "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" : "";
+  file->write(head.data(), head.size());
+  file->write(drawn->data(), drawn->size());
+  return file->commit();
+}
+
+}  // namespace candela

@@ -1,0 +1,69 @@
+#include "client/cli/files/frame_files.h"
+
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/cli/options/picture_options.h"
+
+namespace candela {
+namespace {
+
+ImageFormat image_format(v1::OutputFormat format) {
+  return format == v1::OUTPUT_FORMAT_RGBA16F  ? ImageFormat::kRgba16f
+         : format == v1::OUTPUT_FORMAT_RGBA16 ? ImageFormat::kRgba16
+                                              : ImageFormat::kRgba8;
+}
+
+}  // namespace
+
+v1::PixelFormat wire_format(ImageFormat format) {
+  return format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
+}
+
+FrameView view_of(const Image& image) {
+  return {.width = image.width,
+          .height = image.height,
+          .format = wire_format(image.format),
+          .pixels = image.pixels.span()};
+}
+
+v1::Settings settings_for(const Image& image, v1::Settings settings) {
+  const bool given =
+      settings.has_input_chromaticities() || settings.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
+  if (image.chromaticities && !given)
+    *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
+  return settings;
+}
+
+absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect) {
+  const v1::ResultHeader& header = result.header;
+  absl::StatusOr<Image> picture = make_image(header.width(), header.height(), image_format(header.format()));
+  if (!picture.ok()) return picture;
+  std::memcpy(picture->pixels.data(), result.data.get(), result.bytes);
+  picture->has_alpha = has_alpha;
+  picture->pixel_aspect = pixel_aspect;
+  return picture;
+}
+
+absl::Status name_file(const absl::Status& status, const std::string& path) {
+  if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return status;
+  return absl::Status(status.code(), absl::StrFormat("%s: %s", path, status.message()));
+}
+
+absl::StatusOr<BakedView> bake(const ViewChoice& choice) {
+  absl::StatusOr<ViewTable> baked = bake_view(choice);
+  if (!baked.ok()) return baked.status();
+  const ColorTable& table = baked->table;
+  BakedView view;
+  view.table.set_size(table.size);
+  view.table.set_axes(static_cast<v1::ColorTable::Axes>(table.axes));
+  view.table.set_end(table.end);
+  view.table.set_values(table.values.data(), table.values.size() * sizeof table.values[0]);
+  view.report = {baked->display, baked->view,      baked->input,      table.size,
+                 table.end,      baked->max_codes, baked->p999_codes, baked->mean_codes};
+  view.notes = std::move(baked->notes);
+  return view;
+}
+
+}  // namespace candela

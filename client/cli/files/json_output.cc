@@ -1,0 +1,64 @@
+#include "client/cli/files/json_output.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <utility>
+
+#include "client/cli/files/terminal.h"
+
+namespace candela {
+namespace {
+
+bool is_special(const std::string& path) {
+  struct stat info {};
+  return stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
+}
+
+}  // namespace
+
+absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
+  JsonOutput output(path);
+  if (path.empty() || path == "-") return output;
+  struct stat info {};
+  if (stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
+  if (is_special(path)) {
+    if (access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
+    return output;
+  }
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
+  if (!file.ok()) return file.status();
+  output.file_.emplace(*std::move(file));
+  return output;
+}
+
+absl::Status JsonOutput::add(const std::string& text) {
+  if (path_.empty() || !status_.ok()) return status_;
+  if (path_ == "-") return status_ = print(text);
+  if (file_) {
+    file_->write(text.data(), text.size());  // close() looks for failures
+    return absl::OkStatus();
+  }
+  if (special_ == nullptr) special_.reset(std::fopen(path_.c_str(), "we"));
+  if (special_ == nullptr) return status_ = cannot_write(path_, errno);
+  errno = 0;
+  const bool written = std::fwrite(text.data(), 1, text.size(), special_.get()) == text.size() &&
+                       std::fflush(special_.get()) == 0;
+  if (!written) status_ = cannot_write(path_, errno);
+  return status_;
+}
+
+absl::Status JsonOutput::close() {
+  if (file_) return file_->commit();
+  return status_;
+}
+
+absl::Status JsonOutput::write(const std::string& text) {
+  absl::Status status = add(text);
+  status.Update(close());
+  return status;
+}
+
+}  // namespace candela

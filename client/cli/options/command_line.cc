@@ -1,0 +1,262 @@
+// The command line's grammar: subcommands, help, and what to say to words that are not in it.
+#include <CLI/CLI.hpp>
+
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/files/sequence_files.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/options.h"
+#include "client/cli/options/render_options.h"
+#include "client/cli/options/report_options.h"
+#include "client/cli/options/security_options.h"
+#include "client/cli/options/stream_options.h"
+#include "client/cli/options/usage.h"
+
+#ifndef CANDELA_VERSION
+#error "the build sets CANDELA_VERSION"
+#endif
+
+namespace candela {
+namespace {
+
+constexpr char kExamples[] =
+    "Examples:\n"
+    "  candela sample scene.exr              make a picture to try things on\n"
+    "  candela render scene.exr scene.png    render it here, without a server\n"
+    "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
+    "  candela info                          say what this machine renders on\n"
+    "`candela COMMAND --help` says everything about a command.";
+
+constexpr char kRenderExamples[] =
+    "Examples:\n"
+    "  candela render in.exr out.png\n"
+    "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
+    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -\n"
+    "X is a plain factor, L a linear luminance in the image's own scale, EV a power of two.";
+
+constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
+
+constexpr char kStreamExamples[] =
+    "Examples:\n"
+    "  candela stream 'in/*.exr' out/%04d.png --fps 24\n"
+    "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
+    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json\n"
+    "X is a plain factor, L a linear luminance in the image's own scale, EV a power of two.";
+
+constexpr char kBenchExamples[] =
+    "Examples:\n"
+    "  candela bench --server 127.0.0.1:50051 --sessions 4 --size 1280x720\n"
+    "  candela bench --server 127.0.0.1:50051 --fps 24 --seconds 60 --json figures.json";
+
+struct Arguments {
+  RenderArguments render;
+  StreamArguments stream;
+  MeterOptions meter;
+  BenchOptions bench;
+  SampleOptions sample;
+  ReportOptions report;
+  InfoOptions info;
+  HealthOptions health;
+};
+
+void add_sample(CLI::App& app, SampleOptions& sample) {
+  app.add_option("OUT", sample.output, "File to write: .exr or .pfm; not with --sequence")->option_text(" ");
+  add_text(app, "Options", "--size", "WIDTHxHEIGHT",
+           absl::StrFormat("Pixels; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension, v1::kMaxDimension,
+                           sample.width, sample.height),
+           [&sample](const std::string& text) { return parse_size(text, sample.width, sample.height); });
+  add_text(
+      app, "Options", "--sequence", "DIR|PATTERN",
+      "Write a sequence instead, whose light steps by 2^12 in the middle: to a folder, or to a pattern such "
+      "as in/%04d.exr",
+      [&sample](const std::string& text) {
+        sample.sequence = text;
+        return absl::OkStatus();
+      });
+  add_number(
+      app, "Options", "--frames", "N", {2, 100000}, static_cast<double>(sample.frames),
+      "Frames of the sequence", [&sample](double n) { sample.frames = static_cast<uint64_t>(n); }, true);
+  app.add_flag("--quiet,-q", sample.quiet, "Print nothing but errors");
+}
+
+void add_health(CLI::App& app, HealthOptions& health) {
+  add_text(app, "Options", "--server", "ADDRESS", "The candelad to ask, HOST:PORT or unix:PATH",
+           [&health](const std::string& address) {
+             health.address = address;
+             return absl::OkStatus();
+           })
+      ->required();
+  add_security_options(app, "Options", health.security);
+  add_number(app, "Options", "--timeout", "S", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
+             "Seconds to wait for its answer",
+             [&health](double seconds) { health.timeout = absl::Seconds(seconds); });
+}
+
+void define(CLI::App& app, Arguments& arguments) {
+  app.require_subcommand(0, 1);
+  app.get_formatter()->column_width(32);
+  app.set_help_flag("--help,-h", "Print this help and exit");
+  app.set_version_flag("--version", "candela " CANDELA_VERSION, "Print the version and exit");
+  CLI::App& render = *app.add_subcommand("render", "Renders an HDR image: exposure, bloom, tone curve.");
+  render.footer(kRenderExamples);
+  add_render_options(render, arguments.render);
+  CLI::App& stream =
+      *app.add_subcommand("stream", "Renders a sequence of frames with exposure that adapts over time.");
+  stream.footer(kStreamExamples);
+  add_stream_options(stream, arguments.stream);
+  add_meter_command(*app.add_subcommand("meter", "Says what exposure an image asks for, and why."),
+                    arguments.meter);
+  add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them."),
+             arguments.sample);
+  add_report_options(*app.add_subcommand("report", "Measures this machine and writes a page about it."),
+                     arguments.report);
+  CLI::App& bench = *app.add_subcommand("bench", "Loads a server with sessions and measures it.");
+  bench.footer(kBenchExamples);
+  add_bench_options(bench, arguments.bench);
+  CLI::App& info = *app.add_subcommand("info", "Says what a server is and can do.");
+  add_json_option(info, "Output", "Write it as one line of JSON, - for stdout", arguments.info.json);
+  add_server_options(info, arguments.info.server);
+  add_health(*app.add_subcommand("health", "Asks a server whether it serves: exit 0 if so, else 1."),
+             arguments.health);
+  app.footer(kExamples);
+}
+
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+// Looks for words that are not in the grammar before CLI11 trips over what follows from them.
+absl::Status check_words(const CLI::App& app, const std::vector<std::string>& words) {
+  if (words.empty()) return absl::OkStatus();
+  const CLI::App* command = &app;
+  size_t at = 0;
+  if (!absl::StartsWith(words[0], "-")) {
+    const auto named = [&words](const CLI::App* known) { return known->check_name(words[0]); };
+    const std::vector<const CLI::App*> found = app.get_subcommands(named);
+    if (found.empty()) {
+      std::vector<std::string> names;
+      for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
+      return unknown_word("command", words[0], names);
+    }
+    command = found.front();
+    at = 1;
+  }
+  for (; at < words.size() && words[at] != "--"; ++at) {
+    if (!absl::StartsWith(words[at], "-") || words[at] == "-") continue;
+    const std::string name = words[at].substr(0, words[at].find('='));
+    const CLI::Option* option = command->get_option_no_throw(name);
+    if (option != nullptr) {
+      const bool value_follows = option->get_items_expected_max() > 0 && name == words[at];
+      if (value_follows) ++at;
+      continue;
+    }
+    const std::string meant = nearest(name, option_names(*command));
+    return usage_error(absl::StrFormat("unknown option %s;%s see candela%s --help", name,
+                                       meant.empty() ? "" : absl::StrFormat(" did you mean %s?", meant),
+                                       command == &app ? "" : " " + command->get_name()));
+  }
+  return absl::OkStatus();
+}
+
+// CLI11 leaves two lines between sections, and takes several files for several of each.
+std::string help(const CLI::App& app) {
+  return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
+}
+
+absl::Status finish_sample_options(const SampleOptions& sample) {
+  if (sample.output.empty() == sample.sequence.empty()) {
+    return usage_error("sample makes a scene or a sequence: give OUT or --sequence DIR, one of them");
+  }
+  std::string path = sample.output;
+  if (!sample.sequence.empty()) {
+    const absl::StatusOr<OutputNames> names = OutputNames::parse(sample.sequence, ".exr");
+    if (!names.ok()) return names.status();
+    path = names->path(0, "");
+  }
+  const absl::StatusOr<OutputKind> kind = output_kind(path);
+  if (kind.ok() && (*kind == OutputKind::kExr || *kind == OutputKind::kPfm)) return absl::OkStatus();
+  return usage_error(
+      absl::StrFormat("%s: a scene is written as .exr or .pfm; `candela render` makes a .png of it", path));
+}
+
+absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
+  if (app.got_subcommand("render")) {
+    if (absl::Status status = finish_render_options(arguments.render); !status.ok()) return status;
+    return std::move(arguments.render.options);
+  }
+  if (app.got_subcommand("stream")) {
+    if (absl::Status status = finish_stream_options(arguments.stream); !status.ok()) return status;
+    return std::move(arguments.stream.options);
+  }
+  if (app.got_subcommand("meter")) {
+    absl::Status status = check_meter_options(arguments.meter.settings);
+    status.Update(check_server_options(arguments.meter.server));
+    if (!status.ok()) return status;
+    return arguments.meter;
+  }
+  if (app.got_subcommand("bench")) {
+    if (absl::Status status = finish_bench_options(arguments.bench); !status.ok()) return status;
+    return arguments.bench;
+  }
+  if (app.got_subcommand("sample")) {
+    if (absl::Status status = finish_sample_options(arguments.sample); !status.ok()) return status;
+    return arguments.sample;
+  }
+  if (app.got_subcommand("report")) {
+    if (absl::Status status = finish_report_options(arguments.report); !status.ok()) return status;
+    return arguments.report;
+  }
+  if (app.got_subcommand("info")) {
+    if (absl::Status status = check_server_options(arguments.info.server); !status.ok()) return status;
+    return arguments.info;
+  }
+  if (app.got_subcommand("health")) return arguments.health;
+  return TextToPrint{help(app)};
+}
+
+// CLI11's own words, in one line.
+absl::Status refused(const CLI::App& app, const CLI::Error& error) {
+  const std::vector<CLI::App*> commands = app.get_subcommands();
+  std::string what = error.what();
+  what = what.substr(0, what.find('\n'));
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    what = what.substr(0, what.find(':')) + " needs a value";
+  }
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !commands.empty()) {
+    what = absl::StrFormat("\"%s\" is one argument too many", commands.front()->remaining().front());
+  }
+  return usage_error(absl::StrFormat("%s; see candela%s --help", what,
+                                     commands.empty() ? "" : " " + commands.front()->get_name()));
+}
+
+}  // namespace
+
+absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv) {
+  Arguments arguments;
+  CLI::App app("candela: renders HDR images to pictures for a display.\n", "candela");
+  define(app, arguments);
+  const std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  if (absl::Status status = check_words(app, words); !status.ok()) return status;
+  try {
+    app.parse(argc, argv);
+    return finish(app, arguments);
+  } catch (const CLI::CallForHelp&) {
+    return TextToPrint{help(app)};
+  } catch (const CLI::CallForVersion& version) {
+    return TextToPrint{absl::StrFormat("%s\n", version.what())};
+  } catch (const CLI::Error& error) {
+    return refused(app, error);
+  } catch (const OptionError& error) {
+    return error.status;
+  }
+}
+
+}  // namespace candela

@@ -1,0 +1,29 @@
+// The options of `candela render`.
+#pragma once
+
+#include <CLI/App.hpp>
+
+#include "absl/status/status.h"
+#include "client/cli/options/options.h"
+#include "client/cli/options/picture_options.h"
+
+namespace candela {
+
+// What the options say before they are put together.
+struct RenderArguments {
+  RenderOptions options;
+  PictureArguments picture;
+};
+
+// Defines the options; parsing fills `arguments`, which outlives the app.
+void add_render_options(CLI::App& app, RenderArguments& arguments);
+
+// After parsing: chooses the output's format and finds options that do not go together.
+absl::Status finish_render_options(RenderArguments& arguments);
+
+// --server with its security and --device, and --json: what `render` and `info` have in common.
+void add_server_options(CLI::App& app, ServerChoice& choice);
+absl::Status check_server_options(const ServerChoice& choice);  // after parsing
+void add_json_option(CLI::App& app, const std::string& section, const std::string& help, std::string& path);
+
+}  // namespace candela

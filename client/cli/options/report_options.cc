@@ -1,0 +1,57 @@
+#include "client/cli/options/report_options.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/render_options.h"
+#include "client/cli/options/usage.h"
+
+namespace candela {
+namespace {
+
+constexpr char kSection[] = "Measurement";
+constexpr v1::Range<double> kMegapixels{0.001, 256};
+
+absl::Status set_megapixels(ReportOptions& options, const std::string& text) {
+  std::vector<double> sizes;
+  for (absl::string_view part : absl::StrSplit(text, ',')) {
+    const absl::StatusOr<double> size = parse_number("--megapixels", std::string(part), kMegapixels);
+    if (!size.ok()) return size.status();
+    sizes.push_back(*size);
+  }
+  std::sort(sizes.begin(), sizes.end());
+  sizes.erase(std::unique(sizes.begin(), sizes.end()), sizes.end());
+  options.megapixels = std::move(sizes);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_report_options(CLI::App& app, ReportOptions& options) {
+  app.add_option("DIR", options.directory, "Folder to write into; made where it is missing")
+      ->required()
+      ->option_text(" ");
+  app.add_flag("--quick", options.quick,
+               "At most five minutes: fewer frames, smaller images; what would take longer is left out, and "
+               "the page says so")
+      ->group(kSection);
+  add_text(app, kSection, "--megapixels", "LIST",
+           absl::StrFormat("Frame sizes with commas between; each %s (default 0.25,1,2,8,33)",
+                           format_range(kMegapixels)),
+           [&options](const std::string& text) { return set_megapixels(options, text); });
+  app.add_option("--images", options.images,
+                 "Images to hold against the reference (default: the sample scene)")
+      ->option_text("FILE...")
+      ->group(kSection);
+  app.add_flag("--quiet,-q", options.quiet, "Print nothing but errors");
+  add_server_options(app, options.server);
+}
+
+absl::Status finish_report_options(ReportOptions& options) {
+  if (options.megapixels.empty()) options.megapixels = {0.25, 1, 2, 8, 33};
+  return check_server_options(options.server);
+}
+
+}  // namespace candela

@@ -1,0 +1,197 @@
+#include <OpenEXR/ImfThreading.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/commands/server_link.h"
+#include "client/cli/files/plot.h"
+#include "client/cli/files/terminal.h"
+#include "client/cli/report/aces.h"
+#include "client/cli/report/errors.h"
+#include "client/cli/report/page.h"
+#include "client/cli/report/times.h"
+#include "client/image/write/atomic_file.h"
+
+namespace candela {
+namespace {
+
+// What is verified takes seconds a megapixel: larger images are cut.
+constexpr double kQuickImageMegapixels = 1;
+constexpr double kImageMegapixels = 4;
+
+// When the last measurement of --quick ends, so that all is written within five minutes.
+constexpr absl::Duration kQuickTime = absl::Seconds(280);
+
+TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
+  TimePlan plan;
+  for (const double megapixels : options.megapixels) plan.sizes.push_back(frame_size(megapixels));
+  if (options.quick) {
+    plan.frames = 5;
+    plan.slow_frames = 1;
+    plan.deadline = begin + kQuickTime;
+  }
+  return plan;
+}
+
+absl::Status make_folder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!error && std::filesystem::is_directory(path)) return absl::OkStatus();
+  return cannot_write(path, error ? error.value() : ENOTDIR);
+}
+
+absl::StatusOr<ReportImage> cut_to(double megapixels, std::string name, Image image) {
+  const uint32_t width = image.width, height = image.height;
+  absl::StatusOr<Image> middle = cropped(std::move(image), megapixels);
+  if (!middle.ok()) return middle.status();
+  const std::string note =
+      middle->width == width ? "" : absl::StrFormat(", the middle of %dx%d", width, height);
+  return ReportImage{std::move(name), *std::move(middle), note};
+}
+
+// The user's images, or the sample scene; all small enough to be verified.
+absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& options, const v1::Limits& limits) {
+  const double most = options.quick ? kQuickImageMegapixels : kImageMegapixels;
+  std::vector<ReportImage> images;
+  for (const std::string& path : options.images) {
+    absl::StatusOr<Image> image =
+        read_image(path, {.max_dimension = limits.max_dimension(), .max_bytes = limits.max_frame_bytes()});
+    if (!image.ok()) return image.status();
+    absl::StatusOr<ReportImage> cut =
+        cut_to(most, std::filesystem::path(path).filename().string(), *std::move(image));
+    if (!cut.ok()) return cut.status();
+    images.push_back(*std::move(cut));
+  }
+  if (!images.empty()) return images;
+  const FrameSize size = frame_size(std::min(most, options.megapixels.back()));
+  absl::StatusOr<Image> sample = sample_frame(size.width, size.height);
+  if (!sample.ok()) return sample.status();
+  images.push_back({"sample scene", *std::move(sample), ""});
+  return images;
+}
+
+// Of the last minute, before anything is measured.
+std::string load() {
+  double processes = 0;
+  if (getloadavg(&processes, 1) != 1) return "unknown";
+  return absl::StrFormat("%.2f processes of other work, over the minute before", processes);
+}
+
+std::string processor() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    if (absl::StartsWith(line, "model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
+  }
+  return "unknown";
+}
+
+Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice, const std::string& load) {
+  const v1::DeviceInfo& device = info.device();
+  const std::string here =
+      absl::StrFormat("%s, %d threads%s", processor(), std::thread::hardware_concurrency(),
+                      choice.address.empty() ? "" : " (of the client; the server may run elsewhere)");
+  return {{"processor", here},
+          {"load", load},
+          {"device", device.name()},
+          {"kind", absl::StrFormat("%s%s", device.type(),
+                                   device.unified_memory() ? ", unified memory" : ", staging copies")},
+          {"driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version())},
+          {"server", choice.address.empty() ? "inside of the measuring process" : choice.address},
+          {"candela", info.version()}};
+}
+
+std::string command_of(const ReportOptions& options) {
+  std::string command = "candela report DIR";
+  if (options.quick) command += " --quick";
+  absl::StrAppendFormat(&command, " --megapixels %s", absl::StrJoin(options.megapixels, ","));
+  if (!options.images.empty()) command += " --images " + absl::StrJoin(options.images, " ");
+  if (!options.server.address.empty()) command += " --server " + options.server.address;
+  if (!options.server.device.empty()) command += " --device " + options.server.device;
+  return command;
+}
+
+Json tiers_of(const v1::GetServerInfoResponse& info) {
+  Json tiers = Json::array();
+  for (const v1::Tier& tier : info.tiers())
+    tiers.push_back({{"name", tier.name()}, {"summary", tier.summary()}});
+  return tiers;
+}
+
+// All that a report holds of measurements; what takes longest comes last, where time may be short.
+absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
+                             const std::vector<ReportImage>& images, const std::string& folder) {
+  absl::StatusOr<Json> hard = measure_hard_cases(session);
+  if (!hard.ok()) return hard;
+  const absl::StatusOr<Json> ingest = measure_ingest(session);
+  if (!ingest.ok()) return ingest;
+  absl::StatusOr<Json> curves = measure_curves(session);
+  if (!curves.ok()) return curves;
+  absl::StatusOr<Json> aces = compare_aces(session, images);
+  if (!aces.ok()) return aces;
+  absl::StatusOr<Json> pictures = measure_images(session, images, folder);
+  if (!pictures.ok()) return pictures;
+  Json stages = judge_stages(session, {*hard, *curves, *pictures});
+  stages.insert(stages.begin(), *ingest);
+  Json scenes = measure_scenes(session, plan);
+  Json times = measure_times(session, plan);
+  return Json{{"times", std::move(times)},      {"stage_errors", std::move(stages)},
+              {"hard_cases", *std::move(hard)}, {"curves", *std::move(curves)},
+              {"aces", *std::move(aces)},       {"scenes", std::move(scenes)},
+              {"images", *std::move(pictures)}};
+}
+
+absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progress) {
+  const absl::Time begin = absl::Now();
+  const std::string load_before = load();
+  ServerLink link(options.server);
+  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
+  if (!info.ok()) return info.status();
+  const absl::StatusOr<const Connection*> server = link.connection();
+  if (!server.ok()) return server.status();
+  const absl::StatusOr<std::vector<ReportImage>> images = read_images(options, info->limits());
+  if (!images.ok()) return images.status();
+  const ReportSession session(**server, *info, progress);
+  const absl::StatusOr<Json> measured =
+      measure(session, time_plan(options, begin), *images, options.directory);
+  if (!measured.ok()) return measured.status();
+  progress.show("writing " + options.directory);
+  const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);
+  Json report = {{"command", command_of(options)},
+                 {"quick", options.quick},
+                 {"date", absl::FormatTime("%Y-%m-%d %H:%M UTC", begin, absl::UTCTimeZone())},
+                 {"seconds", seconds},
+                 {"machine", machine(*info, options.server, load_before)},
+                 {"tiers", tiers_of(*info)},
+                 {"bounded_tier", session.bounded_tier()}};
+  report.update(*measured);
+  if (absl::Status status = write_report(report, options.directory); !status.ok()) return status;
+  return seconds;
+}
+
+}  // namespace
+
+absl::Status run_report(const ReportOptions& options) {
+  if (absl::Status status = check_gnuplot(); !status.ok()) return status;
+  if (absl::Status status = make_folder(options.directory); !status.ok()) return status;
+  Progress progress(!options.quiet);
+  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+  const absl::StatusOr<double> seconds = make_report(options, progress);
+  progress.clear();
+  if (!seconds.ok()) return seconds.status();
+  if (options.quiet) return absl::OkStatus();
+  return print(
+      absl::StrFormat("%s/index.html: measured in %.0f s; report.json and the tables as CSV are beside it\n",
+                      options.directory, *seconds));
+}
+
+}  // namespace candela

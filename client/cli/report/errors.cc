@@ -1,0 +1,328 @@
+#include "client/cli/report/errors.h"
+
+#include <half.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/cli/options/enum_words.h"
+#include "client/cli/report/pictures.h"
+
+namespace candela {
+namespace {
+
+Json errors_of(const v1::Verification& v) {
+  return {{"max_error_codes", json_number(v.max_error_codes())},
+          {"p999_error_codes", json_number(v.p999_error_codes())},
+          {"mean_error_codes", json_number(v.mean_error_codes())},
+          {"differing_components", json_number(v.differing_components())},
+          {"meter_error_ev", json_number(v.meter_error_ev())},
+          {"bloom_error", json_number(v.bloom_error())}};
+}
+
+// The component `k` of pixel `i` of an RGBA16F result.
+float component(const RenderResult& result, size_t i, size_t k) {
+  uint16_t bits = 0;
+  std::memcpy(&bits, result.data.get() + (i * 4 + k) * sizeof bits, sizeof bits);
+  return imath_half_to_float(bits);
+}
+
+size_t pixel_count(const RenderResult& result) { return result.bytes / 8; }
+
+bool all_finite(const RenderResult& result) {
+  for (size_t i = 0; i < pixel_count(result); ++i) {
+    for (size_t k = 0; k < 4; ++k) {
+      if (!std::isfinite(component(result, i, k))) return false;
+    }
+  }
+  return true;
+}
+
+// Of R, G and B together.
+double summed_light(const RenderResult& result) {
+  double sum = 0;
+  for (size_t i = 0; i < pixel_count(result); ++i) {
+    for (size_t k = 0; k < 3; ++k) sum += component(result, i, k);
+  }
+  return sum;
+}
+
+// Of an RGBA8 result's R, G and B.
+Json picture_codes(const RenderResult& result) {
+  int least = 255, most = 0;
+  double sum = 0;
+  for (size_t i = 0; i < result.bytes; ++i) {
+    if (i % 4 == 3) continue;
+    const int code = std::to_integer<int>(result.data.get()[i]);
+    least = std::min(least, code);
+    most = std::max(most, code);
+    sum += code;
+  }
+  return {{"min", least}, {"max", most}, {"mean", sum / (static_cast<double>(result.bytes) / 4 * 3)}};
+}
+
+Json row_of(const std::string& name, const std::string& expected, const Image& frame,
+            const std::string& tier) {
+  return {{"case", name},
+          {"expected", expected},
+          {"width", frame.width},
+          {"height", frame.height},
+          {"tier", tier}};
+}
+
+Json failed(Json row, const absl::Status& status) {
+  row["error"] = std::string(status.message());
+  return row;
+}
+
+// A verified frame and the same as floats.
+Json verified_row(const ReportSession& session, Json row, v1::Settings settings, const Image& frame,
+                  const std::optional<v1::ExposureState>& previous) {
+  const absl::StatusOr<RenderResult> codes =
+      session.render(settings, frame, {.verify = true, .error_map = false, .previous = previous});
+  if (!codes.ok()) return failed(std::move(row), codes.status());
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  const absl::StatusOr<RenderResult> floats =
+      session.render(settings, frame, {.verify = false, .error_map = false, .previous = previous});
+  if (!floats.ok()) return failed(std::move(row), floats.status());
+  const v1::ResultHeader& header = codes->header;
+  row["finite"] = all_finite(*floats);
+  row.update(errors_of(header.verify()));
+  row["exposure"] = json_number(header.exposure());
+  row["nan"] = header.statistics().nan_components();
+  row["inf"] = header.statistics().infinite_components();
+  row["negative"] = header.statistics().negative_components();
+  row["picture"] = picture_codes(*codes);
+  row["note"] = previous ? absl::StrFormat("exposure from %.4g to %.4g, target %.4g", previous->exposure(),
+                                           header.exposure(), header.target())
+                         : "";
+  return row;
+}
+
+// Low enough that the light does not reach 1, which would hide what it does.
+v1::Settings highlight_settings(const std::string& tier, bool weights) {
+  v1::Settings settings = ReportSession::settings(tier);
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_exposure()->set_manual_ev(-11);
+  settings.mutable_bloom()->set_firefly_weights(weights);
+  return settings;
+}
+
+absl::StatusOr<double> light_of(const ReportSession& session, v1::Settings settings,
+                                std::optional<int> eighths) {
+  const absl::StatusOr<Image> frame = moving_highlight(eighths);
+  if (!frame.ok()) return frame.status();
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  const absl::StatusOr<RenderResult> result = session.render(settings, *frame);
+  if (!result.ok()) return result.status();
+  return summed_light(*result);
+}
+
+// (max - min) / mean of the light above the ground, over a pixel's eighths.
+absl::StatusOr<double> flicker(const ReportSession& session, const v1::Settings& settings) {
+  const absl::StatusOr<double> ground = light_of(session, settings, std::nullopt);
+  if (!ground.ok()) return ground;
+  double least = INFINITY, most = -INFINITY, sum = 0;
+  for (int eighths = 0; eighths < 8; ++eighths) {
+    const absl::StatusOr<double> light = light_of(session, settings, eighths);
+    if (!light.ok()) return light;
+    least = std::min(least, *light - *ground);
+    most = std::max(most, *light - *ground);
+    sum += *light - *ground;
+  }
+  return (most - least) / (sum / 8);
+}
+
+absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::string& tier, bool weights) {
+  const absl::StatusOr<Image> frame = moving_highlight(3);
+  if (!frame.ok()) return frame.status();
+  const v1::Settings settings = highlight_settings(tier, weights);
+  const std::string expected =
+      weights ? "its light varies: the weights' price" : "its light varies by 0.3 % at most";
+  const std::string name = weights ? "highlight moving by 1/8 pixel" : "the same, without firefly weights";
+  Json row = verified_row(session, row_of(name, expected, *frame, tier), settings, *frame, std::nullopt);
+  if (row.contains("error")) return row;
+  const absl::StatusOr<double> varies = flicker(session, settings);
+  if (!varies.ok()) return failed(std::move(row), varies.status());
+  row["flicker"] = json_number(*varies);
+  row["note"] = absl::StrFormat("its light varies by %.3g %% of the mean", 100 * *varies);
+  return row;
+}
+
+// What stands in a page of one image at one tier.
+absl::StatusOr<Json> map_row(const RenderResult& result, Json row, const std::string& folder) {
+  const uint32_t width = result.header.width(), height = result.header.height();
+  const absl::StatusOr<Image> map = small_error_map(result.error_map, width, height);
+  if (!map.ok()) return map.status();
+  const absl::StatusOr<std::string> png = png_base64(*map, folder);
+  if (!png.ok()) return png.status();
+  row.update(errors_of(result.header.verify()));
+  row["png"] = *png;
+  return row;
+}
+
+absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& image,
+                               const std::string& folder) {
+  Json row = {{"name", image.name},
+              {"width", image.image.width},
+              {"height", image.image.height},
+              {"note", image.note}};
+  Json maps = Json::array();
+  for (const std::string& tier : session.tiers()) {
+    session.show(absl::StrFormat("error map: %s, %s", image.name, tier));
+    const absl::StatusOr<RenderResult> result =
+        session.render(ReportSession::settings(tier), image.image, {.verify = true, .error_map = true});
+    if (!result.ok()) {
+      maps.push_back(failed({{"tier", tier}}, result.status()));
+      continue;
+    }
+    const absl::StatusOr<Json> map = map_row(*result, {{"tier", tier}}, folder);
+    if (!map.ok()) return map.status();
+    maps.push_back(*map);
+    if (tier != session.bounded_tier()) continue;
+    const absl::StatusOr<Image> small =
+        small_picture(result->pixels(), image.image.width, image.image.height);
+    if (!small.ok()) return small.status();
+    const absl::StatusOr<std::string> png = png_base64(*small, folder);
+    if (!png.ok()) return png.status();
+    row["picture"] = *png;
+  }
+  row["maps"] = std::move(maps);
+  return row;
+}
+
+// A stage's largest error so far.
+struct Worst {
+  const char* key;
+  const char* stage;
+  const char* unit;
+  double bound;
+  double measured = 0;
+  std::string where = "nowhere";
+
+  void look_at(const std::string& name, const Json& row) {
+    const double error = row[key].is_number() ? row[key].get<double>() : INFINITY;
+    if (error < measured || (error == measured && where != "nowhere")) return;
+    measured = error;
+    where = name;
+  }
+
+  Json json() const {
+    return {{"stage", stage}, {"unit", unit},           {"bound", bound}, {"measured", json_number(measured)},
+            {"where", where}, {"ok", measured <= bound}};
+  }
+};
+
+// The smallest frame whose share of differing components says something: one of a 1x1 frame is a third of it.
+constexpr double kCountedComponents = 1000;
+
+}  // namespace
+
+absl::StatusOr<Json> measure_hard_cases(const ReportSession& session) {
+  const absl::StatusOr<std::vector<HardCase>> cases = hard_cases();
+  if (!cases.ok()) return cases.status();
+  Json rows = Json::array();
+  for (const HardCase& hard : *cases) {
+    session.show("hard case: " + hard.name);
+    for (const std::string& tier : session.tiers()) {
+      rows.push_back(verified_row(session, row_of(hard.name, hard.expected, hard.frame, tier),
+                                  ReportSession::settings(tier), hard.frame, hard.previous));
+    }
+  }
+  for (const bool weights : {true, false}) {
+    session.show("hard case: moving highlight");
+    for (const std::string& tier : session.tiers()) {
+      absl::StatusOr<Json> row = highlight_row(session, tier, weights);
+      if (!row.ok()) return row.status();
+      rows.push_back(*std::move(row));
+    }
+  }
+  return rows;
+}
+
+absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vector<ReportImage>& images,
+                                    const std::string& folder) {
+  Json rows = Json::array();
+  for (const ReportImage& image : images) {
+    absl::StatusOr<Json> row = image_row(session, image, folder);
+    if (!row.ok()) return row.status();
+    rows.push_back(*std::move(row));
+  }
+  return rows;
+}
+
+absl::StatusOr<Json> measure_curves(const ReportSession& session) {
+  const absl::StatusOr<Image> frame = sample_frame(320, 180);
+  if (!frame.ok()) return frame.status();
+  Json rows = Json::array();
+  for (const int value : session.info().curves()) {
+    // A table's own error is no stage's: that of aces-1 is published by its size, and a client's table is the
+    // client's.
+    if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE) continue;
+    const std::string word = word_of(static_cast<v1::ToneCurve>(value));
+    session.show("curve: " + word);
+    v1::Settings settings = ReportSession::settings(session.bounded_tier());
+    settings.set_curve(static_cast<v1::ToneCurve>(value));
+    Json row = row_of("sample scene, " + word, "the curve's own", *frame, settings.tier());
+    rows.push_back(verified_row(session, std::move(row), settings, *frame, std::nullopt));
+  }
+  return rows;
+}
+
+absl::StatusOr<Json> measure_ingest(const ReportSession& session) {
+  session.show("ingest: every half");
+  const absl::StatusOr<Image> frame = every_half();
+  if (!frame.ok()) return frame.status();
+  v1::Settings settings = ReportSession::settings(session.bounded_tier());
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  const absl::StatusOr<RenderResult> result = session.render(settings, *frame);
+  if (!result.ok()) return result.status();
+  Worst worst = {"codes", "ingest: every half, NaN and Inf among them", "codes", 0};
+  for (size_t half = 0; half < pixel_count(*result); ++half) {
+    const float in = imath_half_to_float(static_cast<uint16_t>(half));
+    const float light = std::isnan(in) ? 0 : std::clamp(in, 0.0f, 1.0f);
+    for (size_t k = 0; k < 3; ++k) {
+      const double codes = 255 * std::abs(double{component(*result, half, k)} - double{light});
+      if (codes != 0) worst.look_at(absl::StrFormat("half 0x%04x", half), {{"codes", json_number(codes)}});
+    }
+  }
+  if (worst.measured == 0) worst.where = "all 65536 exact";
+  return worst.json();
+}
+
+Json judge_stages(const ReportSession& session, const Measured& measured) {
+  Worst stages[] = {{"meter_error_ev", "metering", "EV", 2e-5},
+                    {"bloom_error", "bloom, relative to its largest value", "fraction", 0x1p-9},
+                    {"max_error_codes", "whole frame, largest error", "codes", 0.5},
+                    {"p999_error_codes", "whole frame, 99.9 % of the pixels", "codes", 0.05},
+                    {"differing_components", "components differing once quantised", "fraction", 1e-3}};
+  const auto look = [&](const std::string& name, const Json& row, double pixels) {
+    if (row["tier"] != session.bounded_tier() || row.contains("error")) return;
+    for (Worst& stage : stages) {
+      const bool too_small = stage.key == stages[4].key && 3 * pixels < kCountedComponents;
+      if (!too_small) stage.look_at(name, row);
+    }
+  };
+  const auto pixels = [](const Json& row) {
+    return row["width"].get<double>() * row["height"].get<double>();
+  };
+  for (const Json* rows : {&measured.hard_cases, &measured.curves}) {
+    for (const Json& row : *rows) look(row["case"], row, pixels(row));
+  }
+  for (const Json& image : measured.images) {
+    for (const Json& row : image["maps"]) look(image["name"], row, pixels(image));
+  }
+  Json judged = Json::array();
+  for (const Worst& stage : stages) judged.push_back(stage.json());
+  return judged;
+}
+
+}  // namespace candela

@@ -1,0 +1,256 @@
+#include "client/cli/report/scenes.h"
+
+#include <half.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+
+#include "client/image/sample.h"
+
+namespace candela {
+namespace {
+
+constexpr float kMax = 65504.0f;  // the largest half
+constexpr uint32_t kCaseWidth = 96;
+constexpr uint32_t kCaseHeight = 64;
+constexpr uint32_t kChartWidth = 256;
+
+using Texel = std::array<float, 4>;
+using TexelFunction = std::function<Texel(uint32_t x, uint32_t y)>;
+
+void put(Image& halves, uint32_t x, uint32_t y, const Texel& texel) {
+  std::array<uint16_t, 4> bits;
+  for (size_t k = 0; k < 4; ++k) bits[k] = imath_float_to_half(texel[k]);
+  std::memcpy(halves.pixels.data() + y * halves.row_bytes() + size_t{x} * sizeof bits, bits.data(),
+              sizeof bits);
+}
+
+absl::StatusOr<Image> make_frame(uint32_t width, uint32_t height, const TexelFunction& texel) {
+  absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
+  if (!image.ok()) return image;
+  for (uint32_t y = 0; y < height; ++y) {
+    for (uint32_t x = 0; x < width; ++x) put(*image, x, y, texel(x, y));
+  }
+  return image;
+}
+
+Texel grey(float v) { return {v, v, v, 1.0f}; }
+
+TexelFunction everywhere(float v) {
+  return [v](uint32_t, uint32_t) -> Texel { return {v, v, v, v}; };
+}
+
+TexelFunction alone(float v, float ground) {
+  return
+      [=](uint32_t x, uint32_t y) { return grey(x == kCaseWidth / 2 && y == kCaseHeight / 2 ? v : ground); };
+}
+
+Texel ramp(uint32_t x, uint32_t y) {
+  return {0.01f * static_cast<float>(x % 97 + 1), 0.5f, 0.02f * static_cast<float>(y % 53 + 1), 1.0f};
+}
+
+// In [0, 1): the PCG hash of M. Jarzynski and L. Olano's survey (JCGT 9(3), 2020).
+float noise(uint32_t index, uint32_t channel) {
+  uint32_t v = index + 16777259u * channel;
+  v = v * 747796405u + 2891336453u;
+  v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
+  v = (v >> 22) ^ v;
+  return static_cast<float>(v >> 8) * 0x1p-24f;
+}
+
+// A full hue of largest component 1 and smallest 0.
+Texel hue(float turn) {
+  const auto part = [turn](float shift) {
+    const float t = 6 * (turn + shift - std::floor(turn + shift));
+    return std::clamp(std::abs(t - 3) - 1, 0.0f, 1.0f);
+  };
+  return {part(0), part(2.0f / 3), part(1.0f / 3), 1.0f};
+}
+
+struct CaseShape {
+  std::string name, expected;
+  uint32_t width, height;
+  TexelFunction texel;
+  std::optional<v1::ExposureState> previous = std::nullopt;
+};
+
+v1::ExposureState state(double exposure, double elapsed_seconds) {
+  v1::ExposureState previous;
+  previous.set_exposure(exposure);
+  previous.set_elapsed_seconds(elapsed_seconds);
+  return previous;
+}
+
+std::vector<CaseShape> case_shapes() {
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr uint32_t kW = kCaseWidth, kH = kCaseHeight;
+  const TexelFunction checkers = [](uint32_t x, uint32_t y) { return grey((x + y) % 2 == 0 ? 0.0f : kMax); };
+  return {
+      {"all black", "black at the largest exposure", kW, kH, everywhere(0)},
+      {"all 65504", "white at the smallest exposure", kW, kH, everywhere(kMax)},
+      {"one 65504 on 1e-4", "sums and bloom stay finite", kW, kH, alone(kMax, 1e-4f)},
+      {"one NaN", "taken as 0", kW, kH, alone(kNan, 0.18f)},
+      {"all NaN", "taken as 0: black", kW, kH, everywhere(kNan)},
+      {"one +Inf", "taken as 65504", kW, kH, alone(kInf, 0.18f)},
+      {"all +Inf", "taken as 65504: white", kW, kH, everywhere(kInf)},
+      {"one -Inf", "taken as -65504, shown as 0", kW, kH, alone(-kInf, 0.18f)},
+      {"all -Inf", "taken as -65504: black", kW, kH, everywhere(-kInf)},
+      {"one negative", "kept, shown as 0", kW, kH, alone(-3, 0.18f)},
+      {"all negative", "kept, shown black", kW, kH, everywhere(-3)},
+      {"one denormal", "kept", kW, kH, alone(0x1p-20f, 0.18f)},
+      {"all denormal", "metered as 1e-4", kW, kH, everywhere(0x1p-24f)},
+      {"1x1", "metered whole, no bloom beyond level 0", 1, 1, ramp},
+      {"1x7", "metered whole, edges clamped", 1, 7, ramp},
+      {"16384x1", "metered whole, edges clamped", 16384, 1, ramp},
+      {"3x5", "metered whole, edges clamped", 3, 5, ramp},
+      {"checkerboard of 0 and 65504", "sums and bloom stay finite", kW, kH, checkers},
+      {"step from black to 65504 in 1/24 s", "exposure falls at its speed", kW, kH, everywhere(kMax),
+       state(64, 1.0 / 24)},
+      {"elapsed 0 s", "exposure stays", kW, kH, ramp, state(64, 0)},
+      {"elapsed 1e-9 s", "exposure all but stays", kW, kH, ramp, state(64, 1e-9)},
+      {"elapsed 1e9 s", "exposure arrives", kW, kH, ramp, state(64, 1e9)},
+  };
+}
+
+absl::StatusOr<Image> copy_of(const Image& halves) {
+  absl::StatusOr<Image> image = make_image(halves.width, halves.height, halves.format);
+  if (image.ok()) std::memcpy(image->pixels.data(), halves.pixels.data(), halves.bytes());
+  return image;
+}
+
+}  // namespace
+
+FrameSize frame_size(double megapixels) {
+  constexpr FrameSize kScreens[] = {
+      {0.25, 667, 375}, {1, 1333, 750}, {2, 1920, 1080}, {8, 3840, 2160}, {33, 7680, 4320}};
+  for (const FrameSize& screen : kScreens) {
+    if (screen.megapixels == megapixels) return screen;
+  }
+  const double height = std::max(1.0, std::round(std::sqrt(megapixels * 1e6 * 9 / 16)));
+  return {megapixels, static_cast<uint32_t>(std::max(1.0, std::round(megapixels * 1e6 / height))),
+          static_cast<uint32_t>(height)};
+}
+
+absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height, float most) {
+  const absl::StatusOr<Image> scene = sample_scene(width, height);
+  if (!scene.ok()) return scene.status();
+  absl::StatusOr<Image> frame = make_image(width, height, ImageFormat::kRgba16f);
+  if (!frame.ok()) return frame;
+  const std::byte* in = scene->pixels.data();
+  std::byte* out = frame->pixels.data();
+  for (uint64_t i = 0; i < uint64_t{width} * height * 4; ++i) {
+    float value = 0;
+    std::memcpy(&value, in + i * sizeof value, sizeof value);
+    const bool alpha = i % 4 == 3;
+    const uint16_t bits = imath_float_to_half(std::clamp(value, -kMax, alpha ? kMax : most));
+    std::memcpy(out + i * sizeof bits, &bits, sizeof bits);
+  }
+  return frame;
+}
+
+absl::StatusOr<Image> with_one_nan(const Image& halves) {
+  absl::StatusOr<Image> image = copy_of(halves);
+  if (!image.ok()) return image;
+  put(*image, halves.width / 2, halves.height / 2, grey(std::numeric_limits<float>::quiet_NaN()));
+  return image;
+}
+
+absl::StatusOr<Image> with_few_lights(const Image& halves) {
+  constexpr uint32_t kLights = 5;
+  absl::StatusOr<Image> image = copy_of(halves);
+  for (uint32_t i = 0; image.ok() && i < kLights; ++i) {
+    put(*image, (2 * i + 1) * halves.width / (2 * kLights), (i % 2 + 1) * halves.height / 3, grey(30000));
+  }
+  return image;
+}
+
+absl::StatusOr<Image> cropped(Image image, double megapixels) {
+  const double scale = std::sqrt(megapixels * 1e6 / (static_cast<double>(image.width) * image.height));
+  if (scale >= 1) return image;
+  const auto part = [scale](uint32_t n) {
+    return static_cast<uint32_t>(std::clamp(n * scale, 1.0, static_cast<double>(n)));
+  };
+  absl::StatusOr<Image> middle = make_image(part(image.width), part(image.height), image.format);
+  if (!middle.ok()) return middle;
+  const uint64_t left = uint64_t{(image.width - middle->width) / 2} * bytes_per_pixel(image.format);
+  const uint32_t top = (image.height - middle->height) / 2;
+  for (uint32_t y = 0; y < middle->height; ++y) {
+    std::memcpy(middle->pixels.data() + y * middle->row_bytes(),
+                image.pixels.data() + (y + top) * image.row_bytes() + left, middle->row_bytes());
+  }
+  middle->chromaticities = image.chromaticities;
+  return middle;
+}
+
+absl::StatusOr<std::vector<HardCase>> hard_cases() {
+  std::vector<HardCase> cases;
+  for (CaseShape& shape : case_shapes()) {
+    absl::StatusOr<Image> frame = make_frame(shape.width, shape.height, shape.texel);
+    if (!frame.ok()) return frame.status();
+    cases.push_back(
+        {std::move(shape.name), std::move(shape.expected), *std::move(frame), std::move(shape.previous)});
+  }
+  return cases;
+}
+
+absl::StatusOr<Image> every_half() {
+  absl::StatusOr<Image> image = make_image(256, 256, ImageFormat::kRgba16f);
+  if (!image.ok()) return image;
+  for (uint32_t half = 0; half < 65536; ++half) {
+    const auto bits = static_cast<uint16_t>(half);
+    const std::array<uint16_t, 4> texel = {bits, bits, bits, 0x3c00};  // alpha 1
+    std::memcpy(image->pixels.data() + size_t{half} * sizeof texel, texel.data(), sizeof texel);
+  }
+  return image;
+}
+
+absl::StatusOr<Image> moving_highlight(std::optional<int> eighths) {
+  constexpr uint32_t kWidth = 192, kHeight = 128;
+  constexpr float kGround = 0.01f, kLight = 500.0f, kWide = 1.5f;
+  const float left = kWidth / 2 + static_cast<float>(eighths.value_or(0)) / 8;
+  const float top = kHeight / 2;
+  const auto covered = [](uint32_t pixel, float begin) {
+    const float from = static_cast<float>(pixel);
+    return std::max(0.0f, std::min(from + 1, begin + kWide) - std::max(from, begin));
+  };
+  return make_frame(kWidth, kHeight, [&](uint32_t x, uint32_t y) {
+    return grey(kGround + (eighths ? kLight * covered(x, left) * covered(y, top) : 0.0f));
+  });
+}
+
+absl::StatusOr<std::vector<Chart>> color_charts() {
+  const struct {
+    const char* name;
+    uint32_t height;
+    TexelFunction texel;
+  } shapes[] = {
+      {"greys, 2^-10 .. 2^6", 4,
+       [](uint32_t x, uint32_t y) { return grey(std::exp2(static_cast<float>(x + 256 * y) / 64 - 10)); }},
+      {"random colours, 2^-10 .. 2^6", 64,
+       [](uint32_t x, uint32_t y) -> Texel {
+         const uint32_t i = x + kChartWidth * y;
+         const float light = std::exp2(16 * noise(i, 0) - 10);
+         return {light * noise(i, 1), light * noise(i, 2), light * noise(i, 3), 1.0f};
+       }},
+      {"saturated colours, 2^-10 .. 2^6", 64,
+       [](uint32_t x, uint32_t y) {
+         Texel c = hue(static_cast<float>(x) / kChartWidth);
+         for (size_t k = 0; k < 3; ++k) c[k] *= std::exp2(static_cast<float>(y) / 4 - 10);
+         return c;
+       }},
+  };
+  std::vector<Chart> charts;
+  for (const auto& shape : shapes) {
+    absl::StatusOr<Image> frame = make_frame(kChartWidth, shape.height, shape.texel);
+    if (!frame.ok()) return frame.status();
+    charts.push_back({shape.name, *std::move(frame)});
+  }
+  return charts;
+}
+
+}  // namespace candela

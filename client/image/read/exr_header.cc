@@ -1,0 +1,126 @@
+#include "client/image/read/exr_header.h"
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
+#include "client/image/read/readers.h"
+
+namespace candela {
+namespace {
+
+constexpr uint32_t kMultiPart = 1u << 12;  // of the version field
+
+bool read_u32(FileReader& file, uint32_t& value) {
+  value = 0;
+  for (int shift = 0; shift < 32; shift += 8) {
+    const int byte = file.get();
+    if (byte < 0) return false;
+    value |= static_cast<uint32_t>(byte) << shift;
+  }
+  return true;
+}
+
+// Up to its zero; false when there is none within the 255 letters that a name may have.
+bool read_name(FileReader& file, std::string& name) {
+  name.clear();
+  for (int byte = file.get(); byte != 0; byte = file.get()) {
+    if (byte < 0 || name.size() == 255) return false;
+    name.push_back(static_cast<char>(byte));
+  }
+  return true;
+}
+
+// Bytes of the types whose size OpenEXR knows; it reads that many whatever the file claims.
+constexpr std::pair<absl::string_view, uint32_t> kFixedSizes[] = {
+    {"box2f", 16},
+    {"box2i", 16},
+    {"chromaticities", 32},
+    {"compression", 1},
+    {"deepImageState", 1},
+    {"double", 8},
+    {"envmap", 1},
+    {"float", 4},
+    {"int", 4},
+    {"keycode", 28},
+    {"lineOrder", 1},
+    {"m33d", 72},
+    {"m33f", 36},
+    {"m44d", 128},
+    {"m44f", 64},
+    {"rational", 8},
+    {"tiledesc", 9},
+    {"timecode", 8},
+    {"v2d", 16},
+    {"v2f", 8},
+    {"v2i", 8},
+    {"v3d", 24},
+    {"v3f", 12},
+    {"v3i", 12},
+};
+
+// Takes the value of an attribute; false when what it holds is not of the size it claims, so that OpenEXR
+// would go on reading somewhere else or take memory for another size.
+bool take_value(FileReader& file, const std::string& type, uint32_t size) {
+  const uint64_t end = file.remaining() - size;
+  for (const auto& [fixed, bytes] : kFixedSizes) {
+    if (type == fixed && size != bytes) return false;
+  }
+  std::string name;
+  uint32_t width = 0, height = 0, length = 0;
+  if (type == "chlist") {
+    constexpr uint32_t kChannelBytes = 16;
+    do {
+      if (!read_name(file, name) || (!name.empty() && !file.skip(kChannelBytes))) return false;
+    } while (!name.empty());
+    return file.remaining() == end;
+  }
+  if (type == "preview") {
+    return size >= 8 && read_u32(file, width) && read_u32(file, height) && width <= size && height <= size &&
+           uint64_t{size} == 8 + uint64_t{4} * width * height && file.skip(size - 8);
+  }
+  if (type == "stringvector") {
+    while (file.remaining() > end) {
+      if (!read_u32(file, length) || !file.skip(length)) return false;
+    }
+    return file.remaining() == end;
+  }
+  return file.skip(size);
+}
+
+}  // namespace
+
+absl::Status check_exr_header(FileReader& file) {
+  uint32_t magic = 0, version = 0, size = 0;
+  std::string name, type;
+  bool whole = read_u32(file, magic) && read_u32(file, version);
+  const bool multi_part = (version & kMultiPart) != 0;
+  int attributes = 0;
+  while (whole) {
+    whole = read_name(file, name);
+    if (whole && name.empty()) {
+      // The end of a part's header; an empty one ends those of a multi-part file.
+      if (!multi_part || attributes == 0) return absl::OkStatus();
+      attributes = 0;
+      continue;
+    }
+    ++attributes;
+    whole = whole && read_name(file, type) && read_u32(file, size);
+    if (whole && size > file.remaining()) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: damaged OpenEXR file: its attribute %s claims %d bytes and %d are left",
+                          file.path(), printable(name), size, file.remaining()));
+    }
+    if (whole && !take_value(file, type, size)) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: damaged OpenEXR file: its attribute %s is not of the %d bytes that it claims",
+                          file.path(), printable(name), size));
+    }
+  }
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: damaged OpenEXR file: its header is not a list of attributes with an end", file.path()));
+}
+
+}  // namespace candela

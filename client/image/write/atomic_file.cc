@@ -1,0 +1,99 @@
+#include "client/image/write/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+namespace {
+
+std::atomic<unsigned> counter{0};
+
+const char* kind_name(mode_t mode) {
+  return S_ISFIFO(mode) ? "a FIFO" : S_ISSOCK(mode) ? "a socket" : "a device";
+}
+
+}  // namespace
+
+absl::Status cannot_write(const std::string& path, int error) {
+  return absl::ErrnoToStatus(error, absl::StrFormat("%s: cannot write", path));
+}
+
+absl::StatusOr<std::string> writable_destination(const std::string& path) {
+  std::string target = path;
+  struct stat info {};
+  if (lstat(path.c_str(), &info) == 0 && S_ISLNK(info.st_mode)) {
+    const std::unique_ptr<char, decltype(&std::free)> end(realpath(path.c_str(), nullptr), &std::free);
+    if (end == nullptr) return cannot_write(path, errno);
+    target = end.get();
+  }
+  if (stat(target.c_str(), &info) == 0) {
+    if (S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
+    if (!S_ISREG(info.st_mode)) {
+      return absl::FailedPreconditionError(
+          absl::StrFormat("%s: cannot write: is %s; name a plain file", path, kind_name(info.st_mode)));
+    }
+    // rename() would replace a file that its owner has closed to writing.
+    if (access(target.c_str(), W_OK) != 0) return cannot_write(path, errno);
+  }
+  const std::string folder = std::filesystem::path(target).parent_path().string();
+  if (access(folder.empty() ? "." : folder.c_str(), W_OK | X_OK) != 0) return cannot_write(path, errno);
+  return target;
+}
+
+absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
+  absl::StatusOr<std::string> target = writable_destination(path);
+  if (!target.ok()) return target.status();
+  struct stat old {};
+  const bool replaces = stat(target->c_str(), &old) == 0;
+  // Never wider than the old file's; a new one as a plain file is made, so that the umask decides.
+  const mode_t mode = replaces ? old.st_mode & 0777 : 0666;
+  const size_t slash = target->rfind('/') + 1;
+  for (int attempts = 0; attempts < 100; ++attempts) {
+    const std::string name = absl::StrFormat("%s.%s.%d-%d.part", target->substr(0, slash),
+                                             target->substr(slash, 200), getpid(), counter++);
+    const int descriptor = open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+    if (descriptor < 0 && errno == EEXIST) continue;
+    if (descriptor < 0) return cannot_write(path, errno);
+    TemporaryPath temporary(name);
+    std::FILE* file = replaces && fchmod(descriptor, mode) != 0 ? nullptr : fdopen(descriptor, "wb");
+    if (file == nullptr) {
+      const int error = errno;
+      close(descriptor);
+      return cannot_write(path, error);
+    }
+    setvbuf(file, nullptr, _IOFBF, 1 << 16);
+    return AtomicFile(path, *std::move(target), std::move(temporary), file);
+  }
+  return cannot_write(path, EEXIST);
+}
+
+bool AtomicFile::write(const void* bytes, size_t count) {
+  if (error_ == 0 && std::fwrite(bytes, 1, count, file_.get()) != count) error_ = errno;
+  return error_ == 0;
+}
+
+bool AtomicFile::seek(uint64_t position) {
+  if (error_ == 0 && std::fseek(file_.get(), static_cast<long>(position), SEEK_SET) != 0) error_ = errno;
+  return error_ == 0;
+}
+
+absl::Status AtomicFile::commit() {
+  if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
+  // EINVAL: of a file that has no disk.
+  if (error_ == 0 && fsync(fileno(file_.get())) != 0 && errno != EINVAL) error_ = errno;
+  if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
+  if (error_ != 0) return cannot_write(path_, error_);
+  if (std::rename(temporary_.path().c_str(), target_.c_str()) != 0) return cannot_write(path_, errno);
+  temporary_.let_go();
+  return absl::OkStatus();
+}
+
+}  // namespace candela

@@ -1,0 +1,74 @@
+// OpenEXR: one ZIP-compressed scan-line part of half (kRgba16f) or float (kRgba32f), with alpha only where
+// the image has it.
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+
+#include <exception>
+#include <stdexcept>
+
+#include "absl/strings/str_format.h"
+#include "client/image/write/writers.h"
+
+namespace candela {
+namespace {
+
+// OpenEXR's stream over ours, which already is the hidden file.
+class Stream : public Imf::OStream {
+ public:
+  explicit Stream(AtomicFile& file) : Imf::OStream(file.path().c_str()), file_(file) {}
+  void write(const char* bytes, int count) override { check(file_.write(bytes, static_cast<size_t>(count))); }
+  uint64_t tellp() override { return file_.position(); }
+  void seekp(uint64_t position) override { check(file_.seek(position)); }
+
+ private:
+  static void check(bool done) {
+    if (!done) throw std::runtime_error("write failed");
+  }
+  AtomicFile& file_;
+};
+
+Imf::Chromaticities chromaticities_of(const Image& image) {
+  if (!image.chromaticities) return {};  // Rec.709, D65
+  const std::array<float, 8>& c = *image.chromaticities;
+  return {{c[0], c[1]}, {c[2], c[3]}, {c[4], c[5]}, {c[6], c[7]}};
+}
+
+}  // namespace
+
+absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&, Notes&) {
+  if (image.format != ImageFormat::kRgba16f && image.format != ImageFormat::kRgba32f) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: an OpenEXR file is written from rgba16f or rgba32f, not %s", file.path(), name(image.format)));
+  }
+  try {
+    const Imf::PixelType type = image.format == ImageFormat::kRgba16f ? Imf::HALF : Imf::FLOAT;
+    const size_t pixel_bytes = bytes_per_pixel(image.format);
+    Imf::Header header(static_cast<int>(image.width), static_cast<int>(image.height),
+                       static_cast<float>(image.pixel_aspect));
+    header.compression() = Imf::ZIP_COMPRESSION;
+    Imf::addChromaticities(header, chromaticities_of(image));
+    Imf::FrameBuffer frame;
+    const char* const names[] = {"R", "G", "B", "A"};
+    for (size_t c = 0; c < (image.has_alpha ? 4 : 3); ++c) {
+      header.channels().insert(names[c], Imf::Channel(type));
+      // The library writes from where it could also read, hence not const.
+      char* base = reinterpret_cast<char*>(const_cast<std::byte*>(image.pixels.data())) + c * pixel_bytes / 4;
+      frame.insert(names[c], Imf::Slice(type, base, pixel_bytes, image.row_bytes()));
+    }
+    Stream stream(file);
+    Imf::OutputFile output(stream, header);
+    output.setFrameBuffer(frame);
+    output.writePixels(static_cast<int>(image.height));
+  } catch (const std::exception& error) {
+    if (file.failed()) return absl::OkStatus();  // commit() has the system's reason
+    return absl::InternalError(
+        absl::StrFormat("%s: cannot encode the OpenEXR file: %s", file.path(), error.what()));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace candela

@@ -1,0 +1,169 @@
+// candelad: the daemon.
+#include <malloc.h>
+#include <pthread.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/synchronization/notification.h"
+#include "absl/time/clock.h"
+#include "server/base/cgroup.h"
+#include "server/base/driver_environment.h"
+#include "server/base/log.h"
+#include "server/config.h"
+#include "server/daemon/service_manager.h"
+#include "server/rpc/grpc_log.h"
+#include "server/server.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+namespace {
+
+constexpr int kFailed = 1;
+constexpr int kUsage = 2;
+// How much longer than its pre-drain and drain timeout a server may take to stop before the process is ended.
+constexpr absl::Duration kStopGrace = absl::Seconds(10);
+
+// SIGTERM and SIGINT on a thread of their own: the first asks the server to drain; the second, or a server
+// that does not stop in time, ends the process.
+class Signals {
+ public:
+  // Before any other thread is started: they inherit that both signals are blocked.
+  explicit Signals(absl::Duration stop_within) : stop_within_(stop_within) {
+    sigemptyset(&set_);
+    sigaddset(&set_, SIGTERM);
+    sigaddset(&set_, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &set_, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);
+    thread_ = std::thread([this] { run(); });
+  }
+  ~Signals() {
+    finished_.Notify();
+    pthread_kill(thread_.native_handle(), SIGTERM);
+    thread_.join();
+  }
+
+  void wait_for_stop() { stop_.WaitForNotification(); }
+  // As a first SIGTERM, and what comes of it is a failure.
+  void fail() {
+    failed_ = true;
+    pthread_kill(thread_.native_handle(), SIGTERM);
+  }
+  bool failed() const { return failed_; }
+  // From now on a stop that takes too long is a client's fault, not a failure.
+  void nothing_in_flight() { nothing_in_flight_ = true; }
+
+ private:
+  void run() {
+    int signal = 0;
+    sigwait(&set_, &signal);
+    if (finished_.HasBeenNotified()) return;
+    log_event(LogLevel::kInfo, "draining",
+              {{"because", failed_            ? "the device is gone"
+                           : signal == SIGINT ? "SIGINT"
+                                              : "SIGTERM"}});
+    stop_.Notify();
+    const absl::Time end = absl::Now() + stop_within_;
+    int second = 0;
+    do {  // a process that is stopped and continued is interrupted here
+      const timespec left = absl::ToTimespec(std::max(end - absl::Now(), absl::ZeroDuration()));
+      second = sigtimedwait(&set_, nullptr, &left);
+    } while (second < 0 && errno == EINTR);
+    if (finished_.HasBeenNotified()) return;
+    if (second < 0 && nothing_in_flight_) {
+      log_event(LogLevel::kWarning, "stopped with a connection that its client would not read from");
+      _exit(failed_ ? kFailed : 0);
+    }
+    log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
+    _exit(kFailed);
+  }
+
+  const absl::Duration stop_within_;
+  sigset_t set_;
+  absl::Notification stop_;
+  absl::Notification finished_;
+  std::atomic<bool> nothing_in_flight_ = false;
+  std::atomic<bool> failed_ = false;
+  std::thread thread_;
+};
+
+int fail(const absl::Status& status, int code) {
+  absl::FPrintF(stderr, "candelad: %s\n", status.message());
+  return code;
+}
+
+int print_devices() {
+  prepare_driver_environment();
+  const absl::StatusOr<std::vector<DeviceSummary>> devices = list_devices();
+  if (!devices.ok()) return fail(devices.status(), kFailed);
+  for (const DeviceSummary& device : *devices) {
+    absl::PrintF("%d  %s  (%s, %s, Vulkan %s)%s\n", device.index, device.name, device.type, device.driver,
+                 device.api_version,
+                 device.unusable.empty() ? "" : absl::StrCat("  unusable: ", device.unusable));
+  }
+  return 0;
+}
+
+// A frame's messages are megabytes that come and go: kept by the allocator, they are not given back to the
+// system after each and faulted in again for the next, which cost a stream 6 % of its frames.
+// Each arena keeps some, so that there are few of them where memory is short.
+void keep_freed_memory() {
+  constexpr int kLargestKept = 4 << 20;  // bytes of one block: a message, but no large texture
+  constexpr int kKept = 64 << 20;        // bytes in all, of each of its arenas
+  mallopt(M_MMAP_THRESHOLD, kLargestKept);
+  mallopt(M_TRIM_THRESHOLD, kKept);
+  constexpr int kFewArenas = 2;
+  if (read_cgroup_limits().memory_bytes) mallopt(M_ARENA_MAX, kFewArenas);
+}
+
+int serve(const Invocation& invocation) {
+  start_logging(invocation.log);
+  keep_freed_memory();
+  Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
+  send_grpc_messages_to_log();
+  tell_service_manager("STATUS=starting");
+  Config config = invocation.config;
+  if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
+  if (!server.ok()) return fail(server.status(), kFailed);
+  const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
+  absl::PrintF("listening on %s\n", addresses);
+  std::fflush(stdout);
+  log_event(LogLevel::kInfo, "serving",
+            {{"address", addresses},
+             {"device", (*server)->device_name()},
+             {"metrics", (*server)->metrics_address()}});
+  tell_service_manager("READY=1\nSTATUS=serving on " + addresses);
+  const Watchdog watchdog([s = server->get()] { return s->alive(); });
+#ifdef CANDELA_LOSE_DEVICES
+  (*server)->lose_device(CANDELA_LOSE_DEVICES);  // a test's daemon
+#endif
+  signals.wait_for_stop();
+  tell_service_manager("STOPPING=1\nSTATUS=draining");
+  (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
+  log_event(LogLevel::kInfo, "stopped");
+  return signals.failed() ? kFailed : 0;
+}
+
+int run(int argc, char** argv) {
+  const absl::StatusOr<Invocation> invocation = parse_invocation(argc, argv);
+  if (!invocation.ok()) return fail(invocation.status(), kUsage);
+  if (!invocation->text.empty()) {
+    std::fputs(invocation->text.c_str(), stdout);
+    return 0;
+  }
+  return invocation->list_devices ? print_devices() : serve(*invocation);
+}
+
+}  // namespace
+}  // namespace candela
+
+int main(int argc, char** argv) { return candela::run(argc, argv); }

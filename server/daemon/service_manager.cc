@@ -1,0 +1,39 @@
+#include "server/daemon/service_manager.h"
+
+#include <systemd/sd-daemon.h>
+
+#include <cstdint>
+#include <utility>
+
+#include "absl/time/time.h"
+#include "server/base/log.h"
+
+namespace candela {
+namespace {
+
+constexpr int kKeepTheVariables = 0;
+
+}  // namespace
+
+void tell_service_manager(const std::string& lines) {
+  if (sd_notify(kKeepTheVariables, lines.c_str()) >= 0) return;
+  log_event(LogLevel::kWarning, "the service manager cannot be told", {{"what", lines}});
+}
+
+Watchdog::Watchdog(std::function<bool()> alive) {
+  uint64_t limit_us = 0;
+  if (sd_watchdog_enabled(kKeepTheVariables, &limit_us) <= 0) return;
+  const absl::Duration half = absl::Microseconds(limit_us) / 2;
+  thread_ = std::thread([this, half, is_alive = std::move(alive)] {
+    do {
+      if (is_alive()) tell_service_manager("WATCHDOG=1");
+    } while (!stop_.WaitForNotificationWithTimeout(half));
+  });
+}
+
+Watchdog::~Watchdog() {
+  stop_.Notify();
+  if (thread_.joinable()) thread_.join();
+}
+
+}  // namespace candela

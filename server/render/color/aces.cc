@@ -1,0 +1,78 @@
+#include "server/render/color/aces.h"
+
+#include <OpenColorIO/OpenColorIO.h>
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace candela {
+
+namespace {
+
+namespace ocio = OCIO_NAMESPACE;
+
+// Exposed light beyond this maps to white, whatever its colour, and would leave a float's range in the
+// transform.
+constexpr float kMaxLight = 0x1p40f;
+// Where the axes of the table end: the tone curve is flat from 16.3 on; what is left is hue.
+constexpr float kTableEnd = 32.0f;
+
+void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::TransformDirection direction) {
+  const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
+  builtin->setStyle(style);
+  builtin->setDirection(direction);
+  group->appendTransform(builtin);
+}
+
+absl::StatusOr<ocio::ConstCPUProcessorRcPtr> make_processor() {
+  try {
+    const ocio::GroupTransformRcPtr group = ocio::GroupTransform::Create();
+    append(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_INVERSE);
+    append(group, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_FORWARD);
+    append(group, "ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0", ocio::TRANSFORM_DIR_FORWARD);
+    append(group, "UTILITY - ACES-AP1_to_CIE-XYZ-D65_BFD", ocio::TRANSFORM_DIR_INVERSE);
+    append(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_FORWARD);
+    // No approximations of logarithms and powers.
+    return ocio::Config::CreateRaw()->getProcessor(group)->getOptimizedCPUProcessor(
+        ocio::OPTIMIZATION_LOSSLESS);
+  } catch (const std::exception& error) {
+    return absl::FailedPreconditionError(absl::StrCat("aces-1 is not in this OpenColorIO, version ",
+                                                      ocio::GetVersion(), ": ", error.what(),
+                                                      "; install 2.1 or later, or choose another curve"));
+  }
+}
+
+}  // namespace
+
+absl::Status aces_1(std::span<float> rgb) {
+  static const absl::StatusOr<ocio::ConstCPUProcessorRcPtr>& processor =
+      *new absl::StatusOr<ocio::ConstCPUProcessorRcPtr>(make_processor());
+  if (!processor.ok()) return processor.status();
+  if (rgb.empty()) return absl::OkStatus();
+  for (float& v : rgb) v = std::min(v, kMaxLight);
+  try {
+    ocio::PackedImageDesc image(rgb.data(), static_cast<long>(rgb.size() / 3), 1, 3);
+    (*processor)->apply(image);
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("OpenColorIO: ", error.what()));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::shared_ptr<const ColorTable>> aces_1_table(uint32_t size) {
+  static std::mutex& mutex = *new std::mutex;
+  static auto& tables = *new std::map<uint32_t, std::shared_ptr<const ColorTable>>;
+  const std::lock_guard lock(mutex);
+  std::shared_ptr<const ColorTable>& table = tables[size];
+  if (table) return table;
+  std::vector<float> rgb = lattice_light(size, shader::AXES_ACES, kTableEnd);
+  if (absl::Status status = aces_1(rgb); !status.ok()) return status;
+  table = std::make_shared<const ColorTable>(make_color_table(size, shader::AXES_ACES, kTableEnd, rgb));
+  return table;
+}
+
+}  // namespace candela

@@ -1,0 +1,90 @@
+#include "server/render/color/primaries.h"
+
+#include <ImathMatrix.h>
+#include <ImathVec.h>
+
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+
+namespace candela {
+
+namespace {
+
+using Imath::M33d;
+using Imath::V3d;
+
+// Imath multiplies row vectors from the left: v * (A * B) applies A first.
+
+V3d xyz(double x, double y) { return {x / y, 1.0, (1.0 - x - y) / y}; }
+
+M33d rows(const V3d& a, const V3d& b, const V3d& c) { return {a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z}; }
+
+// Real primaries stay below 100; beyond this, three products with +-65504 could leave a float's range.
+constexpr double kMaxEntry = 1e6;
+
+bool usable(const M33d& m) {
+  const double d = m.determinant();
+  return std::isfinite(d) && std::abs(d) > 1e-9;
+}
+
+// Linear RGB to XYZ, white at Y = 1; a singular result means singular primaries.
+M33d to_xyz(const std::array<double, 8>& c) {
+  const M33d primaries =
+      rows({c[0], c[1], 1 - c[0] - c[1]}, {c[2], c[3], 1 - c[2] - c[3]}, {c[4], c[5], 1 - c[4] - c[5]});
+  if (!usable(primaries) || !(std::abs(c[7]) > 1e-9)) return M33d(0.0);
+  const V3d scale = xyz(c[6], c[7]) * primaries.inverse();
+  return rows({scale.x, 0, 0}, {0, scale.y, 0}, {0, 0, scale.z}) * primaries;
+}
+
+M33d bradford(const V3d& from_white, const V3d& to_white) {
+  const M33d cone =
+      M33d(0.8951, 0.2664, -0.1614, -0.7502, 1.7135, 0.0367, 0.0389, -0.0685, 1.0296).transposed();
+  const V3d from = from_white * cone;
+  const V3d to = to_white * cone;
+  return cone * rows({to.x / from.x, 0, 0}, {0, to.y / from.y, 0}, {0, 0, to.z / from.z}) * cone.inverse();
+}
+
+bool close(const Chromaticities& a, const Chromaticities& b, size_t first, double tolerance) {
+  for (size_t i = first; i < a.xy.size(); ++i) {
+    if (!(std::abs(a.xy[i] - b.xy[i]) <= tolerance)) return false;
+  }
+  return true;
+}
+
+absl::Status unusable(const Chromaticities& chromaticities) {
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "input_chromaticities (%s) are not three independent primaries and a white; leave them out for "
+      "Rec.709",
+      absl::StrJoin(chromaticities.xy, " ")));
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from) {
+  const auto& c = from.xy;
+  const auto rec709 = chromaticities(Primaries::kRec709);
+  const bool plain_xyz = close(from, chromaticities(Primaries::kXyz), 0, 1e-4);
+  M33d m = plain_xyz ? M33d() : to_xyz(c);
+  if (!usable(m)) return unusable(from);
+  if (!plain_xyz && !close(from, rec709, 6, 1e-5)) {
+    m = m * bradford(xyz(c[6], c[7]), xyz(rec709.xy[6], rec709.xy[7]));
+  }
+  m = m * to_xyz(rec709.xy).inverse();
+
+  std::array<float, 9> matrix;
+  bool identity = true;
+  for (int r = 0; r < 3; ++r) {
+    for (int k = 0; k < 3; ++k) {
+      const double v = m[k][r];  // transposed: for column vectors
+      if (!(std::abs(v) <= kMaxEntry)) return unusable(from);
+      if (std::abs(v - (r == k ? 1.0 : 0.0)) > 1e-5) identity = false;
+      matrix[static_cast<size_t>(3 * r + k)] = static_cast<float>(v);
+    }
+  }
+  if (identity) return std::nullopt;
+  return matrix;
+}
+
+}  // namespace candela

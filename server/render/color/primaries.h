@@ -1,0 +1,19 @@
+// Colour primaries: from a frame's own to the scene's Rec.709.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "absl/status/statusor.h"
+#include "server/render/settings/settings.h"
+
+namespace candela {
+
+// The 3x3 matrix, row by row, that takes linear RGB of these primaries to linear Rec.709 with a D65 white;
+// nothing where it is within 1e-5 of the identity. White is adapted by Bradford where it differs, but plain
+// CIE XYZ (primaries (1,0) (0,1) (0,0), equal-energy white) is taken as it is. INVALID_ARGUMENT for
+// chromaticities that are not finite or span no volume. Source: SMPTE RP 177-1993; Bradford: Lam 1985, as in
+// ICC.1:2010 annex E.
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from);
+
+}  // namespace candela

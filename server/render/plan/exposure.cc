@@ -1,0 +1,56 @@
+#include "server/render/plan/exposure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+
+double exposure_target(const ExposureSettings& settings, double mean_log2_luminance) {
+  if (settings.mode == ExposureMode::kManual) return std::exp2(settings.manual_ev);
+  const double wanted = settings.key * std::exp2(settings.compensation_ev - mean_log2_luminance);
+  return std::clamp(wanted, settings.min_exposure, settings.max_exposure);
+}
+
+absl::Status check_previous(const PreviousExposure& previous) {
+  // Written so that NaN fails.
+  if (!(previous.exposure >= v1::kExposureLimit.min && previous.exposure <= v1::kExposureLimit.max)) {
+    return absl::InvalidArgumentError(absl::StrFormat("previous.exposure is %g; it must be between %g and %g",
+                                                      previous.exposure, v1::kExposureLimit.min,
+                                                      v1::kExposureLimit.max));
+  }
+  if (!(previous.elapsed_seconds >= v1::kElapsedSeconds.min &&
+        previous.elapsed_seconds <= v1::kElapsedSeconds.max)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "previous.elapsed_seconds is %g; it must be between %g and %g: time does not run backwards",
+        previous.elapsed_seconds, v1::kElapsedSeconds.min, v1::kElapsedSeconds.max));
+  }
+  return absl::OkStatus();
+}
+
+double adapt_exposure(const AdaptationSettings& settings, const std::optional<PreviousExposure>& previous,
+                      double target) {
+  if (!previous) return target;
+  const double from = previous->exposure;
+  const double speed = target > from ? settings.speed_up : settings.speed_down;
+  const double x = -previous->elapsed_seconds * speed;
+  const bool linear = settings.domain == AdaptationDomain::kLinear;
+  // Written from the nearer end, so that a short step keeps the digits of where it began and a long one
+  // arrives.
+  if (x > -0.5) {
+    const double alpha = -std::expm1(x);
+    return linear ? from + (target - from) * alpha : from * std::exp2(std::log2(target / from) * alpha);
+  }
+  const double left = std::exp(x);
+  return linear ? target + (from - target) * left : target * std::exp2(std::log2(from / target) * left);
+}
+
+Exposed expose(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous,
+               double mean_log2_luminance) {
+  const double target = exposure_target(settings, mean_log2_luminance);
+  if (settings.mode == ExposureMode::kManual) return {target, target};
+  return {adapt_exposure(settings.adaptation, previous, target), target};
+}
+
+}  // namespace candela

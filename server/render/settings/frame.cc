@@ -1,0 +1,50 @@
+#include "server/render/settings/frame.h"
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+
+const char* name(PixelFormat format) {
+  switch (format) {
+    case PixelFormat::kRgba16f:
+      return "rgba16f";
+    case PixelFormat::kRgba32f:
+      return "rgba32f";
+    case PixelFormat::kRgb9e5:
+      return "rgb9e5";
+  }
+  return "unknown";
+}
+
+const char* name(OutputFormat format) {
+  switch (format) {
+    case OutputFormat::kRgba8:
+      return "rgba8";
+    case OutputFormat::kRgba16:
+      return "rgba16";
+    case OutputFormat::kRgba16f:
+      return "rgba16f";
+  }
+  return "unknown";
+}
+
+absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits) {
+  if (desc.width == 0 || desc.height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame is %dx%d pixels; both sides must be at least 1", desc.width, desc.height));
+  }
+  if (desc.width > limits.max_dimension || desc.height > limits.max_dimension) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "frame is %dx%d pixels and this server takes at most %d a side; scale it down or send it in parts",
+        desc.width, desc.height, limits.max_dimension));
+  }
+  // As a division, for the product may not fit into 64 bits.
+  if (desc.row_bytes() > limits.max_frame_bytes / desc.height) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "frame is %d bytes (%dx%d %s) and this server takes at most %d; send half floats or fewer pixels",
+        desc.bytes(), desc.width, desc.height, name(desc.format), limits.max_frame_bytes));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace candela

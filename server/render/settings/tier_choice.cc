@@ -1,0 +1,63 @@
+#include "server/render/settings/tier_choice.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+
+namespace candela {
+
+namespace {
+
+std::string words(const TierNumbers& n) {
+  return absl::StrFormat("%s takes %.3g ms with at most %.3g codes of error", n.tier, n.ms,
+                         n.max_error_codes);
+}
+
+std::string words(const Promise& promise) {
+  std::vector<std::string> parts;
+  if (promise.max_error_codes)
+    parts.push_back(absl::StrFormat("max_error_codes %g", *promise.max_error_codes));
+  if (promise.max_ms) parts.push_back(absl::StrFormat("max_ms %g", *promise.max_ms));
+  return absl::StrJoin(parts, " with ");
+}
+
+bool faster(const TierNumbers& a, const TierNumbers& b) { return a.ms < b.ms; }
+bool more_accurate(const TierNumbers& a, const TierNumbers& b) {
+  return a.max_error_codes < b.max_error_codes;
+}
+
+}  // namespace
+
+absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const Promise& promise) {
+  std::vector<TierNumbers> accurate;  // enough
+  std::vector<TierNumbers> keeping;   // everything
+  for (const TierNumbers& n : numbers) {
+    if (promise.max_error_codes && n.max_error_codes > *promise.max_error_codes) continue;
+    accurate.push_back(n);
+    if (!promise.max_ms || n.ms <= *promise.max_ms) keeping.push_back(n);
+  }
+  if (keeping.empty()) {
+    // The nearest: the fastest of those that are accurate enough, or the most accurate of all.
+    const TierNumbers& nearest = accurate.empty()
+                                     ? *std::min_element(numbers.begin(), numbers.end(), more_accurate)
+                                     : *std::min_element(accurate.begin(), accurate.end(), faster);
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "no tier keeps %s for frames of this size and these settings on this device; the nearest that is "
+        "possible: %s",
+        words(promise), words(nearest)));
+  }
+  const TierNumbers& chosen = promise.max_error_codes
+                                  ? *std::min_element(keeping.begin(), keeping.end(), faster)
+                                  : *std::min_element(keeping.begin(), keeping.end(), more_accurate);
+  std::vector<std::string> others;
+  for (const TierNumbers& n : numbers) {
+    if (n.tier != chosen.tier) others.push_back(words(n));
+  }
+  return TierChoice{chosen.tier,
+                    absl::StrFormat("%s, as measured here; it keeps %s%s%s", words(chosen), words(promise),
+                                    others.empty() ? "" : "; ", absl::StrJoin(others, ", "))};
+}
+
+}  // namespace candela

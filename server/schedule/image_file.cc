@@ -1,0 +1,61 @@
+#include "server/schedule/image_file.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "server/encode/picture.h"
+
+namespace candela {
+namespace {
+
+template <typename Component>
+bool alpha_varies(const PictureView& picture) {
+  constexpr size_t kComponents = 4;
+  const auto alpha = [&](uint32_t x, uint32_t y) {
+    Component value;
+    std::memcpy(&value, picture.row(y) + (size_t{x} * kComponents + 3) * sizeof value, sizeof value);
+    return value;
+  };
+  const Component first = alpha(0, 0);
+  for (uint32_t y = 0; y < picture.height; ++y) {
+    for (uint32_t x = 0; x < picture.width; ++x) {
+      if (alpha(x, y) != first) return true;
+    }
+  }
+  return false;
+}
+
+EncodedTransfer encoded_transfer(Transfer transfer) {
+  return transfer == Transfer::kSrgb      ? EncodedTransfer::kSrgb
+         : transfer == Transfer::kGamma22 ? EncodedTransfer::kGamma22
+                                          : EncodedTransfer::kLinear;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
+                                         Encoding encoding, int quality) {
+  const FrameDesc& desc = memory.desc();
+  const std::byte* rows = memory.output_row(0).data();
+  const PictureView picture{.width = desc.width,
+                            .height = desc.height,
+                            .wide = settings.output_format == OutputFormat::kRgba16,
+                            .rows = rows,
+                            .row_stride_bytes = static_cast<size_t>(memory.output_row(1).data() - rows)};
+  std::string file;
+  const auto append = [&file](const void* bytes, size_t count) {
+    file.append(static_cast<const char*>(bytes), count);
+    return true;
+  };
+  absl::Status status;
+  if (encoding == Encoding::kJpeg) {
+    status = encode_jpeg(picture, quality, append);
+  } else {
+    const bool alpha = picture.wide ? alpha_varies<uint16_t>(picture) : alpha_varies<uint8_t>(picture);
+    status = encode_png(picture, {alpha, encoded_transfer(output_transfer(settings))}, append);
+  }
+  if (!status.ok()) return status;
+  return file;
+}
+
+}  // namespace candela

@@ -1,0 +1,128 @@
+#include "server/session/exposure_track.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+
+namespace candela {
+
+ExposureTrack::ExposureTrack(uint32_t lookahead, double cut_threshold_ev, ExposureState state)
+    : lookahead_(lookahead),
+      cut_threshold_ev_(cut_threshold_ev),
+      state_(std::move(state)),
+      any_(state_.begun),
+      last_sequence_(state_.sequence),
+      last_time_ns_(state_.media_time_ns) {}
+
+absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool cut,
+                                const ExposureSettings& settings) {
+  if (media_time_ns < v1::kMediaTimeNs.min || media_time_ns > v1::kMediaTimeNs.max) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.media_time_ns is %d; it must be between %d and %d", media_time_ns,
+                        v1::kMediaTimeNs.min, v1::kMediaTimeNs.max));
+  }
+  if (any_ && sequence < last_sequence_) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "frame.sequence is %d after %d; number the frames of a session upwards", sequence, last_sequence_));
+  }
+  if (any_ && media_time_ns < last_time_ns_) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.media_time_ns is %d after %d; time does not run backwards in a session",
+                        media_time_ns, last_time_ns_));
+  }
+  if (any_ && sequence == last_sequence_ && media_time_ns != last_time_ns_) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.media_time_ns is %d and was %d when frame %d came first; repeat it as it was, "
+                        "or give it a new "
+                        "number",
+                        media_time_ns, last_time_ns_, sequence));
+  }
+  frames_.push_back({sequence, media_time_ns, cut, settings});
+  any_ = true;
+  last_sequence_ = sequence;
+  last_time_ns_ = media_time_ns;
+  return absl::OkStatus();
+}
+
+ExposureTrack::Waiting& ExposureTrack::unmetered(uint64_t sequence) {
+  return *std::find_if(frames_.begin(), frames_.end(), [sequence](const Waiting& frame) {
+    return frame.sequence == sequence && !frame.stats && !frame.failed;
+  });
+}
+
+void ExposureTrack::metered(uint64_t sequence, const FrameStats& stats) { unmetered(sequence).stats = stats; }
+
+void ExposureTrack::failed(uint64_t sequence) { unmetered(sequence).failed = true; }
+
+// Of a frame that is metered, as all before it are or have failed.
+bool ExposureTrack::begins_scene(size_t index) const {
+  if (frames_[index].cut) return true;
+  if (cut_threshold_ev_ == 0.0) return false;
+  std::optional<ScenePrint> before = state_.print;
+  for (size_t i = 0; i < index; ++i) {
+    if (frames_[i].stats) before = frames_[i].stats->print;
+  }
+  return before && scene_difference(*before, frames_[index].stats->print) > cut_threshold_ev_;
+}
+
+std::optional<double> ExposureTrack::mean_of_first() const {
+  // Weights are whole numbers, so that equal means have that mean.
+  double sum = 0.0;
+  uint32_t weights = 0;
+  uint32_t later = 0;
+  uint64_t last = 0;
+  for (size_t i = 0; i < frames_.size() && later <= lookahead_; ++i) {
+    const Waiting& frame = frames_[i];
+    if (i > 0 && frame.sequence == last) continue;
+    if (i > 0 && frame.cut) return sum / weights;
+    if (frame.failed) {
+      ++later;
+      continue;
+    }
+    if (!frame.stats) return std::nullopt;
+    if (i > 0 && begins_scene(i)) return sum / weights;
+    const uint32_t weight = lookahead_ + 1 - later;
+    sum += frame.stats->mean_log2_luminance * weight;
+    weights += weight;
+    last = frame.sequence;
+    ++later;
+  }
+  if (later <= lookahead_ && !ended_) return std::nullopt;
+  return sum / weights;
+}
+
+std::optional<FrameExposure> ExposureTrack::next() {
+  while (!frames_.empty() && frames_.front().failed) {
+    // The scene that it would have begun begins with the next one; a repeat begins none.
+    if (!state_.is_of(frames_.front().sequence)) state_.cut_pending |= frames_.front().cut;
+    frames_.pop_front();
+  }
+  if (frames_.empty() || !frames_.front().stats) return std::nullopt;
+  const Waiting& frame = frames_.front();
+  if (state_.is_of(frame.sequence)) {
+    frames_.pop_front();
+    return FrameExposure{state_.sequence, state_};
+  }
+  const std::optional<double> mean = mean_of_first();
+  if (!mean) return std::nullopt;
+  const bool cut = state_.cut_pending || begins_scene(0);
+  std::optional<PreviousExposure> previous;
+  if (state_.begun && !cut) {
+    const int64_t elapsed_ns = frame.media_time_ns - state_.media_time_ns;
+    previous = {state_.exposed.exposure, static_cast<double>(elapsed_ns) * 1e-9};
+  }
+  const Exposed exposed = expose(frame.settings, previous, *mean);
+  state_ = {.begun = true,
+            .sequence = frame.sequence,
+            .media_time_ns = frame.media_time_ns,
+            .exposed = exposed,
+            .before = previous ? previous->exposure : exposed.exposure,
+            .cut = cut,
+            .cut_pending = false,
+            .print = cut_threshold_ev_ > 0.0 ? std::optional(frame.stats->print) : std::nullopt};
+  frames_.pop_front();
+  return FrameExposure{state_.sequence, state_};
+}
+
+}  // namespace candela

@@ -1,0 +1,50 @@
+#include "server/session/settings_track.h"
+
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+
+SettingsTrack::SettingsTrack(SessionSettings opened, Encoding encoding)
+    : now_(std::move(opened)), encoding_(encoding) {}
+
+void SettingsTrack::resume(uint64_t sequence, std::string tier) {
+  last_sequence_ = sequence;
+  if (!tier.empty()) choice_ = TierChoice{std::move(tier), ""};
+}
+
+absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
+  if (last_sequence_ && change.from_sequence() <= *last_sequence_) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("change.from_sequence is %d and frame %d came already; name a later one",
+                        change.from_sequence(), *last_sequence_));
+  }
+  if (changes_.size() >= v1::kMaxPendingChanges && changes_.count(change.from_sequence()) == 0) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%d changes of settings wait for their frames already, the most there may be", changes_.size()));
+  }
+  absl::StatusOr<SessionSettings> settings = session_settings_from(change.settings(), encoding_);
+  if (!settings.ok()) return settings.status();
+  changes_.insert_or_assign(change.from_sequence(), *std::move(settings));
+  return absl::OkStatus();
+}
+
+void SettingsTrack::advance(uint64_t sequence) {
+  last_sequence_ = sequence;
+  while (!changes_.empty() && changes_.begin()->first <= sequence) {
+    now_ = std::move(changes_.begin()->second);
+    choice_.reset();
+    changes_.erase(changes_.begin());
+  }
+}
+
+Settings SettingsTrack::of_frame() const {
+  Settings settings = now_.settings;
+  if (choice_) settings.tier = choice_->tier;
+  return settings;
+}
+
+}  // namespace candela
