@@ -6,7 +6,7 @@
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/enum_words.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 template <typename Enum, typename Values>
 std::vector<std::string> words_of(const Values& values) {
   std::vector<std::string> words;
-  for (const int value : values) words.push_back(word_of(static_cast<Enum>(value)));
+  for (const int value : values) words.push_back(v1::word_of(static_cast<Enum>(value)));
   return words;
 }
 

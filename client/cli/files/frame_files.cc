@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/cli/options/picture_options.h"
+#include "client/cli/options/settings_options.h"
 
 namespace candela {
 namespace {

@@ -1,4 +1,4 @@
-// The command line's grammar: subcommands, help, and what to say to words that are not in it.
+// The command line's grammar: subcommands, help, and errors for words that are not in it.
 #include <CLI/CLI.hpp>
 
 #include "absl/strings/match.h"
@@ -8,11 +8,13 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/files/sequence_files.h"
+#include "client/cli/options/bench_options.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/options.h"
 #include "client/cli/options/render_options.h"
 #include "client/cli/options/report_options.h"
-#include "client/cli/options/security_options.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/settings_options.h"
 #include "client/cli/options/stream_options.h"
 #include "client/cli/options/usage.h"
 
@@ -25,18 +27,17 @@ namespace {
 
 constexpr char kExamples[] =
     "Examples:\n"
-    "  candela sample scene.exr              make a picture to try things on\n"
+    "  candela sample scene.exr              make a scene to try things on\n"
     "  candela render scene.exr scene.png    render it here, without a server\n"
     "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
-    "  candela info                          say what this machine renders on\n"
-    "`candela COMMAND --help` says everything about a command.";
+    "  candela info                          describe the device this machine renders on\n"
+    "`candela COMMAND --help` lists a command's options.";
 
 constexpr char kRenderExamples[] =
     "Examples:\n"
     "  candela render in.exr out.png\n"
     "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
-    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -\n"
-    "X is a plain factor, L a linear luminance in the image's own scale, EV a power of two.";
+    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -";
 
 constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
 
@@ -44,8 +45,7 @@ constexpr char kStreamExamples[] =
     "Examples:\n"
     "  candela stream 'in/*.exr' out/%04d.png --fps 24\n"
     "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
-    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json\n"
-    "X is a plain factor, L a linear luminance in the image's own scale, EV a power of two.";
+    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json";
 
 constexpr char kBenchExamples[] =
     "Examples:\n"
@@ -73,26 +73,29 @@ void add_sample(CLI::App& app, SampleOptions& sample) {
       app, "Options", "--sequence", "DIR|PATTERN",
       "Write a sequence instead, whose light steps by 2^12 in the middle: to a folder, or to a pattern such "
       "as in/%04d.exr",
-      [&sample](const std::string& text) {
-        sample.sequence = text;
-        return absl::OkStatus();
-      });
+      sample.sequence);
   add_number(
       app, "Options", "--frames", "N", {2, 100000}, static_cast<double>(sample.frames),
       "Frames of the sequence", [&sample](double n) { sample.frames = static_cast<uint64_t>(n); }, true);
-  app.add_flag("--quiet,-q", sample.quiet, "Print nothing but errors");
+  add_quiet_option(app, "Options", sample.quiet);
+}
+
+void add_meter(CLI::App& app, MeterOptions& options) {
+  app.add_option("IN", options.input, "Image to meter: OpenEXR, Radiance .hdr or PFM")
+      ->required()
+      ->option_text(" ");
+  add_settings_options(app, options.settings, changes_metering);
+  add_json_option(app, kOutputSection, "Write the numbers as one line of JSON", options.json);
+  add_server_options(app, options.server);
 }
 
 void add_health(CLI::App& app, HealthOptions& health) {
-  add_text(app, "Options", "--server", "ADDRESS", "The candelad to ask, HOST:PORT or unix:PATH",
-           [&health](const std::string& address) {
-             health.address = address;
-             return absl::OkStatus();
-           })
+  add_text(app, "Options", "--server", "ADDRESS", "Address of the candelad to ask, HOST:PORT or unix:PATH",
+           health.address)
       ->required();
   add_security_options(app, "Options", health.security);
-  add_number(app, "Options", "--timeout", "S", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
-             "Seconds to wait for its answer",
+  add_number(app, "Options", "--timeout", "SECONDS", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
+             "How long to wait for an answer",
              [&health](double seconds) { health.timeout = absl::Seconds(seconds); });
 }
 
@@ -108,19 +111,19 @@ void define(CLI::App& app, Arguments& arguments) {
       *app.add_subcommand("stream", "Renders a sequence of frames with exposure that adapts over time.");
   stream.footer(kStreamExamples);
   add_stream_options(stream, arguments.stream);
-  add_meter_command(*app.add_subcommand("meter", "Says what exposure an image asks for, and why."),
-                    arguments.meter);
+  add_meter(*app.add_subcommand("meter", "Reports the exposure an image asks for, and why."),
+            arguments.meter);
   add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them."),
              arguments.sample);
-  add_report_options(*app.add_subcommand("report", "Measures this machine and writes a page about it."),
+  add_report_options(*app.add_subcommand("report", "Measures this machine and writes a report page."),
                      arguments.report);
-  CLI::App& bench = *app.add_subcommand("bench", "Loads a server with sessions and measures it.");
+  CLI::App& bench = *app.add_subcommand("bench", "Puts a server under load with sessions and measures it.");
   bench.footer(kBenchExamples);
   add_bench_options(bench, arguments.bench);
-  CLI::App& info = *app.add_subcommand("info", "Says what a server is and can do.");
-  add_json_option(info, "Output", "Write it as one line of JSON, - for stdout", arguments.info.json);
+  CLI::App& info = *app.add_subcommand("info", "Describes a server: device, formats, curves, limits.");
+  add_json_option(info, kOutputSection, "Write it as one line of JSON", arguments.info.json);
   add_server_options(info, arguments.info.server);
-  add_health(*app.add_subcommand("health", "Asks a server whether it serves: exit 0 if so, else 1."),
+  add_health(*app.add_subcommand("health", "Checks whether a server is serving: exit code 0 if so, else 1."),
              arguments.health);
   app.footer(kExamples);
 }
@@ -133,7 +136,7 @@ std::vector<std::string> option_names(const CLI::App& app) {
   return names;
 }
 
-// Looks for words that are not in the grammar before CLI11 trips over what follows from them.
+// Finds words that are not in the grammar before CLI11 reports their consequences.
 absl::Status check_words(const CLI::App& app, const std::vector<std::string>& words) {
   if (words.empty()) return absl::OkStatus();
   const CLI::App* command = &app;
@@ -166,7 +169,7 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
   return absl::OkStatus();
 }
 
-// CLI11 leaves two lines between sections, and takes several files for several of each.
+// CLI11 leaves two empty lines between sections, and marks OUT as repeatable with the inputs.
 std::string help(const CLI::App& app) {
   return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
 }
@@ -197,13 +200,13 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
     return std::move(arguments.stream.options);
   }
   if (app.got_subcommand("meter")) {
-    absl::Status status = check_meter_options(arguments.meter.settings);
+    absl::Status status = check_settings_options(arguments.meter.settings);
     status.Update(check_server_options(arguments.meter.server));
     if (!status.ok()) return status;
     return arguments.meter;
   }
   if (app.got_subcommand("bench")) {
-    if (absl::Status status = finish_bench_options(arguments.bench); !status.ok()) return status;
+    if (absl::Status status = check_server_options(arguments.bench.server); !status.ok()) return status;
     return arguments.bench;
   }
   if (app.got_subcommand("sample")) {
@@ -222,7 +225,7 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
   return TextToPrint{help(app)};
 }
 
-// CLI11's own words, in one line.
+// CLI11's own message, in one line.
 absl::Status refused(const CLI::App& app, const CLI::Error& error) {
   const std::vector<CLI::App*> commands = app.get_subcommands();
   std::string what = error.what();
@@ -241,7 +244,7 @@ absl::Status refused(const CLI::App& app, const CLI::Error& error) {
 
 absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv) {
   Arguments arguments;
-  CLI::App app("candela: renders HDR images to pictures for a display.\n", "candela");
+  CLI::App app("candela: renders HDR images for a display, here or on a server.\n", "candela");
   define(app, arguments);
   const std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (absl::Status status = check_words(app, words); !status.ok()) return status;

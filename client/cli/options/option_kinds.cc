@@ -6,8 +6,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "client/cli/options/enum_words.h"
 #include "client/cli/options/usage.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 
@@ -23,17 +23,15 @@ CLI::Option* add_text(CLI::App& app, const std::string& section, const std::stri
       ->take_last();
 }
 
-std::string format_number(double value) {
-  int exponent = 0;
-  if (std::frexp(value, &exponent) == 0.5 && std::abs(exponent - 1) >= 20) {
-    return absl::StrFormat("2^%d", exponent - 1);
-  }
-  return absl::StrFormat("%.7g", value);
+CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
+                      const std::string& placeholder, const std::string& help, std::string& text) {
+  return add_text(app, section, name, placeholder, help, [&text](const std::string& typed) {
+    text = typed;
+    return absl::OkStatus();
+  });
 }
 
-std::string format_range(v1::Range<double> range) {
-  return absl::StrFormat("%s .. %s", format_number(range.min), format_number(range.max));
-}
+std::string format_range(v1::Range<double> range) { return v1::format_range(range.min, range.max); }
 
 absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
                                     bool whole) {
@@ -49,11 +47,20 @@ absl::StatusOr<double> parse_number(const std::string& name, const std::string& 
   return value;
 }
 
+absl::StatusOr<int> enum_value(const google::protobuf::EnumDescriptor& type, const std::string& what,
+                               const std::string& word) {
+  for (int i = 0; i < type.value_count(); ++i) {
+    const int value = type.value(i)->number();
+    if (value != 0 && v1::enum_word(type, value) == word) return value;
+  }
+  return unknown_word(what, word, v1::enum_words(type));
+}
+
 void add_number(CLI::App& app, const std::string& section, const std::string& name, const std::string& unit,
                 v1::Range<double> range, double initial, const std::string& help,
                 std::function<void(double)> set, bool whole) {
   const std::string text =
-      absl::StrFormat("%s; %s (default %s)", help, format_range(range), format_number(initial));
+      absl::StrFormat("%s; %s (default %s)", help, format_range(range), v1::format_number(initial));
   add_text(app, section, name, unit, text,
            [name, range, whole, set = std::move(set)](const std::string& typed) {
              const absl::StatusOr<double> value = parse_number(name, typed, range, whole);
@@ -65,13 +72,21 @@ void add_number(CLI::App& app, const std::string& section, const std::string& na
 void add_enum_value(CLI::App& app, const std::string& section, const std::string& name,
                     const std::string& what, const google::protobuf::EnumDescriptor& type, int initial,
                     const std::string& help, std::function<void(int)> set) {
-  const std::string text = absl::StrFormat("%s: %s (default %s)", help, absl::StrJoin(enum_words(type), ", "),
-                                           enum_word(type, initial));
+  const std::string text = absl::StrFormat(
+      "%s: %s (default %s)", help, absl::StrJoin(v1::enum_words(type), ", "), v1::enum_word(type, initial));
   add_text(app, section, name, "NAME", text, [what, &type, set = std::move(set)](const std::string& typed) {
     const absl::StatusOr<int> value = enum_value(type, what, typed);
     if (value.ok()) set(*value);
     return value.status();
   });
+}
+
+void add_json_option(CLI::App& app, const std::string& section, const std::string& help, std::string& path) {
+  add_text(app, section, "--json", "FILE|-", help + "; - is stdout", path);
+}
+
+void add_quiet_option(CLI::App& app, const std::string& section, bool& quiet) {
+  app.add_flag("--quiet,-q", quiet, "Print nothing but errors")->group(section);
 }
 
 }  // namespace candela

@@ -14,32 +14,45 @@
 
 namespace candela {
 
-// How a usage error leaves CLI11's parser.
+// Carries a usage error out of CLI11's parser.
 struct OptionError {
   absl::Status status;
 };
 
-// An option of one section of the help whose text `set` takes or refuses. Given twice, the last one counts.
+// An option in a section of the help. `set` takes or refuses its text. If it is given twice, the last one
+// counts.
 CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
                       const std::string& placeholder, const std::string& help,
                       std::function<absl::Status(const std::string&)> set);
 
-// A number in a range; `whole` for those that have no fraction.
+// The same, for text that is taken as it is.
+CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
+                      const std::string& placeholder, const std::string& help, std::string& text);
+
+// A number in a range; `whole` refuses fractions.
 void add_number(CLI::App& app, const std::string& section, const std::string& name, const std::string& unit,
                 v1::Range<double> range, double initial, const std::string& help,
                 std::function<void(double)> set, bool whole = false);
 
-// One of an enum's words.
+// One word of an enum.
 template <typename Enum>
 void add_enum(CLI::App& app, const std::string& section, const std::string& name, const std::string& what,
               Enum initial, const std::string& help, std::function<void(Enum)> set);
 
-// A number in a range from the text of the option `name`, or a usage error.
+// --json FILE|-
+void add_json_option(CLI::App& app, const std::string& section, const std::string& help, std::string& path);
+
+// --quiet
+void add_quiet_option(CLI::App& app, const std::string& section, bool& quiet);
+
+// The number in the text of the option `name`, or a usage error.
 absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
                                     bool whole = false);
 
-// As people write it: "64", "0.18", "2^40".
-std::string format_number(double value);
+// The enum value of a word, or a usage error that names the nearest word. `what` is, for example, "curve".
+absl::StatusOr<int> enum_value(const google::protobuf::EnumDescriptor& type, const std::string& what,
+                               const std::string& word);
+
 std::string format_range(v1::Range<double> range);  // "0 .. 10"
 
 // ---- Only the template's body follows ----

@@ -1,15 +1,9 @@
 #include "client/cli/options/render_options.h"
 
-#include <algorithm>
-#include <array>
-
-#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
-#include "client/cli/options/enum_words.h"
 #include "client/cli/options/option_kinds.h"
-#include "client/cli/options/security_options.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 #include "client/cli/options/view_options.h"
 #include "client/image/image.h"
@@ -18,29 +12,29 @@ namespace candela {
 namespace {
 
 constexpr char kVerification[] = "Verification";
-constexpr char kServer[] = "Server";
 
 void add_previous_options(CLI::App& app, RenderOptions& options) {
-  add_text(app, kExposureSection, "--previous-exposure", "X",
-           absl::StrFormat(
-               "Factor of the frame before, to adapt from; %s (default: none, the frame takes its target)",
-               format_range(v1::kExposureLimit)),
-           [&options](const std::string& text) {
-             const absl::StatusOr<double> x = parse_number("--previous-exposure", text, v1::kExposureLimit);
-             if (x.ok()) options.previous.set_exposure(*x);
-             return x.status();
-           });
-  add_number(app, kExposureSection, "--elapsed", "S", v1::kElapsedSeconds, 0,
-             "Seconds since the frame before",
+  add_text(
+      app, kExposureSection, "--previous-exposure", "FACTOR",
+      absl::StrFormat(
+          "Exposure of the previous frame, to adapt from; %s (default: none, the frame takes its target)",
+          format_range(v1::kExposureLimit)),
+      [&options](const std::string& text) {
+        const absl::StatusOr<double> x = parse_number("--previous-exposure", text, v1::kExposureLimit);
+        if (x.ok()) options.previous.set_exposure(*x);
+        return x.status();
+      });
+  add_number(app, kExposureSection, "--elapsed", "SECONDS", v1::kElapsedSeconds, 0,
+             "Media time since the previous frame",
              [&options](double s) { options.previous.set_elapsed_seconds(s); });
 }
 
 void add_verification_options(CLI::App& app, RenderOptions& options) {
   app.add_flag("--verify", options.verify,
-               "Hold the image against a float64 reference and say how far it is off; takes seconds")
+               "Compare the image with the float64 reference and report the error; takes seconds")
       ->group(kVerification);
-  add_text(app, kVerification, "--error-map", "FILE.png",
-           "Draw where it is off and how far; implies --verify", [&options](const std::string& path) {
+  add_text(app, kVerification, "--error-map", "FILE.png", "Draw the error of every pixel; implies --verify",
+           [&options](const std::string& path) {
              options.error_map = path;
              options.verify = true;
              return absl::OkStatus();
@@ -61,34 +55,6 @@ absl::Status check_error_map(const RenderOptions& options) {
 
 }  // namespace
 
-void add_server_options(CLI::App& app, ServerChoice& choice) {
-  add_text(app, kServer, "--server", "ADDRESS",
-           "A running candelad, HOST:PORT or unix:PATH (default: none, a server inside this process)",
-           [&choice](const std::string& address) {
-             choice.address = address;
-             return absl::OkStatus();
-           });
-  add_security_options(app, kServer, choice.security);
-  add_text(app, kServer, "--device", "NAME|INDEX",
-           "Device of the server inside: a part of its name, or its number (default: the best there is)",
-           [&choice](const std::string& device) {
-             choice.device = device;
-             return absl::OkStatus();
-           });
-}
-
-absl::Status check_server_options(const ServerChoice& choice) {
-  if (choice.address.empty() || choice.device.empty()) return absl::OkStatus();
-  return usage_error("--device is for rendering without --server, which has its own; give one of them");
-}
-
-void add_json_option(CLI::App& app, const std::string& section, const std::string& help, std::string& path) {
-  add_text(app, section, "--json", "FILE|-", help, [&path](const std::string& text) {
-    path = text;
-    return absl::OkStatus();
-  });
-}
-
 void add_render_options(CLI::App& app, RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
   app.add_option("IN", options.input, "Image to render: OpenEXR, Radiance .hdr or PFM")
@@ -97,12 +63,13 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   app.add_option("OUT", options.output, "File to write: .png, .jpg, .exr (half floats) or .pfm")
       ->required()
       ->option_text(" ");
-  add_settings_options(app, options);
+  add_settings_options(app, options.settings);
+  add_view_options(app, options.view);
   add_previous_options(app, options);
   add_verification_options(app, options);
   add_image_options(app, arguments.picture);
-  add_json_option(app, kOutputSection, "Write what was done as one line of JSON, - for stdout", options.json);
-  app.add_flag("--quiet,-q", options.quiet, "Print nothing but errors")->group(kOutputSection);
+  add_json_option(app, kOutputSection, "Write the result's numbers as one line of JSON", options.json);
+  add_quiet_option(app, kOutputSection, options.quiet);
   add_server_options(app, options.server);
 }
 

@@ -21,9 +21,4 @@ void add_render_options(CLI::App& app, RenderArguments& arguments);
 // After parsing: chooses the output's format and finds options that do not go together.
 absl::Status finish_render_options(RenderArguments& arguments);
 
-// --server with its security and --device, and --json: what `render` and `info` have in common.
-void add_server_options(CLI::App& app, ServerChoice& choice);
-absl::Status check_server_options(const ServerChoice& choice);  // after parsing
-void add_json_option(CLI::App& app, const std::string& section, const std::string& help, std::string& path);
-
 }  // namespace candela

@@ -5,7 +5,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/options/option_kinds.h"
-#include "client/cli/options/render_options.h"
+#include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 
 namespace candela {
@@ -30,22 +30,21 @@ absl::Status set_megapixels(ReportOptions& options, const std::string& text) {
 }  // namespace
 
 void add_report_options(CLI::App& app, ReportOptions& options) {
-  app.add_option("DIR", options.directory, "Folder to write into; made where it is missing")
+  app.add_option("DIR", options.directory, "Folder to write into; created if it does not exist")
       ->required()
       ->option_text(" ");
   app.add_flag("--quick", options.quick,
-               "At most five minutes: fewer frames, smaller images; what would take longer is left out, and "
-               "the page says so")
+               "Take at most five minutes: fewer frames, smaller images; the page says what was left out")
       ->group(kSection);
   add_text(app, kSection, "--megapixels", "LIST",
            absl::StrFormat("Frame sizes with commas between; each %s (default 0.25,1,2,8,33)",
                            format_range(kMegapixels)),
            [&options](const std::string& text) { return set_megapixels(options, text); });
   app.add_option("--images", options.images,
-                 "Images to hold against the reference (default: the sample scene)")
+                 "Images to compare with the reference (default: the sample scene)")
       ->option_text("FILE...")
       ->group(kSection);
-  app.add_flag("--quiet,-q", options.quiet, "Print nothing but errors");
+  add_quiet_option(app, "Output", options.quiet);
   add_server_options(app, options.server);
 }
 

@@ -1,4 +1,4 @@
-// The options of `candela stream`, `candela meter` and `candela bench`.
+// The options of `candela stream`.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -18,16 +18,10 @@ struct StreamArguments {
   PictureArguments picture;
 };
 
-// Each defines options; parsing fills the second argument, which outlives the app.
+// Defines the options; parsing fills `arguments`, which outlives the app.
 void add_stream_options(CLI::App& app, StreamArguments& arguments);
-void add_meter_command(CLI::App& app, MeterOptions& options);
-void add_bench_options(CLI::App& app, BenchOptions& options);
 
 // After parsing: finds options that do not go together.
 absl::Status finish_stream_options(StreamArguments& arguments);
-absl::Status finish_bench_options(const BenchOptions& options);
-
-// "WIDTHxHEIGHT", each at most kMaxDimension.
-absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height);
 
 }  // namespace candela

@@ -1,5 +1,4 @@
-// The options that choose the way from light to display values: a curve, or a view of an OpenColorIO
-// configuration.
+// The options that choose a view of an OpenColorIO configuration instead of a tone curve.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -10,12 +9,11 @@
 
 namespace candela {
 
-// Defines --curve, --ocio, --display, --view and --ocio-input in a section of the help; parsing fills
-// `options`, which outlives the app.
-void add_view_options(CLI::App& app, const std::string& section, PictureOptions& options);
+// Defines --ocio, --display, --view and --ocio-input. Parsing fills `view`, which outlives the app.
+void add_view_options(CLI::App& app, ViewChoice& view);
 
-// After parsing: finds options that do not go together, and notes those that change nothing. `encoded`:
-// `output` holds display values, not light.
+// After parsing: finds options that do not go together, and notes those that change nothing. `encoded` says
+// that `output` holds display values, not light.
 absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded);
 
 }  // namespace candela

@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "client/cli/options/enum_words.h"
+#include "proto/candela/v1/settings.h"
 #include "client/cli/report/pictures.h"
 
 namespace candela {
@@ -264,7 +264,7 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
     // A table's own error is no stage's: that of aces-1 is published by its size, and a client's table is the
     // client's.
     if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE) continue;
-    const std::string word = word_of(static_cast<v1::ToneCurve>(value));
+    const std::string word = v1::word_of(static_cast<v1::ToneCurve>(value));
     session.show("curve: " + word);
     v1::Settings settings = ReportSession::settings(session.bounded_tier());
     settings.set_curve(static_cast<v1::ToneCurve>(value));

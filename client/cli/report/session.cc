@@ -6,7 +6,7 @@
 
 #include "absl/time/clock.h"
 #include "client/cli/files/frame_files.h"
-#include "client/cli/options/enum_words.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -46,7 +46,7 @@ std::string ReportSession::most_accurate_tier() const {
 std::optional<v1::ToneCurve> ReportSession::curve(const std::string& word) const {
   for (const int value : info_.curves()) {
     const auto known = static_cast<v1::ToneCurve>(value);
-    if (word_of(known) == word) return known;
+    if (v1::word_of(known) == word) return known;
   }
   return std::nullopt;
 }

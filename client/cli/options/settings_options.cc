@@ -1,0 +1,338 @@
+#include "client/cli/options/settings_options.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/usage.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using v1::format_number;
+using v1::SettingField;
+
+// The setting of this path. It exists: paths are written in this file.
+const SettingField& setting_at(const std::string& path) {
+  const std::vector<SettingField>& fields = v1::setting_fields();
+  return *std::find_if(fields.begin(), fields.end(), [&](const SettingField& f) { return f.path == path; });
+}
+
+v1::Range<double> range_of(const SettingField& setting) {
+  return {setting.declaration().min(), setting.declaration().max()};
+}
+
+double default_of(const v1::Settings& settings, const std::string& path) {
+  const SettingField& setting = setting_at(path);
+  v1::Settings copy = settings;
+  const Message& holder = setting.holder(copy);
+  return holder.GetReflection()->HasField(holder, setting.field)
+             ? holder.GetReflection()->GetDouble(holder, setting.field)
+             : setting.declaration().default_();
+}
+
+// "A,B,...": `count` numbers of one range.
+absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
+                                               v1::Range<double> range, bool whole = false) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  if (parts.size() != count) {
+    return usage_error(
+        absl::StrFormat("%s is \"%s\"; it must be %d numbers with commas between", name, text, count));
+  }
+  std::vector<double> values;
+  for (const std::string& part : parts) {
+    const absl::StatusOr<double> value = parse_number(name, part, range, whole);
+    if (!value.ok()) return usage_error(std::string(value.status().message()));
+    values.push_back(*value);
+  }
+  return values;
+}
+
+// ---- Options written by hand ----
+
+absl::Status set_exposure(v1::Exposure& exposure, const std::string& text) {
+  const v1::Range<double> ev_range = range_of(setting_at("exposure.manual_ev"));
+  exposure.clear_manual_ev();
+  exposure.set_mode(v1::Exposure::MODE_AUTO);
+  if (text == "auto") return absl::OkStatus();
+  if (nearest(text, {"auto"}) == "auto") {
+    return usage_error(absl::StrFormat("--exposure is \"%s\"; did you mean auto? It is auto or an EV, %s",
+                                       text, format_range(ev_range)));
+  }
+  const absl::StatusOr<double> ev = parse_number("--exposure", text, ev_range);
+  if (!ev.ok()) return usage_error(absl::StrFormat("%s, or auto", ev.status().message()));
+  exposure.set_mode(v1::Exposure::MODE_MANUAL);
+  exposure.set_manual_ev(*ev);
+  return absl::OkStatus();
+}
+
+void add_exposure(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  v1::Exposure& exposure = *settings.mutable_exposure();
+  add_text(app, kExposureSection, "--exposure", "auto|EV",
+           absl::StrFormat("%s; %s (default auto)", setting.declaration().help(),
+                           format_range(range_of(setting_at("exposure.manual_ev")))),
+           [&exposure](const std::string& text) { return set_exposure(exposure, text); });
+}
+
+void add_percentiles(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
+  const v1::Range<double> range = range_of(setting);
+  add_text(app, setting.declaration().group(), "--percentiles", "LOW,HIGH",
+           absl::StrFormat(
+               "Meter between these percentiles of the luminance; implies --metering percentile "
+               "(default %s,%s)",
+               format_number(setting.declaration().default_()),
+               format_number(setting_at("exposure.metering.percentile_high").declaration().default_())),
+           [&metering, range](const std::string& text) {
+             const auto values = parse_list("--percentiles", text, 2, range);
+             if (!values.ok()) return values.status();
+             if ((*values)[1] - (*values)[0] < v1::kLeastPercentileRange) {
+               return usage_error(
+                   absl::StrFormat("--percentiles is \"%s\"; the first must be smaller by %s or more", text,
+                                   format_number(v1::kLeastPercentileRange)));
+             }
+             metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+             metering.set_percentile_low((*values)[0]);
+             metering.set_percentile_high((*values)[1]);
+             return absl::OkStatus();
+           });
+}
+
+void add_spot(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
+  add_text(app, setting.declaration().group(), "--spot", "X0,Y0,X1,Y1",
+           "Meter the pixels from X0,Y0 up to but without X1,Y1; implies --weights spot",
+           [&metering](const std::string& text) {
+             const auto values = parse_list("--spot", text, 4, {0, double{v1::kMaxDimension}}, true);
+             if (!values.ok()) return values.status();
+             metering.set_weights(v1::Metering::WEIGHTS_SPOT);
+             v1::Rectangle& spot = *metering.mutable_spot();
+             spot.set_x0(static_cast<uint32_t>((*values)[0]));
+             spot.set_y0(static_cast<uint32_t>((*values)[1]));
+             spot.set_x1(static_cast<uint32_t>((*values)[2]));
+             spot.set_y1(static_cast<uint32_t>((*values)[3]));
+             return absl::OkStatus();
+           });
+}
+
+absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
+  settings.clear_input_primaries();
+  settings.clear_input_chromaticities();
+  if (!absl::StrContains(text, ',')) {
+    const absl::StatusOr<int> named = enum_value(*v1::Primaries_descriptor(), "--primaries", text);
+    if (!named.ok()) return named.status();
+    settings.set_input_primaries(static_cast<v1::Primaries>(*named));
+    return absl::OkStatus();
+  }
+  const auto xy = parse_list("--primaries", text, 8, {-2, 2});
+  if (!xy.ok()) return xy.status();
+  std::array<float, 8> values{};
+  std::copy(xy->begin(), xy->end(), values.begin());
+  *settings.mutable_input_chromaticities() = to_message(values);
+  return absl::OkStatus();
+}
+
+void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  add_text(app, setting.declaration().group(), "--primaries", "NAME|XY",
+           absl::StrFormat("%s: %s, or the x,y of red, green, blue and white as eight numbers (default: the "
+                           "file's, or rec709)",
+                           setting.declaration().help(),
+                           absl::StrJoin(v1::enum_words(*v1::Primaries_descriptor()), ", ")),
+           [&settings](const std::string& text) { return set_primaries(settings, text); });
+}
+
+// The table is no choice: --ocio makes it.
+std::vector<std::string> curve_words() {
+  std::vector<std::string> words = v1::enum_words(*v1::ToneCurve_descriptor());
+  std::erase(words, v1::word_of(v1::TONE_CURVE_TABLE));
+  return words;
+}
+
+void add_curve(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  add_text(app, setting.declaration().group(), "--curve", "NAME",
+           absl::StrFormat("%s: %s (default %s)", setting.declaration().help(),
+                           absl::StrJoin(curve_words(), ", "), setting.declaration().default_word()),
+           [&settings](const std::string& word) {
+             const std::vector<std::string> words = curve_words();
+             if (std::find(words.begin(), words.end(), word) == words.end())
+               return unknown_word("curve", word, words);
+             const absl::StatusOr<int> value = enum_value(*v1::ToneCurve_descriptor(), "curve", word);
+             if (value.ok()) settings.set_curve(static_cast<v1::ToneCurve>(*value));
+             return value.status();
+           });
+}
+
+using AddByHand = void (*)(CLI::App&, v1::Settings&, const SettingField&);
+const std::map<std::string, AddByHand> kByHand = {{"exposure", add_exposure},
+                                                  {"percentiles", add_percentiles},
+                                                  {"spot", add_spot},
+                                                  {"primaries", add_primaries},
+                                                  {"curve", add_curve}};
+
+// ---- Options made from the declaration ----
+
+void set_number(Message& holder, const FieldDescriptor& field, double value) {
+  const google::protobuf::Reflection& reflection = *holder.GetReflection();
+  if (field.cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) {
+    reflection.SetFloat(&holder, &field, static_cast<float>(value));
+  } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_UINT32) {
+    reflection.SetUInt32(&holder, &field, static_cast<uint32_t>(value));
+  } else {
+    reflection.SetDouble(&holder, &field, value);
+  }
+}
+
+// "; 0 .. 10 (default 0.05; conserve: 0 .. 1)"
+std::string number_words(const SettingField& setting) {
+  const v1::Setting& declaration = setting.declaration();
+  std::vector<std::string> parts;
+  if (declaration.has_default_()) parts.push_back("default " + format_number(declaration.default_()));
+  for (const v1::Setting::Exception& exception : declaration.except()) {
+    if (exception.has_default_()) {
+      parts.push_back(
+          absl::StrFormat("%s: default %s", exception.word(), format_number(exception.default_())));
+    }
+    if (exception.has_max()) {
+      parts.push_back(
+          absl::StrFormat("%s: %s", exception.word(), v1::format_range(declaration.min(), exception.max())));
+    }
+  }
+  return absl::StrCat("; ", v1::format_range(declaration.min(), declaration.max()), parts.empty() ? "" : " (",
+                      absl::StrJoin(parts, "; "), parts.empty() ? "" : ")");
+}
+
+void add_number_setting(CLI::App& app, const SettingField& setting, Message& holder) {
+  const v1::Setting& declaration = setting.declaration();
+  const std::string name = "--" + declaration.flag();
+  const std::string placeholder =
+      declaration.unit().empty() ? "N" : absl::AsciiStrToUpper(declaration.unit());
+  add_text(app, declaration.group(), name, placeholder, declaration.help() + number_words(setting),
+           [name, &setting, &holder](const std::string& text) {
+             const absl::StatusOr<double> value =
+                 parse_number(name, text, range_of(setting), setting.is_whole_number());
+             if (value.ok()) set_number(holder, *setting.field, *value);
+             return value.status();
+           });
+}
+
+void add_switch(CLI::App& app, const SettingField& setting, Message& holder) {
+  const v1::Setting& declaration = setting.declaration();
+  const std::string name = "--" + declaration.flag();
+  const auto set = [&setting, &holder](bool on) {
+    holder.GetReflection()->SetBool(&holder, setting.field, on);
+  };
+  if (declaration.default_() == 0) {
+    app.add_flag_callback(
+           name, [set] { set(true); }, declaration.help())
+        ->group(declaration.group());
+    return;
+  }
+  add_text(app, declaration.group(), name, "on|off", declaration.help() + " (default on)",
+           [name, set](const std::string& text) {
+             if (text != "on" && text != "off") {
+               return usage_error(absl::StrFormat("%s is \"%s\"; it must be on or off", name, text));
+             }
+             set(text == "on");
+             return absl::OkStatus();
+           });
+}
+
+void add_choice(CLI::App& app, const SettingField& setting, Message& holder) {
+  const v1::Setting& declaration = setting.declaration();
+  const google::protobuf::EnumDescriptor& type = *setting.field->enum_type();
+  add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
+           absl::StrFormat("%s: %s (default %s)", declaration.help(),
+                           absl::StrJoin(v1::enum_words(type), ", "), declaration.default_word()),
+           [&setting, &type, &holder](const std::string& word) {
+             const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
+             if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
+             return value.status();
+           });
+}
+
+void add_word(CLI::App& app, const SettingField& setting, Message& holder) {
+  const v1::Setting& declaration = setting.declaration();
+  add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
+           absl::StrFormat("%s (default %s)", declaration.help(), declaration.default_word()),
+           [&setting, &holder](const std::string& text) {
+             holder.GetReflection()->SetString(&holder, setting.field, text);
+             return absl::OkStatus();
+           });
+}
+
+void add_setting(CLI::App& app, const SettingField& setting, v1::Settings& settings) {
+  Message& holder = setting.holder(settings);
+  if (setting.is_number()) return add_number_setting(app, setting, holder);
+  switch (setting.field->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return add_switch(app, setting, holder);
+    case FieldDescriptor::CPPTYPE_ENUM:
+      return add_choice(app, setting, holder);
+    default:
+      return add_word(app, setting, holder);
+  }
+}
+
+}  // namespace
+
+bool changes_metering(const SettingField& setting) {
+  return setting.declaration().group() == "Input" ||
+         (absl::StartsWith(setting.path, "exposure.") &&
+          !absl::StartsWith(setting.path, "exposure.adaptation."));
+}
+
+void add_settings_options(CLI::App& app, v1::Settings& settings, const SettingFilter& filter) {
+  for (const SettingField& setting : v1::setting_fields()) {
+    const std::string& flag = setting.declaration().flag();
+    if (flag.empty() || !filter(setting)) continue;
+    const auto by_hand = kByHand.find(flag);
+    if (by_hand == kByHand.end()) {
+      add_setting(app, setting, settings);
+    } else if (app.get_option_no_throw("--" + flag) == nullptr) {  // several settings share some of them
+      by_hand->second(app, settings, setting);
+    }
+  }
+}
+
+absl::Status check_settings_options(const v1::Settings& settings) {
+  if (!settings.tier().empty() && (settings.has_max_error_codes() || settings.has_max_ms())) {
+    return usage_error(
+        "--max-error and --max-ms choose the tier that --tier names; give the one or the other");
+  }
+  const v1::Metering& metering = settings.exposure().metering();
+  if (metering.weights() == v1::Metering::WEIGHTS_SPOT && !metering.has_spot()) {
+    return usage_error("--weights spot needs --spot X0,Y0,X1,Y1");
+  }
+  const double min = default_of(settings, "exposure.min_exposure");
+  const double max = default_of(settings, "exposure.max_exposure");
+  if (min <= max) return absl::OkStatus();
+  return usage_error(
+      absl::StrFormat("--min-exposure %s is above --max-exposure %s; give both so that it is not",
+                      format_number(min), format_number(max)));
+}
+
+v1::Chromaticities to_message(const std::array<float, 8>& xy) {
+  v1::Chromaticities c;
+  c.set_red_x(xy[0]);
+  c.set_red_y(xy[1]);
+  c.set_green_x(xy[2]);
+  c.set_green_y(xy[3]);
+  c.set_blue_x(xy[4]);
+  c.set_blue_y(xy[5]);
+  c.set_white_x(xy[6]);
+  c.set_white_y(xy[7]);
+  return c;
+}
+
+}  // namespace candela
