@@ -37,7 +37,8 @@ LARGE_SCENE = "sample-1920x1080.exr"
 # light show what 8 bits hide.
 SHORT_LIST = [*(f"--curve {curve}" for curve in CURVES), "--metering percentile", "--weights center",
               "--spot 3,2,40,30", "--bloom conserve", "--bloom gaussian", "--bloom-intensity 0", "--tier draft"]
-FEW = [*SHORT_LIST[6:9:2], *SHORT_LIST[9:]]
+FEW = ["--curve agx", "--curve aces-1", *SHORT_LIST[len(CURVES):]]  # for large images
+PANORAMAS = ("dikhololo_night", "kiara_1_dawn", "studio_small_03")  # hard cuts, as a session's frames
 HUGE, LARGE, SMALL = 2_000_000, 500_000, 70_000  # pixels
 
 SESSIONS = ["out.png", "out.png --lookahead 4", "out.png --detect-cuts", "out.png --detect-cuts 0.5 --lookahead 2",
@@ -165,9 +166,8 @@ def data_cases(data: pathlib.Path) -> Iterator[Case]:
             yield render(path, f"out.pfm {options}")
     for path in sorted((data / "bad").iterdir()):
         yield command(f"render {{data}}/bad/{path.name} {{out}}/out.png", only_exit=True)
-    panorama = " ".join(f"{{data}}/hdri/{name}_1k.hdr" for name in ("dikhololo_night", "kiara_1_dawn",
-                                                                    "studio_small_03"))
-    for frames in ("{data}/sequence/pan_apartment", "{data}/sequence/beachball", panorama):
+    panoramas = " ".join(f"{{data}}/hdri/{name}_1k.hdr" for name in PANORAMAS)
+    for frames in ("{data}/sequence/pan_apartment", "{data}/sequence/beachball", panoramas):
         for options in ("", " --lookahead 4 --detect-cuts", " --encoding jpeg"):
             kind = "jpg" if "jpeg" in options else "png"
             yield command(f"stream {frames} {{out}}/%04d.{kind}{options}")

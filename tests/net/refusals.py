@@ -17,6 +17,9 @@ def settings_refused(v1) -> dict:
     def adapted(**fields):
         return v1.Settings(exposure=exposure(adaptation=v1.Adaptation(**fields)))
 
+    def tabled(**fields):
+        return v1.Settings(curve=v1.TONE_CURVE_TABLE, table=v1.ColorTable(**fields))
+
     out = {}
     for name, values in {"manual_ev": (41, -41, nan), "compensation_ev": (41, nan), "key": (0, 2e6, nan),
                          "min_exposure": (0, 2e12), "max_exposure": (0, 2e12, 0.001), "mode": (99,)}.items():
@@ -38,17 +41,14 @@ def settings_refused(v1) -> dict:
             "spot outside": metered(weights=metering.WEIGHTS_SPOT, spot=v1.Rectangle(x0=900, x1=904, y1=4)),
             "speed_up -1": adapted(speed_up=-1), "speed_down 1001": adapted(speed_down=1001),
             "domain 99": adapted(domain=99),
-            "tier and promise": v1.Settings(tier="draft", max_ms=5), "no tier so good": v1.Settings(max_error_codes=0,
-                                                                                                    max_ms=0.001),
+            "tier and promise": v1.Settings(tier="draft", max_ms=5),
+            "no tier so good": v1.Settings(max_error_codes=0, max_ms=0.001),
             "no table": v1.Settings(curve=v1.TONE_CURVE_TABLE),
             "table without its curve": v1.Settings(table=v1.ColorTable(size=2, values=bytes(48))),
-            "table of 1": v1.Settings(curve=v1.TONE_CURVE_TABLE, table=v1.ColorTable(size=1, values=bytes(6))),
-            "table one byte short": v1.Settings(curve=v1.TONE_CURVE_TABLE, table=v1.ColorTable(size=2,
-                                                                                               values=bytes(47))),
-            "table end 0": v1.Settings(curve=v1.TONE_CURVE_TABLE, table=v1.ColorTable(size=2, end=0,
-                                                                                      values=bytes(48))),
-            "singular primaries": v1.Settings(input_chromaticities=v1.Chromaticities(red_x=0.3, red_y=0.3,
-                                                                                     green_x=0.3, green_y=0.3)),
+            "table of 1": tabled(size=1, values=bytes(6)), "table one byte short": tabled(size=2, values=bytes(47)),
+            "table end 0": tabled(size=2, end=0, values=bytes(48)),
+            "singular primaries": v1.Settings(input_chromaticities=v1.Chromaticities(
+                red_x=0.3, red_y=0.3, green_x=0.3, green_y=0.3)),
             "primaries twice": v1.Settings(input_primaries=v1.PRIMARIES_XYZ,
                                            input_chromaticities=v1.Chromaticities(red_x=0.6))}
     return out
@@ -57,9 +57,8 @@ def settings_refused(v1) -> dict:
 def table(v1, axes, **fields):
     """A tone curve by a small table in which every point differs."""
     size = 5
-    values = b"".join(struct.pack("<3H", *(65535 * v // (size - 1) for v in (i % size, (i // size + i) % size,
-                                                                             i // size ** 2)))
-                      for i in range(size ** 3))
+    points = [(i % size, (i // size + i) % size, i // size ** 2) for i in range(size ** 3)]
+    values = b"".join(struct.pack("<3H", *(65535 * v // (size - 1) for v in point)) for point in points)
     return v1.Settings(curve=v1.TONE_CURVE_TABLE, table=v1.ColorTable(size=size, axes=axes, values=values, **fields))
 
 
@@ -129,7 +128,7 @@ def changed_token(client: Client, change: str) -> Outcome:
     return status_first(*client.session(range(3, 5), settings, session=name, resume_token=token))
 
 
-def sequence_of(client: Client, name: str, *headers: dict, frames=None) -> Outcome:
+def sequence_of(client: Client, name: str, *headers: dict) -> Outcome:
     """A session with frames at these headers."""
     v1, messages = client.v1, []
     for i, header in enumerate(headers):
@@ -146,9 +145,11 @@ def early_change(client: Client, changes: int, first: int) -> Outcome:
 
 
 def session_cases(v1) -> list[Case]:
-    out = [Case(f"Stream: {name}", True, call=lambda client, opening=opening: status_first(
-        *client.session(range(2), **({"session": "net-refused", "settings": v1.Settings()} | opening))))
-        for name, opening in sessions_refused(v1).items()]
+    out = []
+    for i, (name, opening) in enumerate(sessions_refused(v1).items()):
+        opening = {"session": f"net-refused-{i}", "settings": v1.Settings()} | opening
+        out.append(Case(f"Stream: {name}", True, call=lambda client, opening=opening: status_first(
+            *client.session(range(2), **opening))))
     out += [Case(f"Stream: token, {change} changed", True, call=lambda client, change=change: changed_token(
         client, change)) for change in ("a bit", "its length", "settings", "session", "nothing")]
     headers = {"sequence back": ({"sequence": 5}, {"sequence": 4}),
@@ -156,9 +157,8 @@ def session_cases(v1) -> list[Case]:
                "time back": ({"media_time_ns": 9}, {"media_time_ns": 8}), "time below 0": ({"media_time_ns": -1},),
                "a wide frame": ({"width": 20000},), "a gap": ({"sequence": 1}, {"sequence": 40}),
                "a said cut": ({}, {"cut": True})}
-    out += [Case(f"Stream: {name}", True, call=lambda client, name=name, parts=parts: sequence_of(client, name,
-                                                                                                  *parts))
-            for name, parts in headers.items()]
+    out += [Case(f"Stream: {name}", True, call=lambda client, name=name, parts=parts: sequence_of(
+        client, name, *parts)) for name, parts in headers.items()]
     out += [Case(f"Stream: {changes} changes from frame {first}", True,
                  call=lambda client, changes=changes, first=first: early_change(client, changes, first))
             for changes, first in ((1, 0), (1, 1), (16, 1), (17, 1))]

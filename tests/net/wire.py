@@ -102,15 +102,14 @@ class Client:
         width, height, pixels = frame
         fields_of = {"sequence": sequence, "width": width, "height": height, "format": self.v1.PIXEL_FORMAT_RGBA32F,
                      "media_time_ns": sequence * 40_000_000} | header
-        return [request(frame=self.v1.FrameHeader(**fields_of)), request(band=self.v1.Band(first_row=0,
-                                                                                           pixels=pixels))]
+        return [request(frame=self.v1.FrameHeader(**fields_of)),
+                request(band=self.v1.Band(first_row=0, pixels=pixels))]
 
     def render(self, settings, **start) -> Outcome:
         v1, (width, height, pixels) = self.v1, self.frames[8]
         header = {"width": width, "height": height, "format": v1.PIXEL_FORMAT_RGBA32F} | start.pop("frame", {})
-        requests = [v1.RenderRequest(start=v1.RenderStart(settings=settings, frame=v1.FrameHeader(**header),
-                                                          **start)),
-                    v1.RenderRequest(band=v1.Band(first_row=0, pixels=pixels))]
+        start = v1.RenderStart(settings=settings, frame=v1.FrameHeader(**header), **start)
+        requests = [v1.RenderRequest(start=start), v1.RenderRequest(band=v1.Band(first_row=0, pixels=pixels))]
         image, values = b"", {}
         try:
             for response in self.stub.Render(iter(requests), timeout=120):
@@ -140,7 +139,7 @@ class Client:
         `messages` are sent one frame's at a time, as results make room for them.
         """
         v1, todo = self.v1, queue.Queue()
-        results, image, values, token, room = [], b"", None, b"", 0
+        results, image, values, token = [], b"", None, b""
 
         def requests():
             yield v1.StreamRequest(open=v1.StreamOpen(**opening))
@@ -158,8 +157,7 @@ class Client:
                                              timeout=120):
                 part = response.WhichOneof("part")
                 if part == "opened":
-                    room = response.opened.max_frames_in_flight + opening.get("lookahead", 0)
-                    for _ in range(room):
+                    for _ in range(response.opened.max_frames_in_flight + opening.get("lookahead", 0)):
                         todo.put(None)
                 elif part in ("header", "failure"):
                     close_image()
@@ -175,7 +173,7 @@ class Client:
             close_image()
             return error.code().name, results
         finally:
-            for _ in range(1000):
+            for _ in messages:  # so that requests() ends
                 todo.put(None)
 
     def session(self, frames: range, settings, change=None, **opening):
@@ -183,8 +181,8 @@ class Client:
         v1, messages = self.v1, []
         for sequence in frames:
             if change and sequence == change[0]:
-                messages.append(v1.StreamRequest(change=v1.SettingsChange(from_sequence=sequence,
-                                                                          settings=change[1])))
+                new = v1.SettingsChange(from_sequence=sequence, settings=change[1])
+                messages.append(v1.StreamRequest(change=new))
             messages += self.frame_messages(self.frames[sequence], v1.StreamRequest, sequence)
         return self.stream(messages, settings=settings, **opening)
 
