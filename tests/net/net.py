@@ -1,0 +1,224 @@
+#!/usr/bin/env python3
+"""Shows that a change of the code changes no result: renders everything in every way and compares.
+
+    net.py BIN                      compares the programs in the folder BIN with hashes.json, if that holds here
+    net.py BIN --against OTHER      compares them with the programs in OTHER, on any machine
+    net.py BIN --build REV          builds revision REV in a scratch folder first and compares with that
+    net.py BIN --record             writes hashes.json from BIN
+With --small only the small set runs, as in CI; with --only TEXT the cases with TEXT in their name. Exits with 0 if
+nothing differs, with 1 if something does, and with 77 if it cannot compare here. Real images come from CANDELA_DATA
+(default: ../shared/data).
+See README.md beside this file.
+"""
+import argparse
+import concurrent.futures
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+sys.dont_write_bytecode = True
+
+try:
+    import cases
+    import machine
+    import refusals
+    import scenes
+    import wire
+    from outcome import Outcome, digest
+except ModuleNotFoundError as missing:
+    print(f"SKIPPED: this Python has no {missing.name}; install python3-grpcio and run it with /usr/bin/python3")
+    sys.exit(77)
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+HASHES = HERE / "hashes.json"
+SKIPPED = 77
+SECONDS = 300  # one case at most
+PROGRESS = 100  # cases between two lines that say how far it is
+
+
+class Programs:
+    """The programs of one build, with a running candelad."""
+
+    def __init__(self, folder: pathlib.Path, scratch: pathlib.Path, scene_folder: pathlib.Path, data: pathlib.Path):
+        self.folder, self.scratch = folder.resolve(), scratch
+        self.places = {"{scenes}": str(scene_folder), "{data}": str(data), "{server}": f"unix:{scratch}/socket"}
+        keys = scratch / "keys"
+        keys.write_text(wire.KEY.hex() + "\n")
+        keys.chmod(0o600)
+        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("CANDELA_")}
+        self.environment["XDG_CACHE_HOME"] = str(scratch)
+        self.daemon = subprocess.Popen(
+            [self.folder / "candelad", "--listen", self.places["{server}"], "--resume-keys", keys, "--log-level",
+             "off"],
+            stdout=subprocess.PIPE, text=True, env=self.environment)
+        if not self.daemon.stdout.readline().startswith("listening on"):
+            raise SystemExit(f"{self.folder}/candelad does not start")
+        self.client = wire.Client(self.places["{server}"], scene_folder)
+
+    def close(self) -> None:
+        self.daemon.terminate()
+        self.daemon.wait()
+
+    def run(self, case: cases.Case) -> Outcome:
+        try:
+            return self.outcome(case)
+        except Exception as error:  # a case that fails in the script differs from the others
+            print(f"{case.name}: {error!r}", file=sys.stderr)
+            return Outcome(type(error).__name__)
+
+    def outcome(self, case: cases.Case) -> Outcome:
+        if case.call:
+            return case.call(self.client)
+        with tempfile.TemporaryDirectory(dir=self.scratch) as out:
+            places = self.places | {"{out}": out}
+            arguments = []
+            for argument in case.arguments:
+                for name, place in places.items():
+                    argument = argument.replace(name, place)
+                arguments.append(argument)
+            done = subprocess.run([self.folder / case.program, *arguments], stdout=subprocess.PIPE,
+                                  stderr=subprocess.DEVNULL,
+                                  stdin=subprocess.DEVNULL, timeout=SECONDS, env=self.environment, cwd=out,
+                                  check=False)
+            if case.only_exit:
+                return Outcome(str(done.returncode))
+            files = sorted(path for path in pathlib.Path(out).rglob("*") if path.is_file())
+            whole = "".join(f"{path.relative_to(out)} {digest(path.read_bytes())}\n" for path in files)
+            json_text = done.stdout.decode() if "--json" in arguments else ""
+            return Outcome.of_json(str(done.returncode), digest(whole.encode()) if files else "", json_text)
+
+
+def all_cases(scene_names: list[str], data: pathlib.Path, client: wire.Client, options) -> list[cases.Case]:
+    out = [*cases.other_cases(), *cases.session_cases(), *wire.token_cases(client.v1),
+           *refusals.render_cases(client.v1), *refusals.session_cases(client.v1), *cases.scene_cases(scene_names)]
+    if not options.small and data.is_dir():
+        out += cases.data_cases(data)
+    names = [case.name for case in out]
+    assert len(set(names)) == len(names), sorted({name for name in names if names.count(name) > 1})
+    return [case for case in out if (case.small or not options.small) and options.only in case.name]
+
+
+def run_all(folder: pathlib.Path, options, scratch: pathlib.Path, scene_folder: pathlib.Path, scene_names: list[str],
+            data: pathlib.Path) -> dict[str, tuple[cases.Case, Outcome]]:
+    """Every case's outcome by its name."""
+    scratch.mkdir()
+    programs = Programs(folder, scratch, scene_folder, data)
+    try:
+        todo = all_cases(scene_names, data, programs.client, options)
+        with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+            outcomes = []
+            for outcome in pool.map(programs.run, todo):
+                outcomes.append(outcome)
+                if len(outcomes) % PROGRESS == 0:
+                    print(f"{len(outcomes)} of {len(todo)} cases of {folder}", file=sys.stderr, flush=True)
+        if programs.daemon.poll() is not None:
+            raise SystemExit(f"{folder}/candelad ended with {programs.daemon.returncode}")
+        return {case.name: (case, outcome) for case, outcome in zip(todo, outcomes)}
+    finally:
+        programs.close()
+
+
+def write_hashes(results, here: dict, path: pathlib.Path) -> None:
+    shapes: dict[str, list[str]] = {}
+    lines = []
+    for name, (case, outcome) in results.items():
+        record = outcome.record(shapes) | ({"small": True} if case.small else {})
+        lines.append(f"{json.dumps(name)}: {json.dumps(record)}")
+    shape_lines = [f"{json.dumps(shape)}: {json.dumps(paths)}" for shape, paths in sorted(shapes.items())]
+    path.write_text('{"machine": ' + json.dumps(here) + ',\n"shapes": {\n' + ",\n".join(shape_lines) +
+                    '},\n"cases": {\n' + ",\n".join(lines) + "}}\n", encoding="utf-8")
+
+
+def compare(results, expected: dict[str, list[str]], missing: list[str]) -> int:
+    """Prints what differs; `expected` has the differing parts of each case by its name."""
+    different = {name: parts for name, parts in expected.items() if parts}
+    for name, parts in different.items():
+        print(f"DIFFERS  {name}: {', '.join(parts)}")
+    for name in missing:
+        print(f"NOT RUN  {name}: it was recorded")
+    new = len(results) - len(expected)
+    more = (f", {len(missing)} not run" if missing else "") + (f", {new} new" if new else "")
+    print(f"{len(expected) - len(different)} cases same, {len(different)} differ{more}")
+    return 1 if different or missing or not expected else 0
+
+
+def build(revision: str, scratch: pathlib.Path) -> pathlib.Path:
+    """The programs of another revision, built in a work tree in `scratch`."""
+    tree = scratch / "before"
+    subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", tree, revision], check=True)
+    try:
+        subprocess.run([tree / "deploy/build.sh", "release", "-DCANDELA_TESTS=OFF"], check=True)
+        shutil.copytree(tree / "build/release/bin", scratch / "before-bin")
+    finally:
+        subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", tree], check=False)
+    return scratch / "before-bin"
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bin", type=pathlib.Path, help="folder of candela and candelad")
+    parser.add_argument("--against", type=pathlib.Path, metavar="OTHER",
+                        help="folder of the programs to compare with")
+    parser.add_argument("--build", metavar="REV", help="revision to build and compare with")
+    parser.add_argument("--record", action="store_true", help="write the hashes")
+    parser.add_argument("--small", action="store_true", help="only the small set")
+    parser.add_argument("--only", default="", metavar="TEXT", help="only the cases with TEXT in their name")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="cases at a time")
+    parser.add_argument("--hashes", type=pathlib.Path, default=HASHES, help="another file of hashes")
+    return parser.parse_args()
+
+
+def main() -> int:
+    options = parse()
+    data = pathlib.Path(os.environ.get("CANDELA_DATA") or ROOT.parent / "shared/data")
+    here = machine.this_machine(options.bin / "candela")
+    other = options.against or options.build
+    if options.record and (options.small or options.only or other or not data.is_dir()):
+        raise SystemExit("--record writes the whole net: leave out --small, --only, --against and --build, and set "
+                         f"CANDELA_DATA if {data} does not hold the images")
+    if lacking := [tool for tool in ("protoc", "grpc_python_plugin") if not shutil.which(tool)]:
+        print(f"SKIPPED: {' and '.join(lacking)} not found; install protobuf-compiler and protobuf-compiler-grpc")
+        return SKIPPED
+    recorded = {} if options.record or other else json.loads(options.hashes.read_text(encoding="utf-8"))
+    if recorded and (why := machine.difference(recorded["machine"], here)):
+        print(f"SKIPPED: the hashes do not hold on this machine: {why}\nCompare with the commit before: "
+              f"{sys.executable} {__file__} {options.bin} --build HEAD~1{' --small' if options.small else ''}")
+        return SKIPPED
+    if not options.small and not data.is_dir():
+        print(f"no real images: {data} is not there; set CANDELA_DATA")
+    with tempfile.TemporaryDirectory(prefix="candela-net-") as folder:
+        scratch = pathlib.Path(folder)
+        (scratch / "scenes").mkdir()
+        (scratch / "stubs").mkdir()
+        wire.make_stubs(scratch / "stubs")
+        before_bin = options.against or (build(options.build, scratch) if options.build else None)
+        scene_names = scenes.make(before_bin / "candela" if before_bin else options.bin / "candela",
+                                  scratch / "scenes", options.small)
+
+        def run(bin_folder: pathlib.Path, name: str):
+            return run_all(bin_folder, options, scratch / name, scratch / "scenes", scene_names, data)
+
+        results = run(options.bin, "now")
+        if options.record:
+            write_hashes(results, here, options.hashes)
+            print(f"{len(results)} cases recorded, {sum(case.small for case, _ in results.values())} of them small")
+            return 0
+        if before_bin:
+            before = run(before_bin, "then")
+            expected = {name: outcome.differs_from(before[name][1]) for name, (_, outcome) in results.items()}
+            return compare(results, expected, [])
+        records = {name: record for name, record in recorded["cases"].items()
+                   if (record.get("small") or not options.small) and options.only in name}
+        expected = {name: outcome.differs_from_record(records[name], recorded["shapes"])
+                    for name, (_, outcome) in results.items() if name in records}
+        missing = [name for name in records if name not in results] if data.is_dir() or options.small else []
+        return compare(results, expected, missing)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
