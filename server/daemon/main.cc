@@ -18,7 +18,7 @@
 #include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
-#include "server/config.h"
+#include "server/daemon/flags.h"
 #include "server/daemon/service_manager.h"
 #include "server/rpc/grpc_log.h"
 #include "server/server.h"
@@ -125,7 +125,7 @@ void keep_freed_memory() {
 }
 
 int serve(const Invocation& invocation) {
-  start_logging(invocation.log);
+  start_logging({invocation.config.log_level, invocation.config.log_json});
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
