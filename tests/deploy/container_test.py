@@ -424,9 +424,9 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
             for what, hurt in (("crash", "KILL"), ("hang", "STOP")):
                 before = unit("MainPID")
                 inside("systemctl", "kill", f"--signal={hurt}", "candelad")
-                wait_until(lambda: serves_as_another_process(before), f"systemd starts it anew after a {what}", log, 60)
+                wait_until(lambda: serves_as_another_process(before), f"systemd restarts it after a {what}", log, 60)
                 goes_on()
-            expect(unit("NRestarts") == "2", f"it was started anew {unit('NRestarts')} times")
+            expect(unit("NRestarts") == "2", f"it was restarted {unit('NRestarts')} times")
             inside("systemctl", "restart", "candelad")
             expect(unit("Result") == "success" and log().count("info stopped") == 1, f"it did not drain:\n{log()}")
             goes_on()
