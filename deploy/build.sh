@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Configures and builds one preset into build/PRESET: build.sh PRESET [CMAKE OPTION...]
+# Configures and builds one preset in build/PRESET: build.sh PRESET [CMAKE OPTION...]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=$1

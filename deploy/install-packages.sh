@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian packages of the given lists, where any is missing: install-packages.sh build run test
+# Installs the missing Debian packages of the given lists: install-packages.sh build run test
 set -euo pipefail
 cd "$(dirname "$0")"
 
@@ -15,7 +15,7 @@ done
 as_root=()
 if [ "$(id -u)" -ne 0 ]; then
   if ! command -v sudo >/dev/null; then
-    echo "packages are missing and there is neither root nor sudo; as root: apt-get install ${missing[*]}" >&2
+    echo "packages are missing, and this is not root and has no sudo; as root, run: apt-get install ${missing[*]}" >&2
     exit 1
   fi
   as_root=(sudo)
@@ -27,6 +27,6 @@ if ! { "${as_root[@]}" apt-get update &&
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}"; } \
   >"$log" 2>&1; then
   tail -n 20 "$log" >&2
-  echo "the packages could not be installed; the last lines above say why" >&2
+  echo "cannot install the packages; see the lines above" >&2
   exit 1
 fi

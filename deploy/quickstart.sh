@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# From nothing to pictures: installs what is missing, builds, starts candelad, sends it HDR frames.
+# Installs missing packages, builds Candela, starts candelad and renders HDR frames with it.
 #
 #   deploy/quickstart.sh                  renders a procedural scene
 #   deploy/quickstart.sh FILE...          renders your OpenEXR, Radiance or PFM files
 #
-# PNGs go into out/. Needs Debian 12, and root or sudo where packages are missing. A second run takes seconds.
+# Writes PNG files to out/. Needs Debian 12, and root or sudo if packages are missing. A second run takes seconds.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 
-# Files are named from where the user stands.
+# File names are relative to the user's folder.
 frames=()
 for file in "$@"; do frames+=("$(realpath -m -- "$file")"); done
 
@@ -29,7 +29,7 @@ build/release/bin/candelad --listen "$socket" >"$scratch/log" 2>&1 &
 daemon=$!
 trap 'kill "$daemon" 2>/dev/null || true; wait "$daemon" 2>/dev/null || true; rm -rf "$scratch"' EXIT
 
-# Wait until it serves; it says why when it cannot.
+# Wait until it serves. If it cannot, its log says why.
 for _ in $(seq 300); do
   "$candela" health --server "$socket" >/dev/null 2>&1 && break
   kill -0 "$daemon" 2>/dev/null || break
@@ -47,7 +47,7 @@ failed=0
 for frame in "${frames[@]}"; do
   name=$(basename -- "$frame")
   picture=out/${name%.*}.png
-  # Two inputs of one name do not share a picture.
+  # Two inputs with the same name get different pictures.
   for ((copy = 2; ${written[$picture]:-0}; copy++)); do picture=out/${name%.*}-$copy.png; done
   written[$picture]=1
   if "$candela" render "$frame" "$picture" --server "$socket"; then

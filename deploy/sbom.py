@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Writes what a root file system is made of: an SBOM (SPDX 2.3) and a list of licences.
+"""Writes an SBOM (SPDX 2.3) and a list of licences for a root file system.
 
 sbom.py VERSION ROOT BUILD_LIST OUT
-ROOT has Debian's packages and Candela VERSION. BUILD_LIST names packages of this machine that Candela was built from,
-whose headers are in its programs. OUT, a folder, gets sbom.spdx.json and licenses.txt.
+ROOT contains Debian packages and Candela VERSION. BUILD_LIST names the packages on this machine that Candela was built
+with; code from their headers is in its programs. The files sbom.spdx.json and licenses.txt are written to the folder OUT.
 """
 import hashlib
 import json
@@ -15,7 +15,7 @@ import time
 
 FIELDS = {"name": "Package", "version": "Version", "architecture": "Architecture", "source": "source:Package",
           "source_version": "source:Version", "state": "db:Status-Status"}
-# Debian's short names of licences that SPDX calls otherwise, in lower case, and those that it calls the same.
+# SPDX's names for Debian's short licence names (in lower case): first those that differ, then those that are the same.
 SPDX = {"expat": "MIT", "apache-2": "Apache-2.0", "boost-1.0": "BSL-1.0", "cc0": "CC0-1.0", "bsd-2": "BSD-2-Clause",
         "bsd-3": "BSD-3-Clause"}
 SPDX |= {name.lower(): name for name in (
@@ -25,7 +25,7 @@ GNU = re.compile(r"((?:A|L)?GPL|GFDL)-(\d)(?:\.(\d))?(\+?)")
 
 
 def spdx_id(name: str) -> str | None:
-    """None where SPDX's list has none that is surely the same."""
+    """None if SPDX has no licence that is certainly the same."""
     gnu = GNU.fullmatch(name)
     if gnu:
         family, major, minor, later = gnu.groups()
@@ -34,7 +34,7 @@ def spdx_id(name: str) -> str | None:
 
 
 def packages(admin: pathlib.Path, names: list[str]) -> list[dict]:
-    """Those that are installed, of `names` or all of them."""
+    """The installed packages among `names`, or all installed packages if `names` is empty."""
     form = "\t".join(f"${{{field}}}" for field in FIELDS.values()) + "\n"
     lines = subprocess.run(["dpkg-query", f"--admindir={admin}", "--show", f"--showformat={form}", *names], check=True,
                            stdout=subprocess.PIPE, text=True).stdout.splitlines()
@@ -43,7 +43,7 @@ def packages(admin: pathlib.Path, names: list[str]) -> list[dict]:
 
 
 def licenses(text: str) -> tuple[list[str], bool]:
-    """The licences that SPDX knows, and whether there is more, so that the text itself has to be there."""
+    """The licences that SPDX knows, and whether there are others, so that the full text is needed."""
     if not re.match(r"(?s).{0,300}^Format\S*:.*copyright-format", text, re.MULTILINE):
         return [], True
     named = re.findall(r"^License:[ \t]*(\S.*)$", text, re.MULTILINE)
@@ -53,11 +53,11 @@ def licenses(text: str) -> tuple[list[str], bool]:
 
 
 def describe(package: dict, root: pathlib.Path, prefix: str, texts: dict[str, str]) -> dict:
-    """An SPDX package. A copyright file that is needed goes into `texts` by its reference."""
+    """Returns an SPDX package. If its copyright file is needed, adds it to `texts` under its reference."""
     name, version = package["name"], package["version"]
     copyright_file = root / "usr/share/doc" / name / "copyright"
     if not copyright_file.is_file():
-        raise SystemExit(f"{name}: there is no {copyright_file}; keep the copyright files of what is installed")
+        raise SystemExit(f"{name}: there is no {copyright_file}; keep the copyright files of installed packages")
     text = copyright_file.read_text(errors="replace")
     ids, more = licenses(text)
     plain = re.sub("[^A-Za-z0-9.-]", "-", name)

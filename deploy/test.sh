@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
-# Builds the tests and runs them all: test.sh [PRESET...]
+# Builds and runs all tests: test.sh [PRESET...]
 #
-# Presets: dev (with the Vulkan validation layers; the default), release, asan, tsan, fuzz, which runs each fuzz target
-# for CANDELA_FUZZ_SECONDS (30), and deploy: the release build's container, proxy, manifest, alerts, dashboard and
-# instruction counts. Containers want root; what a machine cannot do is reported as skipped. Installs what is missing.
-# CANDELA_DATA names a folder with more images to test on; tests that want it say that they skipped without it.
+# Presets:
+#   dev      with the Vulkan validation layers (the default)
+#   release, asan, tsan
+#   fuzz     runs each fuzz target for CANDELA_FUZZ_SECONDS (30)
+#   deploy   the release build's container, proxy, manifest, alerts, dashboard and instruction counts
+# Installs missing packages. Container tests need root. Tests that cannot run on this machine are reported as skipped.
+# CANDELA_DATA names a folder with more test images; tests that need it are skipped without it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,8 +17,8 @@ lists=(build run test)
 [[ " ${presets[*]} " != *' fuzz '* ]] || lists+=(fuzz)
 deploy/install-packages.sh "${lists[@]}"
 for preset in "${presets[@]}"; do
-  # Without podman and its kind the other tests still tell something.
-  [ "$preset" != deploy ] || deploy/install-packages.sh deploy || echo "what wants them is skipped"
+  # The other tests are still useful without podman.
+  [ "$preset" != deploy ] || deploy/install-packages.sh deploy || echo "tests that need these packages are skipped"
   deploy/build.sh "$preset" -DCANDELA_TESTS=ON
   ctest --preset "$preset" --parallel "$(nproc)"
 done

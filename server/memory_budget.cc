@@ -10,11 +10,11 @@ namespace {
 
 constexpr uint64_t kMiB = uint64_t{1} << 20;
 
-// Of a limit, for textures.
+// The share of the memory limit that textures get by default.
 constexpr uint64_t kShareNumerator = 3;
 constexpr uint64_t kShareDenominator = 8;
-// Beside textures, measured with lavapipe: the process itself with its shaders and what the allocator keeps,
-// and each session that waits, kLookAheadBytes and messages among it.
+// Memory in addition to textures, measured with lavapipe. The process: its shaders and what the allocator
+// keeps. Each waiting session: its messages and kLookAheadBytes.
 constexpr uint64_t kProcessBytes = 320 * kMiB;
 constexpr uint64_t kSessionBytes = 12 * kMiB;
 
@@ -31,7 +31,7 @@ MemoryBudget choose_memory_budget(uint64_t asked, const CgroupLimits& limits) {
   const uint64_t share = std::max(kMiB, limit / kShareDenominator * kShareNumerator / kMiB * kMiB);
   if (asked == 0 && share < kDefaultMemoryBudgetBytes) {
     budget.bytes = share;
-    budget.from = absl::StrFormat("3/8 of the %s of %s", format_bytes(limit), limits.memory_from);
+    budget.from = absl::StrFormat("3/8 of the %s in %s", format_bytes(limit), limits.memory_from);
   }
   const uint64_t taken = budget.bytes + kProcessBytes;
   const uint64_t sessions = taken < limit ? (limit - taken) / kSessionBytes : 0;

@@ -1,4 +1,4 @@
-// How a server divides the memory that its control group allows.
+// The memory budget: how a server divides the memory that its control group allows.
 #pragma once
 
 #include <cstdint>
@@ -11,20 +11,21 @@ namespace candela {
 
 inline constexpr uint64_t kDefaultMemoryBudgetBytes = uint64_t{2} << 30;
 
-// What one session may send before it is read. gRPC by itself lets it grow with the bandwidth, to tens of MiB
-// that no budget knows of.
+// How many bytes gRPC accepts from one session before the server reads them. By default gRPC grows this with
+// the bandwidth, to tens of MiB that no budget accounts for.
 inline constexpr int kLookAheadBytes = 4 << 20;
 
 struct MemoryBudget {
   uint64_t bytes = kDefaultMemoryBudgetBytes;  // for textures
-  std::string from;                            // why so much, in words
-  // How many sessions, and how many calls, what is left is enough for; at least 1.
+  std::string from;                            // where `bytes` comes from, for the log
+  // The remaining memory is enough for this many sessions and as many calls; at least 1.
   uint32_t most_sessions = std::numeric_limits<uint32_t>::max();
-  bool beyond_the_limit = false;  // of the group: the process would be killed before it refuses
+  bool beyond_the_limit =
+      false;  // more than the group allows: the process would be killed before it refuses a frame
 };
 
-// `asked` for textures, or, where that is 0, the default and at most a share of the group's memory, whole
-// MiB.
+// `asked` is the memory for textures. 0 means the default, or a share of the group's memory limit, in whole
+// MiB, if that is less.
 MemoryBudget choose_memory_budget(uint64_t asked, const CgroupLimits& limits);
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-// The one door into the server: candelad opens it, and so does a program that renders without a daemon.
+// The entrance to the server. candelad uses it, and so does a program that renders without a daemon.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -13,53 +13,53 @@
 
 namespace candela {
 
-// A device, its texture pool and renderer, and the service before them. Any thread.
+// A device with its texture pool and renderer, and the gRPC service that renders with them. Any thread.
 class Server {
  public:
-  // Opens the device, renders the self-test frame against the reference, listens where `config` says, and
-  // serves. Sets the driver's environment (see server/base/driver_environment.h), so the first one of a
-  // process is started before other threads read the environment. Fails in one line that says what to do.
+  // Opens the device, compares a test frame with the reference, listens on the addresses in `config`, and
+  // serves. Sets the driver's environment (see server/base/driver_environment.h), so start the first server
+  // of a process before other threads read the environment. The error is one line and says what to do.
   //
-  // A device that is lost fails the frames that were on it with UNAVAILABLE and is opened anew.
-  // `on_device_gone` is called once, on a thread that is not to be held, when that does not help any more:
-  // every frame fails then.
+  // When the device is lost, its frames fail with UNAVAILABLE and the device is reopened. If it is lost again
+  // and again, every frame fails from then on, and `on_device_gone` is called once. It must not block its
+  // thread.
   static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config,
                                                        std::function<void()> on_device_gone = {});
 
-  // Stops at once when drain_and_stop was not called.
+  // Stops at once, unless drain_and_stop was called.
   ~Server();
 
-  // A channel that needs no socket. Not to be used after the server stopped.
+  // A channel that needs no socket. Do not use it after the server has stopped.
   std::shared_ptr<grpc::Channel> in_process_channel();
 
-  // Where it listens, with the ports that were taken for port 0; empty when nowhere.
+  // The addresses that it listens on, with the port that was picked for port 0. Empty if there are none.
   const std::vector<std::string>& addresses() const;
 
-  // Where it serves metrics, with the port that was taken for port 0; empty when nowhere.
+  // The address that serves metrics, with the port that was picked for port 0. Empty if there is none.
   const std::string& metrics_address() const;
 
-  // Whether the render thread moves, as the health service's "liveness" says.
+  // Whether the render thread makes progress: the health service's "liveness".
   bool alive() const;
 
-  // The device's own name.
+  // The device's name, as Vulkan reports it.
   const std::string& device_name() const;
 
-  // Warnings and errors that Vulkan's validation layers have reported, where the config turned them on.
+  // The number of warnings and errors from Vulkan's validation layers. 0 if the config does not enable them.
   uint64_t validation_messages() const;
 
-  // For tests: the device is lost, and so are those that replace it, `times` in all.
+  // For tests: loses the device and its replacements, `times` devices in all.
   void lose_device(int times = 1);
 
-  // Health says NOT_SERVING; config.pre_drain later, or at once without a device, new calls get UNAVAILABLE,
-  // and frames in flight have config.drain_timeout to finish, then their calls are cancelled. `on_drained` is
-  // called when none is in flight any more, unless that took too long; then connections are closed. Returns
-  // when nothing runs any more. Once.
+  // Health says NOT_SERVING. After config.pre_drain, or at once if the device is gone, new calls get
+  // UNAVAILABLE. Frames in flight then have config.drain_timeout to finish before their calls are cancelled.
+  // `on_drained` is called when no frame is in flight any more, unless the time ran out. Then connections are
+  // closed. Returns when all threads have stopped. Call it once.
   void drain_and_stop(const std::function<void()>& on_drained = {});
 
  private:
-  struct Parts;
-  explicit Server(std::unique_ptr<Parts> parts);
-  std::unique_ptr<Parts> parts_;
+  struct Impl;
+  explicit Server(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace candela

@@ -21,10 +21,10 @@ namespace fs = std::filesystem;
 // Version 1 writes "no limit" as the largest number of whole pages.
 constexpr uint64_t kNoMemoryLimit = uint64_t{1} << 62;
 
-// A hierarchy where it is mounted.
+// A mounted hierarchy.
 struct Mount {
   fs::path point;
-  std::string top;  // the group that is seen at the point
+  std::string top;  // the group that appears at the mount point
   bool version2 = false;
   std::vector<std::string> controllers;  // of version 1
 };
@@ -59,7 +59,8 @@ std::vector<Mount> cgroup_mounts(const fs::path& root) {
   return mounts;
 }
 
-// The process's group by controller, "" for version 2. A line is "HIERARCHY:CONTROLLERS:/PATH".
+// The process's group for each controller; the key for version 2 is "". A line is
+// "HIERARCHY:CONTROLLERS:/PATH".
 std::map<std::string, std::string> own_groups(const fs::path& root) {
   std::map<std::string, std::string> groups;
   std::ifstream file(root / "proc/self/cgroup");
@@ -73,8 +74,8 @@ std::map<std::string, std::string> own_groups(const fs::path& root) {
   return groups;
 }
 
-// The folders of `group` and of those above it, as far as `mount` shows them. A container's mount often
-// begins at its own group, while the group's name is the host's.
+// The folders of `group` and its ancestors that `mount` shows. A container's mount often starts at its own
+// group, although the group's name is the host's.
 std::vector<fs::path> visible_folders(const Mount& mount, const std::string& group) {
   std::vector<fs::path> folders{mount.point};
   const fs::path below = fs::path(group).lexically_relative(mount.top);
@@ -103,7 +104,7 @@ std::optional<double> cpu_max(const fs::path& path) {
   return quota / period;
 }
 
-// A quota of -1 is none.
+// A quota of -1 means no limit.
 std::optional<double> cfs_quota(const fs::path& folder) {
   const std::optional<double> quota = number_in(folder / "cpu.cfs_quota_us");
   const std::optional<double> period = number_in(folder / "cpu.cfs_period_us");

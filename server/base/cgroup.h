@@ -1,4 +1,4 @@
-// What the control group that this process runs in, a container's for instance, lets it use.
+// The CPU and memory limits of the control group that this process runs in, for example a container's.
 #pragma once
 
 #include <cstdint>
@@ -9,19 +9,19 @@
 namespace candela {
 
 struct CgroupLimits {
-  std::optional<double> cpus;  // at once, fractions too
-  std::string cpus_from;       // the file that says so
+  std::optional<double> cpus;  // CPUs at once; may be a fraction
+  std::string cpus_from;       // the file with this limit
   std::optional<uint64_t> memory_bytes;
   std::string memory_from;
 };
 
-// The least limits of the process's group and of those above it that can be seen: cpu.max, memory.max and
-// memory.high of version 2, cpu.cfs_quota_us and memory.limit_in_bytes of version 1, and both where both are
-// mounted. Nothing where there is no limit or none can be read. `root` stands for "/" in tests.
+// The lowest limits of the process's group and its visible ancestors. Reads cpu.max, memory.max and
+// memory.high (version 2), and cpu.cfs_quota_us and memory.limit_in_bytes (version 1), whichever are mounted.
+// A limit is absent if none is set or none can be read. Tests pass another `root` than "/".
 CgroupLimits read_cgroup_limits(const std::filesystem::path& root = "/");
 
-// How many threads have a CPU of their own: those this process may run on, or the group's CPUs, rounded up,
-// where these are fewer; at least 1.
+// The number of threads that can each have a CPU: the CPUs that this process may run on, or the group's CPU
+// limit, rounded up, if that is less. At least 1.
 uint32_t usable_cpus(const CgroupLimits& limits = read_cgroup_limits());
 
 }  // namespace candela

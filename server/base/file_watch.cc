@@ -19,7 +19,7 @@ FileWatch::~FileWatch() {
   thread_.join();
 }
 
-// What tells a file from the one before it.
+// Attributes that differ when a file was replaced or changed.
 std::vector<std::string> FileWatch::look() const {
   std::vector<std::string> seen;
   for (const std::string& path : paths_) {

@@ -1,4 +1,4 @@
-// Files that may be replaced while the process runs.
+// Watches files that may be replaced while the process runs.
 #pragma once
 
 #include <functional>
@@ -11,12 +11,11 @@
 
 namespace candela {
 
-// Looks at files by their names, through links, and says when one of them is another one or has other
-// contents.
+// Checks files by name, following links, and reports when one of them was replaced or changed.
 class FileWatch {
  public:
-  // `changed` is called on a thread of the watch's own: once at the beginning, so that nothing is missed
-  // between a first reading and this, and whenever a look after a change found no further one.
+  // Calls `changed` on its own thread: once at the start, so that no change since the first reading is
+  // missed, and then after each change, as soon as one check finds no further change.
   FileWatch(std::vector<std::string> paths, std::function<void()> changed,
             absl::Duration interval = absl::Seconds(1));
   ~FileWatch();

@@ -8,6 +8,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 
@@ -16,9 +17,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Written once, by start_logging, and never destroyed: gRPC's threads log until the process ends.
+// start_logging writes it once. It is never destroyed, because gRPC's threads log until the process ends.
 spdlog::logger* g_logger = nullptr;
 bool g_json = false;
+
+constexpr const char* kLevelWords[] = {"debug", "info", "warning", "error", "off"};
 
 spdlog::level::level_enum level_of(LogLevel level) {
   switch (level) {
@@ -36,20 +39,16 @@ spdlog::level::level_enum level_of(LogLevel level) {
   return spdlog::level::off;
 }
 
-const char* word(LogLevel level) {
-  constexpr const char* kWords[] = {"debug", "info", "warning", "error", "off"};
-  return kWords[static_cast<int>(level)];
-}
-
-// `text` as a JSON string, on one line; what is not UTF-8 is replaced.
+// `text` as a JSON string on one line. Invalid UTF-8 is replaced.
 std::string json_string(absl::string_view text) {
   return Json(std::string(text)).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string json_line(absl::string_view time, LogLevel level, absl::string_view event,
                       std::initializer_list<LogField> fields) {
-  std::string line = absl::StrCat("{\"time\":", json_string(time), ",\"level\":", json_string(word(level)),
-                                  ",\"event\":", json_string(event));
+  std::string line =
+      absl::StrCat("{\"time\":", json_string(time), ",\"level\":", json_string(log_level_word(level)),
+                   ",\"event\":", json_string(event));
   for (const LogField& field : fields) {
     absl::StrAppend(&line, ",", json_string(field.key), ":",
                     field.number ? field.value : json_string(field.value));
@@ -59,7 +58,7 @@ std::string json_line(absl::string_view time, LogLevel level, absl::string_view 
 
 std::string text_line(absl::string_view time, LogLevel level, absl::string_view event,
                       std::initializer_list<LogField> fields) {
-  std::string line = absl::StrCat(time, " ", word(level), " ", event);
+  std::string line = absl::StrCat(time, " ", log_level_word(level), " ", event);
   for (const LogField& field : fields) {
     if (field.value.empty()) continue;
     const std::string json = json_string(field.value);
@@ -74,6 +73,16 @@ std::string text_line(absl::string_view time, LogLevel level, absl::string_view 
 LogField::LogField(absl::string_view k, double v) : key(k), value(absl::StrCat(v)), number(true) {}
 LogField::LogField(absl::string_view k, int64_t v) : key(k), value(absl::StrCat(v)), number(true) {}
 LogField::LogField(absl::string_view k, uint64_t v) : key(k), value(absl::StrCat(v)), number(true) {}
+
+const char* log_level_word(LogLevel level) { return kLevelWords[static_cast<int>(level)]; }
+
+absl::StatusOr<LogLevel> parse_log_level(absl::string_view word) {
+  for (int level = 0; level <= static_cast<int>(LogLevel::kOff); ++level) {
+    if (word == kLevelWords[level]) return static_cast<LogLevel>(level);
+  }
+  return absl::InvalidArgumentError(
+      absl::StrFormat("'%s' is not one of debug, info, warning, error and off", word));
+}
 
 void start_logging(const LogOptions& options) {
   g_json = options.json;

@@ -1,25 +1,30 @@
-// Logs: one line an event, for people or as JSON. Nothing is written before start_logging, so a program that
+// The log: one line per event, as text or as JSON. Nothing is written before start_logging, so a program that
 // embeds a server stays quiet. Any thread.
 #pragma once
 
 #include <initializer_list>
 #include <string>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 
 namespace candela {
 
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
 
+const char* log_level_word(LogLevel level);
+// INVALID_ARGUMENT, listing the words, for anything else.
+absl::StatusOr<LogLevel> parse_log_level(absl::string_view word);
+
 struct LogOptions {
   LogLevel level = LogLevel::kInfo;
-  bool json = false;  // one JSON object a line
+  bool json = false;  // one JSON object per line
 };
 
-// Events go to stderr from now on. Call once, before other threads log.
+// Starts writing events to stderr. Call it once, before other threads log.
 void start_logging(const LogOptions& options);
 
-// A value beside an event. Never a path or a token of a client's.
+// A value that belongs to an event. Never log a client's path or token.
 struct LogField {
   LogField(absl::string_view k, absl::string_view v) : key(k), value(v) {}
   LogField(absl::string_view k, const char* v) : key(k), value(v) {}
@@ -33,7 +38,7 @@ struct LogField {
   bool number = false;
 };
 
-// `event` is a constant: what happened, in words that can be searched for.
+// `event` says what happened. It is a constant, so that it can be searched for.
 void log_event(LogLevel level, absl::string_view event, std::initializer_list<LogField> fields = {});
 
 }  // namespace candela

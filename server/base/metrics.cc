@@ -29,11 +29,12 @@ using prometheus::Family;
 using prometheus::Gauge;
 using prometheus::Histogram;
 
-// Seconds: a small frame's pass takes a tenth of a millisecond, a large one's verification some seconds.
+// Seconds. A pass of a small frame takes a tenth of a millisecond; verifying a large frame takes some
+// seconds.
 const Histogram::BucketBoundaries kStageSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
                                                    0.05,   0.1,     0.25,   0.5,   1.0,    2.5,   5.0,  10.0};
 
-// How frames end, as far as is known beforehand.
+// The results that exist from the start, at 0.
 constexpr absl::StatusCode kFrameResults[] = {
     absl::StatusCode::kOk,       absl::StatusCode::kCancelled,       absl::StatusCode::kDeadlineExceeded,
     absl::StatusCode::kInternal, absl::StatusCode::kInvalidArgument, absl::StatusCode::kUnavailable,
@@ -69,35 +70,39 @@ const char* word(Rejection reason) {
 
 struct Metrics::Impl final : prometheus::Collectable {
   prometheus::Registry registry;
-  Family<Histogram>& stages = BuildHistogram()
-                                  .Name("candela_frame_stage_duration_seconds")
-                                  .Help("Time of a frame's stages; device time where the device did the work")
-                                  .Register(registry);
+  Family<Histogram>& stages =
+      BuildHistogram()
+          .Name("candela_frame_stage_duration_seconds")
+          .Help("Duration of each stage of a frame; device time if the stage runs on the device")
+          .Register(registry);
   Family<Counter>& frames = BuildCounter()
                                 .Name("candela_frames_total")
-                                .Help("Frames whose memory was taken, by the status that they ended with")
+                                .Help("Frames that got memory, by the status that they ended with")
                                 .Register(registry);
   Family<Counter>& rejections = BuildCounter()
                                     .Name("candela_rejections_total")
-                                    .Help("Calls and sessions turned away before they had a frame")
+                                    .Help("Calls and sessions refused before they had a frame, by reason")
                                     .Register(registry);
   Family<Counter>& bytes = BuildCounter()
                                .Name("candela_bytes_total")
-                               .Help("Bytes of the messages of calls with frames, as the server sees them")
+                               .Help("Message bytes of calls with frames, in and out of the server")
                                .Register(registry);
   Counter& bytes_in = bytes.Add({{"direction", "in"}});
   Counter& bytes_out = bytes.Add({{"direction", "out"}});
   Counter& device_rebuilds = BuildCounter()
                                  .Name("candela_device_rebuilds_total")
-                                 .Help("Devices opened anew after one was lost")
+                                 .Help("Devices reopened after a loss")
                                  .Register(registry)
                                  .Add({});
   Gauge& sessions = BuildGauge().Name("candela_sessions").Help("Open sessions").Register(registry).Add({});
-  Gauge& serving =
-      BuildGauge().Name("candela_serving").Help("1 where health says SERVING").Register(registry).Add({});
+  Gauge& serving = BuildGauge()
+                       .Name("candela_serving")
+                       .Help("1 if health says SERVING, else 0")
+                       .Register(registry)
+                       .Add({});
   Gauge& queue_frames = BuildGauge()
                             .Name("candela_queue_frames")
-                            .Help("Frames that wait for the device")
+                            .Help("Frames waiting for the device")
                             .Register(registry)
                             .Add({});
   Family<Gauge>& memory =
@@ -106,11 +111,11 @@ struct Metrics::Impl final : prometheus::Collectable {
   Gauge& memory_idle = memory.Add({{"pool", "textures_idle"}});
   Gauge& memory_budget = BuildGauge()
                              .Name("candela_memory_budget_bytes")
-                             .Help("What the texture pool may have")
+                             .Help("Limit of the texture pool")
                              .Register(registry)
                              .Add({});
 
-  // Not yet: what begins is alive.
+  // At the start the server is alive but not ready.
   std::atomic<bool> ready = false;
   std::atomic<bool> live = true;
 
@@ -134,22 +139,22 @@ Metrics::Metrics(const std::string& version, const std::string& device, const st
     : impl_(std::make_shared<Impl>()) {
   BuildGauge()
       .Name("candela_build_info")
-      .Help("What runs; always 1")
+      .Help("Version, device and driver, as labels; always 1")
       .Register(impl_->registry)
       .Add({{"version", version}, {"device", device}, {"driver", driver}})
       .Set(1);
   BuildGauge()
       .Name("candela_start_time_seconds")
-      .Help("When this server began, since 1970")
+      .Help("Start time of this server, in seconds since 1970")
       .Register(impl_->registry)
       .Add({})
       .Set(absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
-  // What has not happened yet is 0 and not absent: a counter's first step from nothing is no increase.
+  // Create every counter at 0: Prometheus does not count the step from an absent counter as an increase.
   for (const absl::StatusCode code : kFrameResults) impl_->frames.Add({{"result", word(code)}});
   for (int i = 0; i <= static_cast<int>(Rejection::kAccess); ++i) {
     impl_->rejections.Add({{"reason", word(static_cast<Rejection>(i))}});
   }
-  impl_->stages.Add({{"stage", "queue"}}, kStageSeconds);  // the one that every frame has
+  impl_->stages.Add({{"stage", "queue"}}, kStageSeconds);  // every frame has this stage
 }
 
 Metrics::~Metrics() = default;
@@ -178,7 +183,7 @@ void Metrics::set_sampler(std::function<Sample()> sampler) {
   impl_->sampler = std::move(sampler);
 }
 
-// Answers every GET of its path.
+// Answers GET requests for one path.
 class MetricsServer::Page final : public CivetHandler {
  public:
   struct Answer {
@@ -234,11 +239,10 @@ absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::start(const Metric
     const std::string host = address.substr(0, address.rfind(':') + 1);
     return std::unique_ptr<MetricsServer>(
         new MetricsServer(std::move(impl), absl::StrCat(host, ports.empty() ? 0 : ports.front())));
-  } catch (const std::exception&) {  // it says no more than that it failed
+  } catch (const std::exception&) {  // it gives no reason
     return absl::UnavailableError(
-        absl::StrFormat("cannot serve metrics on %s: it is in use or not an address of this machine; stop "
-                        "what listens there or pass "
-                        "another --metrics",
+        absl::StrFormat("cannot serve metrics on %s: the address is in use or does not belong to this "
+                        "machine; stop the program that listens there or pass another --metrics",
                         address));
   }
 }

@@ -1,4 +1,4 @@
-// Numbers for Prometheus: base units, and no label that a client chooses.
+// Metrics for Prometheus, in base units. Clients cannot choose labels.
 #pragma once
 
 #include <cstdint>
@@ -13,37 +13,37 @@
 
 namespace candela {
 
-// Why a call or a session was turned away before it had a frame.
+// Why a call or a session was refused before it had a frame.
 enum class Rejection {
-  kCalls,     // as many calls as the server takes
-  kSessions,  // as many sessions
+  kCalls,     // too many calls
+  kSessions,  // too many sessions
   kDraining,
   kMemory,   // the memory budget is full of frames in flight
   kSize,     // a frame that can never fit
-  kRequest,  // a first message that is not as the contract says
-  kPromise,  // no tier keeps it
+  kRequest,  // an invalid first message
+  kPromise,  // no tier can keep the promise
   kToken,    // a resume token that cannot be used
-  kAccess,   // a bearer token that is missing or not known
+  kAccess,   // a missing or unknown bearer token
 };
 
-// What the server counts. Any thread.
+// The server's counters. Any thread.
 class Metrics {
  public:
-  // What is asked for when it is collected.
+  // Values that are read when Prometheus asks.
   struct Sample {
     uint64_t queue_frames = 0;
     uint64_t memory_in_use_bytes = 0;  // of the texture pool
     uint64_t memory_idle_bytes = 0;
-    uint64_t memory_budget_bytes = 0;  // what both together may have
+    uint64_t memory_budget_bytes = 0;  // the limit of both together
   };
 
   // The arguments become labels of candela_build_info.
   Metrics(const std::string& version, const std::string& device, const std::string& driver);
   ~Metrics();
 
-  // `stage` is a name of ours: "queue", a pass, "encode".
+  // `stage` is a fixed name: "queue", a pass, or "encode".
   void stage(absl::string_view stage, absl::Duration time);
-  // Once for each frame whose memory was taken: how it ended.
+  // Call it once per frame that got memory, with the status that it ended with.
   void frame_ended(absl::StatusCode code);
   void rejected(Rejection reason);
   void session_began();
@@ -51,11 +51,11 @@ class Metrics {
   void bytes_in(uint64_t bytes);
   void bytes_out(uint64_t bytes);
   void device_rebuilt();
-  // What health says: frames come out and the server does not drain; the render thread moves.
+  // `ready`: frames are rendered and the server is not draining. `live`: the render thread makes progress.
   void health(bool ready, bool live);
 
-  // Whom to ask; until then, and after an empty one, nobody. Returns when the last question to the one before
-  // has been answered.
+  // Sets the function that provides Sample. An empty one, the initial state, provides zeros. Returns when no
+  // call of the previous function is running any more.
   void set_sampler(std::function<Sample()> sampler);
 
  private:
@@ -64,17 +64,17 @@ class Metrics {
   std::shared_ptr<Impl> impl_;
 };
 
-// A port of its own for whoever watches the server and speaks no gRPC: GET /metrics; GET /livez and /readyz,
-// 200 where health says SERVING for "liveness" and "readiness", else 503.
+// An HTTP port for monitoring without gRPC: GET /metrics, GET /livez and GET /readyz. The latter two answer
+// 200 if health says SERVING for "liveness" and "readiness", else 503.
 class MetricsServer {
  public:
-  // `address` has passed check_metrics_address; port 0 takes a free one. UNAVAILABLE when it cannot be
-  // listened on.
+  // `address` must have passed check_metrics_address; port 0 picks a free port. UNAVAILABLE if it cannot
+  // listen there.
   static absl::StatusOr<std::unique_ptr<MetricsServer>> start(const Metrics& metrics,
                                                               const std::string& address);
   ~MetricsServer();
 
-  // With the port that was taken.
+  // With the port that was picked.
   const std::string& address() const { return address_; }
 
  private:

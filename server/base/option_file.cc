@@ -14,7 +14,7 @@ namespace candela {
 
 absl::StatusOr<std::string> read_option_file(absl::string_view option, const std::string& path,
                                              size_t max_bytes, Secrecy secrecy) {
-  // A pipe would block the open.
+  // Without O_NONBLOCK, opening a pipe would block.
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) {
     return absl::NotFoundError(absl::StrFormat("%s: cannot read %s: %s", option, path, strerror(errno)));
@@ -25,15 +25,13 @@ absl::StatusOr<std::string> read_option_file(absl::string_view option, const std
     return absl::NotFoundError(absl::StrFormat("%s: %s is not a file", option, path));
   }
   if (secrecy == Secrecy::kSecret && (about.st_mode & (S_IWGRP | S_IROTH | S_IWOTH)) != 0) {
-    return absl::FailedPreconditionError(
-        absl::StrFormat("%s: others than its owner may read or change %s (mode %03o), and it holds a secret; "
-                        "run: chmod 600 %s",
-                        option, path, about.st_mode & 0777, path));
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "%s: %s holds a secret, but other users may read or change it (mode %03o); run: chmod 600 %s", option,
+        path, about.st_mode & 0777, path));
   }
   if (static_cast<size_t>(about.st_size) > max_bytes) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: %s has %d bytes; at most %d are read: name another file", option, path,
-                        about.st_size, max_bytes));
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: %s has %d bytes; the limit is %d: name another file", option, path, about.st_size, max_bytes));
   }
   std::string text(static_cast<size_t>(about.st_size), '\0');
   size_t filled = 0;

@@ -16,7 +16,7 @@ struct Suffix {
 };
 constexpr Suffix kSuffixes[] = {{"TiB", 40}, {"GiB", 30}, {"MiB", 20}, {"KiB", 10}, {"", 0}};
 
-// How far `suffix` shifts, or -1.
+// The power of two that `suffix` stands for, or -1 if it is unknown.
 int shift_of(const std::string& suffix) {
   for (const Suffix& known : kSuffixes) {
     const std::string full = absl::AsciiStrToLower(known.text);

@@ -1,4 +1,4 @@
-// Sizes and times as people write them in flags and files.
+// Parses and prints sizes and times as people write them in flags and files.
 #pragma once
 
 #include <cstdint>
@@ -9,9 +9,10 @@
 
 namespace candela {
 
-// "512MiB", "2GiB", "1048576": bytes, or with KiB, MiB, GiB or TiB; case does not matter, nor does K for KiB.
+// "512MiB", "2GiB", "1048576": bytes, optionally with KiB, MiB, GiB or TiB, or K, M, G or T. Case does not
+// matter.
 absl::StatusOr<uint64_t> parse_bytes(const std::string& text);
-// With the largest suffix that divides it: "512MiB".
+// Uses the largest suffix without a remainder: "512MiB".
 std::string format_bytes(uint64_t bytes);
 
 // "60s", "1m30s", "500ms".

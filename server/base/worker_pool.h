@@ -1,4 +1,4 @@
-// Threads for work that takes its time and that nobody waits for.
+// A pool of threads that runs tasks in order of arrival.
 #pragma once
 
 #include <deque>
@@ -11,18 +11,18 @@
 
 namespace candela {
 
-// Any thread. First come, first served.
+// Any thread may call it. Use it for work that takes long and that no thread waits for.
 class WorkerPool {
  public:
-  // `threads` 0: usable_cpus().
+  // 0 threads means usable_cpus().
   explicit WorkerPool(uint32_t threads);
-  // As stop().
+  // Calls stop().
   ~WorkerPool();
 
-  // After stop() the task is dropped without a call.
+  // After stop(), the task is dropped.
   void run(std::function<void()> task);
 
-  // Finishes what was given to it. Idempotent.
+  // Finishes all tasks that it has. Idempotent.
   void stop();
 
  private:
@@ -31,7 +31,7 @@ class WorkerPool {
   absl::Mutex mutex_;
   std::deque<std::function<void()>> tasks_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  std::vector<std::thread> threads_;  // last: they use all of the above
+  std::vector<std::thread> threads_;  // last, because they use all of the above
 };
 
 }  // namespace candela

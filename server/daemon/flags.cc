@@ -1,14 +1,14 @@
-// candelad's options, each defined once: flag, variable, key of the file, range, unit and default.
-#include <CLI/CLI.hpp>
-#include <cctype>
-#include <cstdlib>
-#include <map>
+#include "server/daemon/flags.h"
 
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <type_traits>
+
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "server/base/units.h"
-#include "server/config.h"
+#include "server/option_table.h"
 
 #ifndef CANDELA_VERSION
 #error "the build sets CANDELA_VERSION"
@@ -17,130 +17,72 @@
 namespace candela {
 namespace {
 
-const std::map<std::string, LogLevel> kLogLevels{{"debug", LogLevel::kDebug},
-                                                 {"info", LogLevel::kInfo},
-                                                 {"warning", LogLevel::kWarning},
-                                                 {"error", LogLevel::kError},
-                                                 {"off", LogLevel::kOff}};
-
-// Every option has the variable CANDELA_<NAME>. A later flag replaces an earlier one.
-CLI::Option* finish(CLI::Option* option, const std::string& name) {
-  std::string variable = "CANDELA_" + absl::StrReplaceAll(name, {{"-", "_"}});
-  for (char& c : variable) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
-  return option->envname(variable)->take_last();
+// Puts a parsed value into its field, or gives the reason why there is none.
+template <typename Value>
+absl::Status store(absl::StatusOr<Value> parsed, Value& field) {
+  if (parsed.ok()) field = *std::move(parsed);
+  return parsed.status();
 }
 
-// An option that `set` reads from its text.
-template <typename Set>
-CLI::Option* add(CLI::App& app, const std::string& name, const std::string& type, const std::string& initial,
-                 const std::string& help, Set set) {
-  const auto apply = [name, set](const std::string& text) {
-    const absl::Status status = set(text);
-    if (!status.ok()) throw CLI::ValidationError("--" + name, std::string(status.message()));
+// set() reads a value of each kind that CLI11 does not know.
+absl::Status set(const TextOption& kind, const std::string& text, Config& config) {
+  config.*kind.field = text;
+  return absl::OkStatus();
+}
+
+absl::Status set(const AddressListOption& kind, const std::string& text, Config& config) {
+  config.*kind.field = absl::StrSplit(text, ',', absl::SkipWhitespace());
+  if (!(config.*kind.field).empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
+}
+
+absl::Status set(const BytesOption& kind, const std::string& text, Config& config) {
+  return store(parse_bytes(text), config.*kind.field);
+}
+
+absl::Status set(const DurationOption& kind, const std::string& text, Config& config) {
+  return store(parse_duration(text), config.*kind.field);
+}
+
+absl::Status set(const LogLevelOption& kind, const std::string& text, Config& config) {
+  return store(parse_log_level(text), config.*kind.field);
+}
+
+std::string value_name(const TextOption& kind) { return kind.value_name; }
+std::string value_name(const AddressListOption&) { return "ADDRESS[,ADDRESS...]"; }
+std::string value_name(const BytesOption&) { return "BYTES"; }
+std::string value_name(const DurationOption&) { return "TIME"; }
+std::string value_name(const LogLevelOption&) { return "LEVEL"; }
+
+CLI::Option* add(CLI::App& app, const std::string& flag, const FlagOption& kind, Config& config) {
+  return app.add_flag(flag, config.*kind.field);
+}
+
+CLI::Option* add(CLI::App& app, const std::string& flag, const NumberOption& kind, Config& config) {
+  return app.add_option(flag, config.*kind.field)->type_name("NUMBER");
+}
+
+template <typename Kind>
+CLI::Option* add(CLI::App& app, const std::string& flag, const Kind& kind, Config& config) {
+  const auto apply = [flag, kind, &config](const std::string& text) {
+    const absl::Status status = set(kind, text, config);
+    if (!status.ok()) throw CLI::ValidationError(flag, std::string(status.message()));
   };
-  CLI::Option* option = app.add_option_function<std::string>("--" + name, apply, help);
-  return finish(option->type_name(type)->default_str(initial), name);
+  return app.add_option_function<std::string>(flag, apply)->type_name(value_name(kind));
 }
 
-void add_flag(CLI::App& app, const std::string& name, bool& value, const std::string& help) {
-  finish(app.add_flag("--" + name, value, help), name);
-}
-
-void add_text(CLI::App& app, const std::string& name, const std::string& type, std::string& value,
-              const std::string& help) {
-  add(app, name, type, value, help, [&value](const std::string& text) {
-    value = text;
-    return absl::OkStatus();
-  });
-}
-
-void add_bytes(CLI::App& app, const std::string& name, uint64_t& value, v1::Range<uint64_t> range,
-               const std::string& help) {
-  const std::string limits = absl::StrFormat(", %s .. %s", format_bytes(range.min), format_bytes(range.max));
-  add(app, name, "BYTES", format_bytes(value), help + limits, [&value](const std::string& text) {
-    const absl::StatusOr<uint64_t> bytes = parse_bytes(text);
-    if (bytes.ok()) value = *bytes;
-    return bytes.status();
-  });
-}
-
-void add_number(CLI::App& app, const std::string& name, uint32_t& value, v1::Range<uint32_t> range,
-                const std::string& help) {
-  const std::string limits = absl::StrFormat(", %d .. %d", range.min, range.max);
-  finish(app.add_option("--" + name, value, help + limits)->capture_default_str()->type_name("NUMBER"), name);
-}
-
-void add_duration(CLI::App& app, const std::string& name, absl::Duration& value,
-                  v1::Range<absl::Duration> range, const std::string& help) {
-  const std::string limits =
-      absl::StrFormat(", %s .. %s", absl::FormatDuration(range.min), absl::FormatDuration(range.max));
-  add(app, name, "TIME", absl::FormatDuration(value), help + limits, [&value](const std::string& text) {
-    const absl::StatusOr<absl::Duration> time = parse_duration(text);
-    if (time.ok()) value = *time;
-    return time.status();
-  });
-}
-
-void add_log_options(CLI::App& app, LogOptions& log) {
-  add(app, "log-level", "LEVEL", "info",
-      "Least weight of the events logged: debug, info, warning, error or off",
-      [&log](const std::string& text) {
-        const auto level = kLogLevels.find(text);
-        if (level == kLogLevels.end()) {
-          return absl::InvalidArgumentError(
-              absl::StrFormat("'%s' is not one of debug, info, warning, error and off", text));
-        }
-        log.level = level->second;
-        return absl::OkStatus();
-      });
-  add_flag(app, "log-json", log.json, "Log one JSON object a line");
-}
-
-void add_options(CLI::App& app, Invocation& invocation) {
-  Config& config = invocation.config;
-  add(app, "listen", "ADDRESS[,ADDRESS...]", kDefaultListen,
-      "Where to listen: HOST:PORT, port 0 for a free one, or unix:PATH", [&config](const std::string& text) {
-        config.listen = absl::StrSplit(text, ',', absl::SkipWhitespace());
-        if (!config.listen.empty()) return absl::OkStatus();
-        return absl::InvalidArgumentError("it names no address; write 127.0.0.1:50051 or unix:PATH");
-      });
-  add_flag(app, "insecure", config.insecure, "Allow addresses beyond loopback without TLS");
-  add_text(app, "tls-cert", "FILE", config.tls_cert,
-           "Certificate to serve TLS with, PEM, the server's own first; read again when it changes; empty: "
-           "no TLS");
-  add_text(app, "tls-key", "FILE", config.tls_key, "Private key of tls-cert, PEM, without a passphrase");
-  add_text(app, "tls-client-ca", "FILE", config.tls_client_ca,
-           "CAs, PEM: clients must show a certificate that one of them has signed; empty: they need none");
-  add_text(
-      app, "token-file", "FILE", config.token_file,
-      "Bearer tokens, one a line: a call must show one of them; read again when it changes; empty: none");
-  add_text(app, "device", "NAME|INDEX", config.device,
-           "Vulkan device: a part of its name or its index; empty takes the best");
-  add_flag(app, "validation", config.validation, "Run with Vulkan's validation layers (slow)");
-  add_text(app, "cache-dir", "PATH", config.cache_dir,
-           "Where to keep what was measured about the device; empty takes the user's cache");
-  add_bytes(app, "memory-budget", config.memory_budget_bytes, kMemoryBudgetBytes,
-            "Memory for textures; 0: 2GiB, or 3/8 of the cgroup's memory where that is less");
-  add_bytes(app, "max-frame-bytes", config.max_frame_bytes, kMaxFrameBytes, "Largest frame on the wire");
-  add_number(app, "max-dimension", config.max_dimension, kMaxDimension, "Largest width or height, in pixels");
-  add_number(app, "max-calls", config.max_calls, kMaxCalls, "Render and Meter calls at once");
-  add_number(app, "max-sessions", config.max_sessions, kMaxSessions, "Streams at once");
-  add_number(app, "max-frames-in-flight", config.max_frames_in_flight, kMaxFramesInFlight,
-             "Frames of a session without a result");
-  add_number(app, "encoder-threads", config.encoder_threads, kEncoderThreads,
-             "Threads for PNG and JPEG results; 0: one per CPU that it may use");
-  add_duration(app, "idle-timeout", config.idle_timeout, kIdleTimeout,
-               "A client that neither sends nor reads for so long is cut off");
-  add_duration(app, "drain-timeout", config.drain_timeout, kDrainTimeout,
-               "How long frames in flight may take after SIGTERM");
-  add_duration(app, "pre-drain", config.pre_drain, kPreDrain,
-               "How long after SIGTERM calls are still taken while health says NOT_SERVING");
-  add_text(app, "resume-keys", "FILE", config.resume_keys,
-           "Keys that sign resume tokens, one a line in hex; empty takes a key of this server's own");
-  add_duration(app, "resume-ttl", config.resume_ttl, kResumeTtl, "How long a resume token is good");
-  add_text(app, "metrics", "ADDRESS", config.metrics,
-           "Where to serve Prometheus metrics: HOST:PORT, IPv4; empty: nowhere");
-  add_log_options(app, invocation.log);
+// The values in `config` are the defaults. A flag that is given twice takes the last value.
+void add_options(CLI::App& app, Config& config) {
+  for (const Option& option : option_table()) {
+    const std::string flag = absl::StrCat("--", option.name);
+    CLI::Option* added =
+        std::visit([&](const auto& kind) { return add(app, flag, kind, config); }, option.kind);
+    const std::string range = range_text(option);
+    added->description(range.empty() ? option.help : absl::StrCat(option.help, " (", range, ")"))
+        ->envname(variable_name(option))
+        ->take_last();
+    if (!std::holds_alternative<FlagOption>(option.kind)) added->default_str(value_text(option, config));
+  }
 }
 
 // CLI11 by itself would let the file win over the environment.
@@ -158,14 +100,19 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   Invocation invocation;
   invocation.config.listen = {kDefaultListen};
-  CLI::App app("candelad: renders HDR frames that come over gRPC.\n", "candelad");
+  const Config defaults = invocation.config;
+  CLI::App app("candelad: a gRPC server that renders HDR frames.\n", "candelad");
   app.footer(
-      "Every option may also be an environment variable, CANDELA_MEMORY_BUDGET for --memory-budget, or a "
-      "key\n"
-      "of the --config file without its dashes. Flags win over variables, and variables over the file.");
+      "Each option is also an environment variable (CANDELA_MEMORY_BUDGET for --memory-budget) and a key of\n"
+      "the --config file (memory-budget). Flags override variables, and variables override the file.");
   app.allow_config_extras(CLI::config_extras_mode::error);
-  add_options(app, invocation);
-  app.set_config("--config", "", "File of options, key = value; see candelad.conf")->type_name("FILE");
+  add_options(app, invocation.config);
+  app.set_config("--config", "", "Configuration file with lines KEY = VALUE; see --print-config")
+      ->type_name("FILE");
+  bool print_config = false;
+  app.add_flag("--print-config", print_config,
+               "Print a configuration file that explains every option, and exit")
+      ->configurable(false);
   app.add_flag("--list-devices", invocation.list_devices, "List the Vulkan devices and exit")
       ->configurable(false);
   app.set_version_flag("--version", "candelad " CANDELA_VERSION, "Print the version and exit");
@@ -186,6 +133,7 @@ absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
     return absl::InvalidArgumentError(first_line(error.what()) + "; see candelad --help");
   }
   if (absl::Status status = check_config(invocation.config); !status.ok()) return status;
+  if (print_config) invocation.text = annotated_file(defaults);
   return invocation;
 }
 

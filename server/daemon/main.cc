@@ -1,4 +1,4 @@
-// candelad: the daemon.
+// candelad, the daemon: starts a server, handles its signals and stops it.
 #include <malloc.h>
 #include <pthread.h>
 #include <unistd.h>
@@ -18,7 +18,7 @@
 #include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
-#include "server/config.h"
+#include "server/daemon/flags.h"
 #include "server/daemon/service_manager.h"
 #include "server/rpc/grpc_log.h"
 #include "server/server.h"
@@ -29,14 +29,15 @@ namespace {
 
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
-// How much longer than its pre-drain and drain timeout a server may take to stop before the process is ended.
+// A server may take this much longer to stop than its pre-drain and drain timeout before the process exits
+// anyway.
 constexpr absl::Duration kStopGrace = absl::Seconds(10);
 
-// SIGTERM and SIGINT on a thread of their own: the first asks the server to drain; the second, or a server
+// Handles SIGTERM and SIGINT on its own thread. The first signal drains the server. A second one, or a server
 // that does not stop in time, ends the process.
 class Signals {
  public:
-  // Before any other thread is started: they inherit that both signals are blocked.
+  // Construct it before any other thread starts, so that every thread inherits the blocked signals.
   explicit Signals(absl::Duration stop_within) : stop_within_(stop_within) {
     sigemptyset(&set_);
     sigaddset(&set_, SIGTERM);
@@ -52,13 +53,13 @@ class Signals {
   }
 
   void wait_for_stop() { stop_.WaitForNotification(); }
-  // As a first SIGTERM, and what comes of it is a failure.
+  // Does what a first SIGTERM does, but the process exits with a failure.
   void fail() {
     failed_ = true;
     pthread_kill(thread_.native_handle(), SIGTERM);
   }
   bool failed() const { return failed_; }
-  // From now on a stop that takes too long is a client's fault, not a failure.
+  // From now on, a stop that takes too long is a client's fault and not a failure.
   void nothing_in_flight() { nothing_in_flight_ = true; }
 
  private:
@@ -67,19 +68,19 @@ class Signals {
     sigwait(&set_, &signal);
     if (finished_.HasBeenNotified()) return;
     log_event(LogLevel::kInfo, "draining",
-              {{"because", failed_            ? "the device is gone"
+              {{"because", failed_            ? "the device is lost"
                            : signal == SIGINT ? "SIGINT"
                                               : "SIGTERM"}});
     stop_.Notify();
     const absl::Time end = absl::Now() + stop_within_;
     int second = 0;
-    do {  // a process that is stopped and continued is interrupted here
+    do {  // SIGSTOP and SIGCONT interrupt this call
       const timespec left = absl::ToTimespec(std::max(end - absl::Now(), absl::ZeroDuration()));
       second = sigtimedwait(&set_, nullptr, &left);
     } while (second < 0 && errno == EINTR);
     if (finished_.HasBeenNotified()) return;
     if (second < 0 && nothing_in_flight_) {
-      log_event(LogLevel::kWarning, "stopped with a connection that its client would not read from");
+      log_event(LogLevel::kWarning, "stopped with an open connection, because its client does not read");
       _exit(failed_ ? kFailed : 0);
     }
     log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
@@ -112,12 +113,12 @@ int print_devices() {
   return 0;
 }
 
-// A frame's messages are megabytes that come and go: kept by the allocator, they are not given back to the
-// system after each and faulted in again for the next, which cost a stream 6 % of its frames.
-// Each arena keeps some, so that there are few of them where memory is short.
+// Makes the allocator keep the memory of freed messages. Each frame's messages take megabytes. Returning them
+// to the system and faulting them in again for the next frame cost a stream 6 % of its frames. Each arena
+// keeps some memory, so a process with a memory limit gets only a few arenas.
 void keep_freed_memory() {
-  constexpr int kLargestKept = 4 << 20;  // bytes of one block: a message, but no large texture
-  constexpr int kKept = 64 << 20;        // bytes in all, of each of its arenas
+  constexpr int kLargestKept = 4 << 20;  // bytes of one block: covers a message, but not a large texture
+  constexpr int kKept = 64 << 20;        // bytes per arena
   mallopt(M_MMAP_THRESHOLD, kLargestKept);
   mallopt(M_TRIM_THRESHOLD, kKept);
   constexpr int kFewArenas = 2;
@@ -125,7 +126,7 @@ void keep_freed_memory() {
 }
 
 int serve(const Invocation& invocation) {
-  start_logging(invocation.log);
+  start_logging({invocation.config.log_level, invocation.config.log_json});
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
@@ -144,7 +145,7 @@ int serve(const Invocation& invocation) {
   tell_service_manager("READY=1\nSTATUS=serving on " + addresses);
   const Watchdog watchdog([s = server->get()] { return s->alive(); });
 #ifdef CANDELA_LOSE_DEVICES
-  (*server)->lose_device(CANDELA_LOSE_DEVICES);  // a test's daemon
+  (*server)->lose_device(CANDELA_LOSE_DEVICES);  // only in a test's build of candelad
 #endif
   signals.wait_for_stop();
   tell_service_manager("STOPPING=1\nSTATUS=draining");

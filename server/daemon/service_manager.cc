@@ -17,7 +17,7 @@ constexpr int kKeepTheVariables = 0;
 
 void tell_service_manager(const std::string& lines) {
   if (sd_notify(kKeepTheVariables, lines.c_str()) >= 0) return;
-  log_event(LogLevel::kWarning, "the service manager cannot be told", {{"what", lines}});
+  log_event(LogLevel::kWarning, "cannot notify the service manager", {{"message", lines}});
 }
 
 Watchdog::Watchdog(std::function<bool()> alive) {

@@ -1,4 +1,5 @@
-// What systemd, or whoever else listens on $NOTIFY_SOCKET, is told about this process: sd_notify(3).
+// Reports this process to systemd, or to any other service manager that listens on $NOTIFY_SOCKET:
+// sd_notify(3).
 #pragma once
 
 #include <functional>
@@ -9,15 +10,14 @@
 
 namespace candela {
 
-// Lines of VARIABLE=VALUE, such as READY=1. Nothing happens where nobody listens.
+// Sends lines of VARIABLE=VALUE, such as READY=1. Does nothing if nobody listens.
 void tell_service_manager(const std::string& lines);
 
-// Gives the manager a sign of life, WATCHDOG=1, after each half of the time in which it wants one
-// ($WATCHDOG_USEC).
+// Sends the manager a keep-alive, WATCHDOG=1, twice per watchdog period ($WATCHDOG_USEC).
 class Watchdog {
  public:
-  // No sign is given while `alive`, called on a thread of the watchdog's own, says that there is no life.
-  // Nothing is started where no signs are wanted.
+  // Calls `alive` on its own thread and sends nothing while it returns false. Starts no thread if the manager
+  // wants no keep-alives.
   explicit Watchdog(std::function<bool()> alive);
   ~Watchdog();
   Watchdog(const Watchdog&) = delete;

@@ -1,4 +1,4 @@
-// jpeglib.h wants FILE and size_t declared before it.
+// jpeglib.h needs FILE and size_t to be declared before it.
 #include <cstdio>
 
 // clang-format off
@@ -15,7 +15,7 @@ namespace candela {
 namespace {
 
 struct Failure {
-  jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is one to this
+  jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is also a pointer to Failure
   std::jmp_buf leave;
   char text[JMSG_LENGTH_MAX] = "";
 };
@@ -33,7 +33,7 @@ struct Encoded {
   unsigned long size = 0;
 };
 
-// Nothing in here has a destructor: libjpeg leaves it by longjmp. False on failure.
+// False on failure. It has no locals with destructors, because libjpeg leaves it by longjmp.
 bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const PictureView& picture,
             int quality) {
   codec.err = jpeg_std_error(&failure.manager);
@@ -51,7 +51,7 @@ bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const P
   for (int i = 0; i < codec.num_components; ++i) {
     codec.comp_info[i].h_samp_factor = codec.comp_info[i].v_samp_factor = 1;
   }
-  // Dots per unit of no size: the wider a pixel, the fewer.
+  // Dots per unit, where the unit has no size. Wider pixels mean fewer dots.
   codec.density_unit = 0;
   codec.X_density = picture.aspect_height;
   codec.Y_density = picture.aspect_width;
@@ -73,8 +73,8 @@ absl::Status encode_jpeg(const PictureView& picture, int quality, ByteSink sink)
   const bool whole = encode(codec, failure, encoded, picture, quality);
   jpeg_destroy_compress(&codec);
   if (!whole) {
-    // After a failure libjpeg may have freed these bytes already (it grows them); the rare leak is the lesser
-    // evil.
+    // Do not free encoded.bytes: libjpeg may have freed them already while growing the buffer. A rare leak is
+    // better than a double free.
     return absl::InternalError(absl::StrFormat("cannot encode the JPEG: %s", failure.text));
   }
   const bool taken = sink(encoded.bytes, encoded.size);

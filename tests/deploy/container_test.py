@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Deployment tests: container_test.py CLAIM BIN VERSION runs one. BIN has the host's candela and candelad of this tree.
+"""Tests of the container image. `container_test.py CLAIM BIN VERSION` runs one test. BIN contains this tree's candela and
+candelad, built for the host.
 
-Claims are the functions below; ctest and CLAIM write the_image_builds, which makes the image for the others, TheImageBuilds.
+Each claim is a function below. CLAIM is its name in CamelCase: TheImageBuilds runs the_image_builds, which makes the image
+for the other tests.
 """
 import hashlib
 import json
@@ -18,7 +20,7 @@ import time
 import podman
 from podman import Container, attempt, containers, expect, fail, run, wait_until
 
-BASE_LIMIT_MB = 260  # the image's size beyond its base's
+BASE_LIMIT_MB = 260  # the image's size in addition to its base's
 CANDELA = CANDELAD = VERSION = ""
 FOLDER = pathlib.Path()
 
@@ -30,7 +32,7 @@ def the_image_builds() -> None:
 
 
 def in_image(*command: str) -> str:
-    """As root, for whom no file hides."""
+    """Runs a command in the image as root, who can read every file."""
     return podman.podman("run", "--rm", "--network=none", "--user=0", f"--entrypoint={command[0]}", podman.IMAGE, *command[1:])
 
 
@@ -113,7 +115,7 @@ def it_renders_and_streams_the_hosts_bits() -> None:
             expect_same(FOLDER / f"{name}-there", digests(FOLDER / f"{name}-here"))
         rendered = candelad.metric('candela_frames_total{result="ok"}')
         expect(rendered >= 49, f"candela_frames_total says {rendered}")
-        # Its own command does, too, under the same limits.
+        # The command in the container renders too, under the same limits.
         podman.podman("exec", candelad.id, "sh", "-c", "candela sample s.exr --size 64x64 && candela render s.exr s.png"
                       " --server unix:/tmp/candelad.sock")
 
@@ -130,7 +132,7 @@ def expect_same(folder: pathlib.Path, expected: dict[str, str]) -> None:
 
 
 def resume_keys() -> tuple[pathlib.Path, str]:
-    """A file of keys, and the option that shows it to a container."""
+    """Returns a file of keys and the option that mounts it in a container."""
     keys = FOLDER / "keys"
     keys.write_text(podman.KEYS)
     keys.chmod(0o400)
@@ -139,7 +141,7 @@ def resume_keys() -> tuple[pathlib.Path, str]:
 
 
 class Sessions:
-    """`count` runs of `candela stream` over one film, each to a folder of its own."""
+    """`count` runs of `candela stream` over one film, each with its own output folder."""
 
     def __init__(self, count: int, film: pathlib.Path, *options: object):
         self.film = film
@@ -163,7 +165,7 @@ class Sessions:
                + "".join(process.stderr.read() for process in self.processes if process.returncode))
 
     def summaries(self, expected: dict[str, str]) -> list[dict]:
-        """Waits for the ends, and expects every image once, as in `expected`."""
+        """Waits until all sessions end. Expects every image of `expected` exactly once."""
         for folder, process in zip(self.folders, self.processes):
             errors = process.communicate(timeout=900)[1]
             expect(process.returncode == 0, f"{folder.name} ended with {process.returncode}: {errors}")
@@ -175,7 +177,7 @@ class Sessions:
         return [session[-1]["summary"] for session in lines]
 
     def longest_gaps(self, since: float) -> list[float]:
-        """Of each session: the longest time between two images, of those that ended after `since`, in the 10 s from then."""
+        """For each session, the longest time between two images in the 10 s after `since`."""
         gaps = []
         for folder in self.folders:
             times = sorted(path.stat().st_mtime for path in folder.glob("*.png"))
@@ -190,14 +192,14 @@ class Sessions:
 
 
 def make_film(size: str, seconds: float, sessions: int) -> tuple[pathlib.Path, dict[str, str]]:
-    """A film that `sessions` at once need about so many seconds for on this machine, and its images undisturbed."""
+    """Makes a film that `sessions` sessions at once render in about `seconds` on this machine, and its undisturbed images."""
     run(CANDELA, "sample", "--sequence", FOLDER / "scenes", "--size", size, "--frames", "48")
     trial = run(CANDELA, "bench", "--size", size, "--sessions", sessions, "--seconds", 3, "--json", "-", "-q")
     count = min(6000, max(240, round(json.loads(trial)["frames_per_second"] * seconds / sessions)))
     film = FOLDER / "film"
     film.mkdir()
     scenes = sorted((FOLDER / "scenes").iterdir())
-    for i in range(count):  # there and back again: no jump but the sequence's own
+    for i in range(count):  # forwards and backwards, so that the only jumps are the sequence's own
         j = i % (2 * len(scenes))
         (film / f"{i:05d}.exr").symlink_to(scenes[j if j < len(scenes) else 2 * len(scenes) - 1 - j])
     run(CANDELA, "stream", film, FOLDER / "undisturbed", timeout=900)
@@ -250,19 +252,19 @@ def more_sessions_than_memory_are_refused_and_nothing_is_killed() -> None:
         print(f"{len(refused)} of {len(answers)} images refused; most of 1 GB in use: {most_memory(candelad) / 1e6:.0f} MB")
         expect(refused and all("memory" in text for text in refused), f"nothing was refused for its memory: {refused}")
         expect(candelad.metric('candela_rejections_total{reason="memory"}') >= len(refused), "rejections are not counted")
-        # And it serves as before.
+        # The server serves as before.
         wait_until(lambda: candelad.metric("candela_sessions") == 0, "sessions have ended")
         run(CANDELA, "render", FOLDER / "large.exr", FOLDER / "after.png", "--server", candelad.address)
 
 
 def most_memory(candelad: Container) -> int:
-    """Bytes, of the container's cgroup, of either version."""
+    """Reads bytes from the container's cgroup, version 1 or 2."""
     return int(podman.podman("exec", candelad.id, "sh", "-c", "cat /sys/fs/cgroup/memory/memory.max_usage_in_bytes"
                              " /sys/fs/cgroup/memory.peak 2>/dev/null || true").split()[0])
 
 
 def proxy_config(replicas: list[Container], port: int, certificate: pathlib.Path) -> pathlib.Path:
-    """deploy/haproxy.cfg with this machine's addresses and certificate."""
+    """Writes deploy/haproxy.cfg with this machine's addresses and certificate."""
     text = (podman.ROOT / "deploy/haproxy.cfg").read_text()
     changes = [(":50051 ssl crt /etc/haproxy/candela.pem", f"127.0.0.1:{port} ssl crt {certificate}")]
     for name, replica, grpc, metrics in zip("ab", replicas, (50061, 50062), (9461, 9462)):
@@ -301,7 +303,7 @@ def behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame() -> None:
             wait_until(lambda: not replicas[0].running(), "podman sees it")
             time.sleep(1)
             replicas[0].start()
-            for replica in replicas:  # a rolling restart; sessions come back while it drains
+            for replica in replicas:  # a rolling restart; sessions move while a server drains
                 replica.stop()
                 expect(replica.exit_code() == 0, f"it ended with {replica.exit_code()}:\n{replica.log()}")
                 replica.start()
@@ -319,7 +321,7 @@ def behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame() -> None:
 
 
 def kube_play_brings_it_up() -> None:
-    """Two replicas of deploy/kube.yaml. podman 4.3 does not fill the Secret's volume, so that it is filled before."""
+    """Runs two replicas of deploy/kube.yaml. podman 4.3 does not fill the Secret's volume, so the test fills it first."""
     text = (podman.ROOT / "deploy/kube.yaml").read_text()
     image = f"image: localhost/candela:{VERSION}"
     expect(text.count(image) == 1, f"deploy/kube.yaml has no '{image}'")
@@ -330,7 +332,7 @@ def kube_play_brings_it_up() -> None:
         attempt("podman", "kube", "down", manifest)
         attempt("podman", "volume", "rm", "--force", "candela", "candela-tmp")
 
-    down()  # what a test that was killed has left
+    down()  # remove what a killed test left behind
     try:
         podman.podman("volume", "create", "candela")
         secret = pathlib.Path(podman.podman("volume", "inspect", "--format", "{{.Mountpoint}}", "candela"))
@@ -351,8 +353,8 @@ def kube_play_brings_it_up() -> None:
         down()
 
 
-# A machine that systemd runs, with the image's programs on it. Its mounts are shared, as systemd wants them for what it
-# shows to services.
+# A container that runs systemd, with the image's programs in it. Its mounts are shared, as systemd needs them for
+# services.
 MACHINE = f"""\
 FROM {podman.IMAGE}
 USER 0
@@ -391,14 +393,14 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
         podman.podman("start", machine)
         wait_until(lambda: attempt("podman", "exec", machine, "systemctl", "is-system-running").stdout.strip() == "running",
                    "systemd runs", lambda: attempt("podman", "exec", machine, "systemctl", "--failed").stdout)
-        # As the runbook and the unit's comments say it; only the time until the watchdog bites is another.
+        # Follow the runbook and the unit's comments, except for a shorter watchdog period.
         keys = FOLDER / "resume-keys"
         keys.write_text(podman.KEYS)
         keys.chmod(0o600)
         inside("install", "-D", "-m", "600", keys, "/etc/candela/resume-keys")
         (FOLDER / "drop-in.conf").write_text("\n".join(["[Service]", "WatchdogSec=3s", *offered, ""]))
         inside("install", "-D", "-m", "644", FOLDER / "drop-in.conf", "/etc/systemd/system/candelad.service.d/test.conf")
-        # The image has its driver in a place of its own.
+        # The image has its driver in an unusual place.
         inside("sh", "-c", "echo VK_DRIVER_FILES=$VK_DRIVER_FILES >/etc/candela/environment")
         inside("systemctl", "enable", "--now", "candelad")
         expect(unit("StatusText").startswith("serving on 127.0.0.1:50051"), f"its status is {unit('StatusText')}")
@@ -422,9 +424,9 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
             for what, hurt in (("crash", "KILL"), ("hang", "STOP")):
                 before = unit("MainPID")
                 inside("systemctl", "kill", f"--signal={hurt}", "candelad")
-                wait_until(lambda: serves_as_another_process(before), f"systemd starts it anew after a {what}", log, 60)
+                wait_until(lambda: serves_as_another_process(before), f"systemd restarts it after a {what}", log, 60)
                 goes_on()
-            expect(unit("NRestarts") == "2", f"it was started anew {unit('NRestarts')} times")
+            expect(unit("NRestarts") == "2", f"it was restarted {unit('NRestarts')} times")
             inside("systemctl", "restart", "candelad")
             expect(unit("Result") == "success" and log().count("info stopped") == 1, f"it did not drain:\n{log()}")
             goes_on()

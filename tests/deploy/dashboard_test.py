@@ -1,9 +1,8 @@
-"""Asks a real Prometheus, which scrapes a loaded candelad, every query of the dashboard, the autoscaler's, and what every
-alert looks at.
+"""Runs every query of the dashboard, the autoscaler and the alerts on a real Prometheus that scrapes a loaded candelad.
 
   dashboard_test.py CANDELA CANDELAD
 
-Everything runs on loopback ports that are free. Exits with 77, saying why, where there is no Prometheus.
+Everything runs on free loopback ports. Exits with 77 and a reason if there is no Prometheus.
 """
 
 import contextlib
@@ -23,12 +22,12 @@ import urllib.request
 CANDELA, CANDELAD = sys.argv[1:]
 DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "deploy"
 LIMIT_S = 60
-# What Grafana puts in: here all servers, and some scrapes.
+# Grafana's variables; here all servers, and an interval of some scrapes.
 VARIABLES = {"$__rate_interval": "10s", "$instance": ".*"}
-# Panels that show more than zeros while frames come and clients are turned away.
-MOVING = {"Servers that serve", "Sessions", "Frames a second", "Clients turned away, a second", "Wait for the device",
-          "Time of a frame, by stage", "Frames a second, by how they ended", "Turned away a second, by reason",
-          "Device busy", "Sessions, by server", "Memory of textures", "Traffic", "What runs", "autoscaler"}
+# Panels that must show more than zeros while frames arrive and clients are refused.
+MOVING = {"Servers serving", "Sessions", "Frames per second", "Clients refused per second", "Queue wait",
+          "Frame time, by stage", "Frames per second, by result", "Refusals per second, by reason",
+          "Device busy", "Sessions, by server", "Texture memory", "Traffic", "Versions", "autoscaler"}
 
 if not shutil.which("prometheus"):
     print("skipped: no prometheus; as root: apt-get install prometheus")
@@ -95,7 +94,7 @@ class Prometheus:
 
 
 def dashboard_queries():
-    """(panel, query) of every query, and the one that fills the list of servers."""
+    """Yields (panel, query) for every query, including the one that fills the list of servers."""
     dashboard = json.loads((DEPLOY / "grafana.json").read_text())
     ids = [panel["id"] for panel in dashboard["panels"]]
     if len(set(ids)) != len(ids):
@@ -114,7 +113,7 @@ def dashboard_queries():
 
 
 def alert_selectors():
-    """What the alerts' expressions look at."""
+    """The metric selectors in the alerts' expressions."""
     text = (DEPLOY / "alerts.yaml").read_text()
     expressions = "".join(re.findall(r"expr: (.*(?:\n {10}.*)*)", text))
     selectors = set(re.findall(r'\b[a-z_]+\{job="candela"[^}]*\}', expressions))
@@ -124,7 +123,7 @@ def alert_selectors():
 
 
 def autoscaler_query():
-    """What prometheus-adapter makes of its rule in kube.yaml, by server."""
+    """The query that prometheus-adapter makes from its rule in kube.yaml, by server."""
     comment = re.search(r"#         sum by.*\n(?:#         .*\n)*", (DEPLOY / "kube.yaml").read_text())[0]
     query = " ".join(line[1:].strip() for line in comment.splitlines())
     return query.replace("<<.GroupBy>>", "instance").replace("<<.LabelMatchers>>", 'job="candela"').replace("[2m]", "[10s]")
@@ -158,9 +157,9 @@ def main(scratch):
         prometheus = Prometheus(port)
         wait_for(f"prometheus ({prometheus_log.read_text()})", prometheus.ready)
 
-        wait_for("a wait of 0 where there are no frames", lambda: prometheus.values(autoscaler_query()) == [0])
+        wait_for("a wait of 0 without frames", lambda: prometheus.values(autoscaler_query()) == [0])
 
-        # As many sessions as there may be; whoever comes now is turned away.
+        # Open as many sessions as the server allows. It refuses every further one.
         load = [CANDELA, "bench", "--server", server, "--size", "320x180", "--fps", "10", "--quiet",
                 "--seconds", str(5 * LIMIT_S)]
         bench = stack.enter_context(running([*load, "--sessions", "2"], bench_log))

@@ -1,7 +1,7 @@
-"""Holds deploy/kube.yaml against Kubernetes' types, against itself and against candelad: kube_test.py CANDELAD VERSION
+"""Checks deploy/kube.yaml against Kubernetes' types, itself and candelad: kube_test.py CANDELAD VERSION
 
-Needs no cluster and no network. The types are those of Debian's python3-kubernetes, made from Kubernetes' OpenAPI
-description. Exits with 77, saying why, where that is missing.
+Needs no cluster and no network. The types come from Debian's python3-kubernetes, which is generated from Kubernetes'
+OpenAPI description. Exits with 77 and a reason if that is missing.
 """
 
 import os
@@ -21,8 +21,8 @@ except ImportError as error:
 
 CANDELAD, VERSION = sys.argv[1:]
 DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "deploy"
-STOP_GRACE_S = 10  # what candelad allows itself beyond its pre-drain and drain timeout
-# The package knows Kubernetes 1.22. What autoscaling/v2 has here it had as v2beta2.
+STOP_GRACE_S = 10  # candelad may take this much longer than its pre-drain and drain timeout
+# The package knows Kubernetes 1.22, which has the autoscaling/v2 fields used here as v2beta2.
 GROUPS = {
     "v1": "V1", "apps/v1": "V1", "policy/v1": "V1", "networking.k8s.io/v1": "V1", "autoscaling/v2": "V2beta2",
 }
@@ -37,20 +37,20 @@ def check(holds, message):
 
 
 def check_type(value, kind, where):
-    """`value` is what the OpenAPI type `kind` may be: no unknown field, no wrong type, nothing missing."""
+    """Checks that `value` fits the OpenAPI type `kind`: no unknown field, no wrong type, no missing field."""
     if match := re.fullmatch(r"list\[(.*)\]", kind):
-        check(isinstance(value, list), f"{where}: a list is wanted, not {value!r}")
+        check(isinstance(value, list), f"{where}: {value!r} is not a list")
         for i, item in enumerate(value if isinstance(value, list) else []):
             check_type(item, match[1], f"{where}[{i}]")
     elif match := re.fullmatch(r"dict\(str, (.*)\)", kind):
-        check(isinstance(value, dict), f"{where}: a map is wanted, not {value!r}")
+        check(isinstance(value, dict), f"{where}: {value!r} is not a map")
         for key, item in value.items() if isinstance(value, dict) else []:
             check_type(item, match[1], f"{where}.{key}")
     elif kind in PLAIN:
         fits = isinstance(value, PLAIN[kind]) and (kind == "bool" or not isinstance(value, bool))
-        check(fits, f"{where}: {kind} is wanted, not {value!r}")
+        check(fits, f"{where}: {value!r} is not a {kind}")
     elif not isinstance(value, dict):
-        check(False, f"{where}: a {kind} is wanted, not {value!r}")
+        check(False, f"{where}: {value!r} is not a {kind}")
     else:
         model = getattr(models, kind)
         names = {json: name for name, json in model.attribute_map.items()}
@@ -61,12 +61,12 @@ def check_type(value, kind, where):
                 check(False, f"{where}.{key}: {kind} has no such field")
         try:
             model(**{names[key]: item for key, item in value.items() if key in names})
-        except ValueError as error:  # says what is missing
+        except ValueError as error:  # it names the missing field
             check(False, f"{where}: {error}")
 
 
 def seconds(text):
-    """Of candelad's times: 10s, 1m30s, 500ms, 0."""
+    """Seconds of a time as candelad writes it: 10s, 1m30s, 500ms, 0."""
     units = {"h": 3600, "m": 60, "s": 1, "ms": 0.001, "": 0}
     return sum(float(number) * units[unit] for number, unit in re.findall(r"([\d.]+)(h|ms|m|s|)", text))
 
@@ -77,7 +77,7 @@ def run_candelad(environment, *arguments):
     try:
         return subprocess.run(command, env=clean | environment, capture_output=True, text=True, timeout=30)
     except subprocess.TimeoutExpired:
-        return subprocess.CompletedProcess(command, 0, "", "it serves")
+        return subprocess.CompletedProcess(command, 0, "", "it is serving")
 
 
 documents = list(yaml.safe_load_all((DEPLOY / "kube.yaml").read_text()))
@@ -86,13 +86,13 @@ for document in documents:
     if hasattr(models, kind):
         check_type(document, kind, f"{document['kind']} {document['metadata']['name']}")
     else:
-        check(False, f"{document['apiVersion']} has no {document['kind']}, as far as this test knows")
+        check(False, f"{document['apiVersion']} has no {document['kind']} that this test knows")
 if failures:
     sys.exit("\n".join(failures))
 
-# Of every kind there is one.
+# Each kind appears once.
 by_kind = {document["kind"]: document for document in documents}
-check(len(by_kind) == len(documents), "two documents of one kind: this test would look at one of them")
+check(len(by_kind) == len(documents), "two documents have the same kind; this test would check only one of them")
 settings, secret = by_kind["ConfigMap"], by_kind["Secret"]
 known = set(re.findall(r"Env:(CANDELA_\w+)", run_candelad({}, "--help").stdout))
 check(len(known) > 10, "candelad --help lists no variables")
@@ -100,7 +100,7 @@ check(set(settings["data"]) <= known, f"candelad does not know {set(settings['da
 if failures:
     sys.exit("\n".join(failures))
 
-# Against itself.
+# The documents must fit each other.
 deployment = by_kind["Deployment"]
 labels = deployment["spec"]["template"]["metadata"]["labels"]
 pod = deployment["spec"]["template"]["spec"]
@@ -114,7 +114,7 @@ for where, selector in {
     "PodDisruptionBudget": by_kind["PodDisruptionBudget"]["spec"]["selector"]["matchLabels"],
     "NetworkPolicy": by_kind["NetworkPolicy"]["spec"]["podSelector"]["matchLabels"],
 }.items():
-    check(selector.items() <= labels.items(), f"{where} selects {selector}, and the pods have {labels}")
+    check(selector.items() <= labels.items(), f"{where} selects {selector}, but the pods have {labels}")
 target = by_kind["HorizontalPodAutoscaler"]["spec"]["scaleTargetRef"]
 check((target["kind"], target["name"]) == ("Deployment", deployment["metadata"]["name"]),
       f"the autoscaler's target {target} is not the Deployment")
@@ -123,7 +123,7 @@ for reference in candelad["envFrom"]:
 
 volumes = {volume["name"]: volume for volume in pod["volumes"]}
 mounts = {mount["mountPath"]: mount["name"] for mount in candelad["volumeMounts"]}
-check(set(mounts.values()) == set(volumes), f"mounted are {set(mounts.values())}, and there are {set(volumes)}")
+check(set(mounts.values()) == set(volumes), f"mounts use {set(mounts.values())}, but the volumes are {set(volumes)}")
 for name, value in settings["data"].items():
     for path, volume in mounts.items() if value.startswith("/") else []:
         if value.startswith(path + "/"):
@@ -138,34 +138,34 @@ for volume in volumes.values():
         check(volume["secret"]["defaultMode"] & 0o37 == 0 and "fsGroup" in pod["securityContext"],
               f"{volume}: candelad refuses a key that anyone can read")
 check(candelad["image"] == f"localhost/candela:{VERSION}",
-      f"the image is {candelad['image']}, and this is version {VERSION}")
+      f"the image is {candelad['image']}, but this is version {VERSION}")
 
 wanted = [(probe, candelad[probe]["httpGet"]["port"], metrics)
           for probe in ("startupProbe", "readinessProbe", "livenessProbe")]
 wanted += [("Service", port.get("targetPort", port["port"]), grpc) for port in by_kind["Service"]["spec"]["ports"]]
 for where, port, listens in wanted:
-    check(port == listens, f"{where}: port {port}, and candelad listens on {listens}")
+    check(port == listens, f"{where}: port {port}, but candelad listens on {listens}")
 lets_in = {next(iter(next(iter(source.values()))["matchLabels"])): {port["port"] for port in rule["ports"]}
            for rule in by_kind["NetworkPolicy"]["spec"]["ingress"] for source in rule["from"]}
 check(lets_in == {"candela-client": {grpc}, "candela-proxy": {grpc, metrics}, "kubernetes.io/metadata.name": {metrics}},
-      f"NetworkPolicy: {lets_in}, and candelad listens on {grpc} and {metrics}; a proxy asks both")
-check("ports" not in candelad, "podman would take the container's ports on the host, once for every replica")
+      f"NetworkPolicy: {lets_in}, but candelad listens on {grpc} and {metrics}; a proxy needs both")
+check("ports" not in candelad, "podman would open the container's ports on the host, once per replica")
 
 stop = seconds(settings["data"]["CANDELA_PRE_DRAIN"]) + seconds(settings["data"]["CANDELA_DRAIN_TIMEOUT"])
 grace = pod["terminationGracePeriodSeconds"]
-check(grace > stop + STOP_GRACE_S, f"candelad may take {stop + STOP_GRACE_S:g} s to stop, and is killed after {grace}")
+check(grace > stop + STOP_GRACE_S, f"candelad may take {stop + STOP_GRACE_S:g} s to stop, but is killed after {grace} s")
 
-# Against candelad.
+# candelad must accept the settings.
 tried = run_candelad(settings["data"], "--list-devices")
-check(tried.returncode == 0, f"candelad does not take the ConfigMap: {tried.stderr.strip()}")
+check(tried.returncode == 0, f"candelad does not accept the ConfigMap: {tried.stderr.strip()}")
 with tempfile.TemporaryDirectory() as scratch:
     keys = pathlib.Path(scratch, "resume-keys")
     keys.touch(0o600)
     keys.write_text(secret["stringData"]["resume-keys"])
     tried = run_candelad({}, "--listen", "127.0.0.1:0", "--resume-keys", str(keys))
-    check(tried.returncode != 0 and "resume-keys" in tried.stderr, f"candelad takes the placeholder for a key: {tried}")
+    check(tried.returncode != 0 and "resume-keys" in tried.stderr, f"candelad accepts the placeholder as a key: {tried}")
 
-# As the cluster gets it. Older versions cannot read the file.
+# What the cluster gets. Older versions cannot read the file.
 kubectl = shutil.which("kubectl")
 version = [kubectl, "version", "--client", "--output=json"]
 minor = kubectl and re.search(r'"gitVersion": "v1\.(\d+)', subprocess.run(version, capture_output=True, text=True).stdout)
@@ -174,9 +174,9 @@ if minor and int(minor[1]) >= 21:
     check(built.returncode == 0, f"kubectl kustomize: {built.stderr.strip()}")
     for document in yaml.safe_load_all(built.stdout):
         if document["kind"] == "Deployment":
-            check("replicas" not in document["spec"], "an apply would set the autoscaler's replicas back")
+            check("replicas" not in document["spec"], "an apply would reset the autoscaler's replicas")
 else:
-    print("no kubectl of version 1.21 or later: deploy/kustomization.yaml was not tried")
+    print("no kubectl 1.21 or later: deploy/kustomization.yaml was not tested")
 
 if failures:
     sys.exit("\n".join(failures))

@@ -1,6 +1,6 @@
-"""What the deployment tests share: podman with a storage of its own, the image of this tree, containers run as shipped.
+"""Helpers for the deployment tests: podman with its own storage, this tree's image, and containers that run as shipped.
 
-Needs root. CANDELA_DEPLOY_CACHE (/var/tmp/candela-deploy) keeps the base image and podman's layers from run to run.
+Needs root. CANDELA_DEPLOY_CACHE (/var/tmp/candela-deploy) keeps the base image and podman's layers between runs.
 """
 import contextlib
 import fcntl
@@ -21,9 +21,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 CACHE = pathlib.Path(os.environ.get("CANDELA_DEPLOY_CACHE", "/var/tmp/candela-deploy"))
 IMAGE = f"localhost/candela:test-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:12]}"
 BASE = "docker.io/library/debian:bookworm-slim"
-BASE_DAYS = 7  # then it is made anew, and every layer with it
+BASE_DAYS = 7  # after this many days it is rebuilt, with every layer
 SKIPPED = 77
-# How deploy/Containerfile says that it may be run.
+# The options that deploy/Containerfile recommends.
 AS_SHIPPED = ("--read-only", "--read-only-tmpfs=false", "--tmpfs=/tmp:size=16m", "--cap-drop=ALL",
               "--security-opt=no-new-privileges")
 KEYS = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n"
@@ -62,7 +62,7 @@ def expect(true: object, message: str) -> None:
 
 
 def run(*command: object, timeout: float = 300) -> str:
-    """What it prints; when it fails, so does the test, with what it said."""
+    """Returns what the command prints. If it fails, the test fails and shows its output."""
     done = attempt(*command, timeout=timeout)
     if done.returncode != 0:
         fail(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
@@ -75,7 +75,7 @@ def attempt(*command: object, timeout: float = 300) -> subprocess.CompletedProce
         return subprocess.run(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                               timeout=timeout, cwd=CACHE)
     except subprocess.TimeoutExpired:
-        return subprocess.CompletedProcess(words, 124, "", f"nothing came of it within {timeout:.0f} s")
+        return subprocess.CompletedProcess(words, 124, "", f"it did not end within {timeout:.0f} s")
 
 
 def last_line(done: subprocess.CompletedProcess[str]) -> str:
@@ -88,7 +88,7 @@ def podman(*arguments: object, timeout: float = 300) -> str:
 
 @contextlib.contextmanager
 def prepared():
-    """podman's environment, and the machine's podman for this test alone. Skips where it cannot work."""
+    """Sets podman's environment and locks podman for this test. Skips the test if podman cannot work here."""
     if os.geteuid() != 0:
         skip("containers need root here; run it as root")
     missing = [tool for tool in ("podman", "runc", "mmdebstrap", "catatonit", "haproxy") if not shutil.which(tool)]
@@ -107,7 +107,7 @@ def prepared():
 
 
 def make_base() -> None:
-    """The base image that the Containerfile names, from this machine's package mirror: as Debian makes its slim one."""
+    """Makes the Containerfile's base image from this machine's package mirror, like Debian's slim image."""
     image = attempt("podman", "image", "inspect", "--format", "{{.Created.Unix}}", BASE)
     if image.returncode == 0 and time.time() - int(image.stdout) < BASE_DAYS * 86400:
         return
@@ -127,7 +127,7 @@ def make_base() -> None:
 
 
 def try_podman() -> None:
-    """A container with the limits and the network that the tests want."""
+    """Skips the test unless a container with limits and a network runs."""
     ran = attempt("podman", "run", "--rm", "--cpus=1", "--memory=64m", "--memory-swap=64m",
                   f"--publish=127.0.0.1:{free_port()}:{GRPC}", BASE, "true")
     if ran.returncode != 0:
@@ -135,7 +135,7 @@ def try_podman() -> None:
 
 
 def expect_package_mirror() -> None:
-    """Images are built from it; without one, the test skips."""
+    """Skips the test unless a container reaches the package mirror that images are built from."""
     asked = attempt("podman", "run", "--rm", "--network=host", BASE, "apt-get", "--option=APT::Update::Error-Mode=any",
                     "--option=Acquire::Retries=0", "--option=Acquire::http::Timeout=20", "update")
     if asked.returncode != 0:
@@ -143,13 +143,13 @@ def expect_package_mirror() -> None:
 
 
 def build(tag: str, file: pathlib.Path, context: pathlib.Path, *options: str) -> None:
-    """On the bases that are here, with packages from the machine's mirror."""
+    """Builds an image on the local base images, with packages from this machine's mirror."""
     podman("build", "--pull=never", "--network=host", "--format=docker", f"--tag={tag}", f"--file={file}", *options, context,
            timeout=2400)
 
 
 def build_image(version: str) -> None:
-    attempt("podman", "untag", IMAGE)  # no test takes an older tree's image for this one's
+    attempt("podman", "untag", IMAGE)  # so that no test uses an image of an older tree
     make_base()
     try_podman()
     expect_package_mirror()
@@ -165,7 +165,7 @@ def free_port() -> int:
 
 def wait_until(done: Callable[[], bool], what: str, why: Callable[[], str] = str, seconds: float = 120,
                every: float = 0.1) -> None:
-    """`why` is asked for more when it takes too long."""
+    """Waits until `done` returns true. If that takes too long, fails and shows what `why` returns."""
     limit = time.monotonic() + seconds
     while not done():
         if time.monotonic() > limit:
@@ -174,7 +174,7 @@ def wait_until(done: Callable[[], bool], what: str, why: Callable[[], str] = str
 
 
 def get(port: int, path: str) -> tuple[int, str]:
-    """Status and body; 0 where nobody answers."""
+    """Returns the status and the body; the status is 0 if nobody answers."""
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=5) as answer:
             return answer.status, answer.read().decode()
@@ -185,7 +185,7 @@ def get(port: int, path: str) -> tuple[int, str]:
 
 
 class Container:
-    """candelad as shipped, on 1 CPU and 1 GB, on ports of 127.0.0.1 that stay its own when it is started again."""
+    """candelad as shipped, with 1 CPU and 1 GB, on ports of 127.0.0.1 that it keeps when it is restarted."""
 
     def __init__(self, *arguments: str, options: tuple[str, ...] = (), cpus: str = "1"):
         self.port, self.metrics_port = free_port(), free_port()
@@ -226,7 +226,7 @@ class Container:
         podman("stop", "--time=60", self.id)
 
     def kill(self) -> None:
-        """SIGKILL for the daemon and its init, without asking podman first."""
+        """Sends SIGKILL to the daemon and its init, without podman."""
         os.kill(int(self.inspect("State.Pid")), signal.SIGKILL)
 
     def remove(self) -> None:
@@ -235,7 +235,7 @@ class Container:
 
 @contextlib.contextmanager
 def containers(*those: Container):
-    """Starts them, and removes them whatever happens."""
+    """Starts the containers, and removes them at the end."""
     try:
         yield [container.start() for container in those]
     finally:
@@ -245,7 +245,7 @@ def containers(*those: Container):
 
 @contextlib.contextmanager
 def process(*command: object):
-    """Runs beside the test; what it said is printed where the test fails."""
+    """Runs a process during the test. Prints its output if the test fails."""
     running = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         yield running

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Measures what a core carries, and what a second one adds: scaling.py BIN [SECONDS]
+"""Measures how many streams one core handles, and how much a second core adds: scaling.py BIN [SECONDS]
 
-Needs two quiet cores, 0 and 1, and no root. BIN has candela and candelad; a measurement takes SECONDS (20).
+Needs two idle cores, 0 and 1, but no root. BIN contains candela and candelad. Each measurement takes SECONDS (20).
 
-The load has to come from the same cores, so:
-- streams of 1280x720 at 24 a second: candelad has core 0 for itself, the load comes from core 1;
-- one replica and two: each replica has a core, and the load for it comes from that core, too. So replicas and load share
-  nothing but memory and its bandwidth, and what two do is held against what one does. The replicas' own seconds of
-  processor for a frame say what a core would do for one alone;
-- HAProxy, where it is installed: its seconds of processor for a frame and a gigabyte, candelad on core 0, all else on core 1.
+The load has to run on the same cores:
+- Streams of 1280x720 at 24 per second: candelad runs alone on core 0, the load on core 1.
+- One replica and two: each replica has a core, and its load runs on that core too. Replicas share only memory and its
+  bandwidth, so the throughput of two can be compared with that of one. The CPU seconds per frame of the replicas
+  themselves tell what a core could do without the load.
+- HAProxy, if installed: its CPU seconds per frame and per gigabyte. candelad runs on core 0, all else on core 1.
 """
 import contextlib
 import json
@@ -24,7 +24,7 @@ import time
 
 SIZE, FPS = "1280x720", 24
 FRAME_BYTES = 1280 * 720 * (8 + 4)  # halves in, bytes out
-DELIVERED = 0.995  # of the frames due: so many count as all
+DELIVERED = 0.995  # this share of the frames due counts as all
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -39,13 +39,13 @@ def cpu_seconds(pid: int) -> float:
 
 @contextlib.contextmanager
 def replica(core: int):
-    """A candelad on one core, with as many threads as a quota of one would give it: its process and its address."""
+    """Runs candelad on one core, with the threads that a quota of one CPU would give it. Yields its process and address."""
     with subprocess.Popen(on_core(core, f"{BIN}/candelad", "--listen", "127.0.0.1:0", "--log-level", "off"),
                           env={**os.environ, "LP_NUM_THREADS": "1"}, stdout=subprocess.PIPE, text=True) as process:
         try:
             line = process.stdout.readline()
             if not line.startswith("listening on "):
-                raise SystemExit(f"{BIN}/candelad does not serve; run it by hand to see why")
+                raise SystemExit(f"{BIN}/candelad does not start; run it by hand to see why")
             yield process, line.split()[-1]
         finally:
             process.terminate()
@@ -72,16 +72,16 @@ def streams_per_core() -> None:
             result = figures(load(1, address, sessions, str(FPS)))
             share = (cpu_seconds(process.pid) - before) / result["frames"] * result["frames_per_second"]
         done = result["frames"] / (sessions * FPS * result["seconds"])
-        print(f"{sessions} streams of {SIZE} at {FPS} a second: {done:.1%} of the frames, p99 {result['latency_ms']['p99']:.0f} ms, "
+        print(f"{sessions} streams of {SIZE} at {FPS} per second: {done:.1%} of the frames, p99 {result['latency_ms']['p99']:.0f} ms, "
               f"{share:.0%} of a core")
         if done < DELIVERED:
             break
         carried, sessions = sessions, sessions + 1
-    print(f"streams a core: {carried}\n")
+    print(f"streams per core: {carried}\n")
 
 
 def throughput(cores: list[int]) -> float:
-    """Frames a second of a replica on each core, all together."""
+    """Frames per second of all replicas together, one on each core."""
     with contextlib.ExitStack() as stack:
         replicas = [stack.enter_context(replica(core)) for core in cores]
         before = [cpu_seconds(process.pid) for process, _ in replicas]
@@ -89,8 +89,8 @@ def throughput(cores: list[int]) -> float:
         results = [figures(bench) for bench in benches]
         spent = sum(cpu_seconds(process.pid) for process, _ in replicas) - sum(before)
     frames, rate = sum(result["frames"] for result in results), sum(result["frames_per_second"] for result in results)
-    print(f"cores {cores}: {rate:.1f} frames a second in all; {1000 * spent / frames:.2f} ms of a processor a frame, which alone "
-          f"would be {frames / spent:.1f} a second and core, {frames / spent / FPS:.2f} streams")
+    print(f"cores {cores}: {rate:.1f} frames per second in all; {1000 * spent / frames:.2f} CPU ms per frame, which alone "
+          f"would be {frames / spent:.1f} frames per second and core, {frames / spent / FPS:.2f} streams")
     return rate
 
 
@@ -102,13 +102,13 @@ def free_port() -> int:
 
 def behind_haproxy() -> None:
     if not shutil.which("haproxy"):
-        print("HAProxy is not measured: it is not installed")
+        print("HAProxy is not installed and was not measured")
         return
     text = (pathlib.Path(__file__).resolve().parents[2] / "deploy/haproxy.cfg").read_text()
     port = free_port()
     with tempfile.TemporaryDirectory() as folder, replica(0) as (_, address):
         config = pathlib.Path(folder) / "haproxy.cfg"
-        # Without TLS, checks and root: what it costs to pass frames on.
+        # Remove TLS, checks and root, to measure only the cost of forwarding frames.
         text = re.sub(r" +(user|group|chroot) .*\n", "", text)
         config.write_text(text.replace(":50051 ssl crt /etc/haproxy/candela.pem alpn h2", f"127.0.0.1:{port} proto h2")
                           .split("    server a ")[0] + f"    server a {address}\n")
@@ -124,17 +124,17 @@ def behind_haproxy() -> None:
                 spent = cpu_seconds(proxy.pid) - before
             finally:
                 proxy.kill()
-    print(f"HAProxy, without TLS: {1000 * spent / result['frames']:.2f} ms of a processor a frame, "
-          f"{spent / result['frames'] / FRAME_BYTES * 1e9:.2f} s a gigabyte")
+    print(f"HAProxy, without TLS: {1000 * spent / result['frames']:.2f} CPU ms per frame, "
+          f"{spent / result['frames'] / FRAME_BYTES * 1e9:.2f} s per gigabyte")
 
 
 def main() -> None:
     if len(os.sched_getaffinity(0)) < 2:
-        raise SystemExit("this process may use one core; two are needed, 0 and 1")
+        raise SystemExit("this process may use only one core; it needs cores 0 and 1")
     streams_per_core()
     one = max(throughput([0]), throughput([1]))
     two = throughput([0, 1])
-    print(f"two replicas do {two / one:.2f} times what one does\n")
+    print(f"two replicas render {two / one:.2f} times as many frames as one\n")
     behind_haproxy()
 
 

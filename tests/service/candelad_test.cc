@@ -125,7 +125,7 @@ TEST(Candelad, AFileThatIsNoSocketIsNotTakenAway) {
   write_file(path, "");
   Daemon daemon({"--listen", "unix:" + path});
   EXPECT_EQ(daemon.wait(), 1);
-  EXPECT_NE(daemon.errors().find("no socket"), std::string::npos) << daemon.errors();
+  EXPECT_NE(daemon.errors().find("not a socket"), std::string::npos) << daemon.errors();
   EXPECT_EQ(access(path.c_str(), F_OK), 0) << "the file is gone";
 }
 

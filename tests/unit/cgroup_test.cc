@@ -12,7 +12,7 @@ namespace candela {
 namespace {
 
 constexpr char kVersion2[] = "30 24 0:26 / /sys/fs/cgroup rw,nosuid shared:4 - cgroup2 cgroup2 rw\n";
-// As systemd mounts them: version 1 by controller, and version 2 without controllers beside it.
+// systemd's hybrid mounts: one of version 1 per controller, and one of version 2 without controllers.
 constexpr char kHybrid[] =
     "31 30 0:27 / /sys/fs/cgroup/unified rw - cgroup2 cgroup2 rw\n"
     "32 30 0:28 / /sys/fs/cgroup/cpu,cpuacct rw shared:9 - cgroup cgroup rw,cpu,cpuacct\n"
@@ -86,7 +86,7 @@ TEST_F(Cgroup, Version2WithoutLimits) {
   EXPECT_FALSE(limits().memory_bytes);
 }
 
-// Another group's limits are not this process's.
+// Other groups' limits do not apply to this process.
 TEST_F(Cgroup, ANeighbourIsNotLookedAt) {
   mounts(kVersion2);
   write("proc/self/cgroup", "0::/a\n");
@@ -121,7 +121,8 @@ TEST_F(Cgroup, Version1WithoutLimits) {
   EXPECT_FALSE(limits().memory_bytes);
 }
 
-// docker run on a host of version 1: the mount begins at the container's group, whose name is the host's.
+// docker run on a version 1 host: the mount starts at the container's group, but the group's name is the
+// host's.
 TEST_F(Cgroup, AMountThatBeginsAtTheGroupItself) {
   mounts(
       "40 30 0:28 /docker/0123 /sys/fs/cgroup/cpu,cpuacct ro - cgroup cgroup rw,cpu,cpuacct\n"
@@ -135,7 +136,7 @@ TEST_F(Cgroup, AMountThatBeginsAtTheGroupItself) {
   EXPECT_EQ(limits().memory_bytes, 1000000u);
 }
 
-// A name outside of what is mounted, as in a namespace that was left: the mount alone counts.
+// The group's name is outside the mount, as after leaving a namespace. Only the mount counts.
 TEST_F(Cgroup, AGroupThatTheMountDoesNotShow) {
   mounts(kVersion2);
   write("proc/self/cgroup", "0::/../other\n");

@@ -3,14 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <fstream>
-#include <set>
-#include <sstream>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "server/base/units.h"
+#include "server/daemon/flags.h"
 #include "server/listen_address.h"
+#include "server/option_table.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -21,7 +21,7 @@ absl::StatusOr<Invocation> parse(std::vector<const char*> arguments) {
   return parse_invocation(static_cast<int>(arguments.size()), arguments.data());
 }
 
-// A variable of the environment for the length of a test.
+// Sets an environment variable during a test.
 class Variable {
  public:
   Variable(const char* name, const char* value) : name_(name) { setenv(name, value, 1); }
@@ -31,62 +31,45 @@ class Variable {
   const char* name_;
 };
 
-std::set<std::string> keys_of(const std::string& path) {
-  std::set<std::string> keys;
-  std::ifstream file(path);
-  for (std::string line; std::getline(file, line);) {
-    const size_t equals = line.find(" = ");
-    if (!line.empty() && line[0] != '#' && equals != std::string::npos) keys.insert(line.substr(0, equals));
-  }
-  return keys;
+TEST(Config, TheAnnotatedFileIsGeneratedFromTheTable) {
+  const absl::StatusOr<Invocation> printed = parse({"--print-config"});
+  ASSERT_TRUE(printed.ok()) << printed.status();
+  EXPECT_EQ(read_file(CANDELA_CONF), printed->text) << "run: candelad --print-config >deploy/candelad.conf";
 }
 
-void expect_equal(const Invocation& a, const Invocation& b) {
-  EXPECT_EQ(a.config.listen, b.config.listen);
-  EXPECT_EQ(a.config.insecure, b.config.insecure);
-  EXPECT_EQ(a.config.tls_cert, b.config.tls_cert);
-  EXPECT_EQ(a.config.tls_key, b.config.tls_key);
-  EXPECT_EQ(a.config.tls_client_ca, b.config.tls_client_ca);
-  EXPECT_EQ(a.config.token_file, b.config.token_file);
-  EXPECT_EQ(a.config.device, b.config.device);
-  EXPECT_EQ(a.config.validation, b.config.validation);
-  EXPECT_EQ(a.config.cache_dir, b.config.cache_dir);
-  EXPECT_EQ(a.config.memory_budget_bytes, b.config.memory_budget_bytes);
-  EXPECT_EQ(a.config.max_frame_bytes, b.config.max_frame_bytes);
-  EXPECT_EQ(a.config.max_dimension, b.config.max_dimension);
-  EXPECT_EQ(a.config.max_calls, b.config.max_calls);
-  EXPECT_EQ(a.config.idle_timeout, b.config.idle_timeout);
-  EXPECT_EQ(a.config.drain_timeout, b.config.drain_timeout);
-  EXPECT_EQ(a.config.max_sessions, b.config.max_sessions);
-  EXPECT_EQ(a.config.max_frames_in_flight, b.config.max_frames_in_flight);
-  EXPECT_EQ(a.config.encoder_threads, b.config.encoder_threads);
-  EXPECT_EQ(a.config.pre_drain, b.config.pre_drain);
-  EXPECT_EQ(a.config.resume_keys, b.config.resume_keys);
-  EXPECT_EQ(a.config.resume_ttl, b.config.resume_ttl);
-  EXPECT_EQ(a.config.metrics, b.config.metrics);
-  EXPECT_EQ(a.log.level, b.log.level);
-  EXPECT_EQ(a.log.json, b.log.json);
-}
-
-TEST(Config, TheAnnotatedFileHoldsEveryOptionAtItsDefault) {
+TEST(Config, TheAnnotatedFileSetsEveryOptionToItsDefault) {
   const absl::StatusOr<Invocation> from_file = parse({"--config", CANDELA_CONF});
   ASSERT_TRUE(from_file.ok()) << from_file.status();
   const absl::StatusOr<Invocation> defaults = parse({});
   ASSERT_TRUE(defaults.ok());
-  expect_equal(*from_file, *defaults);
+  for (const Option& option : option_table()) {
+    EXPECT_EQ(value_text(option, from_file->config), value_text(option, defaults->config)) << option.name;
+  }
 }
 
-TEST(Config, TheAnnotatedFileListsExactlyTheOptionsThatExist) {
+TEST(Config, HelpNamesTheFlagTheVariableAndTheRangeOfEveryOption) {
   const absl::StatusOr<Invocation> help = parse({"--help"});
   ASSERT_TRUE(help.ok());
-  std::set<std::string> options;
-  std::istringstream lines(help->text);
-  for (std::string line; std::getline(lines, line);) {
-    if (line.rfind("  --", 0) == 0) options.insert(line.substr(4, line.find(' ', 4) - 4));
+  for (const Option& option : option_table()) {
+    for (const std::string& text : {absl::StrCat("  --", option.name, " "),
+                                    absl::StrCat("(Env:", variable_name(option), ")"), range_text(option)}) {
+      EXPECT_NE(help->text.find(text), std::string::npos) << text;
+    }
   }
-  for (const char* not_a_key : {"config", "list-devices", "version"}) EXPECT_EQ(options.erase(not_a_key), 1u);
-  EXPECT_EQ(keys_of(CANDELA_CONF), options);
-  EXPECT_EQ(options.size(), 24u);
+}
+
+// check_config serves programs that fill a Config themselves.
+TEST(Config, AnEmbeddedServersConfigIsCheckedByTheSameTable) {
+  EXPECT_TRUE(check_config({}).ok());
+  Config config;
+  config.max_calls = 4097;
+  EXPECT_EQ(check_config(config).message(), "max-calls is 4097; it must be 1 .. 4096");
+  config = {};
+  config.memory_budget_bytes = 1;
+  EXPECT_EQ(check_config(config).message(), "memory-budget is 1; it must be 1MiB .. 1TiB");
+  config = {};
+  config.pre_drain = absl::Minutes(11);
+  EXPECT_EQ(check_config(config).message(), "pre-drain is 11m; it must be 0 .. 10m");
 }
 
 TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
@@ -98,7 +81,7 @@ TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
   EXPECT_EQ(invocation->config.max_calls, 7u);
   EXPECT_EQ(invocation->config.max_dimension, 200u);
   EXPECT_EQ(invocation->config.memory_budget_bytes, uint64_t{1} << 30);
-  EXPECT_TRUE(invocation->log.json);
+  EXPECT_TRUE(invocation->config.log_json);
 }
 
 TEST(Config, SessionsOptionsAreRead) {
@@ -191,7 +174,7 @@ TEST(ListenAddress, BeyondLoopbackNeedsInsecure) {
   }
 }
 
-// A name that only begins like a loopback address belongs to whoever owns the domain.
+// A name that only starts like a loopback address belongs to the owner of the domain.
 TEST(ListenAddress, ANameThatLooksLikeLoopbackIsNot) {
   EXPECT_FALSE(check_listen_address("127.example.org:1", false).ok());
   EXPECT_FALSE(check_listen_address("localhost.example.org:1", false).ok());

@@ -23,7 +23,7 @@ TEST(MemoryBudget, WithoutALimitIsTheDefault) {
 
 TEST(MemoryBudget, FollowsASmallLimitAndSaysWhich) {
   EXPECT_EQ(within(kGiB).bytes, 384 * kMiB);
-  EXPECT_EQ(within(kGiB).from, "3/8 of the 1GiB of /sys/fs/cgroup/memory.max");
+  EXPECT_EQ(within(kGiB).from, "3/8 of the 1GiB in /sys/fs/cgroup/memory.max");
   EXPECT_EQ(within(kGiB).most_sessions, 26u);
   EXPECT_FALSE(within(kGiB).beyond_the_limit);
   EXPECT_EQ(within(1000).bytes, kMiB);

@@ -1,0 +1,86 @@
+#include "server/device_keeper.h"
+
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/render/self_test.h"
+
+namespace candela {
+
+absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
+                                                                 uint64_t budget_bytes) {
+  absl::StatusOr<std::unique_ptr<Device>> device = Device::create(options);
+  if (!device.ok()) return device.status();
+  auto opened = std::make_shared<RenderDevice>(*std::move(device), budget_bytes);
+  absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::create(*opened->device, opened->pool);
+  if (!renderer.ok()) return renderer.status();
+  opened->renderer = *std::move(renderer);
+  if (absl::Status status = self_test(*opened->renderer); !status.ok()) return status;
+  return opened;
+}
+
+DeviceKeeper::DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics,
+                           std::function<void()> on_gone)
+    : open_(std::move(open)), metrics_(metrics), on_gone_(std::move(on_gone)), current_(std::move(first)) {}
+
+std::shared_ptr<RenderDevice> DeviceKeeper::current() const {
+  absl::MutexLock lock(&mutex_);
+  return current_;
+}
+
+std::shared_ptr<Renderer> DeviceKeeper::renderer() const {
+  const std::shared_ptr<RenderDevice> device = current();
+  return {device, device->renderer.get()};
+}
+
+void DeviceKeeper::frame_ended(const Renderer& renderer, const absl::Status& status) {
+  if (status.ok()) {
+    rebuilds_ = 0;
+    return;
+  }
+  // A failed frame of a device that was already replaced says nothing about the current one.
+  const std::shared_ptr<RenderDevice> device = current();
+  if (&renderer == device->renderer.get() && device->device->lost()) replace(*device);
+}
+
+void DeviceKeeper::replace(const RenderDevice& lost) {
+  if (gone_) return;
+  const std::string& name = lost.device->summary().name;
+  if (rebuilds_ == kMaxRebuilds) {
+    gone_ = true;
+    log_event(LogLevel::kError, "device is lost again and again; rendering has stopped",
+              {{"device", name}, {"rebuilds", static_cast<int64_t>(rebuilds_)}});
+    if (on_gone_) on_gone_();
+    return;
+  }
+  ++rebuilds_;
+  log_event(LogLevel::kWarning, "device lost",
+            {{"device", name}, {"rebuild", static_cast<int64_t>(rebuilds_)}});
+  absl::StatusOr<std::shared_ptr<RenderDevice>> opened = open_();
+  if (opened.ok() && (*opened)->device->summary().name != name) {
+    opened = absl::UnavailableError("a different device, with other limits, was opened in its place: " +
+                                    (*opened)->device->summary().name);
+  }
+  if (!opened.ok()) {
+    log_event(LogLevel::kError, "cannot reopen the device",
+              {{"message", std::string(opened.status().message())}});
+    return;
+  }
+  if (to_lose_ > 0) {
+    --to_lose_;
+    (*opened)->device->lose();
+  }
+  std::shared_ptr<RenderDevice> old = *std::move(opened);  // outlives the lock
+  {
+    absl::MutexLock lock(&mutex_);
+    current_.swap(old);
+  }
+  metrics_.device_rebuilt();
+}
+
+void DeviceKeeper::lose(int times) {
+  to_lose_ = times - 1;
+  current()->device->lose();
+}
+
+}  // namespace candela

@@ -1,0 +1,73 @@
+// The device that renders, and its replacement when it is lost.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
+#include "server/base/metrics.h"
+#include "server/render/device/texture_pool.h"
+#include "server/render/renderer.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+
+// A Vulkan device with its texture pool and its renderer. Each frame holds a reference to it.
+struct RenderDevice {
+  RenderDevice(std::unique_ptr<Device> d, uint64_t budget_bytes)
+      : device(std::move(d)), pool(*device, budget_bytes) {}
+
+  std::unique_ptr<Device> device;
+  TexturePool pool;
+  std::unique_ptr<Renderer> renderer;
+};
+
+// Opens a device, creates its renderer and compares a test frame with the reference.
+absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
+                                                                 uint64_t budget_bytes);
+
+// How many times in a row a device is reopened without a good frame in between.
+inline constexpr int kMaxRebuilds = 3;
+
+// Owns the current RenderDevice and replaces it when it is lost. A lost one lives until its last frame lets
+// go of it, so for a while the process may hold the memory of two. Any thread, unless a function says
+// otherwise.
+class DeviceKeeper {
+ public:
+  using Open = std::function<absl::StatusOr<std::shared_ptr<RenderDevice>>()>;
+
+  // `on_gone`, which may be empty, is called once, on the render thread, when the device is lost again after
+  // kMaxRebuilds replacements. From then on every frame fails.
+  DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics,
+               std::function<void()> on_gone);
+
+  std::shared_ptr<RenderDevice> current() const;
+  // The current renderer; the pointer keeps its RenderDevice alive. Call it once per frame, so that the
+  // frame's memory and its rendering use the same device.
+  std::shared_ptr<Renderer> renderer() const;
+  bool gone() const { return gone_; }
+
+  // Call it on the render thread after each frame, with the result of rendering it on `renderer`. Replaces
+  // the current device if it is lost; that takes some tenths of a second.
+  void frame_ended(const Renderer& renderer, const absl::Status& status);
+
+  // For tests: loses this device and its replacements, `times` devices in all.
+  void lose(int times);
+
+ private:
+  void replace(const RenderDevice& lost);
+
+  const Open open_;
+  Metrics& metrics_;
+  const std::function<void()> on_gone_;
+  mutable absl::Mutex mutex_;
+  std::shared_ptr<RenderDevice> current_ ABSL_GUARDED_BY(mutex_);
+  int rebuilds_ = 0;  // since the last good frame; used by the render thread only
+  std::atomic<bool> gone_ = false;
+  std::atomic<int> to_lose_ = 0;
+};
+
+}  // namespace candela
