@@ -169,7 +169,8 @@ bool SessionState::may_submit() const {
 absl::Status SessionState::still_taking() const {
   if (ended_ && !end_.ok()) return end_;
   if (!finished_) return absl::OkStatus();
-  return absl::FailedPreconditionError("the session was finished; open another one for more frames");
+  return absl::FailedPreconditionError(
+      "finish() was called on this session; open another one for more frames");
 }
 
 void SessionState::wake() {
