@@ -30,7 +30,7 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
   return v1::pack(request);
 }
 
-// gRPC may hold on to a message after its call has ended, so a band is copied and not referred to.
+// Copies each band, because gRPC may keep a message after its call has ended.
 bool send_bands(RawCall& call, const FrameView& frame) {
   const uint64_t row_bytes = frame.width * bytes_per_pixel(frame.format);
   const uint64_t rows = rows_of_band(row_bytes);
@@ -112,7 +112,8 @@ absl::StatusOr<v1::GetServerInfoResponse> Connection::server_info(absl::Time dea
 }
 
 absl::Status Connection::health(absl::Time deadline) const {
-  // grpc.health.v1's request (string service = 1) and response (enum status = 1) have the bytes of these.
+  // These wrappers have the same encoding as grpc.health.v1's request (string service = 1) and response (enum
+  // status = 1).
   constexpr int kServing = 1;
   RawCall call(channel_, "/grpc.health.v1.Health/Check", deadline);
   const absl::StatusOr<google::protobuf::Int32Value> status =

@@ -1,4 +1,9 @@
-// The client's side of the wire: one server, asked to render frames.
+// A connection to one render server, for single frames. For a sequence of frames see session.h.
+//
+//   absl::StatusOr<candela::Connection> server = candela::Connection::open("localhost:50051");
+//   if (!server.ok()) return server.status();
+//   candela::FrameView frame{.width = 1920, .height = 1080, .pixels = halves};
+//   absl::StatusOr<candela::RenderResult> image = server->render(candela::v1::Settings(), frame);
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -19,50 +24,51 @@
 
 namespace candela {
 
-// A frame to send. Rows from top to bottom, tight; not owned, alive until `on_sent` or until render()
-// returns.
+// A frame to send. It does not own its pixels.
 struct FrameView {
   uint32_t width = 0;   // pixels
   uint32_t height = 0;  // pixels
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
+  // Rows from top to bottom without padding. They must live until `on_sent` is called or the call returns.
   std::span<const std::byte> pixels;
   uint64_t sequence = 0;  // comes back in the result's header
-  std::optional<v1::ExposureState> previous =
-      std::nullopt;  // to adapt from; none: the frame takes its target
-  std::function<void()> on_sent =
-      nullptr;             // called once all of `pixels` was copied out, before the result comes
-  bool verify = false;     // have the image held against the reference; takes the server seconds
-  bool error_map = false;  // have a map of its error, too; only with `verify`
+  // The exposure to adapt from. Without it the frame takes its target exposure.
+  std::optional<v1::ExposureState> previous = std::nullopt;
+  // Called once all of `pixels` is copied, before the result arrives.
+  std::function<void()> on_sent = nullptr;
+  bool verify = false;     // compare the image with the float64 reference; takes the server seconds
+  bool error_map = false;  // also return a map of the error; only with `verify`
 };
 
-// Any thread, several calls at once. Movable. Every failure is one line for the user; the codes are the
-// server's own, see render.proto, and UNAVAILABLE for a server that cannot be reached.
+// Any thread may use it, for several calls at once. Movable. Every error message is one line for the user.
+// The codes are the server's, see render.proto, or UNAVAILABLE for a server that cannot be reached. A call
+// that passes its deadline is DEADLINE_EXCEEDED.
 class Connection {
  public:
-  // `address` is "HOST:PORT" or "unix:PATH". Does not connect yet: INVALID_ARGUMENT for an address of
-  // another shape and for `security` that cannot be used, nothing else.
+  // `address` is "HOST:PORT" or "unix:PATH". This does not connect yet. It fails only with INVALID_ARGUMENT,
+  // for a malformed address or unusable security files.
   static absl::StatusOr<Connection> open(const std::string& address, const ClientSecurity& security = {});
 
-  // To a server in this process. `channel` must not outlive that server.
+  // A connection to a server in this process. `channel` must not outlive that server.
   explicit Connection(std::shared_ptr<grpc::Channel> channel);
 
-  // Sends the frame in bands and collects the image. Holds the image once and, of the frame, one band.
-  // A server that refuses the frame by its header is heard before the bands are sent. UNIMPLEMENTED by one
-  // that does not verify where it was asked to.
+  // Renders the frame and returns the image. It is sent in bands, and only one band is copied at a time. If
+  // the server refuses the frame by its header, no pixels are sent. UNIMPLEMENTED if `verify` is set and the
+  // server cannot verify.
   absl::StatusOr<RenderResult> render(const v1::Settings& settings, const FrameView& frame,
                                       absl::Time deadline = absl::InfiniteFuture()) const;
 
-  // Sends the frame in bands and has it metered; no image is made. FrameView's `on_sent`, `verify` and
-  // `error_map` are not looked at.
+  // Meters the frame without rendering it. Ignores the frame's `on_sent`, `verify` and `error_map`.
   absl::StatusOr<v1::MeterResponse> meter(const v1::Settings& settings, const FrameView& frame,
                                           absl::Time deadline = absl::InfiniteFuture()) const;
 
+  // The server's version, device, limits, formats and tiers.
   absl::StatusOr<v1::GetServerInfoResponse> server_info(absl::Time deadline = absl::InfiniteFuture()) const;
 
-  // OK when the server says SERVING; UNAVAILABLE when it says anything else or cannot be reached.
+  // OK if the server says SERVING. UNAVAILABLE if it says anything else or cannot be reached.
   absl::Status health(absl::Time deadline = absl::InfiniteFuture()) const;
 
-  // As it was given to open(); "this process" for a channel.
+  // The address given to open(), or "this process" for a channel.
   const std::string& address() const { return peer_.address; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 

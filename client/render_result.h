@@ -1,4 +1,4 @@
-// What a rendered frame comes back as.
+// The result of rendering a frame.
 #pragma once
 
 #include <cstddef>
@@ -11,15 +11,15 @@
 
 namespace candela {
 
-// A rendered image and what the server says about it. Movable.
+// A rendered image with the server's header. Movable.
 struct RenderResult {
-  v1::ResultHeader header;
-  // header.height rows of header.width pixels of header.format, tight; where header.encoded_bytes is above 0,
-  // a PNG or JPEG file of so many bytes.
+  v1::ResultHeader header;  // size, format, exposure, statistics and times
+  // header.height rows of header.width pixels in header.format, from top to bottom without padding. If
+  // header.encoded_bytes is above 0, a PNG or JPEG file instead.
   std::unique_ptr<std::byte[]> data;
-  size_t bytes = 0;
-  // Where it was asked for: a half a pixel, rows from top to bottom, the largest error of R, G and B in
-  // codes.
+  size_t bytes = 0;  // size of `data`
+  // The error map, if the request asked for one: one half per pixel, rows from top to bottom, the largest
+  // error of R, G and B in codes.
   std::vector<uint16_t> error_map;
 
   std::span<const std::byte> pixels() const { return {data.get(), bytes}; }

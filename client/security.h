@@ -1,29 +1,29 @@
-// How a client makes sure whom it talks to, and shows who it is.
+// How a client checks the identity of a server, and proves its own.
 #pragma once
 
 #include <string>
 
 namespace candela {
 
-// Files are PEM but for the token's. Over "unix:PATH" there is no TLS, whatever stands here, and the token is
-// sent.
+// Default: a plain connection without a token. Certificates and keys are PEM files; they are read when a
+// connection or session is opened. A "unix:PATH" address never uses TLS, but sends the token.
 struct ClientSecurity {
-  bool tls = false;              // TLS; so do ca_file, cert_file and server_name
-  std::string ca_file = {};      // whom to trust; empty: the CAs of the system
-  std::string cert_file = {};    // a certificate to show to servers that ask for one, and its key
-  std::string key_file = {};     // read, as the two above, when a connection or a session is opened
-  std::string server_name = {};  // in the server's certificate, where that is not the address's host
-  // The first line that is neither empty nor begins with # is a bearer token. Read anew for each call, so
-  // that it may be replaced; while it cannot be read the last one is sent. It is never sent over plain TCP
-  // beyond loopback.
+  bool tls = false;              // use TLS; setting ca_file, cert_file or server_name implies it
+  std::string ca_file = {};      // CAs to trust; empty: the system's
+  std::string cert_file = {};    // certificate for servers that ask for one; needs key_file
+  std::string key_file = {};     // private key of cert_file
+  std::string server_name = {};  // name in the server's certificate, if it is not the address's host
+  // A file whose first line that is neither empty nor begins with # is a bearer token. It is read again for
+  // each call, so it may be replaced at any time; if it cannot be read, the previous token is sent. The token
+  // is never sent over plain TCP except to loopback.
   std::string token_file = {};
 
   bool wants_tls() const { return tls || !ca_file.empty() || !cert_file.empty() || !server_name.empty(); }
 };
 
-// A server.
+// A server and how to connect to it.
 struct Peer {
-  std::string address;  // "HOST:PORT" or "unix:PATH"; other words for one in this process
+  std::string address;  // "HOST:PORT" or "unix:PATH"; "this process" for a server in this process
   ClientSecurity security = {};
 };
 

@@ -1,5 +1,22 @@
-// A session: frames go in, results come back in their order, with exposure that adapts over media time, and a
-// server that dies on the way costs neither.
+// A session with a render server: frames go in, and their results come back in the same order.
+//
+// Exposure adapts from frame to frame over media time, as in a film. If the server is lost, the session
+// resumes on the next one and sends the unfinished frames again. Every frame still gets exactly one result,
+// with the same bits.
+//
+//   candela::SessionOptions options;
+//   options.servers = {"render1:50051", "render2:50051"};
+//   absl::StatusOr<candela::Session> session = candela::Session::open(options);
+//   if (!session.ok()) return session.status();
+//   std::thread producer([&] {
+//     while (std::optional<candela::SessionFrame> frame = next_frame()) {
+//       if (!session->submit(*std::move(frame)).ok()) break;  // next_result() returns the reason
+//     }
+//     session->finish();
+//   });
+//   absl::StatusOr<std::optional<candela::FrameResult>> result;
+//   while ((result = session->next_result()).ok() && *result) show(**result);
+//   producer.join();
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -22,25 +39,26 @@
 namespace candela {
 
 struct SessionOptions {
-  // "HOST:PORT" or "unix:PATH", at least one. The session starts on the first that takes it and goes on
-  // with the next one, round and round, when it loses it. All of them need the same keys for that.
+  // At least one address, "HOST:PORT" or "unix:PATH". The session opens on the first server that accepts it.
+  // When it loses that server, it tries the next one in the list, and after the last one the first again. To
+  // resume, all servers need the same resume keys.
   std::vector<std::string> servers;
-  ClientSecurity security;  // with all of them
-  std::string name;         // see StreamOpen.session; empty: a random one
+  ClientSecurity security;  // for all servers
+  std::string name;         // see StreamOpen.session; empty: a random name
   v1::Settings settings;    // from the first frame on
-  uint32_t lookahead = 0;   // frames, 0 .. 16: exposure looks so far ahead, and results come so much later
-  double cut_threshold_ev = 0;  // see StreamOpen; 0: cuts are where frames say so
+  uint32_t lookahead = 0;   // frames that auto exposure looks ahead, 0 .. 16; results are delayed by as many
+  double cut_threshold_ev = 0;  // EV, see StreamOpen; 0: only frames marked as cuts are cuts
   v1::Encoding encoding = v1::ENCODING_RAW;
-  uint32_t jpeg_quality = 0;  // 1 .. 100; 0 is the server's default
-  // How long the session may be without a server, from losing it to the next result. A server that says when
-  // to come back (google.rpc.RetryInfo) is not asked before, and so not again where that is later than this.
+  uint32_t jpeg_quality = 0;  // 1 .. 100; 0: the server's default
+  // The longest time without results after a loss; then the session ends. If a server says when to come back
+  // (google.rpc.RetryInfo), the session does not call it earlier.
   absl::Duration resume_limit = absl::Seconds(30);
-  // A server that neither sends nor reads for so long while a result or a read is due hangs, and the session
-  // goes on without it. Frames honestly wait, for their turn and for memory: this is to be far longer than
-  // that.
+  // A server that owes a result or has data to read, but neither sends nor reads for this long, counts as
+  // hanging, and the session leaves it. Make this much longer than frames may wait for their turn or for
+  // memory.
   absl::Duration silence_limit = absl::Minutes(5);
-  // A connection from which nothing came for so long is asked for a sign of life, and is lost when there is
-  // none for as long again; 1 s or more. Not of channels, which come with settings of their own.
+  // After this much silence the client pings the server. Without an answer in the same time again, the
+  // connection is lost. At least 1 s. Channels passed to open() keep their own settings instead.
   absl::Duration ping_interval = absl::Seconds(10);
 };
 
@@ -49,79 +67,82 @@ struct SessionFrame {
   uint32_t width = 0;   // pixels
   uint32_t height = 0;  // pixels
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
-  std::span<const std::byte> pixels;  // rows from top to bottom, tight; not changed while `owner` is held
-  // Keeps `pixels` alive. It is held until the frame has its result, for it may have to be sent again, and
-  // then until gRPC has let go of the last copy it was sent by. None: `pixels` outlives the process's gRPC.
+  // Rows from top to bottom without padding. They must not change while the session holds `owner`.
+  std::span<const std::byte> pixels;
+  // Keeps `pixels` alive. The session holds it until the frame has its result, because the frame may have to
+  // be sent again, and gRPC may hold it a little longer. Without an owner `pixels` must live as long as gRPC
+  // does.
   std::shared_ptr<const void> owner;
-  uint64_t sequence = 0;      // above the frame's before; comes back with the result
-  int64_t media_time_ns = 0;  // when it is shown, 0 .. 2^62; not before the frame before it
-  bool cut = false;           // another scene begins: it takes its target exposure at once
-  // Not rendered later than this after the server has its header: its result is then DEADLINE_EXCEEDED.
+  uint64_t sequence = 0;      // greater than the previous frame's; comes back with the result
+  int64_t media_time_ns = 0;  // presentation time, 0 .. 2^62 ns; not before the previous frame's
+  bool cut = false;           // a new scene begins here: exposure jumps to this frame's target
+  // The longest time from the server's reading the frame's header to rendering it. If it passes, the result
+  // is DEADLINE_EXCEEDED.
   absl::Duration timeout = absl::InfiniteDuration();
 };
 
-// What became of a frame.
+// The result of one frame.
 struct FrameResult {
   uint64_t sequence = 0;
-  absl::Status status;     // the frame's own: INVALID_ARGUMENT or DEADLINE_EXCEEDED, and the session goes on
-  RenderResult image;      // where status is OK
-  absl::Duration latency;  // from when submit() took it until all of the image was here
+  // INVALID_ARGUMENT or DEADLINE_EXCEEDED if this frame failed. The session continues.
+  absl::Status status;
+  RenderResult image;      // set if status is OK
+  absl::Duration latency;  // from submit() to the arrival of the whole result
 };
 
 struct SessionStats {
-  std::string server;       // the one that has the session or had it last; "this process" for a channel
-  uint32_t window = 0;      // frames without a result at which submit() waits
-  uint64_t submitted = 0;   // frames
-  uint64_t answered = 0;    // frames
-  uint64_t resumes = 0;     // how often the session went on on another connection
-  uint64_t sent_again = 0;  // frames that a resumed session had to send once more
-  absl::Duration time_without_results;  // from each loss to the next result, or until now
-  absl::Status last_loss;               // why the last connection was lost; OK when none was
+  std::string server;                   // the current or the last server; "this process" for a channel
+  uint32_t window = 0;                  // submit() waits while this many frames have no result
+  uint64_t submitted = 0;               // frames
+  uint64_t answered = 0;                // frames
+  uint64_t resumes = 0;                 // how often the session resumed on a new connection
+  uint64_t sent_again = 0;              // frames sent a second time after a resume
+  absl::Duration time_without_results;  // total, from each loss to the next result or until now
+  absl::Status last_loss;               // why the last connection was lost; OK if none was
 };
 
-// Members may be called from any thread; usually one submits while another takes results. A thread of its own
-// talks to the server. Movable.
+// Any thread may call the members; usually one thread submits while another takes results. The session has a
+// thread of its own that talks to the server. Movable.
 class Session {
  public:
-  // Waits until a server has taken the session. INVALID_ARGUMENT for an address of another shape or for
-  // security that cannot be used; else what
-  // the last server said that could not be reached or refused.
+  // Waits until a server has opened the session. Returns INVALID_ARGUMENT for a malformed address or unusable
+  // security files. If no server opens it, returns the error of the last one.
   static absl::StatusOr<Session> open(const SessionOptions& options);
 
-  // The same on servers that `channels` lead to, in place of options.servers. A channel of a server in this
-  // process does not outlive it.
+  // The same through `channels` instead of options.servers. The channel of a server in this process must not
+  // outlive that server.
   static absl::StatusOr<Session> open(std::vector<std::shared_ptr<grpc::Channel>> channels,
                                       const SessionOptions& options);
 
-  // Cancels what is under way. No other thread may be inside of a member.
+  // Cancels the session. No other thread may be in a member.
   ~Session();
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;
 
-  // Takes the frame, to be sent as soon as the server reads on. Waits while stats().window frames have no
-  // result, or as many results were not taken: a thread that both submits and takes looks at ready() first.
-  // INVALID_ARGUMENT for a frame that is none or out of order, and the session goes on. Once the session has
-  // ended, the status it ended with; FAILED_PRECONDITION after finish().
+  // Queues the frame for sending. Waits while stats().window frames have no result or as many results have
+  // not been taken, so a thread that both submits and takes must check ready() first. Returns
+  // INVALID_ARGUMENT for a malformed frame or one out of order; the session continues without it. Returns
+  // FAILED_PRECONDITION after finish(), and the session's final status once it has failed.
   absl::Status submit(SessionFrame frame);
 
-  // Whether submit() would not wait.
+  // Whether submit() would return without waiting.
   bool ready() const;
 
-  // From the frame `from_sequence` on, which was not submitted yet, all of the settings are these.
-  // INVALID_ARGUMENT for a number that is too low, FAILED_PRECONDITION when 16 changes are ahead of the
-  // frames already, or as submit().
+  // Replaces all settings from frame `from_sequence` on, which must not have been submitted yet. Returns
+  // INVALID_ARGUMENT if the number is too low, and FAILED_PRECONDITION if 16 changes are already waiting for
+  // their frame. Otherwise fails like submit().
   absl::Status change_settings(uint64_t from_sequence, const v1::Settings& settings);
 
-  // No more frames come. Those that were submitted still get their results.
+  // Says that no more frames follow. The submitted ones still get their results.
   void finish();
 
-  // Ends it at once, with CANCELLED: whoever waits in a member returns.
+  // Ends the session at once with CANCELLED. Threads that wait in a member return.
   void cancel();
 
-  // Waits for the next frame's result, in the order of the frames, each once. None: finish() was called and
-  // every frame has its result. A failure is the end of the session, after all results that came before:
-  // the server's refusal (see Stream in render.proto), or UNAVAILABLE when no server took the session on
-  // within the resume limit. DEADLINE_EXCEEDED for a session that sent nothing for the server's idle timeout.
+  // Waits for the next frame's result. Results come in the order of the frames, one for each. Returns nullopt
+  // when finish() was called and every frame has its result. An error ends the session and comes after all
+  // earlier results: the server's refusal (see Stream in render.proto), UNAVAILABLE if no server resumed the
+  // session within the resume limit, or DEADLINE_EXCEEDED if it sent nothing for the server's idle timeout.
   absl::StatusOr<std::optional<FrameResult>> next_result();
 
   SessionStats stats() const;

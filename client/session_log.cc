@@ -15,13 +15,14 @@ absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
     return status;
   }
   if (last_sequence_ && frame.sequence <= *last_sequence_) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "frame %d comes after frame %d: number a session's frames upwards", frame.sequence, *last_sequence_));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame %d comes after frame %d; the sequence numbers of a session must increase",
+                        frame.sequence, *last_sequence_));
   }
   if (frame.media_time_ns < last_time_ns_ || frame.media_time_ns > v1::kMediaTimeNs.max) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("frame %d is at %d ns; media time goes on from the frame before, %d ns, up to %d ns",
-                        frame.sequence, frame.media_time_ns, last_time_ns_, v1::kMediaTimeNs.max));
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "frame %d has media time %d ns; it must be at least the previous frame's, %d ns, and at most %d ns",
+        frame.sequence, frame.media_time_ns, last_time_ns_, v1::kMediaTimeNs.max));
   }
   last_sequence_ = frame.sequence;
   last_time_ns_ = frame.media_time_ns;
@@ -33,17 +34,15 @@ absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
 absl::Status SessionLog::change(uint64_t from_sequence, const v1::Settings& settings) {
   const uint64_t least = std::max(last_sequence_ ? *last_sequence_ + 1 : 0, last_from_);
   if (from_sequence < least) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("settings change from frame %d: that is too late, the first one possible is %d",
-                        from_sequence, least));
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "cannot change settings from frame %d on; the first possible frame is %d", from_sequence, least));
   }
   const auto ahead = [this](const SessionStep& step) {
     return step.frame == nullptr && (!last_sequence_ || step.from_sequence > *last_sequence_);
   };
   if (std::count_if(steps_.begin(), steps_.end(), ahead) >= v1::kMaxPendingChanges) {
-    return absl::FailedPreconditionError(
-        absl::StrFormat("%d changes of settings are ahead of the frames already; submit frames first",
-                        v1::kMaxPendingChanges));
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "%d changes of settings already wait for their frames; submit frames first", v1::kMaxPendingChanges));
   }
   last_from_ = from_sequence;
   steps_.push_back({nullptr, absl::InfinitePast(), from_sequence, settings});
@@ -77,7 +76,7 @@ void SessionLog::answered(const std::string& token) {
   --unanswered_;
   if (token.empty()) return;
   token_ = token;
-  // Changes stand in the order of their numbers, and those for this frame before it.
+  // Changes are in the order of their numbers, and those for this frame come before it.
   while (!steps_.empty() && steps_.front().frame == nullptr && steps_.front().from_sequence <= sequence) {
     settings_ = std::move(steps_.front().settings);
     steps_.pop_front();

@@ -1,4 +1,5 @@
-// What a session has submitted and is not done with: enough to go on from the last token on any server.
+// The log of a session: the submitted frames and settings changes that have no result yet. With the last
+// resume token it is enough to continue the session on any server.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +17,9 @@ namespace candela {
 // One step of a session: a frame or a change of settings.
 struct SessionStep {
   std::shared_ptr<const SessionFrame> frame;  // null: a change
-  absl::Time submitted;                       // the frame
-  uint64_t from_sequence = 0;                 // the change
-  v1::Settings settings;                      // the change
+  absl::Time submitted;                       // when the frame was submitted
+  uint64_t from_sequence = 0;                 // first frame of the change
+  v1::Settings settings;                      // settings of the change
 };
 
 // Not thread-safe.
@@ -26,25 +27,26 @@ class SessionLog {
  public:
   explicit SessionLog(v1::Settings settings) : settings_(std::move(settings)) {}
 
-  // As Session's submit() and change_settings() say.
+  // Add a step. They fail like Session::submit() and Session::change_settings().
   absl::Status add(SessionFrame frame, absl::Time now);
   absl::Status change(uint64_t from_sequence, const v1::Settings& settings);
 
-  // What a call opens with: the last token, empty for none, and the settings as they were then.
+  // What a call opens with: the last token, or empty, and the settings at that point.
   const std::string& token() const { return token_; }
   const v1::Settings& settings() const { return settings_; }
 
-  // A call begins: every step that is left is to be sent on it. Gives how many frames were sent before.
+  // A call begins, and every step in the log is to be sent on it. Returns how many frames earlier calls had
+  // sent.
   uint64_t rewind();
 
-  // The next step to send, in order; none when all were given out. It stays in the log.
+  // The next step to send, in order, or null if all have been sent. The step stays in the log.
   const SessionStep* next();
 
-  // The first frame without a result, if it was given out: the one whose result is due. Null: none is.
+  // The frame whose result is due: the first in the log, if it has been sent. Null if no result is due.
   const SessionStep* due() const;
 
-  // The due frame has its result, which came with this token (empty: none). It leaves the log, and with it
-  // the changes that the token covers.
+  // The due frame has its result, which came with `token`, or empty without one. The frame leaves the log,
+  // and so do the changes that the token covers.
   void answered(const std::string& token);
 
   uint64_t unanswered() const { return unanswered_; }
@@ -55,7 +57,7 @@ class SessionLog {
   v1::Settings settings_;
   std::string token_;
   std::deque<SessionStep> steps_;
-  size_t given_ = 0;                       // steps from the front that were given out on this call
+  size_t given_ = 0;                       // steps at the front that were sent on this call
   uint64_t unanswered_ = 0;                // frames in steps_
   std::optional<uint64_t> last_sequence_;  // of the last frame submitted
   int64_t last_time_ns_ = 0;

@@ -7,8 +7,8 @@
 
 namespace candela::reference {
 
-// `level` at (u, v) in texels, where texel (x, y) lies at exactly (x, y). Its at(x, y) clamps to the edge, as
-// Level's.
+// `level` at (u, v) in texels, with texel (x, y) at exactly (x, y). AnyLevel::at(x, y) must clamp to the
+// edge, like Level's.
 template <typename AnyLevel>
 Rgb bilinear(const AnyLevel& level, double u, double v) {
   const double x0 = std::floor(u);

@@ -1,11 +1,12 @@
 // Bloom, level n to level n+1: the 13-tap filter of docs/pipeline.md section 4.
 //
 // In: D_n. Out: D_{n+1}.
-// Method: the 13 means of 2x2 texels are two separable filters, (1 2 1) x (1 2 1) on means at even offsets and
-// (1 1) x (1 1) on those at +-1. Along a row, with t the six texels from 2x - 2 on, they need
+// Method: the 13 means of 2x2 texels are the sum of two separable filters, (1 2 1) x (1 2 1) on the means at
+// even offsets and (1 1) x (1 1) on the means at offsets +-1. Along a row, with t0 .. t5 the texels from 2x -
+// 2 on, they are
 //   even = t0 + t1 + 2 (t2 + t3) + t4 + t5   and   odd = t1 + t2 + t3 + t4,
-// and down the rows the same pattern again. An invocation walks down BLOOM_ROWS rows and keeps the sums of the
-// rows that the next one shares, so each row is read once. Source: J. Jimenez, "Next Generation Post
+// and the same pattern applies down the rows. An invocation walks down BLOOM_ROWS rows and keeps the row sums
+// that the next row needs too, so it reads each row once. Source: J. Jimenez, "Next Generation Post
 // Processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014.
 #version 460
 #extension GL_GOOGLE_include_directive : require

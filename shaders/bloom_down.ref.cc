@@ -1,4 +1,4 @@
-// Twin of bloom_down.comp: the 13 taps, each a mean of 2x2 texels.
+// Twin of bloom_down.comp: 13 taps, each a mean of 2x2 texels.
 #include "shaders/reference.h"
 
 namespace candela::reference {

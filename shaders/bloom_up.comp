@@ -1,21 +1,22 @@
-// Bloom, level n+1 to level n: adds the tent-filtered coarser level in place (docs/pipeline.md section 4).
+// Bloom, level n+1 to level n: adds the tent-filtered coarser level to the finer one in place
+// (docs/pipeline.md section 4).
 //
-// In: B_{n+1} (from), D_n (to). Out: B_n = FINE_WEIGHT * D_n + U_n(B_{n+1}) (to).
-// Method: (1 2 1)/4 over bilinear samples at x -+ 0.25 is a 4-tap filter along each axis: for even texels
-// (1 5 7 3)/16 from x - 2 on, for odd ones (3 7 5 1)/16 from x - 1 on. An invocation makes two columns and
-// walks down BLOOM_ROWS row pairs, keeping the filtered rows that the next pair shares.
+// In: B_{n+1} (from), D_n (to_before). Out: B_n = FINE_WEIGHT * D_n + U_n(B_{n+1}), in the memory of D_n.
+// Method: (1 2 1)/4 over bilinear samples at x -+ 0.25 is a 4-tap filter along each axis: (1 5 7 3)/16 from x
+// - 2 on for even texels and (3 7 5 1)/16 from x - 1 on for odd ones. An invocation makes two columns, walks
+// down BLOOM_ROWS pairs of rows, and keeps the filtered rows that the next pair needs too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "glsl/common.glsl"
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
-layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // of D_n: 2 where it stands for a finer level, too
+layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // weight of D_n; 2 if it also stands for a finer level
 layout(set = 0, binding = 0) uniform utextureBuffer from;
-// The same texture as `written`; an invocation reads only what it writes itself, and before it does.
+// The same memory as `written`. An invocation reads only the texels that it writes, before it writes them.
 layout(set = 0, binding = 1) uniform utextureBuffer to_before;
 layout(push_constant) uniform Push { BloomParams p; };
 
-// A coarse row filtered along x, at the even and the odd fine column.
+// A coarse row, filtered along x at the even and at the odd fine column.
 struct Row {
   vec3 even;
   vec3 odd;

@@ -1,4 +1,4 @@
-// Twin of bloom_up.comp: the 3x3 tent over bilinear samples, added to the finer level; and the whole chain.
+// Twin of bloom_up.comp: the 3x3 tent over bilinear samples, added to the finer level. Also the whole chain.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -58,11 +58,11 @@ Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_lumi
     levels = {quarter(levels[0])};
     most = std::max(most, 2u) - 1;
   }
-  // The next level exists while its short side has two texels.
+  // A level has a next one if its short side has more than two texels.
   while (levels.size() < most && std::min(levels.back().width, levels.back().height) > 2) {
     levels.push_back(bloom_down(levels.back()));
   }
-  // One level that stands for two is counted twice; where it is the only one, that is one again.
+  // The finest level of size 4 stands for two levels and counts twice, unless it is the only one.
   const bool twice = params.level_size == 4 && levels.size() > 1;
   *level_count = static_cast<uint32_t>(levels.size()) + twice;
   while (levels.size() > 1) {

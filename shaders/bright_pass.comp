@@ -1,8 +1,10 @@
-// Phase B's first pass, where there is bloom: level 0 of it, from the frame.
+// Bloom, level 0 from the frame: the first pass of phase B. It does not run without bloom.
 //
-// In: the wire's pixels. Out: one texel for LEVEL_SIZE squared of the frame's; exactly 0 where nothing is bright.
-// Method: docs/pipeline.md section 4. An invocation makes what GROUP_TEXELS columns and BRIGHT_ROWS rows of the frame come
-// to, BRIGHT_STEPS of them along x: neighbours in memory come one after the other, which is what processors fetch ahead.
+// In: the wire's pixels. Out: one texel for each LEVEL_SIZE x LEVEL_SIZE texels of the frame, exactly 0 if
+// none is bright.
+// Method: docs/pipeline.md section 4. An invocation covers BRIGHT_STEPS blocks along x, each of GROUP_TEXELS
+// columns and BRIGHT_ROWS rows of the frame. It reads neighbours in memory one after the other, so that
+// processors prefetch them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "glsl/common.glsl"
@@ -13,13 +15,14 @@ layout(constant_id = 1) const bool MATRIX = false;
 layout(constant_id = 2) const bool SCRUB = false;
 layout(constant_id = 3) const uint BLOOM = BLOOM_MIP;
 layout(constant_id = 4) const bool FIREFLY_WEIGHTS = true;
-layout(constant_id = 5) const uint LEVEL_SIZE = 2u;  // 2, or 4: the mean of 2x2 texels of level 0; GAUSSIAN: 4
-layout(constant_id = 6) const bool WHOLE = false;    // the frame is whole groups of texels wide
+layout(constant_id = 5) const uint LEVEL_SIZE = 2u;  // 4 for means of 2x2 texels of D_0 and for GAUSSIAN
+layout(constant_id = 6) const bool WHOLE = false;    // the width is a multiple of GROUP_TEXELS
 
 layout(push_constant) uniform Push { BrightPassParams p; };
 #include "glsl/input.glsl"
 
-// A row of the scene, negatives cut to 0. Texels beyond the right edge repeat the last one, rows beyond the bottom too.
+// A row of the scene with negatives cut to 0. Texels beyond the right edge repeat the last one; so do rows
+// below the bottom.
 Group scene_row(uint x, uint y) {
   WireGroup wire = load_wire(p.frame, x, min(y, p.frame.height - 1u));
   Group g;
@@ -51,7 +54,7 @@ vec3 level_texel(vec3 a, vec3 b, vec3 c, vec3 d) {
   return mean * (at_least(over, q) / at_least(l, 1e-4));
 }
 
-// The two of columns x to x + 3 and rows y and y + 1.
+// Two texels of D_0: those of columns x to x + 3 and rows y and y + 1.
 struct Pair {
   vec3 left;
   vec3 right;
@@ -64,7 +67,7 @@ Pair level_texels(uint x, uint y) {
               level_texel(top.texel[2].rgb, top.texel[3].rgb, bottom.texel[2].rgb, bottom.texel[3].rgb));
 }
 
-// D of a 4x4 block by BLOOM_GAUSSIAN.
+// BLOOM_GAUSSIAN's texel of a 4x4 block.
 vec3 gaussian_texel(uint x, uint y) {
   vec3 sum = (row_sum(scene_row(x, y)) + row_sum(scene_row(x, y + 1u))) +
              (row_sum(scene_row(x, y + 2u)) + row_sum(scene_row(x, y + 3u)));
@@ -72,13 +75,13 @@ vec3 gaussian_texel(uint x, uint y) {
   return mean * at_most(at_least(luminance(mean) - p.threshold, 0.0), 1.0);
 }
 
-// What rows y to y + LEVEL_SIZE - 1 come to.
+// Writes the texels of rows y to y + LEVEL_SIZE - 1.
 void make_row(uint x, uint y) {
   uint at = (y / LEVEL_SIZE - p.first_row) * p.level_width + x / LEVEL_SIZE;
   if (BLOOM == BLOOM_GAUSSIAN) {
     written[at] = level_words(gaussian_texel(x, y));
   } else if (LEVEL_SIZE == 4u) {
-    // The mean of D_0's texels, of which the last column and the last row repeat.
+    // The mean of 2x2 texels of D_0. Its last column and last row repeat at the edge.
     Pair top = level_texels(x, y);
     Pair bottom = level_texels(x, y + 2u < p.frame.height ? y + 2u : y);
     bool wide = WHOLE || x + 2u < p.frame.width;

@@ -1,4 +1,4 @@
-// Twin of bright_pass.comp, but for BLOOM_GAUSSIAN, whose level is in gaussian.ref.cc.
+// Twin of bright_pass.comp, except for BLOOM_GAUSSIAN, which is in gaussian.ref.cc.
 #include <algorithm>
 
 #include "shaders/reference.h"

@@ -96,7 +96,7 @@ ColorTable make_color_table(uint32_t size, uint32_t axes, float end, std::span<c
   ColorTable table{size, axes, end, std::vector<uint16_t>(display_light.size())};
   for (size_t i = 0; i < display_light.size(); i += 3) {
     Vector light{display_light[i], display_light[i + 1], display_light[i + 2]};
-    // NaN becomes the least.
+    // NaN becomes the lowest value.
     for (double& v : light) v = v > kMinLight ? std::min(v, kMaxLight) : kMinLight;
     light = multiply(from_display, light);
     for (size_t k = 0; k < 3; ++k) table.values[i + k] = pack(light[k]);

@@ -1,13 +1,16 @@
-// A colour transform as a 3D table: what the curves `aces-1` and TABLE look up (docs/pipeline.md section 5).
+// A colour transform as a 3D table, which the curves `aces-1` and TABLE look up (docs/pipeline.md section 5).
 //
-// Exposed scene light, linear Rec.709 and never negative, goes through TABLE_FROM_SCENE into the primaries in
-// which film-like transforms work channel by channel. The lattice stands there, its axes log-spaced. A point
-// holds the square roots of the display light there, in the primaries that TABLE_TO_DISPLAY takes back to
-// Rec.709. Between points the roots are interpolated over tetrahedra. So what a table holds is nearly one
-// curve a channel, and the cut to the display's gamut, which no lattice could hold, comes after it, exactly.
+// TABLE_FROM_SCENE takes exposed scene light, which is linear Rec.709 and never negative, to the primaries in
+// which film-like transforms work channel by channel. The lattice is in these primaries, with log-spaced
+// axes. A point holds the square roots of its display light, in primaries that TABLE_TO_DISPLAY takes back to
+// Rec.709. Between points the roots are interpolated over tetrahedra. So a table holds little more than one
+// curve per channel. The cut to the display's gamut, which a lattice cannot represent, follows the table and
+// is exact.
 //
-// The display light of a view is its value in [0, 1] decoded by the sRGB curve, whatever the view encodes
-// for; it may lie beyond [0, 1].
+// The display light of a view is the view's value decoded by the sRGB curve, whatever encoding the view has.
+// It may be outside [0, 1].
+//
+// The functions keep no state, so any thread may call them.
 #pragma once
 
 #include <array>
@@ -21,33 +24,34 @@
 namespace candela {
 
 struct ColorTable {
-  uint32_t size = 0;  // points a side, at least 2
-  uint32_t axes = shader::AXES_ACES;
-  // Where the axes end, above 0; light beyond it counts as the end.
+  uint32_t size = 0;                  // points along a side, at least 2
+  uint32_t axes = shader::AXES_ACES;  // AXES_*: the primaries of the axes
+  // The light at the end of the axes, above 0. Light beyond it counts as the end.
   float end = 0.0f;
-  // size^3 points of R, G, B, red fastest, then green: root / TABLE_MAX_ROOT * 65535, rounded.
+  // size^3 points of R, G and B; red varies fastest, then green. A value is root / TABLE_MAX_ROOT * 65535,
+  // rounded.
   std::vector<uint16_t> values;
 
   bool operator==(const ColorTable&) const = default;
 };
 
-// The exposed scene light of a table's points, R, G, B after R, G, B. A lattice lies partly outside of what
-// is real, so that some of it is negative.
+// The exposed scene light at a table's points, R, G, B after R, G, B. Part of a lattice is outside the real
+// colours, so some values are negative.
 std::vector<float> lattice_light(uint32_t size, uint32_t axes, float end);
 
-// The table of a transform that makes this display light of lattice_light's. Display light is cut to -0.5
-// .. 1.5 first.
+// The table of a transform that gives `display_light` for lattice_light(), point by point. Display light is
+// clamped to -0.5 .. 1.5 first; NaN becomes -0.5.
 ColorTable make_color_table(uint32_t size, uint32_t axes, float end, std::span<const float> display_light);
 
-// Octaves of x >= 1 above 1, as the axes count them: log2 with x = 2^e (1 + m) at e + m (4 - m) / 3, which
-// has no step in its slope and is at most 0.02 octaves from the truth.
+// The axes' approximation of log2(x) for x >= 1: e + m (4 - m) / 3 for x = 2^e (1 + m). Its slope has no
+// steps, and it differs from log2 by at most 0.02.
 double table_octaves(double x);
 
-// Exposed scene light as a table with axes to `end` sees it: where a component is beyond them in the table's
-// primaries, it is cut there. The result may be negative.
+// Exposed scene light, clamped to 0 .. `end` per component in the table's primaries, as a table sees it. The
+// result is in Rec.709 and may be negative.
 std::array<float, 3> light_within_axes(const std::array<float, 3>& light, uint32_t axes, float end);
 
-// What an axis of `size` points has at point i, 0 at the first and `end` at the last.
+// The light at point i of an axis of `size` points: 0 at the first and `end` at the last.
 double table_axis_value(uint32_t i, uint32_t size, float end);
 
 }  // namespace candela

@@ -1,7 +1,7 @@
-// Gaussian bloom, one direction of the separable 13-tap kernel of docs/pipeline.md section 4.
+// Gaussian bloom: one direction of the separable 13-tap kernel of docs/pipeline.md section 4.
 //
-// In: D at a quarter of the frame's size (first pass: VERTICAL), or that pass's result (second pass: along the rows). Out:
-// a level of the same size.
+// In: the first pass (VERTICAL) reads D, a quarter of the frame's width and height; the second pass reads the
+// first one's result and filters along the rows. Out: a level of the same size.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "glsl/common.glsl"

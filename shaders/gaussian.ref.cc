@@ -1,5 +1,5 @@
-// Twin of gaussian.comp, the 13-tap kernel both ways, and of what bright_pass.comp makes for it: the
-// quarter-size mean and its threshold.
+// Twin of gaussian.comp, the 13-tap kernel in both directions, and of BLOOM_GAUSSIAN's part of
+// bright_pass.comp: the quarter-size mean and its threshold.
 #include <algorithm>
 #include <cmath>
 

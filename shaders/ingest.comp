@@ -1,13 +1,13 @@
-// Phase A: reads the frame once, and meters it.
+// Metering, phase A of a frame: reads the frame once and adds up its luminance.
 //
-// In: the wire's pixels, and the weights of WEIGHTS_CENTER. Out: one TileRecord a tile, and the histogram (where
-// HISTOGRAM).
-// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows with no barrier, again and again from left to
-// right, and adds its sums to each tile's record once: neighbours in memory come one after the other, which is what
-// processors fetch ahead. Every sum is of integers, so no order of execution shows.
-// log2 is the minimax polynomial of degree 6 on the mantissa, made of operations that are correctly rounded
-// everywhere (1.9e-6 EV from the truth).
-// A frame is first read without SCRUB; only one that turns out to need it is read again with it, and counted.
+// In: the wire's pixels, and for WEIGHTS_CENTER the table of weights. Out: one TileRecord per tile, and with
+// HISTOGRAM the histogram.
+// Method: an invocation walks GROUP_TEXELS columns down INGEST_ROWS rows without a barrier, block after block
+// from left to right, and adds its sums to each tile's record once. It reads neighbours in memory one after
+// the other, so that processors prefetch them. All sums are of integers, so the order of execution does not
+// change the result.
+// A frame is first read without SCRUB. Only if that finds bad values is it read again with SCRUB, which counts
+// them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -17,10 +17,10 @@ layout(local_size_x = INGEST_GROUP_X, local_size_y = INGEST_GROUP_Y) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;
 layout(constant_id = 1) const bool MATRIX = false;
 layout(constant_id = 2) const bool SCRUB = false;
-layout(constant_id = 3) const bool LIGHT = true;  // bloom asks for max_light_bits
+layout(constant_id = 3) const bool LIGHT = true;  // bloom needs max_light_bits
 layout(constant_id = 4) const uint WEIGHTS = WEIGHTS_AVERAGE;
 layout(constant_id = 5) const bool HISTOGRAM = false;
-layout(constant_id = 6) const bool WHOLE = false;  // the frame is whole groups of texels wide
+layout(constant_id = 6) const bool WHOLE = false;  // the width is a multiple of GROUP_TEXELS
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "glsl/input.glsl"
@@ -29,7 +29,10 @@ layout(set = 0, binding = 1) uniform utextureBuffer center_weights;
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Histogram { HistogramBin v; };
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
 
-// (log2(max(l, MIN_METERED_LUMINANCE)) + LOG2_BIAS) in fixed point.
+// (log2(max(l, MIN_METERED_LUMINANCE)) + LOG2_BIAS) in fixed point: the exponent plus a polynomial for
+// log2(1 + t) of the mantissa. Vulkan requires every operation here to be correctly rounded, so every device
+// gets the same bits. Errors are in EV; shaders/fit/polynomials.py computes them.
+// fit: t in [0, 1], degree 6, error 1.9e-06, best 1.8e-06
 uint fixed_log2(float l) {
   uint bits = floatBitsToUint(at_least(l, MIN_METERED_LUMINANCE));
   precise float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
@@ -43,8 +46,8 @@ uint fixed_log2(float l) {
   return (((bits >> 23) + LOG2_BIAS - 127u) << LOG2_FRACTION_BITS) + uint(scaled);
 }
 
-// floor(256 d2 / (W^2 + H^2)) by long division: d2, the squared distance to the centre in half texels, is the smaller
-// number, and both are below 2^30.
+// floor(256 d2 / (W^2 + H^2)) by long division, with d2 the squared distance to the centre in half texels. d2
+// is less than the divisor, and both are below 2^30.
 uint center_step(uint x, uint y) {
   ivec2 d = ivec2(2u * uvec2(x, y) + 1u) - ivec2(p.frame.width, p.frame.height);
   uint rest = uint(d.x * d.x + d.y * d.y);
@@ -61,7 +64,7 @@ uint center_step(uint x, uint y) {
 
 uint weight_of(uint x, uint y) {
   if (WEIGHTS == WEIGHTS_SPOT) {
-    // Unsigned: what is left of or above the spot wraps round.
+    // Unsigned: texels to the left of the spot or above it wrap round.
     return x - p.spot_x0 < p.spot_x1 - p.spot_x0 && y - p.spot_y0 < p.spot_y1 - p.spot_y0 ? 1u : 0u;
   }
   if (WEIGHTS == WEIGHTS_CENTER) {
@@ -71,15 +74,15 @@ uint weight_of(uint x, uint y) {
   return 1u;
 }
 
-// What one invocation has seen of a tile; see clear().
-uint log2_sum;       // weighted; of WEIGHTS_CENTER only what the low 16 bits add
-uint log2_sum_high;  // of WEIGHTS_CENTER: what the others add
+// One invocation's sums over a tile; clear() resets them.
+uint log2_sum;       // weighted; with WEIGHTS_CENTER only the sum of the low 16 bits
+uint log2_sum_high;  // with WEIGHTS_CENTER the sum of the higher bits
 uint weight_sum;
-// Luminance as bits, in the order of at_least(): NaN in padding does no harm.
+// Luminance as bits, ordered as integers like in at_least(), so that a NaN in padding does no harm.
 int max_luminance;
 int min_luminance;
 uint max_magnitude;
-uint negative_halves;  // two counts, of 16 bits each
+uint negative_halves;  // two counts of 16 bits
 uint negative_components;
 int max_light;
 uint nan_components;
@@ -111,7 +114,7 @@ void count_bad(vec4 wire, uint counted, uint texel) {
   if (bad && counted != 0u) first_bad_texel = min(first_bad_texel, texel);
 }
 
-// Adds one texel's metered value; `copies` is the tile's copy of the histogram.
+// Adds one texel's metered value. `copies` is the copy of the histogram that this tile uses.
 void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
   if (WEIGHTS == WEIGHTS_CENTER) {
     log2_sum += (fixed_point & 0xffffu) * weight;
@@ -128,11 +131,12 @@ void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
   }
 }
 
-// Notes what has to be known of a texel as it came: whether anything in it is beyond MAX_SCENE_VALUE, and how many of
-// R, G and B are below 0. `counted` is all ones or none.
+// Records whether a component of the wire texel is beyond MAX_SCENE_VALUE and how many of R, G and B are
+// negative. `counted` is all ones, or 0 for a texel outside the frame.
 void note_halves(uvec2 words, uint counted) {
   uvec2 magnitudes = words & 0x7fff7fffu;
-  // A sum's bit 15 or 31: an exponent of all ones; below, a magnitude that is not 0.
+  // Bit 15 or 31 of the first sum is set if the exponent is all ones, and of the second if the magnitude is
+  // not 0.
   uvec2 beyond = magnitudes + 0x04000400u;
   max_magnitude |= (beyond.x | beyond.y) & counted;
   uvec2 negative = (magnitudes + 0x7fff7fffu) & words & uvec2(0x80008000u, 0x00008000u);
@@ -146,13 +150,14 @@ void note_floats(uvec4 words, uint counted) {
   negative_components += (negative.r + negative.g + negative.b) & counted;
 }
 
-// A NaN's sign, which is noted before, is taken back in count_bad().
+// This also counts a NaN with its sign bit set as negative; count_bad() takes that back.
 void note(WireGroup wire, uint i, uint counted) {
   if (PIXELS == PIXELS_RGBA16F) note_halves(half_words(wire, i), counted);
   if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted);
 }
 
-// One row of a group: counts and meters the texels whose bit is set in `counted` (all ones or none).
+// Counts and meters one row of a group. `counted` is all ones for each texel inside the frame, and 0 for the
+// others.
 void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
   WireGroup words = load_wire(p.frame, x, y);
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
@@ -174,7 +179,7 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
   }
 }
 
-// Meters a group's columns down INGEST_ROWS rows.
+// Meters a group's columns over INGEST_ROWS rows.
 void walk_down(uint x, uint first_row, Histogram copies) {
   uvec4 inside = uvec4(0xffffffffu);
   if (!WHOLE) inside *= uvec4(lessThan(uvec4(x, x + 1u, x + 2u, x + 3u), uvec4(p.frame.width)));
@@ -182,11 +187,12 @@ void walk_down(uint x, uint first_row, Histogram copies) {
   for (uint y = first_row; y < rows_end; ++y) meter_row(x, y, inside, copies);
 }
 
-// Adds what was seen of a tile to its record, over the work group's invocations.
+// Adds the work group's sums over a tile to the tile's record.
 void add_to_tile(uint tile) {
-  // An invocation's sum is below 2^25 * 128 texels = 2^32, or with weights up to 255 below 2^31 and 2^24. A tile's 32
-  // invocations stay below 2^21 in the low half and 2^30 in the high one. The host adds the tiles up in 64 bits: 2^28
-  // texels of 25 bits with 8 of weight.
+  // Nothing overflows. An invocation's sum is below 2^25 * 128 texels = 2^32; with weights up to 255 its two
+  // sums are below 2^31 and 2^24. The 32 invocations of a tile add up to less than 2^21 in the low half and
+  // 2^30 in the high one. The host adds the tiles in 64 bits: 2^28 texels with 25 bits each and 8 bits of
+  // weight.
   Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
   uint low = subgroupAdd(log2_sum & 0xffffu);
   uint high = subgroupAdd((log2_sum >> 16) + log2_sum_high);

@@ -38,7 +38,7 @@ std::array<float, 4> unpack(const std::byte* texel, uint pixels) {
 
 float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -65504.0f, 65504.0f); }
 
-// The nearest half; finite input within +-65504 stays finite.
+// The nearest half. Input within +-65504 stays finite.
 float to_half(float x) { return imath_half_to_float(imath_float_to_half(x)); }
 
 }  // namespace
@@ -59,7 +59,7 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
     }
     for (float& v : c) v = scrub(v);
     if (matrix) {
-      // The stored scene is defined in float32, so that both twins work on the same pixels.
+      // The scene is defined in float32, so that both twins work on the same pixels.
       const Matrix& m = *matrix;
       const std::array<float, 3> in = {c[0], c[1], c[2]};
       for (int k = 0; k < 3; ++k) {
@@ -94,10 +94,10 @@ Meter meter(const Scene& scene, const MeterParams& params) {
     double weight = 0.0;
     double sum = 0.0;
   };
-  std::map<int, Bin> bins;  // in rising luminance
+  std::map<int, Bin> bins;  // by ascending luminance
   Meter m{0.0, kHalfMax, 0.0, 0};
   double sum = 0.0;
-  double lost = 0.0;  // Kahan: the truth should not depend on 2^28 roundings
+  double lost = 0.0;  // Kahan summation, because the reference must not depend on 2^28 roundings
   for (uint32_t y = 0; y < scene.height; ++y) {
     for (uint32_t x = 0; x < scene.width; ++x) {
       const auto& c = scene.texels[size_t{y} * scene.width + x];
@@ -122,7 +122,8 @@ Meter meter(const Scene& scene, const MeterParams& params) {
   m.mean_log2_luminance = sum / total;
   if (!params.percentile) return m;
 
-  // The mass between the percentiles, the two end bins in proportion, each bin at its own mean.
+  // The mean over the mass between the percentiles. Each bin counts with its own mean, the two end bins in
+  // part.
   const double low = params.percentile_low / 100.0 * total;
   const double high = params.percentile_high / 100.0 * total;
   double below = 0.0;

@@ -1,7 +1,8 @@
-// The truth: every pass again in float64, straight loops over whole images, no tricks.
+// The float64 reference: every pass again as plain loops over whole images, without optimisation.
 //
-// x.comp and x.ref.cc stand side by side and share parameters, never formulas, so that each is evidence for
-// the other. Written from the mathematics in docs/pipeline.md. A scene takes 16 bytes a texel, a level 24.
+// Each x.comp has a twin x.ref.cc beside it. The two share parameters but no formulas, so that each is
+// evidence for the other. The references follow the mathematics in docs/pipeline.md. A scene takes 16 bytes
+// per texel, a level 24. The functions keep no state, so any thread may call them.
 #pragma once
 
 #include <array>
@@ -21,16 +22,17 @@ using shader::uint;
 using Rgb = std::array<double, 3>;
 using Matrix = std::array<float, 9>;  // row by row
 
-// Texels row by row, as floats: the wire's own precision, and more than the halves that they are rounded to.
+// A frame's scene pixels, row by row from the top. Floats hold every wire format exactly.
 struct Scene {
   uint32_t width = 0;
   uint32_t height = 0;
   std::vector<std::array<float, 4>> texels;
 
-  // The texel at (x, y), clamped to the edge.
+  // The texel at (x, y). Coordinates beyond the edge are clamped to it.
   const std::array<float, 4>& at(int64_t x, int64_t y) const;
 };
 
+// A bloom level, row by row from the top.
 struct Level {
   uint32_t width = 0;
   uint32_t height = 0;
@@ -39,7 +41,7 @@ struct Level {
   const Rgb& at(int64_t x, int64_t y) const;
 };
 
-// R, G and B components on the wire.
+// Counts over the R, G and B components on the wire.
 struct BadCounts {
   uint64_t nan = 0;
   uint64_t infinite = 0;
@@ -49,11 +51,11 @@ struct BadCounts {
 };
 
 struct MeterParams {
-  bool percentile = false;  // mean over the mass between the two percentiles only
+  bool percentile = false;  // the mean covers only the mass between the two percentiles
   double percentile_low = 10.0;
   double percentile_high = 90.0;
   uint weights = shader::WEIGHTS_AVERAGE;
-  std::array<uint32_t, 4> spot{};  // of WEIGHTS_SPOT: x0, y0, x1, y1
+  std::array<uint32_t, 4> spot{};  // for WEIGHTS_SPOT: x0, y0, x1, y1 in texels, ends excluded
 };
 
 struct Meter {
@@ -65,12 +67,13 @@ struct Meter {
 
 struct BloomParams {
   uint kind = shader::BLOOM_MIP;
-  double threshold = 1.0;  // of BLOOM_GAUSSIAN a multiple of the metered mean
+  double threshold = 1.0;  // luminance; for BLOOM_GAUSSIAN a multiple of the metered mean
   double softness = 0.5;
   uint32_t levels = 5;
   bool firefly_weights = true;
-  uint32_t level_size =
-      2;  // 4: the means of 2x2 texels of D_0 take the place of D_1 and, counted twice, of D_0
+  // Frame texels per texel of the finest level, along a side. 2, or 4: then the means of 2x2 texels of D_0
+  // stand for D_1 and, counted twice, for D_0.
+  uint32_t level_size = 2;
 };
 
 struct ResolveParams {
@@ -79,54 +82,55 @@ struct ResolveParams {
   uint32_t level_size = 2;  // as in BloomParams; 4 for BLOOM_GAUSSIAN
   double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
-  double curve_white = 4.0;  // of reinhard-extended
+  double curve_white = 4.0;  // for reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
-  // Exposed scene light to display light, not clamped; what CURVE_ACES_1 and CURVE_TABLE need in place of a
-  // formula.
+  // Exposed scene light to display light, not clamped. CURVE_ACES_1 and CURVE_TABLE need it, because they
+  // have no formula.
   std::function<Rgb(const Rgb&)> look;
 };
 
-// The scene's texels are halves, as the pipeline has them, or what they were before they were rounded.
+// Whether ingest() rounds the scene's texels to halves, like the pipeline, or leaves them as they are.
 enum class Rounding { kHalf, kNone };
 
-// Of Rec.709.
+// Rec.709 luminance.
 inline double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
 
-// Wire bytes (rows `stride_bytes` apart, PIXELS_* format) to scene pixels. `matrix`: input primaries to
-// Rec.709.
+// Scene pixels from wire bytes in one of the PIXELS_* formats, with rows `stride_bytes` apart. `matrix` takes
+// the input primaries to Rec.709. Sets *counts.
 Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t width, uint32_t height,
              uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts);
 
 Meter meter(const Scene& scene, const MeterParams& params = {});
-// The weight of a texel of a width x height frame, 0 .. 255.
+// The metering weight of texel (x, y) in a width x height frame, 0 .. 255.
 uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params);
 
-// D_0 of the mip kinds, negatives of the scene cut.
+// D_0 of the mip kinds. Negative components of the scene count as 0.
 Level bright_pass(const Scene& scene, const BloomParams& params);
 // D_{n+1} from D_n.
 Level bloom_down(const Level& level);
 // B_n = weight * D_n + U_n(B_{n+1}).
 Level bloom_up(Level fine, const Level& coarse, double weight = 1.0);
-// B_0 of a scene: the whole chain; *level_count is the N that it used, 1 for BLOOM_GAUSSIAN.
-// `mean_log2_luminance`: the frame's metered one.
+// B_0 of a scene: the whole chain. `mean_log2_luminance` is the frame's metered mean. Sets *level_count to
+// the number of levels used, which is 1 for BLOOM_GAUSSIAN.
 Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance, uint32_t* level_count);
 // BLOOM_GAUSSIAN's blurred quarter-size level.
 Level gaussian_bloom(const Scene& scene, double threshold);
 
-// The display values of row y, before dither and quantising: RGB as ResolveParams says, alpha as it is. A row
-// at a time, for whole images of them take 32 bytes a texel. `bloom` is B_0, and may be empty for BLOOM_NONE.
+// The display values of row y before dither and quantisation; alpha is the scene's. It makes one row at a
+// time, because a whole image takes 32 bytes per texel. `bloom` is B_0; for BLOOM_NONE it may be empty.
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y);
 
-// Exposed scene light to display light by a table, not clamped.
+// Display light for exposed scene light by a colour table, not clamped.
 Rgb look_up(const ColorTable& table, const Rgb& exposed);
 
-// Exposed scene light to display-linear light in [0, 1]; of the curves without a table. `white`: of
+// Display-linear light in [0, 1] for exposed scene light, by a curve that has no table. `white` is for
 // reinhard-extended.
 Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);
+// The display value in [0, 1] for display-linear light y in [0, 1].
 double transfer(uint transfer, double y);
 
-// Triangular noise of texel (x, y), component 0 .. 2, in codes of the output: (-1, 1).
+// The triangular noise of texel (x, y) in component 0 .. 2, within (-1, 1), in codes of the output.
 double dither_noise(uint32_t x, uint32_t y, uint32_t frame, size_t component);
 
 }  // namespace candela::reference

@@ -1,10 +1,12 @@
-// Phase B's last pass: reads the frame once more and makes the image.
+// The image, the last pass of phase B: reads the frame a second time and writes the rendered image.
 //
-// In: the wire's pixels, B_0 (where BLOOM is not BLOOM_NONE), the table of the curves that have one. Out: the image in OUTPUT's format.
-// Method: docs/pipeline.md sections 4 and 5: scene + bloom, cut to 0, times E and prescale, curve, transfer,
-// dither, quantise. An invocation makes blocks of GROUP_TEXELS columns and RESOLVE_ROWS rows, RESOLVE_STEPS of them
-// along x: neighbours in memory come one after the other, which is what processors fetch ahead. The bloom rows that
-// two rows of a block share stay in registers, filtered along x.
+// In: the wire's pixels, B_0 (unless BLOOM is BLOOM_NONE), and the table if the curve has one. Out: the image
+// in the format OUTPUT.
+// Method: docs/pipeline.md sections 4 and 5: scene plus bloom, negatives cut to 0, times E and prescale, tone
+// curve, transfer, dither, quantisation. An invocation makes RESOLVE_STEPS blocks along x, each of
+// GROUP_TEXELS columns and RESOLVE_ROWS rows. It reads neighbours in memory one after the other, so that
+// processors prefetch them. The bloom rows that two rows of a block share stay in registers, already filtered
+// along x.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "glsl/common.glsl"
@@ -18,7 +20,7 @@ layout(constant_id = 4) const uint CURVE = CURVE_ACES_HILL;
 layout(constant_id = 5) const uint TRANSFER = TRANSFER_SRGB;
 layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
 layout(constant_id = 7) const bool DITHER = false;
-layout(constant_id = 8) const uint LEVEL_SIZE = 2u;  // texels of the frame to one of the bloom's, along a side: 2 or 4
+layout(constant_id = 8) const uint LEVEL_SIZE = 2u;  // frame texels per bloom texel along a side: 2 or 4
 layout(constant_id = 9) const uint TRANSFER_TERMS = 8u;
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
@@ -36,8 +38,8 @@ vec4 image_texel(vec4 wire, vec3 light) {
   return vec4(encode(y), scene.a);
 }
 
-// Triangular noise in (-1, 1), zero on average, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano, "Hash
-// Functions for GPU Rendering", JCGT 9(3), 2020.
+// Triangular noise in (-1, 1) with mean zero, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano,
+// "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 vec3 dither_noise(uint x, uint y) {
   uvec3 v = uvec3(x, y, p.dither_frame) * 1664525u + 1013904223u;
   v.x += v.y * v.z;
@@ -50,7 +52,7 @@ vec3 dither_noise(uint x, uint y) {
   return (vec3(v & 0xffffu) - vec3(v >> 16)) * (1.0 / 65536.0);
 }
 
-// Colour is in [0, 1] already; texel (x, y).
+// Rounds texel (x, y) to codes. RGB must be in [0, 1]; alpha is clamped here.
 uvec4 quantise(vec4 c, float codes, uint x, uint y) {
   vec4 v = vec4(c.rgb, at_most(at_least(c.a, 0.0), 1.0)) * codes;
   if (DITHER) v.rgb = at_most(at_least(v.rgb + dither_noise(x, y), 0.0), codes);
@@ -82,7 +84,7 @@ void write(uint x, uint y, Group g) {
   }
 }
 
-// A row of B_0, sampled along x at the four columns of a group.
+// A row of B_0, interpolated along x at the four columns of a group.
 struct BloomRow {
   vec3 c[GROUP_TEXELS];
 };
@@ -112,7 +114,7 @@ BloomRow bloom_row(uint x, int y) {
   return row;
 }
 
-// `near_weight` is that of the nearer of the two bloom rows around this one.
+// One row of a group. `near_weight` is the weight of the nearer of the two bloom rows around it.
 void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight) {
   WireGroup wire = load_wire(p.frame, x, y);
   Group g;
@@ -122,7 +124,7 @@ void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight)
   write(x, y, g);
 }
 
-// The groups at x of rows first_row to rows_end, of RESOLVE_ROWS at most.
+// The groups at x in rows first_row to rows_end - 1; at most RESOLVE_ROWS of them.
 void resolve_block(uint x, uint first_row, uint rows_end) {
   BloomRow above = bloom_row(x, int(first_row / LEVEL_SIZE) - 1);
   BloomRow here = bloom_row(x, int(first_row / LEVEL_SIZE));
@@ -150,6 +152,6 @@ void main() {
   uint block = RESOLVE_GROUP_X * GROUP_TEXELS;
   uint x = gl_WorkGroupID.x * RESOLVE_STEPS * block + gl_LocalInvocationID.x * GROUP_TEXELS;
   uint x_end = min(x + RESOLVE_STEPS * block, p.frame.width);
-  // A loop, because the software device runs what an if() leaves out.
+  // A loop rather than an if(), because the software device executes the body that an if() skips.
   for (; x < x_end; x += block) resolve_block(x, first_row, rows_end);
 }

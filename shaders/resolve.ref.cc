@@ -41,8 +41,8 @@ double hable(double x) {
   return base(2.0 * x) / base(11.2);
 }
 
-// Sobotka's base curve: a hyperbolic toe and shoulder that leave (x, y) with `slope` and meet (0, 0) and (1,
-// 1).
+// Sobotka's base curve: a hyperbolic toe and shoulder that meet at (kX, kY) with slope kSlope and end at (0,
+// 0) and (1, 1).
 double agx_base(double v) {
   constexpr double kX = 10.0 / 16.5;
   constexpr double kY = 0.5;
@@ -126,8 +126,8 @@ double transfer(uint transfer, double y) {
 }
 
 double dither_noise(uint32_t x, uint32_t y, uint32_t frame, size_t component) {
-  // pcg3d: a linear congruential step of each word, then two rounds of products around a fold of the high
-  // bits.
+  // pcg3d: a linear congruential step on each word, then two rounds of products with the high bits folded
+  // into the low ones between them.
   std::array<uint32_t, 3> v = {x, y, frame};
   for (uint32_t& w : v) w = w * 1664525u + 1013904223u;
   for (int round = 0; round < 2; ++round) {

@@ -36,7 +36,7 @@ absl::StatusOr<std::string> read_pem(const char* what, const char* begin, const 
   absl::StatusOr<std::string> text = read_file(what, path);
   if (!text.ok() || absl::StrContains(*text, begin)) return text;
   return absl::InvalidArgumentError(absl::StrFormat(
-      "the %s %s is not PEM, which has a line that begins with %s; name another file", what, path, begin));
+      "the %s %s is not PEM, because no line begins with %s; name another file", what, path, begin));
 }
 
 absl::StatusOr<std::string> read_token(const std::string& path) {
@@ -46,8 +46,8 @@ absl::StatusOr<std::string> read_token(const std::string& path) {
     const std::string token(absl::StripAsciiWhitespace(line));
     if (token.empty() || token[0] == '#') continue;
     if (std::all_of(token.begin(), token.end(), absl::ascii_isgraph)) return token;
-    return absl::InvalidArgumentError(
-        absl::StrFormat("the token in %s holds a space or what is no visible ASCII; write it anew", path));
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "the token in %s holds a space or a character that is not visible ASCII; write a new one", path));
   }
   return absl::InvalidArgumentError(
       absl::StrFormat("the token file %s holds no token; write one into it", path));
@@ -80,7 +80,7 @@ class TokenPlugin final : public grpc::MetadataCredentialsPlugin {
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> tls_credentials(const ClientSecurity& security) {
   if (security.cert_file.empty() != security.key_file.empty()) {
     return absl::InvalidArgumentError(
-        "a client certificate and its key go together: give both, --tls-cert and --tls-key");
+        "a client certificate needs its key: give both --tls-cert and --tls-key");
   }
   grpc::SslCredentialsOptions options;
   const auto read = [](const char* what, const char* begin, const std::string& path, std::string& into) {
@@ -115,7 +115,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
     if (!security.server_name.empty()) arguments.SetSslTargetNameOverride(security.server_name);
   } else if (!security.key_file.empty() && !is_unix) {
     return absl::InvalidArgumentError(
-        "a client key is of no use without its certificate; give --tls-cert, too");
+        "a client key needs its certificate: give both --tls-cert and --tls-key");
   }
   if (security.token_file.empty()) return channel;
 
@@ -131,7 +131,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
   if (tls) {
     return grpc::CompositeChannelCredentials(channel, grpc::MetadataCredentialsFromPlugin(std::move(plugin)));
   }
-  // Plain, and gRPC holds the connection's other end against what is local before a call is sent.
+  // Without TLS. gRPC checks that the other end of the connection is local before it sends a call.
   return grpc::CompositeChannelCredentials(
       grpc::experimental::LocalCredentials(is_unix ? UDS : LOCAL_TCP),
       grpc::experimental::MetadataCredentialsFromPlugin(std::move(plugin), GRPC_SECURITY_NONE));

@@ -1,4 +1,4 @@
-// gRPC's credentials for a channel to a server.
+// The gRPC credentials of a channel to a server.
 #pragma once
 
 #include <grpcpp/security/credentials.h>
@@ -12,8 +12,9 @@
 
 namespace candela {
 
-// `address` is "HOST:PORT" or "unix:PATH". INVALID_ARGUMENT, in a line that says what to do, for files that
-// cannot be read, a certificate without its key, and a token that would go over plain TCP beyond loopback.
+// `address` is "HOST:PORT" or "unix:PATH". Also sets what `arguments` need for them. Returns
+// INVALID_ARGUMENT, with a line that says what to do, for unreadable files, a certificate without its key,
+// and a token that would go over plain TCP beyond loopback.
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
     const std::string& address, const ClientSecurity& security, grpc::ChannelArguments& arguments);
 

@@ -69,7 +69,7 @@ void DuplexCall::read() {
   stream_->Read(&message_, tag(kRead));
 }
 
-// A write that is under way fails soon after the last read.
+// A write in progress fails soon after the last read.
 void DuplexCall::finish_if_over() {
   if (!read_over_ || writing_ || finishing_) return;
   writable_ = false;

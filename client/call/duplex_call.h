@@ -1,4 +1,4 @@
-// One gRPC call of raw messages in both directions at once, driven by the thread that has it.
+// A gRPC call that sends and receives raw messages at the same time, driven by the thread that owns it.
 #pragma once
 
 #include <grpcpp/alarm.h>
@@ -19,45 +19,46 @@
 
 namespace candela {
 
-// All members but wake() belong to one thread.
+// One thread uses all members; any thread may call wake().
 class DuplexCall {
  public:
   using Metadata = std::vector<std::pair<std::string, std::string>>;
 
-  // `method` as "/package.Service/Method".
+  // `method` is "/package.Service/Method".
   DuplexCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
              const Metadata& metadata);
-  // Cancels a call that has not ended, and waits for its end.
+  // Cancels the call unless it has ended, and waits for its end.
   ~DuplexCall();
   DuplexCall(const DuplexCall&) = delete;
   DuplexCall& operator=(const DuplexCall&) = delete;
 
   enum class Event {
-    kTimeout,   // `until` has come
+    kTimeout,   // `until` has passed
     kWoken,     // wake() was called
-    kWritable,  // can_write() may have become true
-    kMessage,   // message() is the next one
-    kEnded,     // status() says how; nothing else comes
+    kWritable,  // can_write() may be true now
+    kMessage,   // message() holds the next message
+    kEnded,     // status() says how; no other event follows
   };
+  // Waits for the next event.
   Event wait(absl::Time until = absl::InfiniteFuture());
 
-  // Whether a write may be started: the one before is done and the call goes on.
+  // Whether a write may start: the previous one is done and the call continues.
   bool can_write() const { return writable_ && !writing_; }
-  // Whether a write is under way: gRPC has not passed all of it on yet.
+  // Whether a write is in progress: gRPC has not passed all of it on yet.
   bool writing() const { return writing_; }
   void write(const grpc::ByteBuffer& message);
-  void half_close();  // as the last write
+  void half_close();  // takes the place of a write; none may follow
 
   grpc::ByteBuffer& message() { return message_; }
   const grpc::Status& status() const { return status_; }
 
-  // Whether the server was reached: a message went out to it.
+  // Whether the server was reached, because a message was sent to it.
   bool connected() const { return connected_; }
 
-  // The call ends soon.
+  // Asks gRPC to end the call; kEnded follows soon.
   void cancel() { context_.TryCancel(); }
 
-  // wait() returns at once, this time or the next. Any thread.
+  // Makes the current or the next wait() return at once.
   void wake();
 
  private:

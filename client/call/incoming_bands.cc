@@ -7,7 +7,7 @@
 namespace candela {
 
 absl::Status not_the_protocol(const char* what) {
-  return absl::InternalError(absl::StrFormat("server's answer is not what render.proto says: %s", what));
+  return absl::InternalError(absl::StrFormat("server's answer does not follow render.proto: %s", what));
 }
 
 uint64_t bytes_per_pixel(v1::OutputFormat format) {

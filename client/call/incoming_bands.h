@@ -1,4 +1,4 @@
-// Pixels that arrive in bands, and what is said of a server that sends anything else.
+// The pixels of an image that arrives in bands, and the error for a server that breaks the protocol.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -13,22 +13,22 @@
 
 namespace candela {
 
-// INTERNAL, "server's answer is not what render.proto says: <what>".
+// INTERNAL, with the message "server's answer does not follow render.proto: <what>".
 absl::Status not_the_protocol(const char* what);
 
-// 0 for a format that this client does not know.
+// The size of a pixel, or 0 for a format that this client does not know.
 uint64_t bytes_per_pixel(v1::OutputFormat format);
 
-// One thread at a time. Empty, it is whole.
+// Collects the bands of one image. Used by one thread at a time. Without begin() it is empty and whole.
 class IncomingBands {
  public:
   explicit IncomingBands(v1::BandKind kind) : kind_(kind) {}
 
-  // Rows of `row_bytes` are to fill `bytes`, which the caller keeps.
+  // Starts an image: rows of `row_bytes` that fill `bytes`. The caller owns `bytes`.
   void begin(std::span<std::byte> bytes, uint64_t row_bytes);
 
-  // Takes the next message: rows that follow those taken so far, copied to their places, or
-  // not_the_protocol.
+  // Takes the next message and copies its rows into place. Returns not_the_protocol() unless they follow the
+  // rows taken so far.
   absl::Status take(grpc::ByteBuffer& message);
 
   bool whole() const { return at_ == bytes_.size(); }
@@ -38,7 +38,7 @@ class IncomingBands {
   v1::BandKind kind_;
   std::span<std::byte> bytes_{};
   uint64_t row_bytes_ = 0;
-  size_t at_ = 0;  // how much of it is there
+  size_t at_ = 0;  // bytes received so far
 };
 
 }  // namespace candela

@@ -22,7 +22,7 @@ RawCall::~RawCall() {
   }
 }
 
-// One operation at a time is under way, so the next event is its end.
+// Only one operation is in progress at a time, so the next event is its end.
 bool RawCall::wait() {
   void* tag = nullptr;
   bool ok = false;

@@ -1,4 +1,4 @@
-// One gRPC call of raw messages, driven by the thread that has it.
+// A gRPC call of raw messages, driven by the thread that owns it.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -14,12 +14,13 @@
 
 namespace candela {
 
-// Every member waits until it is done. False: the call is over, and finish() says why.
+// Every member waits until its operation is done. A result of false means that the call is over, and finish()
+// says why.
 class RawCall {
  public:
-  // `method` as "/package.Service/Method".
+  // `method` is "/package.Service/Method".
   RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, absl::Time deadline);
-  // Cancels a call that was not finished.
+  // Cancels the call unless it was finished.
   ~RawCall();
   RawCall(const RawCall&) = delete;
   RawCall& operator=(const RawCall&) = delete;
@@ -27,10 +28,10 @@ class RawCall {
   bool write(const grpc::ByteBuffer& message);
   bool half_close();
   bool read(grpc::ByteBuffer& message);
-  // Once, after the last read.
+  // Returns how the call ended. To be called once, after the last read.
   grpc::Status finish();
 
-  // Whether the server was reached: a message went out to it.
+  // Whether the server was reached, because a message was sent to it.
   bool connected() const { return connected_; }
 
  private:

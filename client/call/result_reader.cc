@@ -26,7 +26,8 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
   if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
   if (verify && !result_.header.has_verify()) {
     return absl::UnimplementedError(
-        "the server does not verify frames: it is older than this client; do without verification or update "
+        "the server does not verify frames, because it is older than this client; leave out verification or "
+        "update "
         "it");
   }
   result_.bytes = uint64_t{width} * height * pixel_bytes;

@@ -1,4 +1,4 @@
-// The server's answer to a Render call as its messages arrive.
+// Reads the server's answer to a Render call, message by message.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -12,7 +12,7 @@
 
 namespace candela {
 
-// What was asked for, which the answer has to hold.
+// The request that the answer must match.
 struct ResultRequest {
   uint32_t width = 1;   // pixels, of the frame that was sent
   uint32_t height = 1;  // pixels
@@ -20,17 +20,17 @@ struct ResultRequest {
   bool error_map = false;
 };
 
-// One thread at a time.
+// Used by one thread at a time.
 class ResultReader {
  public:
   explicit ResultReader(const ResultRequest& request) : request_(request) {}
 
-  // Takes the next message: the header, with which the memory is taken, then bands of the image and of the
-  // error map, copied to their places. UNIMPLEMENTED for a header without the verification that was asked
-  // for, not_the_protocol for any other message that is not due; nothing is to be read after a failure.
+  // Takes the next message: first the header, for which it allocates the memory, then bands of the image and
+  // of the error map, which it copies into place. Returns UNIMPLEMENTED for a header without the requested
+  // verification and not_the_protocol() for any other unexpected message. Must not be called after a failure.
   absl::Status read(grpc::ByteBuffer& message);
 
-  // The image, once. not_the_protocol when rows of it or of the map are missing.
+  // Returns the image. To be called once. not_the_protocol() if rows of it or of the map are missing.
   absl::StatusOr<RenderResult> take();
 
  private:

@@ -13,7 +13,8 @@
 namespace candela {
 namespace {
 
-// What the message holds under `number`, in order. Debian does not package google.rpc's protos.
+// The length-delimited values of field `number` in a message. Parsed by hand because Debian does not package
+// google.rpc's protos.
 std::vector<std::string> fields_of(const std::string& message, int number) {
   google::protobuf::UnknownFieldSet all;
   std::vector<std::string> found;

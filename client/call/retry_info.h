@@ -1,4 +1,4 @@
-// When a server that is busy wants to be asked again.
+// How long a busy server wants the client to wait before it calls again.
 #pragma once
 
 #include <grpcpp/support/status.h>
@@ -7,7 +7,7 @@
 
 namespace candela {
 
-// The delay of the status's google.rpc.RetryInfo; zero where there is none, or none that can be read.
+// The delay in the status's google.rpc.RetryInfo, or zero if it has none that can be read.
 absl::Duration retry_delay(const grpc::Status& status);
 
 }  // namespace candela

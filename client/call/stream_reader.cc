@@ -14,7 +14,7 @@
 namespace candela {
 namespace {
 
-// No image becomes larger by encoding than by so much.
+// Encoding makes no image larger by more than this.
 constexpr uint64_t kEncodedOverhead = 1u << 16;
 
 bool is_band(const grpc::ByteBuffer& message) {
@@ -33,7 +33,7 @@ bool is_band(const grpc::ByteBuffer& message) {
 
 absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const SessionFrame* due) {
   if (is_band(message)) {
-    if (!inside_ || image_.whole()) return not_the_protocol("a band where none is due");
+    if (!inside_ || image_.whole()) return not_the_protocol("an unexpected band");
     if (absl::Status status = image_.take(message); !status.ok()) return status;
     if (image_.whole()) return answer();
     return MoreToCome();
@@ -54,14 +54,14 @@ absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const 
     case v1::StreamResponse::kEncoded:
       return take_part(response.encoded().data());
     default:
-      return not_the_protocol("a message of no kind");
+      return not_the_protocol("a message of an unknown kind");
   }
 }
 
 absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const SessionFrame* due) {
-  if (!opened_ || inside_) return not_the_protocol("a header where none is due");
+  if (!opened_ || inside_) return not_the_protocol("an unexpected header");
   if (due == nullptr || due->sequence != header.sequence()) {
-    return not_the_protocol("a result of a frame whose turn it is not");
+    return not_the_protocol("a result for the wrong frame");
   }
   if (header.width() != due->width || header.height() != due->height) {
     return not_the_protocol("the image is not of the frame's size");
@@ -92,17 +92,17 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
 
 absl::StatusOr<StreamEvent> StreamReader::take_failure(const v1::FrameFailure& failure,
                                                        const SessionFrame* due) const {
-  if (!opened_ || inside_) return not_the_protocol("a failure where none is due");
+  if (!opened_ || inside_) return not_the_protocol("an unexpected failure");
   if (due == nullptr || due->sequence != failure.sequence()) {
-    return not_the_protocol("a failure of a frame whose turn it is not");
+    return not_the_protocol("a failure for the wrong frame");
   }
   const auto code = static_cast<absl::StatusCode>(failure.code());
-  if (code == absl::StatusCode::kOk) return not_the_protocol("a failure that is none");
+  if (code == absl::StatusCode::kOk) return not_the_protocol("a failure with code OK");
   return FrameAnswer{absl::Status(code, failure.message()), {}, failure.resume_token()};
 }
 
 absl::StatusOr<StreamEvent> StreamReader::take_part(const std::string& part) {
-  if (!inside_ || !image_.empty()) return not_the_protocol("a part of a file where none is due");
+  if (!inside_ || !image_.empty()) return not_the_protocol("an unexpected part of a file");
   if (part.empty() || part.size() > result_.bytes - encoded_) {
     return not_the_protocol("a part of a file that does not fit");
   }

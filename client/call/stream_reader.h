@@ -1,4 +1,4 @@
-// The server's side of a session as its messages arrive.
+// Reads the server's messages of a session call.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -15,21 +15,21 @@
 
 namespace candela {
 
-// What a message came to.
-struct MoreToCome {};  // a part of a result
+// The meaning of a message.
+struct MoreToCome {};  // part of a result
 struct FrameAnswer {
-  absl::Status status;
-  RenderResult image;
-  std::string token;
+  absl::Status status;  // the frame's own
+  RenderResult image;   // if status is OK
+  std::string token;    // the session can resume after this frame with it; may be empty
 };
 using StreamEvent = std::variant<MoreToCome, v1::StreamOpened, FrameAnswer, v1::GoAway>;
 
-// Of one call. One thread at a time.
+// Reads one call. Used by one thread at a time.
 class StreamReader {
  public:
-  // Takes the next message. `due` is the frame whose result comes next, or null when none is owed; the same
-  // one until it has its answer. not_the_protocol for any other message that is not due; nothing is to be
-  // read after a failure.
+  // Takes the next message. `due` is the frame that the next result is for, or null if no result is due. It
+  // must stay the same until the frame has its answer. Returns not_the_protocol() for an unexpected message.
+  // Must not be called after a failure.
   absl::StatusOr<StreamEvent> read(grpc::ByteBuffer& message, const SessionFrame* due);
 
  private:
@@ -42,7 +42,7 @@ class StreamReader {
   bool inside_ = false;  // a result has begun
   RenderResult result_;
   IncomingBands image_{v1::kStreamImageBand};
-  size_t encoded_ = 0;  // bytes of the file so far
+  size_t encoded_ = 0;  // bytes of the encoded file received so far
 };
 
 }  // namespace candela

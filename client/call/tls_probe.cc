@@ -16,13 +16,13 @@
 namespace candela {
 namespace {
 
-constexpr int kPatienceSeconds = 2;  // for connecting, and for each answer
+constexpr int kPatienceSeconds = 2;  // for connecting and for each answer
 
 using Bio = std::unique_ptr<BIO, decltype([](BIO* object) { BIO_free_all(object); })>;
 using Context = std::unique_ptr<SSL_CTX, decltype([](SSL_CTX* object) { SSL_CTX_free(object); })>;
 using Ssl = std::unique_ptr<SSL, decltype([](SSL* object) { SSL_free(object); })>;
 
-// Null where nothing listens.
+// Null if nothing listens.
 Bio connect_to(const std::string& address) {
   Bio bio(BIO_new_connect(address.c_str()));
   if (bio == nullptr || BIO_do_connect_retry(bio.get(), kPatienceSeconds, 20) != 1) return nullptr;
@@ -52,20 +52,20 @@ Context context_for(const ClientSecurity& security) {
   return context;
 }
 
-// What is wrong with the server's certificate, which should be of `host`.
+// The problem with the server's certificate, which should be for `host`.
 std::string about_certificate(long result, const std::string& address, const std::string& host,
                               const ClientSecurity& security) {
   switch (result) {
     case X509_V_ERR_CERT_HAS_EXPIRED:
-      return absl::StrFormat("the certificate of %s has expired; whoever runs the server has to renew it",
+      return absl::StrFormat("the certificate of %s has expired; the server's operator must renew it",
                              address);
     case X509_V_ERR_CERT_NOT_YET_VALID:
-      return absl::StrFormat("the certificate of %s is not valid yet; look at the clocks of both machines",
+      return absl::StrFormat("the certificate of %s is not valid yet; check the clocks of both machines",
                              address);
     case X509_V_ERR_HOSTNAME_MISMATCH:
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
       return absl::StrFormat(
-          "the certificate of %s is for another name than %s; connect by a name that it has, or give that as "
+          "the certificate of %s is not for the name %s; connect by a name that it is for, or give that as "
           "--tls-name",
           address, host);
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
@@ -79,12 +79,12 @@ std::string about_certificate(long result, const std::string& address, const std
           address, security.ca_file.empty() ? "this system" : security.ca_file);
     default:
       return absl::StrFormat(
-          "the certificate of %s cannot be trusted (%s); whoever runs the server has to replace it", address,
+          "the certificate of %s cannot be trusted (%s); the server's operator must replace it", address,
           X509_verify_cert_error_string(result));
   }
 }
 
-// A server that asked for a certificate and left. gRPC's says no more.
+// The problem with a server that asked for a certificate and closed the connection. gRPC says no more.
 std::string about_refusal(SSL* ssl, const std::string& address, const ClientSecurity& security) {
   const X509* own = SSL_get_certificate(ssl);
   if (own == nullptr) {
@@ -92,9 +92,8 @@ std::string about_refusal(SSL* ssl, const std::string& address, const ClientSecu
                            address);
   }
   if (X509_cmp_current_time(X509_get0_notAfter(own)) < 0) {
-    return absl::StrFormat(
-        "%s refuses the client certificate %s, which has expired; give one that is in force", address,
-        security.cert_file);
+    return absl::StrFormat("%s refuses the client certificate %s, which has expired; give one that is valid",
+                           address, security.cert_file);
   }
   return absl::StrFormat(
       "%s refuses the client certificate %s; give one that a CA of the server's --tls-client-ca has signed",
@@ -105,7 +104,7 @@ std::string about_refusal(SSL* ssl, const std::string& address, const ClientSecu
 
 absl::Status check_client_certificate(const std::string& cert_file, const std::string& key_file) {
   const Context context(SSL_CTX_new(TLS_client_method()));
-  // Nobody is asked for a passphrase.
+  // Never asks for a passphrase.
   SSL_CTX_set_default_passwd_cb(context.get(), [](char*, int, int, void*) { return -1; });
   const bool cert = SSL_CTX_use_certificate_chain_file(context.get(), cert_file.c_str()) == 1;
   const bool pair =
@@ -114,11 +113,11 @@ absl::Status check_client_certificate(const std::string& cert_file, const std::s
   if (pair) return absl::OkStatus();
   if (!cert) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "the client certificate %s holds no PEM certificate that can be read; name another file", cert_file));
+        "the client certificate %s has no readable PEM certificate; name another file", cert_file));
   }
   return absl::InvalidArgumentError(absl::StrFormat(
-      "%s holds no PEM private key of the client certificate %s; give the two that were made together",
-      key_file, cert_file));
+      "%s has no PEM private key of the client certificate %s; give the two that belong together", key_file,
+      cert_file));
 }
 
 bool may_be_about_tls(absl::string_view message) {
@@ -135,7 +134,7 @@ std::string why_tls_fails(const std::string& address, const ClientSecurity& secu
   const Bio connection = connect_to(address);
   if (connection == nullptr) return "";
   const Context context = context_for(security);
-  bool asked = false;  // for a certificate of this side
+  bool asked = false;  // for the client's certificate
   const auto note = [](SSL*, void* was_asked) {
     *static_cast<bool*>(was_asked) = true;
     return 1;
@@ -158,10 +157,11 @@ std::string why_tls_fails(const std::string& address, const ClientSecurity& secu
     ERR_clear_error();
     if (!spoke_tls) return "";
     return absl::StrFormat(
-        "%s speaks TLS and this side did not; give --tls, or --tls-ca with the CA of its certificate",
+        "%s speaks TLS and the client did not; give --tls, or --tls-ca with the CA of its certificate",
         address);
   }
-  // In TLS 1.3 a server that does not take the client's certificate leaves only now; any other speaks first.
+  // In TLS 1.3 a server that refuses the client's certificate closes only now. Any other server sends
+  // something first.
   char byte = 0;
   if (well) well = SSL_read(ssl.get(), &byte, 1) == 1;
   const int reason = ERR_GET_REASON(ERR_peek_last_error());
@@ -173,7 +173,8 @@ std::string why_tls_fails(const std::string& address, const ClientSecurity& secu
   if (asked) return about_refusal(ssl.get(), address, security);
   if (!spoke_tls && reason == SSL_R_WRONG_VERSION_NUMBER) {
     return absl::StrFormat(
-        "%s does not speak TLS; leave out --tls and what goes with it, or start candelad with --tls-cert",
+        "%s does not speak TLS; leave out --tls and the other --tls options, or start candelad with "
+        "--tls-cert",
         address);
   }
   return "";

@@ -1,5 +1,5 @@
-// Why TLS fails, in words that say what to do: gRPC 1.51 knows no more than "certificate verify failed", or
-// that the connection was closed.
+// Finds out why TLS fails and says what to do. gRPC 1.51 reports only "certificate verify failed" or a closed
+// connection.
 #pragma once
 
 #include <string>
@@ -10,14 +10,15 @@
 
 namespace candela {
 
-// INVALID_ARGUMENT, saying which, for a client certificate or a key that cannot be used, or that are no pair.
+// INVALID_ARGUMENT if the client certificate or its key cannot be used or the two do not match. The message
+// says which.
 absl::Status check_client_certificate(const std::string& cert_file, const std::string& key_file);
 
-// Whether gRPC's words about a connection that did not come about may have to do with TLS or the lack of it.
+// Whether gRPC's message about a failed connection may be about TLS or the lack of it.
 bool may_be_about_tls(absl::string_view message);
 
-// Found out by another try. Empty where TLS is not the reason, and for an address that is not "HOST:PORT".
-// Takes some seconds at most.
+// Connects again to find the reason. Returns "" if TLS is not the reason or the address is not "HOST:PORT".
+// Takes up to some seconds.
 std::string why_tls_fails(const std::string& address, const ClientSecurity& security);
 
 }  // namespace candela

@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kFirstReconnectMs = 100;
 constexpr int kSlowestReconnectMs = 1000;
-constexpr int kFastestPingMs = 1000;  // gRPC sends none faster
+constexpr int kFastestPingMs = 1000;  // gRPC does not ping more often
 
 bool is_address(const std::string& address) {
   const std::optional<v1::HostPort> at = v1::parse_host_port(address);
@@ -34,7 +34,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc:
   }
   auto credentials = channel_credentials(address, peer.security, arguments);
   if (!credentials.ok()) return credentials.status();
-  // The address is the server's, whatever the environment says.
+  // Connect to the server itself, even if the environment names a proxy.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
   return grpc::CreateCustomChannel(address, *credentials, arguments);
@@ -58,7 +58,7 @@ uint64_t bytes_per_pixel(v1::PixelFormat format) {
 absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes) {
   if (width == 0 || height == 0) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("frame is %dx%d pixels and has to be at least 1x1", width, height));
+        absl::StrFormat("frame is %dx%d pixels; it must be at least 1x1", width, height));
   }
   if (bytes != uint64_t{width} * height * bytes_per_pixel(format)) {
     return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", width, height,
@@ -83,7 +83,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& 
       std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
-  // A session may wait for long with nothing to send.
+  // A session may have nothing to send for a long time.
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   return open_with(peer, std::move(arguments));
 }
@@ -96,12 +96,12 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
                                                     : std::string(plain.message()));
   switch (status.error_code()) {
     case grpc::UNAVAILABLE:
-      // A server's own refusal carries details; without any it is the transport's.
+      // A server's own refusal has details. Without details the error is the transport's.
       if (!status.error_details().empty()) break;
       if (connected) {
-        return absl::UnavailableError(absl::StrFormat(
-            "lost the server at %s: %s; it may have stopped, so look at its log and try again", address,
-            message));
+        return absl::UnavailableError(
+            absl::StrFormat("lost the server at %s: %s; it may have stopped, so check its log and try again",
+                            address, message));
       }
       if (may_be_about_tls(message)) {
         const std::string why = why_tls_fails(address, peer.security);
@@ -111,9 +111,10 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
           absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
                           address, message, address));
     case grpc::CANCELLED:
-      // This side never cancels: a server does, by gRPC when it stops or when its idle timeout is over.
+      // The client never cancels. The server does, through gRPC when it stops and when its idle timeout
+      // passes.
       return absl::UnavailableError(
-          absl::StrFormat("the server at %s ended the call: it is stopping, or this side read nothing for "
+          absl::StrFormat("the server at %s ended the call: it is stopping, or the client read nothing for "
                           "longer than its --idle-timeout; try again",
                           address));
     case grpc::UNIMPLEMENTED:
@@ -122,7 +123,7 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
     case grpc::DEADLINE_EXCEEDED:
       if (message != "Deadline Exceeded") break;
       return absl::DeadlineExceededError(
-          absl::StrFormat("no answer from %s in the time given; give it more", address));
+          absl::StrFormat("no answer from %s in the time given; allow more", address));
     default:
       break;
   }

@@ -25,10 +25,10 @@ namespace {
 namespace ocio = OCIO_NAMESPACE;
 
 constexpr uint32_t kTableSize = 65;
-// No other kind of table is tried when 99.9 % of all colours are this near.
+// If 99.9 % of the colours are within this error, no other kind of table is tried. In codes.
 constexpr double kGoodCodes = 0.75;
 
-// How configurations call linear light with Rec.709's primaries, by name or alias.
+// The names and aliases that configurations use for linear Rec.709.
 constexpr const char* kRec709Names[] = {
     "lin_rec709_scene",           "lin_rec709_srgb", "lin_rec709",    "lin_srgb",
     "Linear Rec.709 (sRGB)",      "Linear Rec.709",  "Linear BT.709", "Utility - Linear - sRGB",
@@ -44,7 +44,7 @@ std::string list(int count, const std::function<const char*(int)>& name) {
   return names.empty() ? "none" : absl::StrJoin(names, ", ");
 }
 
-// Display, view and input with their defaults, or what there is instead.
+// Fills in the defaults of display and view. NOT_FOUND if the configuration does not have them.
 absl::Status choose_view(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice, ViewTable& chosen) {
   chosen.display = choice.display.empty() ? config->getDefaultDisplay() : choice.display;
   const char* display = chosen.display.c_str();
@@ -73,7 +73,8 @@ void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::Tra
   group->appendTransform(builtin);
 }
 
-// The way from the scene's Rec.709 into the configuration: appends what that takes and names where it leads.
+// Appends the transforms from the scene's Rec.709 into the configuration, and sets chosen.input to where they
+// lead.
 absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
                           const ocio::GroupTransformRcPtr& group, ViewTable& chosen) {
   if (!choice.input.empty()) {
@@ -120,7 +121,7 @@ void show(const ocio::ConstCPUProcessorRcPtr& view, std::span<float> rgb) {
   view->apply(image);
 }
 
-// In codes of values as they are shown; NaN counts as black.
+// The difference of two values as they are shown, in codes. NaN counts as black.
 double codes_apart(double a, double b) {
   const auto shown = [](double v) { return v > 0.0 ? std::min(v, 1.0) : 0.0; };
   return 255.0 * std::abs(shown(a) - shown(b));
@@ -135,7 +136,7 @@ class Random {
   std::mt19937 random_{1};
 };
 
-// The least end beyond which hardly any colour changes: 99 in 100 by half a code at most.
+// The lowest end of the axes such that cutting light there changes 99 % of the values by at most half a code.
 float axis_end(const ocio::ConstCPUProcessorRcPtr& view, uint32_t axes) {
   constexpr float kEnds[] = {2.0f, 8.0f, 32.0f, 128.0f, 512.0f, 2048.0f, 8192.0f};
   constexpr size_t kColors = 1000;
@@ -156,7 +157,7 @@ float axis_end(const ocio::ConstCPUProcessorRcPtr& view, uint32_t axes) {
   return 65504.0f;
 }
 
-// Light by the sRGB curve. Displays go on below 0 in one of two ways, or stop there.
+// Display light for a value, by the sRGB curve. `mirrored` says how the curve continues below 0.
 double to_light(double value, bool mirrored) {
   const double v = mirrored ? std::abs(value) : value;
   const double light = v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
@@ -204,11 +205,11 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   transform->setDisplay(baked.display.c_str());
   transform->setView(baked.view.c_str());
   group->appendTransform(transform);
-  // No approximations of logarithms and powers.
+  // Without approximations of logarithms and powers.
   const ocio::ConstCPUProcessorRcPtr view =
       config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
 
-  // The kind of table that fits the view best.
+  // Chooses the kind of table that fits the view best.
   std::optional<ViewTable> best;
   for (const uint32_t axes : {shader::AXES_ACES, shader::AXES_REC709}) {
     const float end = axis_end(view, axes);

@@ -29,7 +29,7 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
   image.pixels = PixelBuffer(image.bytes());
   if (image.pixels.size() != image.bytes() || image.pixels.empty()) {
     return absl::ResourceExhaustedError(absl::StrFormat(
-        "no memory for %d bytes of a %dx%d image; scale it down", image.bytes(), width, height));
+        "not enough memory for the %d bytes of a %dx%d image; scale it down", image.bytes(), width, height));
   }
   return image;
 }
@@ -38,18 +38,18 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
                               ImageFormat format, const ImageLimits& limits) {
   if (width < 1 || height < 1) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: the %s is %dx%d pixels; it takes at least 1x1", path, what, width, height));
+        absl::StrFormat("%s: the %s is %dx%d pixels; it must be at least 1x1", path, what, width, height));
   }
   if (width > limits.max_dimension || height > limits.max_dimension) {
-    return absl::ResourceExhaustedError(absl::StrFormat(
-        "%s: the %s is %dx%d pixels and at most %d on a side are taken; crop it or scale it down", path, what,
-        width, height, limits.max_dimension));
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("%s: the %s is %dx%d pixels; the limit is %d on a side, so crop it or scale it down",
+                        path, what, width, height, limits.max_dimension));
   }
-  // Divided, as a product might not fit 64 bits.
+  // Divides, because a product might overflow 64 bits.
   const uint32_t pixel_bytes = bytes_per_pixel(format);
   if (static_cast<uint64_t>(height) > limits.max_bytes / (static_cast<uint64_t>(width) * pixel_bytes)) {
     return absl::ResourceExhaustedError(absl::StrFormat(
-        "%s: the %s is %dx%d pixels of %d bytes, and at most %d bytes are taken; save it %s, or start a "
+        "%s: the %s is %dx%d pixels of %d bytes; the limit is %d bytes, so save it %s, or start a "
         "candelad with a larger --max-frame-bytes and name it with --server",
         path, what, width, height, pixel_bytes, limits.max_bytes,
         format == ImageFormat::kRgba32f ? "as half floats or smaller" : "smaller"));
@@ -77,7 +77,7 @@ absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& lim
   if (magic.starts_with("#?")) return read_radiance(*file, limits);
   if (magic.starts_with("PF") || magic.starts_with("Pf")) return read_pfm(*file, limits);
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", path));
-  return absl::InvalidArgumentError(absl::StrFormat("%s: is not an OpenEXR, Radiance or PFM file", path));
+  return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", path));
 }
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-// What a file says about its colours and its pixels' shape, checked once for all readers.
+// Checks a file's primaries and pixel aspect, for all readers.
 #include <algorithm>
 #include <cmath>
 
@@ -10,20 +10,20 @@ namespace {
 
 constexpr std::array<float, 8> kRec709{0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
 
-// Whether the primaries span a plane and white can be mixed from them.
+// Whether the primaries span a plane and can be mixed to white.
 bool has_matrix(const std::array<float, 8>& xy) {
   for (float v : xy) {
-    // Real encodings stay within a few units, imaginary primaries included.
+    // Real encodings, even with imaginary primaries, stay within a few units.
     if (!std::isfinite(v) || std::fabs(v) > 1e3f) return false;
   }
-  const auto cross = [&](int a, int b, int c) {  // twice the area of the triangle of three points
+  const auto cross = [&](int a, int b, int c) {  // twice the area of the triangle a b c
     const double ax = xy[2 * a], ay = xy[2 * a + 1];
     return (xy[2 * b] - ax) * (xy[2 * c + 1] - ay) - (xy[2 * c] - ax) * (xy[2 * b + 1] - ay);
   };
   constexpr int kRed = 0, kGreen = 1, kBlue = 2, kWhite = 3;
   constexpr double kTiny = 1e-6;
   return std::fabs(cross(kRed, kGreen, kBlue)) > kTiny && std::fabs(xy[7]) > kTiny &&
-         // White on a triangle's side leaves a primary without a share in it.
+         // If white is on a side of the triangle, one primary has no share in it.
          std::fabs(cross(kWhite, kGreen, kBlue)) > kTiny && std::fabs(cross(kRed, kWhite, kBlue)) > kTiny &&
          std::fabs(cross(kRed, kGreen, kWhite)) > kTiny;
 }
@@ -33,7 +33,8 @@ bool has_matrix(const std::array<float, 8>& xy) {
 void set_chromaticities(const std::array<float, 8>& xy, Image& image) {
   image.chromaticities.reset();
   if (!has_matrix(xy)) {
-    image.notes.push_back("the file's chromaticities are singular and were ignored: taken as Rec.709");
+    image.notes.push_back(
+        "the file's chromaticities are singular and were ignored; its colours are taken as Rec.709");
     return;
   }
   const bool rec709 = std::equal(xy.begin(), xy.end(), kRec709.begin(),

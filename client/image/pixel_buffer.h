@@ -1,5 +1,5 @@
-// The bytes of an image. Fresh memory is zero, and pages that are never written cost nothing: big blocks come
-// from calloc, which takes zero pages from the system, so that a reader fills only what the file holds.
+// The bytes of an image. New memory is zero, and pages that are never written take no memory, because
+// calloc() gets big blocks as zero pages from the system. So a reader needs to fill only what the file holds.
 #pragma once
 
 #include <cstddef>

@@ -23,7 +23,7 @@ constexpr float kStrip = 0.90f;        // where the test strip begins
 constexpr float kEyeHeight = 0.25f;    // of the camera over the ground
 constexpr float kSunRadiance = 1e5f;
 
-// A lamp on a post: screen position in picture widths from the middle, depth and height in camera units.
+// A lamp on a post: x in picture widths from the middle; depth and height in camera units.
 struct Lamp {
   float x, depth, height;
   Rgb radiance;
@@ -36,7 +36,8 @@ constexpr Lamp kLamps[] = {
 };
 constexpr float kLampRadius = 0.022f;  // at depth 1, in units
 
-// The picture in pixels. Lengths are in units of its shorter side, so that circles stay round at every shape.
+// The picture, in pixels. Lengths are in units of the shorter side, so that circles stay round in every
+// shape.
 class Scene {
  public:
   Scene(uint32_t width, uint32_t height)
@@ -54,13 +55,13 @@ class Scene {
   }
 
  private:
-  // How much of a pixel lies inside of an edge that is `inside` pixels away.
+  // The share of a pixel that lies inside an edge at a distance of `inside` pixels.
   static float cover(float inside) { return std::clamp(inside + 0.5f, 0.0f, 1.0f); }
 
   static float length(float x, float y) { return std::sqrt(x * x + y * y); }
 
   static float disc_cover(float distance, float radius) {
-    // Discs below a pixel keep their light.
+    // Discs smaller than a pixel keep their light.
     return cover(radius - distance) * std::min(1.0f, std::numbers::pi_v<float> * radius * radius);
   }
 
@@ -96,7 +97,7 @@ class Scene {
       const float d2 = dx * dx + dz * dz + h * h;
       light = light + 0.8e-3f * h / (d2 * std::sqrt(d2)) * lamp.radiance;
     }
-    // Paving, faded out where its tiles get small.
+    // Paving, which fades out with distance as its tiles get small.
     const float tiles = std::sin(9 * across) * std::sin(9 * depth);
     const float contrast = 0.35f / (1 + 0.5f * depth * depth);
     const Rgb paving = (1 + contrast * std::clamp(8 * tiles, -1.0f, 1.0f)) * (0.35f * light);
@@ -140,8 +141,8 @@ class Scene {
     return distance < radius + 1 ? mix(c, lamp.radiance, disc_cover(distance, radius)) : c;
   }
 
-  // Above: 17 greys from 2^-10 to 2^6, one EV apart. Below: all hues, from 1/16 at the top to 16 at the
-  // bottom.
+  // The upper half has 17 greys from 2^-10 to 2^6, one EV apart. The lower half has all hues, from 1/16 at
+  // the top to 16 at the bottom.
   Rgb strip(float x, float y) const {
     const float v = (y / height_ - kStrip) / (1 - kStrip), u = x / width_;
     if (v < 0.5f) {

@@ -50,7 +50,7 @@ bool alpha_hides_everything(const Image& image) {
 }
 
 AspectRatio aspect_ratio(double pixel_aspect) {
-  // 3:2 and the like come out whole; 1000 leaves 0.05 % for the rest.
+  // Exact for ratios such as 3:2; with denominators up to 1000 others are within 0.05 %.
   for (int height = 1; height <= 1000; ++height) {
     const double width = pixel_aspect * height;
     if (width < 0.5 || width > 65535) continue;

@@ -18,6 +18,7 @@
 #include "absl/strings/str_join.h"
 #include "server/render/settings/tiers.h"
 #include "shaders/color_table.h"
+#include "shaders/pcg_hash.h"
 
 namespace candela {
 
@@ -34,13 +35,6 @@ constexpr uint32_t kErrorHeight = 131;
 // A client may choose the settings that numbers are kept for.
 constexpr size_t kMaxKept = 1024;
 
-uint32_t hash(uint32_t v) {
-  // PCG: M. Jarzynski and M. Olano, "Hash Functions for GPU Rendering", 2020.
-  v = v * 747796405u + 2891336453u;
-  v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
-  return (v >> 22) ^ v;
-}
-
 // A ramp from 2^-9 to 2^5 with noise, and lights up to 1000 on a hundredth of it. Every texel is one of
 // RGB9E5, so that all formats hold the same picture.
 struct Texel {
@@ -49,8 +43,8 @@ struct Texel {
 };
 
 Texel texel(const FrameDesc& desc, uint32_t x, uint32_t y) {
-  const uint32_t noise = hash(x + 16411u * y);
-  const uint32_t block = hash(x / 5 + 32771u * (y / 5));
+  const uint32_t noise = pcg_hash(x + 16411u * y);
+  const uint32_t block = pcg_hash(x / 5 + 32771u * (y / 5));
   const bool light = block % 100 == 0;
   const uint32_t ramp = 6 + 14 * x / desc.width;
   return {light ? 25 : ramp,

@@ -1,7 +1,9 @@
-// What the passes share. Textures are read through texel buffers, which the software device gathers well, and
-// written through a storage buffer, 8 bytes at a time: that device stores one lane after the other, and one word at a
-// time; by address it takes twice as long. Loops that keep rows for their next turn are unrolled: it carries what a loop
-// keeps through memory.
+// Declarations and functions that all passes share.
+//
+// Three choices are for the software device. Textures are read through texel buffers, which it gathers well.
+// They are written through a storage buffer, 8 bytes at a time, because it stores lane after lane and word
+// after word; stores by address take twice as long. Loops that keep rows for the next iteration are unrolled,
+// because it would keep the rows in memory otherwise.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require
@@ -10,7 +12,8 @@
 
 #include "params.h"
 
-// What a pass writes, or as many rows of it as a storage buffer holds everywhere; its first row is the parameters'.
+// The output of a pass, or as many of its rows as a storage buffer can hold on every device. The parameters
+// give the first of these rows.
 layout(set = 0, binding = 3, std430) writeonly buffer Written { u64vec2 written[]; };
 
 u64vec2 pack64(uvec4 words) { return u64vec2(pack64(words.xy), pack64(words.zw)); }
@@ -19,25 +22,27 @@ u64vec2 pack64(uvec4 words) { return u64vec2(pack64(words.xy), pack64(words.zw))
 vec3 fetch_rgb(utextureBuffer level, int index) { return uintBitsToFloat(texelFetch(level, index).rgb); }
 u64vec2 level_words(vec3 texel) { return pack64(floatBitsToUint(vec4(texel, 0.0))); }
 
-// Rec.709 luminance, in the order that docs/pipeline.md section 2 fixes, so that every device gets the same bits.
+// Rec.709 luminance, added in the order that docs/pipeline.md section 2 fixes, so that every device gets the
+// same bits.
 float luminance(vec3 c) {
   precise float l = (0.2126 * c.r + 0.7152 * c.g) + 0.0722 * c.b;
   return l;
 }
 
-// max(x, low) and min(x, high) for bounds >= 0, as integers: those order non-negative floats as floats do, and negative
-// ones below all of them. One instruction where a driver's float min and max pay for NaN with three.
+// max(x, low) and min(x, high) for bounds >= 0, compared as integers. The bits of non-negative floats have
+// the same order as integers, and negative floats come below all of them. This is one instruction; a driver's
+// float min or max takes three because it handles NaN.
 float at_least(float x, float low) { return intBitsToFloat(max(floatBitsToInt(x), floatBitsToInt(low))); }
 float at_most(float x, float high) { return intBitsToFloat(min(floatBitsToInt(x), floatBitsToInt(high))); }
 vec3 at_least(vec3 x, float low) { return intBitsToFloat(max(floatBitsToInt(x), floatBitsToInt(low))); }
 vec3 at_most(vec3 x, float high) { return intBitsToFloat(min(floatBitsToInt(x), floatBitsToInt(high))); }
 
-// Rounds to the nearest half, ties to even, and stays a float. |x| <= 65504.
+// Rounds a float to the nearest half, ties to even. The result is a float. |x| <= 65504.
 float round_to_half(float x) {
   uint bits = floatBitsToUint(x);
   uint magnitude = bits & 0x7fffffffu;
   uint rounded;
-  if (magnitude < 0x38800000u) {  // below 2^-14 halves are multiples of 2^-24, a float's step in [0.5, 1)
+  if (magnitude < 0x38800000u) {  // halves below 2^-14 are multiples of 2^-24, the step of floats in [0.5, 1)
     precise float shifted = uintBitsToFloat(magnitude) + 0.5;
     precise float back = shifted - 0.5;
     rounded = floatBitsToUint(back);

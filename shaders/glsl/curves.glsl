@@ -1,12 +1,13 @@
-// Tone curves (docs/pipeline.md section 5): exposed scene light to display-linear light in [0, 1].
-// The including shader declares CURVE and includes transfer.glsl and table.glsl.
+// Tone curves (docs/pipeline.md section 5): exposed scene light to display-linear light in [0, 1]. The
+// including shader declares CURVE and includes transfer.glsl and table.glsl.
 //
-// Sources: reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images",
-// 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the ACES
-// RRT and ODT, published in M. Pettineo's BakingLab. hable: J. Hable, "Filmic Tonemapping Operators", 2010. agx:
-// T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
+// Sources: reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital
+// Images",
+// 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the
+// ACES RRT and ODT, published in M. Pettineo's BakingLab. hable: J. Hable, "Filmic Tonemapping Operators",
+// 2010. agx: T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
 
-// The fitted curve of the ACES RRT and ODT, in the fit's own primaries.
+// S. Hill's published fit of the ACES RRT and ODT, in the fit's own primaries.
 vec3 rrt_and_odt(vec3 v) {
   return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
 }
@@ -16,7 +17,7 @@ vec3 rows(float m[9], vec3 x) {
               m[6] * x.r + m[7] * x.g + m[8] * x.b);
 }
 
-// The matrices are those of the colour tables.
+// Uses the same matrices as the colour tables.
 vec3 aces_hill(vec3 x) {
   vec3 v = rrt_and_odt(rows(float[](TABLE_FROM_SCENE), x));
   return rows(float[](TABLE_TO_DISPLAY), v);
@@ -28,10 +29,10 @@ vec3 hable_base(vec3 x) {
   return (x * (0.15 * x + 0.10 * 0.50) + 0.20 * 0.02) / (x * (0.15 * x + 0.50) + 0.20 * 0.30) - 0.02 / 0.30;
 }
 
-// 11.2 is the linear white; 2 the exposure bias.
+// The linear white is 11.2 and the exposure bias is 2, as published.
 vec3 hable(vec3 x) { return hable_base(2.0 * x) / hable_base(vec3(11.2)); }
 
-// One side of AgX's base curve: slope 2 through (10/16.5, 0.5), t = slope * distance / scale.
+// The two sides of AgX's base curve, which has slope 2 at (10/16.5, 0.5). t = slope * distance / scale.
 float agx_toe(float t) { return t / power(1.0 + t * t * t, 1.0 / 3.0); }
 float agx_shoulder(float t) { return t / power(1.0 + t * t * t * sqrt(sqrt(t)), 1.0 / 3.25); }
 
@@ -39,7 +40,7 @@ float agx_channel(float inset) {
   const float pivot = 10.0 / 16.5;
   float stops = exact_log2(at_least(inset, 1.0e-10));
   float x = at_most(at_least((stops + 12.47393) / (4.026069 + 12.47393), 0.0), 1.0);
-  // The scales at which the curve meets (0, 0) and (1, 1).
+  // With these scales the curve ends at (0, 0) and (1, 1).
   const float toe = 0.51227738;
   const float shoulder = 0.54146416;
   float below = agx_toe(at_least(2.0 * (pivot - x) / toe, 0.0));
@@ -65,7 +66,8 @@ vec3 pbr_neutral(vec3 x) {
   return mix(x * (new_peak / peak), vec3(new_peak), desaturated);
 }
 
-// `white`: the luminance that reinhard-extended maps to 1.
+// The tone curve of exposed light x, clamped to [0, 1]. `white` is the luminance that reinhard-extended maps
+// to 1.
 vec3 curve(vec3 x, float white) {
   vec3 y = x;
   if (CURVE == CURVE_REINHARD) y = x / (1.0 + x);

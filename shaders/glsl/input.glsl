@@ -1,10 +1,10 @@
-// The wire's pixels as scene pixels (docs/pipeline.md section 1). No scene texture is stored: the two passes that
-// read the frame ingest it alike, texel by texel, in arithmetic that gives the same bits both times.
+// Ingest: the wire's pixels to scene pixels (docs/pipeline.md section 1). The scene is not stored. Each pass
+// that reads the frame ingests it texel by texel, with arithmetic that gives the same bits every time.
 //
-// The including shader declares the constants PIXELS, MATRIX and SCRUB. Without SCRUB every component is known
-// to be finite and within +-65504.
+// The including shader declares the constants PIXELS, MATRIX and SCRUB. SCRUB may be false only if every
+// component is known to be finite and within +-65504.
 
-// Four words a texel of the view, whatever the pixels.
+// The frame's bytes, four words per element whatever the pixel format.
 layout(set = 0, binding = 0) uniform utextureBuffer wire_words;
 
 struct Group {
@@ -13,14 +13,14 @@ struct Group {
 
 vec4 unpack_half4(uvec2 words) { return vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)); }
 
-// E5B9G9R9: 9-bit mantissas, an exponent with bias 15, no hidden bit. Exact in float.
+// E5B9G9R9: 9-bit mantissas without a hidden bit and an exponent with bias 15. Exact in float.
 vec4 unpack_rgb9e5(uint word) {
   float scale = uintBitsToFloat(((word >> 27) + 103u) << 23);  // 2^(e - 15 - 9)
   return vec4(vec3(word & 0x1ffu, (word >> 9) & 0x1ffu, (word >> 18) & 0x1ffu) * scale, 1.0);
 }
 
-// GROUP_TEXELS wire texels of row y as words, starting at texel x (a multiple of GROUP_TEXELS); as many words as they
-// take. Those beyond the width are padding of no meaning.
+// The words of GROUP_TEXELS wire texels of row y, from texel x on, which is a multiple of GROUP_TEXELS. How
+// many elements are used depends on the format. Texels beyond the width are padding with arbitrary values.
 struct WireGroup {
   uvec4 words[GROUP_TEXELS];
 };
@@ -39,7 +39,7 @@ WireGroup load_wire(InputParams frame, uint x, uint y) {
   return g;
 }
 
-// Of PIXELS_RGBA16F: texel i's.
+// The two words of texel i. For PIXELS_RGBA16F.
 uvec2 half_words(WireGroup g, uint i) { return (i & 1u) == 0u ? g.words[i / 2u].xy : g.words[i / 2u].zw; }
 
 vec4 wire_texel(WireGroup g, uint i) {
@@ -48,7 +48,7 @@ vec4 wire_texel(WireGroup g, uint i) {
   return unpack_rgb9e5(g.words[0][i]);
 }
 
-// A wire texel as a scene texel: scrub, primaries, clamp, round to half.
+// A scene texel from a wire texel: scrub, primaries, clamp, round to half.
 vec4 ingest(InputParams frame, vec4 wire) {
   vec4 c = SCRUB ? scrub(wire) : wire;
   if (MATRIX) {

@@ -1,14 +1,15 @@
-// The look-up of a colour table (docs/pipeline.md section 5). The including shader declares its push constants as `p`.
+// Look-up in a colour table (docs/pipeline.md section 5). The including shader declares its push constants as
+// `p`.
 
-// Four words a point of the lattice: R, G and B, 16 bits each, of the point itself in the low halves and of its
-// neighbour along the diagonal in the high ones.
+// Four words per lattice point. The low 16 bits are R, G and B of the point, the high 16 bits those of its
+// neighbour along the cell's diagonal.
 layout(set = 0, binding = 2) uniform utextureBuffer table_points;
 
 const float FRACTIONS = float(1 << TABLE_FRACTION_BITS);
 const float UNIT = TABLE_MAX_ROOT / (65535.0 * FRACTIONS);
 
-// Position along an axis, in points and TABLE_FRACTION_BITS of fraction; of x at or beyond the axis' end just below the
-// last point. 0 <= x.
+// The position of x >= 0 along an axis, in lattice points with TABLE_FRACTION_BITS bits of fraction. At or
+// beyond the end of the axis it is just below the last point.
 uint table_position(float x) {
   uint bits = floatBitsToUint(x * (1.0 / TABLE_AXIS_KNEE) + 1.0);
   float octave = float(int(bits >> 23) - 127);
@@ -18,9 +19,10 @@ uint table_position(float x) {
   return uint(min(position, int(p.table_size - 1u << TABLE_FRACTION_BITS) - 1));
 }
 
-// Light in the table's primaries to display light in the table's. A tetrahedron's corners are the cell's first and
-// last and the two on the way between them along the axes in falling order of their fractions. A fraction and its
-// axis' step share a word, so that sorting the one sorts the other.
+// Display light for scene light, both in the table's primaries, by tetrahedral interpolation. The corners of
+// the tetrahedron are the first and the last of the cell and the two on the path between them that takes the
+// axes in descending order of their fractions. Each fraction shares a word with the step of its axis, so that
+// sorting the fractions sorts the steps.
 vec3 look_up(vec3 v) {
   uvec3 position = uvec3(table_position(v.r), table_position(v.g), table_position(v.b));
   uint size = p.table_size;

@@ -1,8 +1,15 @@
-// Display-linear light to display values (docs/pipeline.md section 5), and powers exact enough for it: drivers' pow
-// may be less exact than an 8-bit code needs. sRGB: IEC 61966-2-1. The including shader declares TRANSFER and
-// TRANSFER_TERMS, the number of terms of the sRGB polynomial.
+// Transfer functions: display-linear light to display values (docs/pipeline.md section 5), and the logarithm
+// and powers that they need. A driver's own pow() may be too inaccurate for an 8-bit code.
+// Source of sRGB: IEC 61966-2-1.
+//
+// The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial.
+//
+// Each polynomial states its fit: interval, degree, largest error of the coefficients as they stand here, and
+// the smallest error that any polynomial of this degree can have. shaders/fit/polynomials.py recomputes all
+// four, and a test runs it. Rounding in the evaluation comes on top.
 
-// log2 of a normal x, by a minimax polynomial on the mantissa: 3e-7 from the truth.
+// log2 of a normal float: the exponent plus a polynomial for log2(1 + t) of the mantissa.
+// fit: t in [0, 1], degree 7, error 2.8e-07, best 2.8e-07
 float exact_log2(float x) {
   uint bits = floatBitsToUint(x);
   float t = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
@@ -16,7 +23,8 @@ float exact_log2(float x) {
   return float(int(bits >> 23) - 127) + q;
 }
 
-// 2^e for -126 <= e < 128: 1e-7 relative.
+// 2^e for -126 <= e < 128: the whole part as an exponent, times a polynomial for 2^f of the fraction.
+// fit: f in [0, 1], degree 5, error 1.2e-07, best 1.1e-07
 float exact_exp2(float e) {
   float whole = floor(e);
   float f = e - whole;
@@ -28,9 +36,11 @@ float exact_exp2(float e) {
   return r * uintBitsToFloat(uint(int(whole) + 127) << 23);
 }
 
-// x^e for x >= 0 and 0 < e; 0 below 1e-30.
+// x^e for x >= 0 and e > 0. Returns 0 for x below 1e-30.
 float power(float x, float e) { return x < 1e-30 ? 0.0 : exact_exp2(exact_log2(x) * e); }
 
+// The short form, with 6 terms: 1.055 x^(1/2.4) - 0.055 in s = x^(1/2). Errors are in 8-bit codes.
+// fit: s in [0.0559536, 1], degree 5, error 8.3e-02, best 8.3e-02
 vec3 srgb_6(vec3 x) {
   vec3 s = sqrt(x);
   vec3 high = s * 0.51730651 - 1.62366843;
@@ -41,8 +51,8 @@ vec3 srgb_6(vec3 x) {
   return mix(at_most(high, 1.0), 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
 }
 
-// The exact curve's power x^(1/2.4) as a minimax polynomial: with 8 terms in x^(1/4), at most 0.0001 codes from the
-// truth; with 6 in x^(1/2), at most 0.083.
+// The full form, with 8 terms: 1.055 x^(1/2.4) - 0.055 in s = x^(1/4). Errors are in 8-bit codes.
+// fit: s in [0.236545, 1], degree 7, error 1.0e-04, best 8.2e-05
 vec3 srgb(vec3 x) {
   if (TRANSFER_TERMS == 6u) return srgb_6(x);
   vec3 s = sqrt(sqrt(x));

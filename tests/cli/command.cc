@@ -1,9 +1,7 @@
 #include "tests/cli/command.h"
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
-#include <spawn.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -13,40 +11,15 @@
 #include <cstdlib>
 #include <thread>
 
+#include "tests/support/process.h"
+
 namespace candela {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr auto kPatience = std::chrono::minutes(2);
 
-struct Pipe {
-  Pipe() {
-    if (pipe2(ends, O_CLOEXEC) != 0) std::abort();
-  }
-  int ends[2];
-};
-
-// stdin is empty; `error` is the stream's end for stderr, or -1 to share ours.
-pid_t spawn(const std::string& program, const std::vector<std::string>& arguments, int output, int error) {
-  // Not the user's.
-  setenv("XDG_CACHE_HOME", CANDELA_TEST_CACHE, 1);
-  // The software driver leaks a little when it is unloaded; service_test looks for leaks of ours.
-  setenv("ASAN_OPTIONS", "detect_leaks=0", 0);
-  std::vector<char*> argv{const_cast<char*>(program.c_str())};
-  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
-  argv.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
-  if (error >= 0) posix_spawn_file_actions_adddup2(&actions, error, STDERR_FILENO);
-  pid_t pid = -1;
-  if (posix_spawn(&pid, program.c_str(), &actions, nullptr, argv.data(), environ) != 0) pid = -1;
-  posix_spawn_file_actions_destroy(&actions);
-  return pid;
-}
-
-// Reads both until they end; false when that takes too long.
+// Reads both streams until they end. False if that takes too long.
 bool drain(int output, int error, Outcome& outcome) {
   pollfd streams[] = {{output, POLLIN, 0}, {error, POLLIN, 0}};
   std::string* texts[] = {&outcome.out, &outcome.err};
@@ -115,29 +88,6 @@ nlohmann::json candela_json(std::vector<std::string> arguments) {
   const Outcome outcome = candela(arguments);
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   return nlohmann::json::parse(outcome.out, nullptr, false);
-}
-
-Daemon::Daemon(const std::vector<std::string>& options) {
-  Pipe output;
-  std::vector<std::string> arguments{"--listen", "127.0.0.1:0", "--log-level", "off"};
-  arguments.insert(arguments.end(), options.begin(), options.end());
-  pid_ = spawn(CANDELAD_PROGRAM, arguments, output.ends[1], -1);
-  close(output.ends[1]);
-  output_ = output.ends[0];
-  std::string line;
-  char byte = 0;
-  while (read(output_, &byte, 1) == 1 && byte != '\n') line.push_back(byte);
-  const std::string prefix = "listening on ";
-  if (line.starts_with(prefix)) address_ = line.substr(prefix.size());
-}
-
-void Daemon::stop(int signal) {
-  if (pid_ > 0) {
-    kill(pid_, signal);
-    waitpid(pid_, nullptr, 0);
-    close(output_);
-  }
-  pid_ = -1;
 }
 
 }  // namespace candela

@@ -173,7 +173,7 @@ TEST(ForeignServer, AMapThatNobodyAskedForIsRefused) {
         return grpc::Status::OK;
       },
       {"--verify"});
-  EXPECT_NE(words.find("not what render.proto says"), std::string::npos) << words;
+  EXPECT_NE(words.find("does not follow render.proto"), std::string::npos) << words;
 }
 
 TEST(ForeignServer, AServerThatDoesNotVerifyIsNamedAsOne) {

@@ -5,6 +5,7 @@
 
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -71,7 +72,7 @@ TEST_F(Report, AVerifiedFrameSaysHowFarItIsOff) {
 
 TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
   const std::string map = folder_.path("map.png");
-  const Daemon daemon;
+  const ListeningDaemon daemon;
   for (const std::vector<std::string>& options :
        std::vector<std::vector<std::string>>{{}, {"--server", daemon.address()}}) {
     std::vector<std::string> arguments{"render", in_, out_, "--error-map", map};

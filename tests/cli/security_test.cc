@@ -9,6 +9,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/service/test_ca.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -31,7 +32,7 @@ class Secure : public ::testing::Test {
     put("client.pem", client.cert);
     put("client.key", client.key);
     put("token", "0123456789abcdef\n");
-    daemon_ = std::make_unique<Daemon>(std::vector<std::string>{
+    daemon_ = std::make_unique<ListeningDaemon>(std::vector<std::string>{
         "--tls-cert", folder_.path("server.pem"), "--tls-key", folder_.path("server.key"), "--tls-client-ca",
         folder_.path("ca.pem"), "--token-file", folder_.path("token")});
     ASSERT_NE(daemon_->address(), "");
@@ -47,7 +48,7 @@ class Secure : public ::testing::Test {
   const testing::TestCa ca_{"Candela test CA"};
   TemporaryFolder folder_;
   const std::string in_ = folder_.path("in.exr");
-  std::unique_ptr<Daemon> daemon_;
+  std::unique_ptr<ListeningDaemon> daemon_;
 };
 
 TEST_F(Secure, EveryCommandGetsThrough) {

@@ -3,6 +3,7 @@
 
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -20,7 +21,7 @@ class WithServer : public ::testing::Test {
 };
 
 TEST_F(WithServer, ItGivesTheBytesThatTheEmbeddedOneGives) {
-  const Daemon daemon;
+  const ListeningDaemon daemon;
   ASSERT_NE(daemon.address(), "");
   const std::string scene = folder_.path("scene.exr");
   ASSERT_EQ(candela({"sample", scene, "--size", "641x359", "-q"}).code, 0);
@@ -39,7 +40,7 @@ TEST_F(WithServer, ItGivesTheBytesThatTheEmbeddedOneGives) {
 }
 
 TEST_F(WithServer, HealthAndInfoAnswer) {
-  Daemon daemon({"--listen", "unix:" + folder_.path("socket")});
+  ListeningDaemon daemon({"--listen", "unix:" + folder_.path("socket")});
   ASSERT_EQ(daemon.address(), "unix:" + folder_.path("socket"));
   const Outcome health = candela({"health", "--server", daemon.address()});
   EXPECT_EQ(health.code, 0) << health.err;
@@ -54,12 +55,12 @@ TEST_F(WithServer, HealthAndInfoAnswer) {
 }
 
 TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
-  const Daemon daemon({"--max-dimension", "30"});
+  const ListeningDaemon daemon({"--max-dimension", "30"});
   const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address()});
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("at most 30"), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find(in_), std::string::npos) << outcome.err;
-  const Daemon small({"--max-frame-bytes", "1024"});
+  const ListeningDaemon small({"--max-frame-bytes", "1024"});
   const Outcome bytes = candela({"render", in_, out_, "--server", small.address()});
   EXPECT_EQ(bytes.code, 1);
   EXPECT_NE(bytes.err.find(in_), std::string::npos) << bytes.err;
@@ -70,7 +71,7 @@ TEST_F(WithServer, MemoryThatRunsOutIsAnErrorInOneLine) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer has an operator new of its own";
 #endif
-  const Daemon daemon;
+  const ListeningDaemon daemon;
   const std::string scene = folder_.path("scene.pfm");
   ASSERT_EQ(candela({"sample", scene, "--size", "1024x600", "-q"}).code, 0);
   const Outcome outcome = candela_on_failing_machine("CANDELA_TEST_MOST_NEW_BYTES", "2000000",
@@ -85,7 +86,7 @@ TEST_F(WithServer, MemoryThatRunsOutIsAnErrorInOneLine) {
 }
 
 TEST_F(WithServer, AnUnknownTierIsAWrongUseThatListsItsTiers) {
-  const Daemon daemon;
+  const ListeningDaemon daemon;
   const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address(), "--tier", "standart"});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_NE(outcome.err.find("did you mean standard?"), std::string::npos) << outcome.err;

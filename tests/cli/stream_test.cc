@@ -12,6 +12,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -111,7 +112,7 @@ TEST_F(Stream, EachFrameIsWhatRenderMakesOfItFromTheExposureBefore) {
 
 TEST_F(Stream, ADaemonGivesTheBytesThatTheServerInsideGives) {
   make_frames(5);
-  const Daemon daemon;
+  const ListeningDaemon daemon;
   for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
            {}, {"--lookahead", "2"}, {"--detect-cuts"}, {"--detect-cuts", "0.5"}}) {
     stream(options, "here");
@@ -243,8 +244,8 @@ TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
   // The same keys, or the second would not know the first one's tokens.
   write_file(folder_.path("keys"), "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n");
   std::filesystem::permissions(folder_.path("keys"), std::filesystem::perms::owner_read);
-  Daemon first({"--resume-keys", folder_.path("keys")});
-  const Daemon second({"--resume-keys", folder_.path("keys")});
+  ListeningDaemon first({"--resume-keys", folder_.path("keys")});
+  const ListeningDaemon second({"--resume-keys", folder_.path("keys")});
   ASSERT_NE(first.address(), "");
   ASSERT_NE(second.address(), "");
   std::thread killer([&] {
@@ -332,7 +333,7 @@ TEST_F(Stream, MeterSaysWhatRenderUses) {
 }
 
 TEST_F(Stream, BenchMeasuresSessions) {
-  const Daemon daemon;
+  const ListeningDaemon daemon;
   const std::vector<std::string> common{"bench",      "--server", daemon.address(), "--size", "64x64",
                                         "--sessions", "2"};
   std::vector<std::string> fast = common, paced = common;

@@ -1,4 +1,5 @@
-// Streams a second of a scene that gets brighter, and prints what exposure made of it: example SERVER...
+// Streams one second of a scene that gets brighter, and prints the exposure of each frame. Usage: example
+// SERVER...
 #include <candela/session.h>
 
 #include <cstdio>
@@ -17,10 +18,10 @@ int main(int argc, char** argv) {
       frame.width = frame.height = 64;
       frame.format = candela::v1::PIXEL_FORMAT_RGBA32F;
       frame.pixels = std::as_bytes(std::span(*pixels));
-      frame.owner = pixels;  // kept until the frame has its result
+      frame.owner = pixels;  // the session keeps it until the frame has its result
       frame.sequence = i;
       frame.media_time_ns = static_cast<int64_t>(i) * 1'000'000'000 / 24;
-      if (!session->submit(std::move(frame)).ok()) break;  // next_result says why
+      if (!session->submit(std::move(frame)).ok()) break;  // next_result() returns the reason
     }
     session->finish();
   });

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs Candela into a folder of its own, builds the example against that and runs it with the installed candelad:
-# run.sh BUILD_FOLDER CXX_COMPILER CXX_FLAGS
+# Installs Candela into a temporary folder, builds the example against it and runs it with the installed candelad.
+# Usage: run.sh BUILD_FOLDER CXX_COMPILER CXX_FLAGS
 set -euo pipefail
 cd "$(dirname "$0")"
 build=$1
@@ -9,7 +9,7 @@ daemon=
 trap '[ -z "$daemon" ] || kill "$daemon" || true; rm -rf "$scratch"' EXIT
 
 cmake --install "$build" --prefix "$scratch/install" >"$scratch/log"
-# Nothing of the source tree is to be within reach.
+# The example must not find anything in the source tree.
 mkdir "$scratch/source"
 cp CMakeLists.txt main.cc "$scratch/source"
 cmake -S "$scratch/source" -B "$scratch/build" -G Ninja -DCMAKE_PREFIX_PATH="$scratch/install" \

@@ -14,7 +14,7 @@
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
 #include "client/connection.h"
-#include "tests/service/daemon.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"
 

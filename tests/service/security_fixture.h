@@ -11,8 +11,8 @@
 
 #include "absl/time/clock.h"
 #include "client/connection.h"
-#include "tests/service/daemon.h"
 #include "tests/service/test_ca.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"
 

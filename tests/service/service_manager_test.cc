@@ -17,7 +17,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "tests/service/daemon.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela::testing {

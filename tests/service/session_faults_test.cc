@@ -12,9 +12,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "tests/service/daemon.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/session_run.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela::testing {

@@ -7,10 +7,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/service/busy_device.h"
-#include "tests/service/daemon.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
 #include "tests/service/wire_cutter.h"
+#include "tests/support/daemon.h"
 
 namespace candela::testing {
 namespace {

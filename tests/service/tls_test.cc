@@ -43,14 +43,14 @@ TEST_F(Tls, SaysWhatIsWrongWithTheServersCertificate) {
   expect_says(render(address, {.tls = true}), kUnavailable, "is not signed by a CA of this system");
   ClientSecurity named = trusting();
   named.server_name = "example.org";
-  expect_says(render(address, named), kUnavailable, "is for another name than example.org");
+  expect_says(render(address, named), kUnavailable, "is not for the name example.org");
   named.server_name = "localhost";
   EXPECT_TRUE(render(address, named).ok());
 
   put("server", ca_.issue("server", -absl::Hours(1)));
   Daemon expired(tls());
   expect_says(render(expired.wait_until_listening(), trusting()), kUnavailable,
-              "has expired; whoever runs the server has to renew it");
+              "has expired; the server's operator must renew it");
   EXPECT_TRUE(absl::StrContains(expired.errors(), "the certificate has expired")) << expired.errors();
 }
 
@@ -58,7 +58,7 @@ TEST_F(Tls, PlainAndTlsDoNotMeetAndSaySo) {
   Daemon secure(tls());
   const std::string address = secure.wait_until_listening();
   ASSERT_NE(address, "") << secure.errors();
-  expect_says(render(address, {}), kUnavailable, "speaks TLS and this side did not; give --tls");
+  expect_says(render(address, {}), kUnavailable, "speaks TLS and the client did not; give --tls");
   Daemon plain({"--listen", "127.0.0.1:0"});
   expect_says(render(plain.wait_until_listening(), trusting()), kUnavailable, "does not speak TLS");
 }

@@ -1,4 +1,4 @@
-// One device for all the device tests of a process.
+// A fixture with one device for all device tests of a process.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,8 +10,8 @@
 
 namespace candela::testing {
 
-// Device, pool and renderer, made once. In a build with CANDELA_VALIDATION the validation layers are on, and
-// every test fails that causes a message.
+// The device, pool and renderer are made once. In a build with CANDELA_VALIDATION the validation layers are
+// on, and a test that causes a message from them fails.
 class DeviceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite();
@@ -26,13 +26,13 @@ class DeviceTest : public ::testing::Test {
     FrameMemory memory;
     FrameReport report;
   };
-  // Checks the settings, uploads and renders, on the shared renderer or on another.
+  // Checks the settings, uploads the frame and renders it, on the shared renderer or on another one.
   static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings,
                                          const FrameMoment& moment = {}, Verify verify = Verify::kNo);
   static absl::StatusOr<Rendered> render_on(Renderer& renderer, const WireFrame& frame,
                                             const Settings& settings, const FrameMoment& moment = {},
                                             Verify verify = Verify::kNo);
-  // The finished image, tight.
+  // The finished image without padding.
   static std::vector<std::byte> image(const FrameMemory& memory);
 
  private:

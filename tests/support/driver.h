@@ -3,7 +3,8 @@
 
 namespace candela::testing {
 
-// The software driver leaks a little when it is unloaded, which it is with the last instance: this keeps one.
+// Keeps a Vulkan instance for the rest of the process. The software driver is unloaded with the last instance
+// and leaks a little then.
 void keep_driver_loaded();
 
 }  // namespace candela::testing

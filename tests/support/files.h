@@ -1,4 +1,4 @@
-// Files for tests that need no device: a folder that goes away, whole files in and out, the test data.
+// Files for tests: temporary folders, whole files in and out, and the test data.
 #pragma once
 
 #include <sys/types.h>
@@ -8,7 +8,7 @@
 
 namespace candela {
 
-// A new folder, removed with all that is in it.
+// A new folder. The destructor removes it with everything in it.
 class TemporaryFolder {
  public:
   TemporaryFolder();
@@ -17,13 +17,13 @@ class TemporaryFolder {
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 
   std::string path(const std::string& name) const { return root_ + "/" + name; }
-  std::vector<std::string> list() const;  // names, hidden ones too, sorted
+  std::vector<std::string> list() const;  // all names in it, also hidden ones, sorted
 
  private:
   std::string root_;
 };
 
-// A file in a folder of its own, readable for its owner alone unless `mode` says otherwise.
+// A file in a folder of its own. By default only its owner may read it.
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::string& bytes, mode_t mode = 0600);
@@ -37,7 +37,8 @@ class TemporaryFile {
 void write_file(const std::string& path, const std::string& bytes);
 std::string read_file(const std::string& path);
 
-// The root of the test data (CANDELA_DATA, or where the build was told), "" when there is none.
+// The root of the test data: CANDELA_DATA if it is set, else the folder given to the build. "" if there is
+// none.
 std::string data_folder();
 
 // The .exr and .hdr files under a folder of the test data, sorted.

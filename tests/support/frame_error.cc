@@ -7,7 +7,7 @@ namespace candela::testing {
 
 namespace {
 
-// Relative to the level's maximum, of which section 6 allows 2^-9.
+// Relative to the level's maximum. Section 6 allows 2^-9.
 constexpr double kBloomError = 4e-6;
 
 }  // namespace
@@ -33,7 +33,7 @@ void FrameErrorTest::check(const WireFrame& frame, const Settings& settings, con
   EXPECT_LE(error.max_codes, bounds.max) << what << " worst at " << error.worst_x << ", " << error.worst_y;
   EXPECT_LE(error.p999_codes, bounds.p999) << what;
   EXPECT_LE(error.max_difference, 1) << what;
-  // 0.1 %, or one component of a frame too small for a percentage.
+  // 0.1 %, or one component if the frame is too small for a percentage.
   EXPECT_LE(differing, std::max(1.0, 1e-3 * components)) << what;
   const FrameStats& stats = rendered->report.stats;
   const FrameStats& truth = rendered->report.verification->truth;
@@ -41,7 +41,7 @@ void FrameErrorTest::check(const WireFrame& frame, const Settings& settings, con
   EXPECT_EQ(stats.infinite_components, truth.infinite_components) << what;
   EXPECT_EQ(stats.negative_components, truth.negative_components) << what;
   EXPECT_NEAR(stats.max_luminance, truth.max_luminance, 1e-6 * truth.max_luminance) << what;
-  // Where components are negative, a luminance can be small by cancellation.
+  // With negative components a luminance can be small by cancellation.
   const double cancelled = truth.negative_components > 0 ? 1e-6 * truth.max_luminance : 0.0;
   EXPECT_NEAR(stats.min_luminance, truth.min_luminance, 1e-6 * truth.min_luminance + cancelled) << what;
 }

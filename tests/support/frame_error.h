@@ -1,4 +1,5 @@
-// Whole frames against the float64 reference, held to docs/pipeline.md section 6, a line printed for each.
+// Checks whole frames against the float64 reference and the bounds of docs/pipeline.md section 6. Prints a
+// line for each.
 #pragma once
 
 #include <string>
@@ -11,14 +12,14 @@ class FrameErrorTest : public DeviceTest {
  protected:
   static void print_header(const std::string& what);
 
-  // In codes. What the pipeline reaches, far inside section 6's 0.5 and 0.05, so that a worse shader is
-  // noticed.
+  // The largest allowed errors in codes. They are what the pipeline reaches, far below section 6's 0.5 and
+  // 0.05, so that the tests notice a worse shader.
   struct Bounds {
     double max = 4e-4;
     double p999 = 2.5e-4;
   };
 
-  // Renders and verifies it, in the settings' own format.
+  // Renders and verifies a frame in the settings' own format.
   static void check(const WireFrame& frame, const Settings& settings, const std::string& what, Bounds bounds);
   static void check(const WireFrame& frame, const Settings& settings, const std::string& what) {
     check(frame, settings, what, Bounds());

@@ -1,12 +1,10 @@
-// Wire frames that hurt: deterministic, any size, any format.
+// The test scenes of client/image/scenes.h as wire frames of any size and format.
 #pragma once
 
-#include <array>
 #include <cstddef>
-#include <functional>
-#include <string>
 #include <vector>
 
+#include "client/image/scenes.h"
 #include "server/render/settings/settings.h"
 
 namespace candela::testing {
@@ -15,35 +13,27 @@ inline constexpr ToneCurve kCurves[] = {
     ToneCurve::kLinear,           ToneCurve::kReinhard, ToneCurve::kAcesNarkowicz, ToneCurve::kAcesHill,
     ToneCurve::kReinhardExtended, ToneCurve::kHable,    ToneCurve::kAgx,           ToneCurve::kPbrNeutral};
 
-using Texel = std::array<float, 4>;
-// The texel at (x, y).
-using TexelFunction = std::function<Texel(uint32_t x, uint32_t y)>;
+using scenes::HardCase;
+using scenes::noise;
+using scenes::Texel;
+using scenes::TexelFunction;
 
 struct WireFrame {
   FrameDesc desc;
   std::vector<std::byte> pixels;  // tight rows
 };
 
-// Encodes the function's values; to RGB9E5 with negatives and alpha lost.
+// Encodes the scene in `format`. RGB9E5 loses negative values and alpha.
 WireFrame make_frame(uint32_t width, uint32_t height, PixelFormat format, const TexelFunction& texel);
 
-// Pseudo-random in [0, 1), a function of its arguments alone.
-float noise(uint32_t x, uint32_t y, uint32_t channel);
-
-// A picture: gradient from 2^-10 to 2^4, noise, a few lights up to 1000, saturated colours, a little
-// negative.
+// scenes::natural().
 WireFrame natural(uint32_t width, uint32_t height, PixelFormat format = PixelFormat::kRgba16f);
-// The same with a light of 60000, 16 texels wide, in the middle of one in a hundred of its 64 x 64 tiles;
-// nothing else is above 1000.
+// scenes::lit_tiles().
 WireFrame lit_tiles(uint32_t width, uint32_t height);
-// One value everywhere.
+// The same value in every texel.
 WireFrame flat(uint32_t width, uint32_t height, Texel value, PixelFormat format = PixelFormat::kRgba16f);
 
-// The hard cases of docs/pipeline.md section 6 that are single frames.
-struct HardCase {
-  std::string name;
-  TexelFunction texel;
-};
+// scenes::hard_cases() and two more with large negative values.
 std::vector<HardCase> hard_cases(uint32_t width, uint32_t height);
 
 }  // namespace candela::testing

@@ -1,10 +1,11 @@
-// For the thread sanitizer's builds alone: lets it see the mutexes of the system's Abseil and gRPC.
+// Shows the thread sanitizer the mutexes of the system's Abseil and gRPC. Only for builds with that
+// sanitizer.
 //
-// Those libraries are not instrumented, so that the sanitizer knows nothing of what their locks order:
-// neither of our own absl::Mutex, nor of the locks by which gRPC hands a call from one of its threads to the
-// next. This file takes the place of the exported functions, for us and for the libraries alike, says what
-// each orders, and calls the real one. What a real one touches itself (and the conditions that it evaluates
-// for others) is not looked at.
+// These libraries are not instrumented, so the sanitizer does not know what their locks order. That applies
+// to our own absl::Mutex and to the locks by which gRPC passes a call between its threads. This file replaces
+// the exported functions, for us and for the libraries. Each replacement tells the sanitizer what the
+// function orders and calls the real one. The sanitizer ignores the memory that the real function itself
+// uses, and the conditions that it evaluates for others.
 #include <dlfcn.h>
 #include <grpc/grpc.h>
 #include <sanitizer/tsan_interface.h>
@@ -42,8 +43,8 @@ Function real(const char* symbol) {
   return reinterpret_cast<Function>(found);
 }
 
-// Calls the real `symbol` on `object`, which orders what came before for those that acquire `mutex` later,
-// and what comes after behind those that released it before.
+// Calls the real `symbol` on `object`. It releases `mutex` to those that acquire it later, and acquires it
+// from those that released it before.
 template <typename Result, typename Object, typename... Arguments>
 Result across(const void* mutex, Result (*call)(Object*, Arguments...), Object* object,
               Arguments... arguments) {
@@ -56,7 +57,7 @@ Result across(const void* mutex, Result (*call)(Object*, Arguments...), Object* 
   return call(object, arguments...);
 }
 
-// Locks by the real `call`.
+// Locks with the real `call`.
 void lock_by(void (*call)(absl::Mutex*), absl::Mutex* mutex) {
   {
     Ignoring ignoring;
@@ -153,8 +154,8 @@ bool CondVar::WaitWithDeadline(Mutex* mutex, Time deadline) {
 ABSL_NAMESPACE_END
 }  // namespace absl
 
-// gRPC hands an operation from the thread that starts it to the one that hears of its end by queues without
-// locks. It lets go of the call before it tells us.
+// gRPC passes an operation through lock-free queues from the thread that starts it to the one that learns of
+// its end. It releases the call before it tells us.
 extern "C" {
 
 grpc_call_error grpc_call_start_batch(grpc_call* on, const grpc_op* ops, size_t count, void* tag,

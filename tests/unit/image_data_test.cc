@@ -1,4 +1,4 @@
-// Reads the shared test data: real files of every kind, and the damaged ones.
+// Reads the shared test data: real files of every kind, and damaged ones.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -48,7 +48,7 @@ double median_difference(const Image& a, const Image& b) {
   return differences[differences.size() / 2];
 }
 
-// CIE XYZ to linear Rec.709 by the plain D65 matrix, as the published files of one picture ask for.
+// CIE XYZ to linear Rec.709 by the plain D65 matrix, as the published files of that picture need.
 Image to_rec709(const Image& xyz) {
   Image out = *make_image(xyz.width, xyz.height, ImageFormat::kRgba32f);
   constexpr double kMatrix[3][3] = {{3.2404542, -1.5371385, -0.4985314},

@@ -1,4 +1,4 @@
-// What the tests of client/image share: pixels as floats, OpenEXR files of every kind.
+// Helpers for the tests of client/image: pixels as floats, and OpenEXR files of every kind.
 #pragma once
 
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -13,19 +13,19 @@
 
 namespace candela {
 
-// Component `c` of a pixel as a float; integer formats as their codes.
+// Component `c` of a pixel as a float. Integer formats give their codes.
 float component(const Image& image, uint32_t x, uint32_t y, int c);
 bool same_pixels(const Image& a, const Image& b);  // bit for bit
 
-// One channel of an OpenEXR file to be made: a value for every pixel of the data window.
+// A channel of an OpenEXR file to write, with a value for every pixel of the data window.
 struct ExrChannel {
   std::string name;
   Imf::PixelType type;
   std::function<double(int x, int y)> value;
 };
 
-// The memory behind a frame buffer that holds `channels` over the header's data window; also declares them in
-// the header. Level (0, 0) only.
+// The frame buffer of `channels` over the header's data window, for level (0, 0), and its memory. The
+// constructor also declares the channels in the header.
 class ExrPixels {
  public:
   ExrPixels(Imf::Header& header, const std::vector<ExrChannel>& channels);
@@ -38,11 +38,11 @@ class ExrPixels {
 
 void write_scan_lines(const std::string& path, Imf::Header header, const std::vector<ExrChannel>& channels);
 
-// Levels above the largest are filled with `wrong` so that a reader that takes them is found out.
+// Fills all levels but the largest with `wrong`, so that a test notices a reader that uses them.
 void write_tiles(const std::string& path, Imf::Header header, const Imf::TileDescription& tiles,
                  const std::vector<ExrChannel>& channels, double wrong);
 
-// R, G, B: whole numbers that halves hold exactly within a few hundred pixels of the origin.
+// R, G and B with whole numbers that are exact as halves within a few hundred pixels of the origin.
 std::vector<ExrChannel> rgb_channels(Imf::PixelType type = Imf::HALF, const std::string& prefix = "");
 double rgb_value(int x, int y, int c);
 

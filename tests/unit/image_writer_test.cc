@@ -10,7 +10,7 @@
 #include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
-// jpeglib.h wants FILE and size_t declared before it.
+// jpeglib.h needs FILE and size_t declared before it.
 #include <cstdio>
 // clang-format off
 #include <jpeglib.h>
@@ -262,7 +262,7 @@ TEST_F(ImageWriter, NamesThePathAndTheReasonOfAnUnwritableOne) {
 }
 
 TEST_F(ImageWriter, LeavesTheOldFileWhenTheDiskIsFull) {
-  // A limit on the file's size stands in for the full disk.
+  // A limit on the file size simulates a full disk.
   rlimit old{};
   getrlimit(RLIMIT_FSIZE, &old);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);

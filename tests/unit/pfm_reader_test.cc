@@ -64,10 +64,10 @@ TEST_F(PfmReader, RefusesWhatIsNotWholeOrHasNoSense) {
        {"PF\n1 1\n0\n", "PF\n1 1\nnan\n", "PF\n1 1\ninf\n", "PF\n1 1\n1e60\n", "PF\n1 1\n-1e-60\n"}) {
     EXPECT_NE(error(header + std::string(12, 'x')).find("scale"), std::string::npos) << header;
   }
-  // A vertical tab is white space to a number and not to the header.
+  // A vertical tab is white space in a number but not in the header.
   EXPECT_NE(error("PF\n1 1\n\v1e60\n").find("scale is \\x0b1e60 and"), std::string::npos);
   EXPECT_NE(error("PF\n-1 1\n-1\n").find("at least 1x1"), std::string::npos);
-  // 8 bytes a pixel would be within the limit, 16 are not.
+  // 8 bytes per pixel would be within the limit, 16 are not.
   EXPECT_EQ(read("PF\n8000 8000\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(read("PF\n40000 40000\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(read("PF\n4294967297 4294967297\n-1\n").status().code(), absl::StatusCode::kResourceExhausted);

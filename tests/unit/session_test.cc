@@ -1,114 +1,21 @@
-// The client's session against servers that do as they are told: results arrive once and in order whatever is
-// lost on the way.
+// The client's session against servers that fail on demand: every result arrives once and in order, whatever
+// is lost.
 #include "client/session.h"
 
-#include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <functional>
-#include <map>
-#include <mutex>
 #include <thread>
 
-#include "absl/strings/str_format.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "candela/v1/render.grpc.pb.h"
 #include "client/call/retry_info.h"
-#include "client/session_log.h"
+#include "tests/unit/fake_server.h"
 
 namespace candela {
 namespace {
 
-using Wire = grpc::ServerReaderWriter<v1::StreamResponse, v1::StreamRequest>;
-
 constexpr uint32_t kWidth = 700, kHeight = 500;  // two bands
-
-// Answers frames with one value everywhere: 16 times the exposure's manual EV plus the sequence number. Its
-// token is the sequence number. What goes wrong is said by `fault`, called with each frame's number before it
-// is answered: a status that is not OK ends the call with it, and kEndsAsIfDone with OK.
-class FakeServer : public v1::RenderService::Service {
- public:
-  using Fault = std::function<grpc::Status(uint64_t sequence, Wire& stream)>;
-  static inline const grpc::Status kEndsAsIfDone{grpc::OUT_OF_RANGE, "as if done"};
-
-  explicit FakeServer(Fault fault = nullptr) : fault_(std::move(fault)) {
-    grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
-    builder.RegisterService(this);
-    server_ = builder.BuildAndStart();
-  }
-  ~FakeServer() override { server_->Shutdown(std::chrono::system_clock::now()); }
-
-  std::string address() const { return absl::StrFormat("127.0.0.1:%d", port_); }
-  std::vector<v1::StreamOpen> opens() {
-    const std::lock_guard lock(mutex_);
-    return opens_;
-  }
-  std::atomic<int> most_in_flight = 0;
-
-  grpc::Status Stream(grpc::ServerContext* context, Wire* stream) override {
-    v1::StreamRequest request;
-    if (!stream->Read(&request) || !request.has_open()) return {grpc::INVALID_ARGUMENT, "no open"};
-    const v1::StreamOpen open = request.open();
-    if (context->client_metadata().find("x-session-id")->second != open.session()) {
-      return {grpc::INVALID_ARGUMENT, "no x-session-id"};
-    }
-    {
-      const std::lock_guard lock(mutex_);
-      opens_.push_back(open);
-    }
-    v1::StreamResponse opened;
-    opened.mutable_opened()->set_session(open.session());
-    opened.mutable_opened()->set_max_frames_in_flight(2);
-    stream->Write(opened);
-    std::map<uint64_t, v1::Settings> settings{{0, open.settings()}};
-    while (stream->Read(&request)) {
-      if (request.has_change()) {
-        settings[request.change().from_sequence()] = request.change().settings();
-        continue;
-      }
-      if (!request.has_frame()) return {grpc::INVALID_ARGUMENT, "no frame"};
-      const v1::FrameHeader frame = request.frame();
-      for (uint32_t rows = 0; rows < frame.height();) {
-        if (!stream->Read(&request)) return {grpc::INVALID_ARGUMENT, "a frame is cut short"};
-        if (request.band().first_row() != rows) return {grpc::INVALID_ARGUMENT, "rows are out of order"};
-        rows += static_cast<uint32_t>(request.band().pixels().size() / (frame.width() * 8));
-      }
-      if (fault_) {
-        const grpc::Status status = fault_(frame.sequence(), *stream);
-        if (status.error_message() == kEndsAsIfDone.error_message()) return grpc::Status::OK;
-        if (!status.ok()) return status;
-      }
-      answer(frame, std::prev(settings.upper_bound(frame.sequence()))->second, *stream);
-    }
-    return grpc::Status::OK;
-  }
-
- private:
-  static void answer(const v1::FrameHeader& frame, const v1::Settings& settings, Wire& stream) {
-    v1::StreamResponse response;
-    v1::ResultHeader& header = *response.mutable_header();
-    header.set_sequence(frame.sequence());
-    header.set_width(frame.width());
-    header.set_height(frame.height());
-    header.set_format(v1::OUTPUT_FORMAT_RGBA8);
-    header.set_resume_token(absl::StrFormat("%d", frame.sequence()));
-    stream.Write(response);
-    response.mutable_band()->set_first_row(0);
-    response.mutable_band()->set_pixels(std::string(
-        size_t{frame.width()} * frame.height() * 4,
-        static_cast<char>(16 * settings.exposure().manual_ev() + static_cast<double>(frame.sequence()))));
-    stream.Write(response);
-  }
-
-  const Fault fault_;
-  int port_ = 0;
-  std::unique_ptr<grpc::Server> server_;
-  std::mutex mutex_;
-  std::vector<v1::StreamOpen> opens_;
-};
 
 v1::Settings at_ev(double ev) {
   v1::Settings settings;

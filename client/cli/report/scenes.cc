@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "client/image/sample.h"
+#include "client/image/scenes.h"
 
 namespace candela {
 namespace {
@@ -19,8 +20,11 @@ constexpr uint32_t kCaseWidth = 96;
 constexpr uint32_t kCaseHeight = 64;
 constexpr uint32_t kChartWidth = 256;
 
-using Texel = std::array<float, 4>;
-using TexelFunction = std::function<Texel(uint32_t x, uint32_t y)>;
+using scenes::everywhere;
+using scenes::grey;
+using scenes::noise;
+using scenes::Texel;
+using scenes::TexelFunction;
 
 void put(Image& halves, uint32_t x, uint32_t y, const Texel& texel) {
   std::array<uint16_t, 4> bits;
@@ -38,28 +42,8 @@ absl::StatusOr<Image> make_frame(uint32_t width, uint32_t height, const TexelFun
   return image;
 }
 
-Texel grey(float v) { return {v, v, v, 1.0f}; }
-
-TexelFunction everywhere(float v) {
-  return [v](uint32_t, uint32_t) -> Texel { return {v, v, v, v}; };
-}
-
-TexelFunction alone(float v, float ground) {
-  return
-      [=](uint32_t x, uint32_t y) { return grey(x == kCaseWidth / 2 && y == kCaseHeight / 2 ? v : ground); };
-}
-
 Texel ramp(uint32_t x, uint32_t y) {
   return {0.01f * static_cast<float>(x % 97 + 1), 0.5f, 0.02f * static_cast<float>(y % 53 + 1), 1.0f};
-}
-
-// In [0, 1): the PCG hash of M. Jarzynski and L. Olano's survey (JCGT 9(3), 2020).
-float noise(uint32_t index, uint32_t channel) {
-  uint32_t v = index + 16777259u * channel;
-  v = v * 747796405u + 2891336453u;
-  v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
-  v = (v >> 22) ^ v;
-  return static_cast<float>(v >> 8) * 0x1p-24f;
 }
 
 // A full hue of largest component 1 and smallest 0.
@@ -86,35 +70,24 @@ v1::ExposureState state(double exposure, double elapsed_seconds) {
 }
 
 std::vector<CaseShape> case_shapes() {
-  constexpr float kInf = std::numeric_limits<float>::infinity();
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   constexpr uint32_t kW = kCaseWidth, kH = kCaseHeight;
-  const TexelFunction checkers = [](uint32_t x, uint32_t y) { return grey((x + y) % 2 == 0 ? 0.0f : kMax); };
-  return {
-      {"all black", "black at the largest exposure", kW, kH, everywhere(0)},
-      {"all 65504", "white at the smallest exposure", kW, kH, everywhere(kMax)},
-      {"one 65504 on 1e-4", "sums and bloom stay finite", kW, kH, alone(kMax, 1e-4f)},
-      {"one NaN", "taken as 0", kW, kH, alone(kNan, 0.18f)},
-      {"all NaN", "taken as 0: black", kW, kH, everywhere(kNan)},
-      {"one +Inf", "taken as 65504", kW, kH, alone(kInf, 0.18f)},
-      {"all +Inf", "taken as 65504: white", kW, kH, everywhere(kInf)},
-      {"one -Inf", "taken as -65504, shown as 0", kW, kH, alone(-kInf, 0.18f)},
-      {"all -Inf", "taken as -65504: black", kW, kH, everywhere(-kInf)},
-      {"one negative", "kept, shown as 0", kW, kH, alone(-3, 0.18f)},
-      {"all negative", "kept, shown black", kW, kH, everywhere(-3)},
-      {"one denormal", "kept", kW, kH, alone(0x1p-20f, 0.18f)},
-      {"all denormal", "metered as 1e-4", kW, kH, everywhere(0x1p-24f)},
+  std::vector<CaseShape> shapes;
+  for (scenes::HardCase& hard : scenes::hard_cases(kW, kH)) {
+    shapes.push_back({std::move(hard.name), std::move(hard.expected), kW, kH, std::move(hard.texel)});
+  }
+  const CaseShape others[] = {
       {"1x1", "metered whole, no bloom beyond level 0", 1, 1, ramp},
       {"1x7", "metered whole, edges clamped", 1, 7, ramp},
       {"16384x1", "metered whole, edges clamped", 16384, 1, ramp},
       {"3x5", "metered whole, edges clamped", 3, 5, ramp},
-      {"checkerboard of 0 and 65504", "sums and bloom stay finite", kW, kH, checkers},
       {"step from black to 65504 in 1/24 s", "exposure falls at its speed", kW, kH, everywhere(kMax),
        state(64, 1.0 / 24)},
       {"elapsed 0 s", "exposure stays", kW, kH, ramp, state(64, 0)},
       {"elapsed 1e-9 s", "exposure all but stays", kW, kH, ramp, state(64, 1e-9)},
       {"elapsed 1e9 s", "exposure arrives", kW, kH, ramp, state(64, 1e9)},
   };
+  shapes.insert(shapes.end(), std::begin(others), std::end(others));
+  return shapes;
 }
 
 absl::StatusOr<Image> copy_of(const Image& halves) {
@@ -234,8 +207,8 @@ absl::StatusOr<std::vector<Chart>> color_charts() {
       {"random colours, 2^-10 .. 2^6", 64,
        [](uint32_t x, uint32_t y) -> Texel {
          const uint32_t i = x + kChartWidth * y;
-         const float light = std::exp2(16 * noise(i, 0) - 10);
-         return {light * noise(i, 1), light * noise(i, 2), light * noise(i, 3), 1.0f};
+         const float light = std::exp2(16 * noise(i, 0, 0) - 10);
+         return {light * noise(i, 0, 1), light * noise(i, 0, 2), light * noise(i, 0, 3), 1.0f};
        }},
       {"saturated colours, 2^-10 .. 2^6", 64,
        [](uint32_t x, uint32_t y) {

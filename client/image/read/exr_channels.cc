@@ -10,7 +10,7 @@
 namespace candela {
 namespace {
 
-// Up to and with the last dot; "" for a plain name.
+// The name up to and including its last dot; "" for a plain name.
 std::string prefix_of(const std::string& name) { return name.substr(0, name.rfind('.') + 1); }
 
 std::optional<ExrChannels> choose_in_layer(const Imf::ChannelList& channels, const std::string& prefix) {
@@ -33,7 +33,7 @@ std::optional<ExrChannels> choose_in_layer(const Imf::ChannelList& channels, con
   chosen.kind = ExrChannels::Kind::kGrey;
   if (primaries == 1) {
     chosen.red = absl::StrCat(chosen.red, chosen.green, chosen.blue);
-  } else if (!luminance.empty() && find("X").empty()) {  // X beside Y is a vector
+  } else if (!luminance.empty() && find("X").empty()) {  // X and Y make a vector
     chosen.red = luminance;
   } else {
     return std::nullopt;

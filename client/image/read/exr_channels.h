@@ -1,4 +1,4 @@
-// Which channels of an OpenEXR part make the picture.
+// Chooses the channels of an OpenEXR part that make the picture.
 #pragma once
 
 #include <OpenEXR/ImfChannelList.h>
@@ -10,21 +10,22 @@ namespace candela {
 
 struct ExrChannels {
   enum class Kind {
-    kRgb,         // red, green, blue; a name not in the file reads as 0
-    kGrey,        // red alone holds the grey
-    kLumaChroma,  // Y, RY, BY of the layer
+    kRgb,         // red, green, blue; a channel that the file lacks reads as 0
+    kGrey,        // `red` names the grey channel
+    kLumaChroma,  // the layer's Y, RY and BY
   };
   Kind kind = Kind::kRgb;
-  std::string layer{};  // "" for the plain names, else "beauty"
+  std::string layer{};  // such as "beauty"; "" for plain names
   std::string red{}, green{}, blue{};
-  std::string alpha{};  // "" when there is none
+  std::string alpha{};  // "" if there is none
 };
 
-// The plain names (R G B, Y RY BY, Y) first, then the first layer that has them ("beauty.R"). With `lone`, as
-// the last resort a channel of any name that stands alone but for alpha. Nothing: the part has no colour.
+// Prefers the plain names (R G B, Y RY BY, Y), then the first layer that has them, such as "beauty.R". With
+// `lone` a channel of any name is the last resort if it is the only one besides alpha. Returns nullopt if the
+// part has no colour.
 std::optional<ExrChannels> choose_exr_channels(const Imf::ChannelList& channels, bool lone);
 
-// "R, G, B, Z", cut after a dozen, each printable().
+// A list such as "R, G, B, Z" of at most twelve names, each printable().
 std::string channel_names(const Imf::ChannelList& channels);
 
 }  // namespace candela

@@ -11,7 +11,7 @@
 namespace candela {
 namespace {
 
-constexpr uint32_t kMultiPart = 1u << 12;  // of the version field
+constexpr uint32_t kMultiPart = 1u << 12;  // in the version field
 
 bool read_u32(FileReader& file, uint32_t& value) {
   value = 0;
@@ -23,7 +23,7 @@ bool read_u32(FileReader& file, uint32_t& value) {
   return true;
 }
 
-// Up to its zero; false when there is none within the 255 letters that a name may have.
+// Takes a name up to its zero byte. False if it is longer than the 255 letters that a name may have.
 bool read_name(FileReader& file, std::string& name) {
   name.clear();
   for (int byte = file.get(); byte != 0; byte = file.get()) {
@@ -33,7 +33,7 @@ bool read_name(FileReader& file, std::string& name) {
   return true;
 }
 
-// Bytes of the types whose size OpenEXR knows; it reads that many whatever the file claims.
+// The sizes in bytes of types that OpenEXR knows. It reads that many bytes, whatever the file claims.
 constexpr std::pair<absl::string_view, uint32_t> kFixedSizes[] = {
     {"box2f", 16},
     {"box2i", 16},
@@ -61,8 +61,8 @@ constexpr std::pair<absl::string_view, uint32_t> kFixedSizes[] = {
     {"v3i", 12},
 };
 
-// Takes the value of an attribute; false when what it holds is not of the size it claims, so that OpenEXR
-// would go on reading somewhere else or take memory for another size.
+// Takes the value of an attribute. False if the value does not have the size that it claims. Then OpenEXR
+// would continue reading at the wrong place or allocate memory of another size.
 bool take_value(FileReader& file, const std::string& type, uint32_t size) {
   const uint64_t end = file.remaining() - size;
   for (const auto& [fixed, bytes] : kFixedSizes) {
@@ -101,7 +101,7 @@ absl::Status check_exr_header(FileReader& file) {
   while (whole) {
     whole = read_name(file, name);
     if (whole && name.empty()) {
-      // The end of a part's header; an empty one ends those of a multi-part file.
+      // The end of a part's header. In a multi-part file an empty header ends the list.
       if (!multi_part || attributes == 0) return absl::OkStatus();
       attributes = 0;
       continue;
@@ -110,17 +110,17 @@ absl::Status check_exr_header(FileReader& file) {
     whole = whole && read_name(file, type) && read_u32(file, size);
     if (whole && size > file.remaining()) {
       return absl::InvalidArgumentError(
-          absl::StrFormat("%s: damaged OpenEXR file: its attribute %s claims %d bytes and %d are left",
+          absl::StrFormat("%s: damaged OpenEXR file: attribute %s claims %d bytes, but only %d are left",
                           file.path(), printable(name), size, file.remaining()));
     }
     if (whole && !take_value(file, type, size)) {
       return absl::InvalidArgumentError(
-          absl::StrFormat("%s: damaged OpenEXR file: its attribute %s is not of the %d bytes that it claims",
+          absl::StrFormat("%s: damaged OpenEXR file: attribute %s does not have the %d bytes that it claims",
                           file.path(), printable(name), size));
     }
   }
   return absl::InvalidArgumentError(absl::StrFormat(
-      "%s: damaged OpenEXR file: its header is not a list of attributes with an end", file.path()));
+      "%s: damaged OpenEXR file: the header is not a complete list of attributes", file.path()));
 }
 
 }  // namespace candela

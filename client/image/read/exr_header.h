@@ -1,4 +1,4 @@
-// A first look at an OpenEXR header, before OpenEXR itself gets to see it.
+// Checks an OpenEXR header before OpenEXR reads it.
 #pragma once
 
 #include "absl/status/status.h"
@@ -6,10 +6,10 @@
 
 namespace candela {
 
-// OpenEXR 3.1 takes memory for an attribute by the size that the file claims, gigabytes from a file of 200
-// bytes. This walks over the attributes of every part, in the file's layout (technical introduction to
-// OpenEXR, "file layout"), and is INVALID_ARGUMENT when one is larger than the rest of the file or the header
-// does not end. Values are OpenEXR's to judge.
+// OpenEXR 3.1 allocates as much memory for an attribute as the file claims, which may be gigabytes for a file
+// of 200 bytes. This function walks over the attributes of every part (see "file layout" in the Technical
+// Introduction to OpenEXR). It returns INVALID_ARGUMENT if an attribute is larger than the rest of the file
+// or the header does not end. It leaves checking the values to OpenEXR.
 absl::Status check_exr_header(FileReader& file);
 
 }  // namespace candela

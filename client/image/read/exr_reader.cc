@@ -1,8 +1,9 @@
-// OpenEXR files. What is decided here where a file leaves room: the display window is the picture, and pixels
-// of it that the data window lacks are 0 with alpha 0; of several parts the first with colour is shown, of
-// several levels the largest; unsigned integers are plain values; deep images are refused. Luminance-chroma
-// files go through OpenEXR's own RGBA interface, which knows the chroma filters and weighs Y by the file's
-// chromaticities.
+// Reads OpenEXR files.
+//
+// Choices: the display window is the picture, and its pixels outside the data window are 0 with alpha 0. Of
+// several parts the first with colour is used, of several levels the largest. Unsigned integers are plain
+// values. Deep images are refused. Luminance-chroma files go through OpenEXR's own RGBA interface, which has
+// the chroma filters and weighs Y by the file's chromaticities.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfChromaticitiesAttribute.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -28,7 +29,7 @@
 namespace candela {
 namespace {
 
-constexpr size_t kMaxLibraryText = 1000;  // letters of an error of OpenEXR that are passed on
+constexpr size_t kMaxLibraryText = 1000;  // characters of an OpenEXR error that are passed on
 
 struct Part {
   int index = 0;
@@ -49,14 +50,14 @@ absl::StatusOr<Part> choose_part(const std::string& path, const Imf::MultiPartIn
   }
   if (deep) {
     return absl::UnimplementedError(
-        absl::StrFormat("%s: is a deep image, and those are not rendered; flatten it first", path));
+        absl::StrFormat("%s: this is a deep image, which cannot be rendered; flatten it first", path));
   }
-  return absl::InvalidArgumentError(absl::StrFormat(
-      "%s: has no colour channels (it has %s); R G B, Y, Y RY BY or a single channel are wanted", path,
-      channel_names(file.header(0).channels())));
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s: no colour channels (it has %s); it needs R G B, Y, Y RY BY or a single channel",
+                      path, channel_names(file.header(0).channels())));
 }
 
-// Of scan lines (https://openexr.com/en/latest/OpenEXRFileLayout.html, "Scan line blocks").
+// The scan lines in a chunk (https://openexr.com/en/latest/OpenEXRFileLayout.html, "Scan line blocks").
 int64_t rows_of_chunk(Imf::Compression compression) {
   switch (compression) {
     case Imf::NO_COMPRESSION:
@@ -72,7 +73,7 @@ int64_t rows_of_chunk(Imf::Compression compression) {
     case Imf::DWAA_COMPRESSION:
       return 32;
     default:
-      return 256;  // DWAB's, the tallest
+      return 256;  // DWAB has the tallest chunks
   }
 }
 
@@ -85,13 +86,13 @@ absl::Status check_chunk(const std::string& path, const Imf::Header& header, con
   const int64_t rows = std::min(data.height(), rows_of_chunk(header.compression()));
   auto pixels = static_cast<uint64_t>(data.width() * rows);
   if (header.hasTileDescription()) {
-    // A row of tiles is held while scan lines are cut from it.
+    // OpenEXR holds a row of tiles while it returns scan lines from it.
     const Imf::TileDescription& tile = header.tileDescription();
     pixels = std::max(uint64_t{tile.xSize}, static_cast<uint64_t>(data.width())) * tile.ySize;
   }
   if (pixels > max_bytes || pixels * pixel_bytes > max_bytes) {
     return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: its chunks of %d pixels with %d bytes each pass the %d bytes taken at once; "
+        absl::StrFormat("%s: its chunks of %d pixels with %d bytes each exceed the limit of %d bytes; "
                         "store fewer channels or "
                         "smaller tiles",
                         path, pixels, pixel_bytes, max_bytes));
@@ -104,7 +105,7 @@ absl::Status check_sampling(const std::string& path, const Imf::Header& header, 
     const Imf::Channel* channel = name.empty() ? nullptr : header.channels().findChannel(name);
     if (channel != nullptr && (channel->xSampling != 1 || channel->ySampling != 1)) {
       return absl::UnimplementedError(absl::StrFormat(
-          "%s: channel %s is subsampled %dx%d, which only RY and BY may be; store it at full size", path,
+          "%s: channel %s is subsampled %dx%d, but only RY and BY may be; store it at full size", path,
           printable(name), channel->xSampling, channel->ySampling));
     }
   }
@@ -128,7 +129,7 @@ ReadRows rgb_rows(Imf::InputPart& input, const ExrChannels& channels, const Imag
     Imf::FrameBuffer frame;
     const std::string* const names[] = {&channels.red, &channels.green, &channels.blue, &channels.alpha};
     for (size_t c = 0; c < 4; ++c) {
-      // A slice whose channel the file lacks is filled; the name only has to be one that no file has.
+      // OpenEXR fills a slice if the file lacks its channel, so this must be a name that no file uses.
       const std::string name = names[c]->empty() ? absl::StrCat("\x01", c) : *names[c];
       const double fill = c == 3 ? 1.0 : 0.0;
       frame.insert(name, Imf::Slice(type, origin + c * component_bytes, pixel_bytes, row_bytes, 1, 1, fill));
@@ -185,7 +186,7 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
   if (channels.kind == ExrChannels::Kind::kLumaChroma) {
     if (part->index > 0) {
       return absl::UnimplementedError(
-          absl::StrFormat("%s: luminance-chroma channels are read from the first part only, these are in "
+          absl::StrFormat("%s: luminance-chroma channels can only be read from the first part; these are in "
                           "part %d; store R G B",
                           path, part->index + 1));
     }
@@ -208,9 +209,11 @@ absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits) {
     Imf::MultiPartInputFile file(path.c_str());
     return read_open_file(path, file, limits);
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(absl::StrFormat("%s: no memory to decode it; scale it down", path));
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("%s: not enough memory to decode it; scale it down", path));
   } catch (const std::exception& error) {
-    // The library names the file too; once is enough. It quotes what the file holds.
+    // Removes the file's name, which the library adds and our message has already. The text may quote the
+    // file's content.
     const std::string quoted = absl::StrCat(" \"", path, "\"");
     const std::string text =
         absl::StrReplaceAll(error.what(), {{absl::string_view(quoted), ""}, {"\n", " "}});

@@ -7,7 +7,7 @@ namespace candela {
 namespace {
 
 char* origin_of(std::byte* first, size_t pixel_bytes, size_t row_bytes, int64_t x, int64_t y) {
-  // Often outside of the buffer, hence no pointer arithmetic.
+  // Not pointer arithmetic, because the address is often outside the buffer.
   const auto offset = static_cast<uintptr_t>(x) * pixel_bytes + static_cast<uintptr_t>(y) * row_bytes;
   return reinterpret_cast<char*>(reinterpret_cast<uintptr_t>(first) - offset);
 }
@@ -34,10 +34,9 @@ void read_windows(const Window& data, const Window& display, bool grey, const Re
     read_rows(origin_of(image.pixels.data(), pixel_bytes, row_bytes, display.x0, display.y0), row_bytes, y0,
               y1);
   } else {
-    // Where the windows do not meet there is nothing to copy, but a damaged file is still to be told from a
-    // background.
+    // If the windows do not meet there is nothing to copy, but the rows are still read to find damage.
     const int64_t from = overlap ? y0 : data.y0, to = overlap ? y1 : data.y1;
-    constexpr int64_t kBandRows = 256;  // whole chunks of every compression
+    constexpr int64_t kBandRows = 256;  // a multiple of the chunk height of every compression
     const size_t band_row_bytes = static_cast<size_t>(data.width()) * pixel_bytes;
     PixelBuffer band(band_row_bytes * static_cast<size_t>(std::min(kBandRows, data.height())));
     if (band.empty()) throw std::bad_alloc();

@@ -1,5 +1,5 @@
-// OpenEXR's two windows: the display window is the picture, the data window is the part of it (or beyond it)
-// that the file stores.
+// OpenEXR's two windows. The display window is the picture. The data window is the area that the file stores,
+// which may be smaller or larger.
 #pragma once
 
 #include <ImathBox.h>
@@ -12,7 +12,7 @@
 
 namespace candela {
 
-// In pixels, both ends within; 64-bit so that no header overflows it.
+// A rectangle in pixels, both ends included. 64 bits, so that no header causes an overflow.
 struct Window {
   int64_t x0, y0, x1, y1;
 
@@ -21,12 +21,13 @@ struct Window {
   int64_t height() const { return y1 - y0 + 1; }
 };
 
-// Reads rows y0..y1 of the data window; `origin` is where pixel (0, 0) of the file's coordinates would lie.
-// Throws as OpenEXR does.
+// Reads rows y0 to y1 of the data window. `origin` is the address that pixel (0, 0) of the file's coordinates
+// would have. Throws like OpenEXR.
 using ReadRows = std::function<void(char* origin, size_t row_bytes, int64_t y0, int64_t y1)>;
 
-// Fills the part of `image`, which shows `display`, that `data` covers: straight into the image where rows of
-// the data window fit its rows, else through a band of rows. `grey` spreads red over green and blue.
+// Fills the part of `image` that `data` covers; `image` shows `display`. If rows of the data window fit into
+// rows of the image, it reads them into place, otherwise through a band of rows. `grey` copies red to green
+// and blue.
 void read_windows(const Window& data, const Window& display, bool grey, const ReadRows& read_rows,
                   Image& image);
 

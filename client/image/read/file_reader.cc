@@ -11,15 +11,15 @@ namespace candela {
 
 absl::StatusOr<FileReader> FileReader::open(const std::string& path) {
   struct stat info {};
-  // Looked at before it is opened: opening a pipe would wait for its writer.
+  // Checked before opening, because opening a pipe would wait for its writer.
   if (stat(path.c_str(), &info) != 0)
     return absl::ErrnoToStatus(errno, absl::StrFormat("%s: cannot read", path));
   if (S_ISDIR(info.st_mode)) {
-    return absl::InvalidArgumentError(absl::StrFormat("%s: is a folder; name an image file in it", path));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: this is a folder; name an image file in it", path));
   }
   if (!S_ISREG(info.st_mode)) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: is not a regular file; save the image to one", path));
+    return absl::InvalidArgumentError(absl::StrFormat("%s: not a regular file; save the image to one", path));
   }
   std::FILE* file = std::fopen(path.c_str(), "rbe");
   if (file == nullptr) return absl::ErrnoToStatus(errno, absl::StrFormat("%s: cannot read", path));

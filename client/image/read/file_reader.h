@@ -1,4 +1,4 @@
-// Buffered reading of a regular file, front to back.
+// Reads a regular file from front to back, buffered.
 #pragma once
 
 #include <cstddef>
@@ -17,25 +17,26 @@ namespace candela {
 // Used by one thread.
 class FileReader {
  public:
-  // NOT_FOUND, PERMISSION_DENIED or INVALID_ARGUMENT (a folder, a pipe), naming the path.
+  // Fails with NOT_FOUND, PERMISSION_DENIED or INVALID_ARGUMENT (for a folder or a pipe); the message names
+  // the path.
   static absl::StatusOr<FileReader> open(const std::string& path);
 
   const std::string& path() const { return path_; }
   uint64_t remaining() const { return size_ - position_; }
 
-  // The next bytes, fewer at the end of the file, without taking them; at most 64.
+  // Returns the next `count` bytes, at most 64, without taking them; fewer at the end of the file.
   std::string peek(size_t count);
 
-  // The next byte, or -1 at the end.
+  // Takes the next byte. Returns -1 at the end.
   int get();
 
-  // Fills `out`; false when the file ends (or stops being readable) before it is full.
+  // Fills `out`. False if the file ends or reading fails before it is full.
   bool read(std::span<std::byte> out);
 
-  // Passes over bytes; false when the file has fewer.
+  // Skips bytes. False if the file has fewer.
   bool skip(uint64_t count);
 
-  // Takes the next line without its newline; false when it ends or passes `max_length` before one.
+  // Takes the next line without its newline. False if there is no newline within `max_length` bytes.
   bool read_line(std::string& line, size_t max_length);
 
   // INVALID_ARGUMENT, "PATH: the file is truncated: <what> is missing".

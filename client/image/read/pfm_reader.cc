@@ -12,8 +12,8 @@
 namespace candela {
 namespace {
 
-// The next word of the header and the one white-space byte after it; "" at the end of the file or past 32
-// letters.
+// Takes the next word of the header and the white-space byte after it. Returns "" at the end of the file or
+// for a word of more than 32 letters.
 std::string next_word(FileReader& file) {
   const auto is_space = [](int c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; };
   std::string word;
@@ -53,8 +53,8 @@ absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits) {
   const auto factor = static_cast<float>(std::fabs(scale));
   if (!std::isfinite(factor) || factor == 0) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: the PFM scale is %s and has to be, as a float, a finite number other than 0",
-                        file.path(), printable(scale_text)));
+        absl::StrFormat("%s: the PFM scale is %s; it must be a finite float other than 0", file.path(),
+                        printable(scale_text)));
   }
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
   if (absl::Status status = check_image_size(file.path(), "image", width, height, kFormat, limits);

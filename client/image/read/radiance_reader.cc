@@ -1,11 +1,11 @@
-// Radiance .hdr (RGBE and XYZE), after Greg Ward's color.c and resolu.c in the Radiance sources.
+// Reads Radiance .hdr files (RGBE and XYZE), after Greg Ward's color.c and resolu.c in the Radiance sources.
 //
-// Own code for a measured reason: OpenImageIO 2.4 silently decodes the old run-length scheme to zeros,
-// ignores the order of rows, and brings 120 packages; stb_image fills truncated files with zeros.
+// The code is our own because of what we measured. OpenImageIO 2.4 silently decodes the old run-length scheme
+// to zeros, ignores the order of rows, and needs 120 packages. stb_image fills truncated files with zeros.
 //
-// Decided here: a component is mantissa / 256 * 2^(exponent - 128), without the half that some decoders add.
-// The header's EXPOSURE is divided out and PRIMARIES are honoured; COLORCORR is only reported. Without
-// PRIMARIES the colours are Rec.709. XYZE comes out as CIE XYZ with the chromaticities that say so.
+// Choices: a component is mantissa / 256 * 2^(exponent - 128), without the half that some decoders add. The
+// header's EXPOSURE is divided out. PRIMARIES are used, and without them the colours are Rec.709. COLORCORR
+// is only reported. XYZE is returned as CIE XYZ with the chromaticities of XYZ.
 #include <algorithm>
 #include <array>
 #include <cfloat>
@@ -26,7 +26,7 @@ namespace {
 struct Header {
   bool xyz = false;
   double exposure = 1.0;         // product of the EXPOSURE lines
-  double height_to_width = 1.0;  // product of the PIXASPECT lines: Radiance has height over width
+  double height_to_width = 1.0;  // product of the PIXASPECT lines, which are height over width
   std::vector<std::string> color_corrections;
   std::string primaries;
 };
@@ -34,8 +34,8 @@ struct Header {
 // "-Y 48 +X 64": the first axis counts scan lines, the second the pixels along one.
 struct Resolution {
   bool columns = false;  // scan lines are columns
-  bool down = true;      // y falls in Radiance's sense: from the top
-  bool right = true;     // x rises: from the left
+  bool down = true;      // from the top: Radiance's y decreases
+  bool right = true;     // from the left: x increases
   int64_t width = 0, height = 0;
 };
 
@@ -46,7 +46,7 @@ absl::Status read_header(FileReader& file, Header& header) {
   for (int i = 0; i < kMaxLines; ++i) {
     if (!file.read_line(line, kMaxLine)) {
       return absl::InvalidArgumentError(absl::StrFormat(
-          "%s: its Radiance header does not end with an empty line and an image size", file.path()));
+          "%s: the Radiance header does not end with an empty line and an image size", file.path()));
     }
     absl::string_view text = absl::StripSuffix(line, "\r");
     if (text.empty()) return absl::OkStatus();
@@ -54,9 +54,9 @@ absl::Status read_header(FileReader& file, Header& header) {
     if (absl::ConsumePrefix(&text, "FORMAT=")) {
       header.xyz = absl::StripAsciiWhitespace(text) == "32-bit_rle_xyze";
       if (!header.xyz && absl::StripAsciiWhitespace(text) != "32-bit_rle_rgbe") {
-        return absl::InvalidArgumentError(
-            absl::StrFormat("%s: its Radiance format is %s; 32-bit_rle_rgbe and 32-bit_rle_xyze are read",
-                            file.path(), printable(text)));
+        return absl::InvalidArgumentError(absl::StrFormat(
+            "%s: the Radiance format is %s; only 32-bit_rle_rgbe and 32-bit_rle_xyze can be read",
+            file.path(), printable(text)));
       }
     } else if (absl::ConsumePrefix(&text, "EXPOSURE=") && absl::SimpleAtod(text, &value)) {
       header.exposure *= value;
@@ -69,7 +69,7 @@ absl::Status read_header(FileReader& file, Header& header) {
     }
   }
   return absl::InvalidArgumentError(
-      absl::StrFormat("%s: its Radiance header has more than %d lines", file.path(), kMaxLines));
+      absl::StrFormat("%s: the Radiance header has more than %d lines", file.path(), kMaxLines));
 }
 
 absl::StatusOr<Resolution> read_resolution(FileReader& file) {
@@ -84,7 +84,7 @@ absl::StatusOr<Resolution> read_resolution(FileReader& file) {
   if (!read || words.size() != 4 || !is_axis(words[0]) || !is_axis(words[2]) || words[0][1] == words[2][1] ||
       !absl::SimpleAtoi(words[1], &first) || !absl::SimpleAtoi(words[3], &second)) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: its Radiance header has no image size such as '-Y 480 +X 640'", file.path()));
+        absl::StrFormat("%s: the Radiance header has no image size such as '-Y 480 +X 640'", file.path()));
   }
   Resolution r{.columns = words[0][1] == 'X'};
   const std::string& x = words[r.columns ? 0 : 2];
@@ -117,7 +117,7 @@ void apply_header(const Header& header, Image& image) {
   if (header.height_to_width != 1.0) set_pixel_aspect(1.0 / header.height_to_width, image);
 }
 
-// The factor of every value; 1 with a note when the header's is no use.
+// The factor for all values. If the header's is unusable, 1 with a note.
 double radiance_scale(const Header& header, Image& image) {
   if (header.exposure == 1.0) return 1.0;
   if (!std::isfinite(header.exposure) || header.exposure < 1e-30 || header.exposure > 1e30) {
@@ -142,7 +142,7 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits)
     return status;
   }
   const int64_t lines = r->columns ? r->width : r->height, length = r->columns ? r->height : r->width;
-  // Every scan line takes one four-byte record at the least.
+  // Every scan line takes at least one record of four bytes.
   if (file.remaining() < static_cast<uint64_t>(lines) * 4) {
     return file.truncated(absl::StrFormat("most of its %d scan lines", lines));
   }
@@ -152,8 +152,8 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits)
   if (!image.ok()) return image;
   apply_header(header, *image);
   const double scale = radiance_scale(header, *image);
-  // 2^(e-128) / 256 / exposure for every exponent; exponent 0 is black whatever the mantissa. Finite,
-  // so that a mantissa of 0 stays 0.
+  // 2^(e-128) / 256 / exposure for every exponent. Exponent 0 is black with any mantissa. The scales are
+  // finite, so that a mantissa of 0 stays 0.
   std::array<float, 256> factor{};
   for (int e = 1; e < 256; ++e) {
     factor[e] = static_cast<float>(std::min<double>(std::ldexp(scale, e - 136), FLT_MAX));

@@ -16,7 +16,8 @@ absl::Status truncated(const FileReader& file, int64_t index) {
   return file.truncated(absl::StrFormat("the rest of scan line %d", index));
 }
 
-// The four components one after the other, each as runs (count above 128, then a value) and literals.
+// Decodes the four components, one after the other. Each is a sequence of runs (a count above 128, then the
+// value) and literals.
 absl::Status read_by_component(FileReader& file, int64_t index, std::span<Rgbe> line) {
   for (size_t c = 0; c < 4; ++c) {
     for (size_t i = 0; i < line.size();) {
@@ -36,9 +37,9 @@ absl::Status read_by_component(FileReader& file, int64_t index, std::span<Rgbe> 
   return absl::OkStatus();
 }
 
-// Pixels; one with mantissas 1 1 1 repeats the pixel before it, its exponent being the count. Such records
-// that follow each other give the count's next higher bytes. Without them the line is flat. `pixel` is the
-// first one, already taken from the file.
+// Decodes pixels. A record with mantissas 1 1 1 repeats the previous pixel as often as its exponent says.
+// Further such records right after it are the higher bytes of the count. A line without them is flat. `pixel`
+// is the first record, which was already taken from the file.
 absl::Status read_by_pixel(FileReader& file, int64_t index, Rgbe pixel, std::span<Rgbe> line) {
   int shift = 0;
   for (size_t i = 0;;) {

@@ -38,9 +38,9 @@ absl::StatusOr<std::string> writable_destination(const std::string& path) {
     if (S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
     if (!S_ISREG(info.st_mode)) {
       return absl::FailedPreconditionError(
-          absl::StrFormat("%s: cannot write: is %s; name a plain file", path, kind_name(info.st_mode)));
+          absl::StrFormat("%s: cannot write: this is %s; name a plain file", path, kind_name(info.st_mode)));
     }
-    // rename() would replace a file that its owner has closed to writing.
+    // Checked because rename() would replace even a file without write permission.
     if (access(target.c_str(), W_OK) != 0) return cannot_write(path, errno);
   }
   const std::string folder = std::filesystem::path(target).parent_path().string();
@@ -53,7 +53,8 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
   if (!target.ok()) return target.status();
   struct stat old {};
   const bool replaces = stat(target->c_str(), &old) == 0;
-  // Never wider than the old file's; a new one as a plain file is made, so that the umask decides.
+  // The permissions are never wider than the old file's. A new file is created with the usual mode, so that
+  // the umask applies.
   const mode_t mode = replaces ? old.st_mode & 0777 : 0666;
   const size_t slash = target->rfind('/') + 1;
   for (int attempts = 0; attempts < 100; ++attempts) {
@@ -87,7 +88,7 @@ bool AtomicFile::seek(uint64_t position) {
 
 absl::Status AtomicFile::commit() {
   if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
-  // EINVAL: of a file that has no disk.
+  // EINVAL: the file is not on a disk.
   if (error_ == 0 && fsync(fileno(file_.get())) != 0 && errno != EINVAL) error_ = errno;
   if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
   if (error_ != 0) return cannot_write(path_, error_);

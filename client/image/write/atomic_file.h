@@ -1,4 +1,4 @@
-// A file that appears whole or not at all.
+// Writes a file that appears complete or not at all.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +14,12 @@
 
 namespace candela {
 
-// Written beside its destination under a hidden name and, once it is on the disk, renamed over it by
-// commit(); destroyed without that, it leaves no trace and the old file as it was. It has the permissions of
-// the file that it replaces, or else those that the umask leaves. Used by one thread.
+// The file is written beside its destination under a hidden name. commit() waits until it is on the disk and
+// renames it over the destination. Without commit() it is removed, and the old file stays as it was. It has
+// the permissions of the file that it replaces, or those of a new file under the umask. Used by one thread.
 class AtomicFile {
  public:
-  // Fails as writable_destination does, or naming the path and the system's reason.
+  // Fails like writable_destination(), or with the path and the system's reason.
   static absl::StatusOr<AtomicFile> create(const std::string& path);
 
   AtomicFile(AtomicFile&& other) noexcept
@@ -31,15 +31,14 @@ class AtomicFile {
 
   const std::string& path() const { return path_; }
 
-  // Each is false once any of them has failed; commit() then gives the reason.
+  // Both return false once either has failed; commit() then returns the reason.
   bool write(const void* bytes, size_t count);
   bool seek(uint64_t position);
   bool failed() const { return error_ != 0; }
 
   uint64_t position() const { return static_cast<uint64_t>(std::ftell(file_.get())); }
 
-  // To be called once. Fails, naming the system's reason, when any write so far, bringing them to the disk or
-  // the renaming did.
+  // To be called once. If a write, syncing to the disk or renaming failed, returns the system's reason.
   absl::Status commit();
 
  private:
@@ -49,19 +48,19 @@ class AtomicFile {
   AtomicFile(std::string path, std::string target, TemporaryPath temporary, std::FILE* file)
       : path_(std::move(path)), target_(std::move(target)), temporary_(std::move(temporary)), file_(file) {}
 
-  std::string path_;    // as it was given
-  std::string target_;  // links followed
+  std::string path_;    // as given
+  std::string target_;  // with links followed
   TemporaryPath temporary_;
   std::unique_ptr<std::FILE, Close> file_;
   int error_ = 0;  // errno of the first failure
 };
 
-// The path with the links at its end followed: where an AtomicFile goes. Fails, naming the path, for a
-// folder, FIFO, socket or device, for a file or folder closed to us and for a folder or link's target that is
-// missing.
+// The destination of an AtomicFile: the path with the links at its end followed. Fails, with the path in the
+// message, for a folder, FIFO, socket or device, for a file or folder without write permission, and for a
+// missing folder or link target.
 absl::StatusOr<std::string> writable_destination(const std::string& path);
 
-// "PATH: cannot write: REASON", of errno's value.
+// The error "PATH: cannot write: REASON" for a value of errno.
 absl::Status cannot_write(const std::string& path, int error);
 
 }  // namespace candela

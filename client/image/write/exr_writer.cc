@@ -1,5 +1,5 @@
-// OpenEXR: one ZIP-compressed scan-line part of half (kRgba16f) or float (kRgba32f), with alpha only where
-// the image has it.
+// Writes OpenEXR: one ZIP-compressed scan-line part of half (kRgba16f) or float (kRgba32f), with alpha if the
+// image has it.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
@@ -16,7 +16,7 @@
 namespace candela {
 namespace {
 
-// OpenEXR's stream over ours, which already is the hidden file.
+// OpenEXR's stream interface for an AtomicFile.
 class Stream : public Imf::OStream {
  public:
   explicit Stream(AtomicFile& file) : Imf::OStream(file.path().c_str()), file_(file) {}
@@ -55,7 +55,7 @@ absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&
     const char* const names[] = {"R", "G", "B", "A"};
     for (size_t c = 0; c < (image.has_alpha ? 4 : 3); ++c) {
       header.channels().insert(names[c], Imf::Channel(type));
-      // The library writes from where it could also read, hence not const.
+      // The library uses the same type for reading, so the pointer is not const.
       char* base = reinterpret_cast<char*>(const_cast<std::byte*>(image.pixels.data())) + c * pixel_bytes / 4;
       frame.insert(names[c], Imf::Slice(type, base, pixel_bytes, image.row_bytes()));
     }

@@ -1,4 +1,4 @@
-// JPEG (JFIF), 8 bit, 4:4:4.
+// Writes JPEG (JFIF) with 8 bits, 4:4:4.
 #include "absl/strings/str_format.h"
 #include "client/image/write/writers.h"
 

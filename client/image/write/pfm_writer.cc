@@ -1,4 +1,4 @@
-// PFM: RGB floats, little endian, rows from the bottom.
+// Writes PFM: RGB floats, little endian, rows from the bottom.
 #include <half.h>
 
 #include <cstring>
@@ -28,7 +28,7 @@ absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&
       std::memcpy(bits, from + 8 * x, sizeof bits);
       for (size_t c = 0; c < 3; ++c) row[3 * x + c] = imath_half_to_float(bits[c]);
     }
-    file.write(row.data(), row.size() * sizeof(float));  // commit() looks for failures
+    file.write(row.data(), row.size() * sizeof(float));  // commit() reports failures
   }
   if (image.has_alpha) notes.push_back("alpha dropped: .pfm has none");
   if (image.pixel_aspect != 1.0) {

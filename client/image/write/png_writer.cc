@@ -1,4 +1,4 @@
-// PNG: 8 bit from kRgba8, 16 from kRgba16; with alpha only where the image has it.
+// Writes PNG: 8 bits from kRgba8, 16 from kRgba16, with alpha if the image has it.
 #include "absl/strings/str_format.h"
 #include "client/image/write/writers.h"
 

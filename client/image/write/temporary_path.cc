@@ -10,7 +10,7 @@
 namespace candela {
 namespace {
 
-// A signal handler can read neither a string nor a heap that another thread is changing.
+// A table, because a signal handler can read neither a string nor a heap that another thread is changing.
 struct Slot {
   std::atomic<bool> taken{false};
   std::atomic<bool> filled{false};

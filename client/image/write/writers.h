@@ -1,6 +1,6 @@
-// What write_image hands an image to once it knows the kind of the file. Internal to client/image. Each
-// writes to the file, adds what the user should hear to `notes`, and fails naming the file; a format it
-// cannot write is INVALID_ARGUMENT.
+// The writers of the file kinds, for write_image(). Internal to client/image. Each writes the image to the
+// file and adds messages for the user to `notes`. Errors name the file; INVALID_ARGUMENT means that it cannot
+// write this format.
 #pragma once
 
 #include <string>
@@ -20,18 +20,18 @@ absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions
 absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 
-// Whether alpha would make a picture with colour in it wholly invisible: 0 everywhere, as some renderers
-// leave it.
+// Whether alpha is 0 everywhere although the picture has colour, as some renderers leave it. Then the whole
+// picture would be invisible.
 bool alpha_hides_everything(const Image& image);
 
-// A pixel's width : height as a fraction of 16-bit numbers, as near as they come.
+// A pixel's width : height as the nearest fraction of 16-bit numbers.
 struct AspectRatio {
   uint16_t width = 1;
   uint16_t height = 1;
 };
 AspectRatio aspect_ratio(double pixel_aspect);
 
-// An image of kRgba8 or kRgba16, for the encoders.
+// A view for the encoders of an image in kRgba8 or kRgba16.
 PictureView picture_of(const Image& image);
 
 }  // namespace candela

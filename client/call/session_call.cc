@@ -1,0 +1,225 @@
+#include "client/call/session_call.h"
+
+#include <algorithm>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/call/retry_info.h"
+#include "client/call/wire.h"
+#include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/message_wire.h"
+
+namespace candela {
+
+namespace {
+
+// A server that does not answer the open message for this long is skipped.
+constexpr absl::Duration kOpenLimit = absl::Seconds(10);
+
+// Whether the transport or a stopping server is the reason, rather than something that this session asked
+// for.
+bool may_resume(const grpc::Status& status, bool resuming) {
+  switch (status.error_code()) {
+    case grpc::UNAVAILABLE:
+    case grpc::CANCELLED:
+      return true;
+    case grpc::ALREADY_EXISTS:
+      // The server has not noticed yet that it lost us.
+      return resuming;
+    case grpc::INTERNAL:
+      return absl::StrContains(status.error_message(), "RST_STREAM");
+    case grpc::UNKNOWN:
+      // gRPC's own words for a call that ended without the server's status. The second ones are for a call
+      // that a proxy ended.
+      return absl::StrContains(status.error_message(), "Stream removed") ||
+             absl::StrContains(status.error_message(), "No status received");
+    default:
+      return false;
+  }
+}
+
+// The band of `frame` that begins at `row`, without a copy. gRPC may keep a message after its call has ended,
+// so the slice keeps the frame.
+grpc::Slice band_slice(const std::shared_ptr<const SessionFrame>& frame, uint64_t row) {
+  const uint64_t row_bytes = frame->width * bytes_per_pixel(frame->format);
+  const uint64_t bytes = std::min<uint64_t>(rows_of_band(row_bytes), frame->height - row) * row_bytes;
+  const auto let_go = [](void* owner) { delete static_cast<std::shared_ptr<const SessionFrame>*>(owner); };
+  return grpc::Slice(const_cast<std::byte*>(frame->pixels.data() + row * row_bytes), bytes, let_go,
+                     new std::shared_ptr<const SessionFrame>(frame));
+}
+
+v1::FrameHeader header_of(const SessionFrame& frame) {
+  v1::FrameHeader header;
+  header.set_sequence(frame.sequence);
+  header.set_width(frame.width);
+  header.set_height(frame.height);
+  header.set_format(frame.format);
+  header.set_total_bytes(frame.pixels.size());
+  header.set_media_time_ns(frame.media_time_ns);
+  header.set_cut(frame.cut);
+  if (frame.timeout != absl::InfiniteDuration()) {
+    header.set_timeout_ms(
+        static_cast<uint32_t>(std::clamp<int64_t>(absl::ToInt64Milliseconds(frame.timeout), 1, UINT32_MAX)));
+  }
+  return header;
+}
+
+}  // namespace
+
+SessionCall::SessionCall(const SessionServer& server, const SessionOptions& options, const std::string& name,
+                         SessionState& state)
+    : peer_(server.peer),
+      options_(options),
+      name_(name),
+      state_(state),
+      duplex_(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", name}}) {}
+
+CallEnd SessionCall::run() {
+  std::optional<SessionState::Start> start = state_.begin_call(peer_.address, duplex_);
+  if (!start) return {absl::CancelledError()};
+  open_request_ = open_message(*std::move(start));
+  open_by_ = absl::Now() + kOpenLimit;
+  CallEnd own;  // why this side ended the call
+  while (true) {
+    if (own.status.ok() && duplex_.can_write()) {
+      send_next();
+      if (duplex_.writing()) last_progress_ = absl::Now();
+    }
+    const DuplexCall::Event event = duplex_.wait(own.status.ok() ? silent_until() : absl::InfiniteFuture());
+    if (event == DuplexCall::Event::kEnded) break;
+    if (!own.status.ok()) continue;
+    own.status = take_event(event);
+    own.resume = event == DuplexCall::Event::kTimeout;
+    if (!own.status.ok()) duplex_.cancel();
+  }
+  state_.end_call();
+  CallEnd end = own.status.ok() ? how_it_ended() : own;
+  end.progress = progress_;
+  return end;
+}
+
+v1::StreamRequest SessionCall::open_message(SessionState::Start start) const {
+  v1::StreamRequest request;
+  v1::StreamOpen& open = *request.mutable_open();
+  open.set_session(name_);
+  *open.mutable_settings() = std::move(start.settings);
+  open.set_resume_token(std::move(start.token));
+  open.set_lookahead(options_.lookahead);
+  open.set_cut_threshold_ev(options_.cut_threshold_ev);
+  open.set_encoding(options_.encoding);
+  open.set_jpeg_quality(options_.jpeg_quality);
+  return request;
+}
+
+// An error ends the call.
+absl::Status SessionCall::take_event(DuplexCall::Event event) {
+  switch (event) {
+    case DuplexCall::Event::kTimeout:
+      return hangs();
+    case DuplexCall::Event::kWoken:
+      return state_.cancelled() ? absl::CancelledError() : absl::OkStatus();
+    case DuplexCall::Event::kMessage:
+      last_progress_ = absl::Now();
+      return take_message();
+    case DuplexCall::Event::kWritable:
+      last_progress_ = absl::Now();
+      return absl::OkStatus();
+    case DuplexCall::Event::kEnded:
+      break;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SessionCall::take_message() {
+  const std::shared_ptr<const SessionFrame> due = state_.due_frame();
+  absl::StatusOr<StreamEvent> event = reader_.read(duplex_.message(), due.get());
+  if (!event.ok()) return event.status();
+  if (const auto* opened = std::get_if<v1::StreamOpened>(&*event)) {
+    open_ = true;
+    if (state_.take_open(*opened)) progress_ = true;
+  }
+  if (std::holds_alternative<v1::GoAway>(*event)) leaving_ = true;
+  if (auto* answer = std::get_if<FrameAnswer>(&*event)) {
+    state_.take_answer(std::move(*answer));
+    answered_ = true;
+    progress_ = true;
+    --owed_;
+  }
+  return absl::OkStatus();
+}
+
+// The time at which a server that stays silent counts as hanging. With look-ahead the server holds back the
+// results of as many frames, until the half-close.
+absl::Time SessionCall::silent_until() const {
+  if (!open_) return open_by_;
+  const int64_t held_back = closed_ ? 0 : options_.lookahead;
+  const bool due = owed_ > held_back || duplex_.writing();
+  return due ? last_progress_ + options_.silence_limit : absl::InfiniteFuture();
+}
+
+absl::Status SessionCall::hangs() const {
+  return absl::UnavailableError(
+      absl::StrFormat("no answer from %s within %s: it hangs%s", peer_.address,
+                      absl::FormatDuration(open_ ? options_.silence_limit : kOpenLimit),
+                      open_ ? "" : " or is not a candelad"));
+}
+
+// Must not hold the state's lock, because finding out why TLS failed may take seconds.
+CallEnd SessionCall::how_it_ended() const {
+  const grpc::Status& status = duplex_.status();
+  if (closed_ && state_.complete() && (status.ok() || may_resume(status, true))) return {absl::OkStatus()};
+  if (status.ok()) {
+    // A proxy that cuts the call short may end it like this too.
+    const char* how = leaving_ ? " went away" : " ended before every frame had its result";
+    return {absl::UnavailableError(peer_.address + how), true};
+  }
+  // ABORTED: another call took the session over. Before the first result that may be this session's own
+  // previous call, if its open message came late.
+  const bool was_open = state_.was_open();
+  const bool by_itself = status.error_code() == grpc::ABORTED && was_open && !answered_;
+  return {from_grpc(status, peer_, duplex_.connected()), by_itself || may_resume(status, was_open),
+          retry_delay(status)};
+}
+
+// Starts the next write if there is something to send.
+void SessionCall::send_next() {
+  if (!asked_) {
+    asked_ = true;
+    return duplex_.write(v1::pack(open_request_));
+  }
+  if (!open_ || leaving_ || closed_) return;
+  return sending_ != nullptr ? send_band() : send_step();
+}
+
+void SessionCall::send_step() {
+  const SessionState::NextStep next = state_.next_step();
+  if (!next.step) {
+    closed_ = next.finished;
+    if (closed_) duplex_.half_close();
+    return;
+  }
+  v1::StreamRequest request;
+  if (next.step->frame == nullptr) {
+    request.mutable_change()->set_from_sequence(next.step->from_sequence);
+    *request.mutable_change()->mutable_settings() = next.step->settings;
+  } else {
+    *request.mutable_frame() = header_of(*next.step->frame);
+    sending_ = next.step->frame;
+    row_ = 0;
+  }
+  duplex_.write(v1::pack(request));
+}
+
+void SessionCall::send_band() {
+  const uint64_t rows = rows_of_band(sending_->width * bytes_per_pixel(sending_->format));
+  duplex_.write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(row_), band_slice(sending_, row_)));
+  row_ += rows;
+  if (row_ < sending_->height) return;
+  sending_.reset();
+  ++owed_;
+}
+
+}  // namespace candela

@@ -1,0 +1,186 @@
+#include "client/session_state.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/time/clock.h"
+
+namespace candela {
+
+SessionState::SessionState(const SessionOptions& options, std::string server)
+    : lookahead_(options.lookahead), log_(options.settings) {
+  stats_.server = std::move(server);
+}
+
+absl::Status SessionState::wait_until_open() const {
+  const absl::MutexLock lock(&mutex_);
+  const auto decided = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return was_open_ || ended_; };
+  mutex_.Await(absl::Condition(&decided));
+  return was_open_ ? absl::OkStatus() : end_;
+}
+
+absl::Status SessionState::submit(SessionFrame frame) {
+  const absl::MutexLock lock(&mutex_);
+  const auto may = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return may_submit(); };
+  mutex_.Await(absl::Condition(&may));
+  if (absl::Status status = still_taking(); !status.ok()) return status;
+  if (absl::Status status = log_.add(std::move(frame), absl::Now()); !status.ok()) return status;
+  ++submitted_;
+  wake();
+  return absl::OkStatus();
+}
+
+bool SessionState::ready() const {
+  const absl::MutexLock lock(&mutex_);
+  return may_submit();
+}
+
+absl::Status SessionState::change_settings(uint64_t from_sequence, const v1::Settings& settings) {
+  const absl::MutexLock lock(&mutex_);
+  if (absl::Status status = still_taking(); !status.ok()) return status;
+  if (absl::Status status = log_.change(from_sequence, settings); !status.ok()) return status;
+  wake();
+  return absl::OkStatus();
+}
+
+void SessionState::finish() {
+  const absl::MutexLock lock(&mutex_);
+  finished_ = true;
+  wake();
+}
+
+void SessionState::cancel() {
+  const absl::MutexLock lock(&mutex_);
+  cancelled_ = true;
+  wake();
+}
+
+absl::StatusOr<std::optional<FrameResult>> SessionState::next_result() {
+  const absl::MutexLock lock(&mutex_);
+  const auto any = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !results_.empty() || ended_; };
+  mutex_.Await(absl::Condition(&any));
+  if (results_.empty()) {
+    if (!end_.ok()) return end_;
+    return std::nullopt;
+  }
+  std::optional<FrameResult> result = std::move(results_.front());
+  results_.pop_front();
+  return result;
+}
+
+SessionStats SessionState::stats() const {
+  const absl::MutexLock lock(&mutex_);
+  SessionStats stats = stats_;
+  stats.window = window_;
+  stats.submitted = submitted_;
+  stats.answered = submitted_ - log_.unanswered();
+  if (lost_) stats.time_without_results += absl::Now() - *lost_;
+  return stats;
+}
+
+std::optional<SessionState::Start> SessionState::begin_call(const std::string& server, DuplexCall& call) {
+  const absl::MutexLock lock(&mutex_);
+  stats_.server = server;
+  if (cancelled_) return std::nullopt;
+  sent_before_ = log_.rewind();
+  call_ = &call;
+  return Start{log_.token(), log_.settings()};
+}
+
+void SessionState::end_call() {
+  const absl::MutexLock lock(&mutex_);
+  call_ = nullptr;
+}
+
+SessionState::NextStep SessionState::next_step() {
+  const absl::MutexLock lock(&mutex_);
+  const SessionStep* step = log_.next();
+  if (step == nullptr) return {.finished = finished_};
+  return {.step = *step};
+}
+
+std::shared_ptr<const SessionFrame> SessionState::due_frame() const {
+  const absl::MutexLock lock(&mutex_);
+  const SessionStep* step = log_.due();
+  return step == nullptr ? nullptr : step->frame;
+}
+
+bool SessionState::take_open(const v1::StreamOpened& opened) {
+  const absl::MutexLock lock(&mutex_);
+  window_ = std::max<uint32_t>(1, opened.max_frames_in_flight()) + lookahead_;
+  if (was_open_) {
+    ++stats_.resumes;
+    stats_.sent_again += sent_before_;
+  }
+  was_open_ = true;
+  if (log_.unanswered() > 0) return false;
+  found_again();
+  return true;
+}
+
+void SessionState::take_answer(FrameAnswer answer) {
+  const absl::MutexLock lock(&mutex_);
+  const SessionStep& step = *log_.due();
+  results_.push_back({step.frame->sequence, std::move(answer.status), std::move(answer.image),
+                      absl::Now() - step.submitted});
+  log_.answered(answer.token);
+  found_again();
+}
+
+bool SessionState::cancelled() const {
+  const absl::MutexLock lock(&mutex_);
+  return cancelled_;
+}
+
+bool SessionState::was_open() const {
+  const absl::MutexLock lock(&mutex_);
+  return was_open_;
+}
+
+bool SessionState::complete() const {
+  const absl::MutexLock lock(&mutex_);
+  return finished_ && log_.unanswered() == 0;
+}
+
+absl::Time SessionState::lose(const absl::Status& status) {
+  const absl::MutexLock lock(&mutex_);
+  stats_.last_loss = status;
+  if (!lost_) lost_ = absl::Now();
+  return *lost_;
+}
+
+bool SessionState::sleep_until(absl::Time time) const {
+  const absl::MutexLock lock(&mutex_);
+  const auto cancelled = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return cancelled_; };
+  return !mutex_.AwaitWithDeadline(absl::Condition(&cancelled), time);
+}
+
+void SessionState::end(const absl::Status& status) {
+  const absl::MutexLock lock(&mutex_);
+  ended_ = true;
+  end_ = cancelled_ ? absl::CancelledError("the session was cancelled") : status;
+  found_again();
+}
+
+bool SessionState::may_submit() const {
+  return ended_ || finished_ || (log_.unanswered() < window_ && results_.size() < window_);
+}
+
+absl::Status SessionState::still_taking() const {
+  if (ended_ && !end_.ok()) return end_;
+  if (!finished_) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "finish() was called on this session; open another one for more frames");
+}
+
+void SessionState::wake() {
+  if (call_ != nullptr) call_->wake();
+}
+
+void SessionState::found_again() {
+  if (!lost_) return;
+  stats_.time_without_results += absl::Now() - *lost_;
+  lost_.reset();
+}
+
+}  // namespace candela

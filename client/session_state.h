@@ -1,0 +1,101 @@
+// The state of a session: what its callers share with the thread that talks to the servers.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
+#include "client/call/duplex_call.h"
+#include "client/call/stream_reader.h"
+#include "client/session.h"
+#include "client/session_log.h"
+
+namespace candela {
+
+// Any thread.
+class SessionState {
+ public:
+  // `server` is the address of the first server.
+  SessionState(const SessionOptions& options, std::string server);
+
+  // For the callers; see Session.
+  absl::Status wait_until_open() const;
+  absl::Status submit(SessionFrame frame);
+  bool ready() const;
+  absl::Status change_settings(uint64_t from_sequence, const v1::Settings& settings);
+  void finish();
+  void cancel();
+  absl::StatusOr<std::optional<FrameResult>> next_result();
+  SessionStats stats() const;
+
+  // All that follows is for the thread.
+
+  // A call to `server` begins, and every step that is left is to be sent on it. Until end_call(), `call` is
+  // woken when there is something to send or the session is cancelled. None if the session is cancelled
+  // already.
+  struct Start {
+    std::string token;  // to resume from; empty: a new session
+    v1::Settings settings;
+  };
+  std::optional<Start> begin_call(const std::string& server, DuplexCall& call);
+  void end_call();
+
+  // The next step to send. Without a step, `finished` says that none will come.
+  struct NextStep {
+    std::optional<SessionStep> step = std::nullopt;
+    bool finished = false;
+  };
+  NextStep next_step();
+
+  // The frame that the next result must be for. Null: no result is due.
+  std::shared_ptr<const SessionFrame> due_frame() const;
+
+  // The server has opened the session. Returns whether no frame waits for a result.
+  bool take_open(const v1::StreamOpened& opened);
+  // The due frame has its result.
+  void take_answer(FrameAnswer answer);
+
+  bool cancelled() const;
+  bool was_open() const;
+  // Whether finish() was called and every frame has its result.
+  bool complete() const;
+
+  // The session lost its server because of `status`. Returns since when there have been no results.
+  absl::Time lose(const absl::Status& status);
+  // Waits until `time`. Returns false at once when the session is cancelled.
+  bool sleep_until(absl::Time time) const;
+  // The session ends with `status`, or with CANCELLED if it was cancelled.
+  void end(const absl::Status& status);
+
+ private:
+  bool may_submit() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status still_taking() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void wake() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void found_again() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const uint32_t lookahead_;
+
+  mutable absl::Mutex mutex_;
+  SessionLog log_ ABSL_GUARDED_BY(mutex_);
+  std::deque<FrameResult> results_ ABSL_GUARDED_BY(mutex_);  // not taken yet
+  uint32_t window_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint64_t submitted_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint64_t sent_before_ ABSL_GUARDED_BY(mutex_) = 0;  // frames in the log that earlier calls sent
+  bool was_open_ ABSL_GUARDED_BY(mutex_) = false;
+  bool finished_ ABSL_GUARDED_BY(mutex_) = false;
+  bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
+  bool ended_ ABSL_GUARDED_BY(mutex_) = false;
+  absl::Status end_ ABSL_GUARDED_BY(mutex_);
+  std::optional<absl::Time> lost_ ABSL_GUARDED_BY(mutex_);  // there have been no results since
+  SessionStats stats_ ABSL_GUARDED_BY(mutex_);
+  DuplexCall* call_ ABSL_GUARDED_BY(mutex_) = nullptr;
+};
+
+}  // namespace candela

@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+"""Checks the fitted polynomials of the shaders against the functions they stand for.
+
+Each polynomial has a line in the comment above its GLSL function:
+
+    fit: t in [0, 1], degree 7, error 2.8e-07, best 2.8e-07
+
+This script evaluates the polynomial as the shader's text has it, with its coefficients as float32 but in
+float64 arithmetic, and finds its largest error over the interval. Then it fits a polynomial of the same
+degree with the Remez exchange algorithm. That one has the smallest largest error that real coefficients can
+reach ("best"), so the two together say how much a better fit could gain. The script prints both and exits
+with 1 if a stated interval, degree or error does not match.
+
+Errors are absolute, in the unit of the function: EV for log2, 8-bit codes for sRGB. The error of exp2 is
+absolute over [1, 2], so it bounds the relative error.
+"""
+import math
+import pathlib
+import re
+import struct
+import sys
+
+SHADERS = pathlib.Path(__file__).resolve().parent.parent
+KNEE = 0.0031308  # sRGB is linear below it
+
+
+def srgb_codes(x):
+    return 255 * (1.055 * x ** (1 / 2.4) - 0.055)
+
+
+# File, function, argument, sum that the statements build up, the true function, the interval, and the unit of
+# the error as a multiple of the polynomial's value.
+POLYNOMIALS = [
+    ("ingest.comp", "uint fixed_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
+    ("glsl/transfer.glsl", "float exact_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
+    ("glsl/transfer.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
+    ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),
+    ("glsl/transfer.glsl", "vec3 srgb", "s", "high", lambda s: srgb_codes(s**4), (KNEE ** (1 / 4), 1), 255),
+]
+
+
+def float32(value):
+    return struct.unpack("f", struct.pack("f", value))[0]
+
+
+def from_shader(file, function, argument, total):
+    """The polynomial as a function, its degree, and the comment above it."""
+    text = (SHADERS / file).read_text()
+    begin = text.index(function + "(")
+    body = text[begin : text.index("\n}", begin)]
+    comment = " ".join(re.search(r"((?://[^\n]*\n)+)$", text[:begin])[1].replace("//", "").split())
+    number = r"(?<![\w.])\d+\.\d+(?:e[-+]?\d+)?"
+    steps = [re.sub(number, lambda literal: repr(float32(float(literal[0]))), step)
+             for step in re.findall(rf"\b{total} = ([^;]*);", body)]
+    code = [compile(step, function, "eval") for step in steps]
+
+    def polynomial(x):
+        names = {argument: x}
+        for step in code:
+            names[total] = eval(step, {}, names)
+        return names[total]
+
+    return polynomial, len(steps), comment
+
+
+def chebyshev_points(interval, count):
+    middle, half = (interval[0] + interval[1]) / 2, (interval[1] - interval[0]) / 2
+    return [middle - half * math.cos(math.pi * i / (count - 1)) for i in range(count)]
+
+
+def solve(rows):
+    """Gauss-Jordan elimination with pivots; the last entry of a row is its right-hand side."""
+    for column in range(len(rows)):
+        pivot = max(range(column, len(rows)), key=lambda row: abs(rows[row][column]))
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        for row in range(len(rows)):
+            if row != column:
+                factor = rows[row][column] / rows[column][column]
+                rows[row] = [a - factor * b for a, b in zip(rows[row], rows[column])]
+    return [row[-1] / row[i] for i, row in enumerate(rows)]
+
+
+def best_error(truth, interval, degree):
+    """The error of the minimax polynomial: Remez exchange in the Chebyshev basis."""
+    def basis(x):
+        u = (2 * x - interval[0] - interval[1]) / (interval[1] - interval[0])
+        terms = [1.0, u]
+        while len(terms) <= degree:
+            terms.append(2 * u * terms[-1] - terms[-2])
+        return terms
+
+    grid = chebyshev_points(interval, 4001)
+    table = [(basis(x), truth(x)) for x in grid]
+    points = chebyshev_points(interval, degree + 2)
+    for _ in range(20):
+        *weights, level = solve([basis(x) + [(-1) ** i, truth(x)] for i, x in enumerate(points)])
+        errors = [sum(w * b for w, b in zip(weights, row)) - true for row, true in table]
+        extremes = [0]
+        for i, error in enumerate(errors):
+            if (error > 0) != (errors[extremes[-1]] > 0):
+                extremes.append(i)
+            elif abs(error) > abs(errors[extremes[-1]]):
+                extremes[-1] = i
+        # The largest error bounds the best one from above, and the level at the points from below.
+        if max(map(abs, errors)) <= 1.001 * abs(level):
+            return abs(level)
+        while len(extremes) > degree + 2:
+            extremes.pop(0 if abs(errors[extremes[0]]) < abs(errors[extremes[-1]]) else -1)
+        points = [grid[i] for i in extremes]
+    raise ArithmeticError("the exchange did not settle")
+
+
+def main():
+    failures = 0
+    for file, function, argument, total, truth, interval, unit in POLYNOMIALS:
+        polynomial, degree, comment = from_shader(file, function, argument, total)
+        worst = max(abs(unit * polynomial(x) - truth(x)) for x in chebyshev_points(interval, 4001))
+        best = best_error(truth, interval, degree)
+        line = (f"fit: {argument} in [{interval[0]:.6g}, {interval[1]:.6g}], degree {degree}, error {worst:.1e}, "
+                f"best {best:.1e}")
+        stated = line in comment
+        failures += not stated
+        print(f"{file}: {function.split()[1]}: {line}{'' if stated else ', but the comment there says otherwise'}")
+    return failures > 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

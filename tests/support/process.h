@@ -1,0 +1,21 @@
+// Starting a program under test.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+namespace candela {
+
+// A pipe whose ends are not inherited by programs. The owner closes them.
+struct Pipe {
+  Pipe();
+  int ends[2];  // read, write
+};
+
+// Starts `program` with an empty stdin. Its stdout and stderr become these descriptors. It uses the tests'
+// cache folder instead of the user's. Returns -1 if it cannot be started.
+pid_t spawn(const std::string& program, const std::vector<std::string>& arguments, int output, int error);
+
+}  // namespace candela
