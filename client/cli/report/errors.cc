@@ -7,8 +7,9 @@
 #include <cstring>
 #include <utility>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "client/cli/options/enum_words.h"
 #include "client/cli/report/pictures.h"
 
@@ -154,20 +155,41 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
   return row;
 }
 
-// What stands in a page of one image at one tier.
-absl::StatusOr<Json> map_row(const RenderResult& result, Json row, const std::string& folder) {
+// A file name made of `stem` and a word of the server, which may hold any character.
+std::string picture_name(const std::string& stem, std::string word) {
+  std::replace_if(word.begin(), word.end(), [](char c) { return !absl::ascii_isalnum(c) && c != '-'; }, '_');
+  return absl::StrCat(stem, "_", word, ".png");
+}
+
+absl::Status write_picture(const absl::StatusOr<Image>& picture, const std::string& path) {
+  return picture.ok() ? write_image(path, *picture).status() : picture.status();
+}
+
+// Where an image's pictures go: `folder` and the beginning of their names.
+struct PictureFiles {
+  const std::string& folder;
+  const std::string stem;
+};
+
+// The errors of one image at one tier. Writes the error map and, at the bounded tier, the picture.
+absl::StatusOr<Json> map_row(const ReportSession& session, const RenderResult& result, const std::string& tier,
+                             const PictureFiles& files) {
   const uint32_t width = result.header.width(), height = result.header.height();
-  const absl::StatusOr<Image> map = small_error_map(result.error_map, width, height);
-  if (!map.ok()) return map.status();
-  const absl::StatusOr<std::string> png = png_base64(*map, folder);
-  if (!png.ok()) return png.status();
+  Json row = {{"tier", tier}};
   row.update(errors_of(result.header.verify()));
-  row["png"] = *png;
+  row["file"] = picture_name(files.stem + "_errors", tier);
+  absl::Status written = write_picture(small_error_map(result.error_map, width, height),
+                                       absl::StrCat(files.folder, "/", row["file"].get<std::string>()));
+  if (tier == session.bounded_tier()) {
+    written.Update(write_picture(small_picture(result.pixels(), width, height),
+                                 absl::StrCat(files.folder, "/", files.stem, ".png")));
+  }
+  if (!written.ok()) return written;
   return row;
 }
 
 absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& image,
-                               const std::string& folder) {
+                               const PictureFiles& files) {
   Json row = {{"name", image.name},
               {"width", image.image.width},
               {"height", image.image.height},
@@ -181,16 +203,10 @@ absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& 
       maps.push_back(failed({{"tier", tier}}, result.status()));
       continue;
     }
-    const absl::StatusOr<Json> map = map_row(*result, {{"tier", tier}}, folder);
+    absl::StatusOr<Json> map = map_row(session, *result, tier, files);
     if (!map.ok()) return map.status();
-    maps.push_back(*map);
-    if (tier != session.bounded_tier()) continue;
-    const absl::StatusOr<Image> small =
-        small_picture(result->pixels(), image.image.width, image.image.height);
-    if (!small.ok()) return small.status();
-    const absl::StatusOr<std::string> png = png_base64(*small, folder);
-    if (!png.ok()) return png.status();
-    row["picture"] = *png;
+    maps.push_back(*std::move(map));
+    if (tier == session.bounded_tier()) row["file"] = files.stem + ".png";
   }
   row["maps"] = std::move(maps);
   return row;
@@ -249,7 +265,7 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
                                     const std::string& folder) {
   Json rows = Json::array();
   for (const ReportImage& image : images) {
-    absl::StatusOr<Json> row = image_row(session, image, folder);
+    absl::StatusOr<Json> row = image_row(session, image, {folder, absl::StrCat("image_", rows.size() + 1)});
     if (!row.ok()) return row.status();
     rows.push_back(*std::move(row));
   }
