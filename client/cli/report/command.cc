@@ -25,7 +25,8 @@
 namespace candela {
 namespace {
 
-// The version of report.json, which docs/report/format.md describes. A change that breaks a reader increments it.
+// The version of report.json, which docs/report/format.md
+// describes. A change that breaks a reader increments it.
 constexpr int kFormatVersion = 1;
 
 // Verification takes seconds per megapixel, so larger images are cropped to this.
@@ -194,9 +195,9 @@ absl::Status run_report(const ReportOptions& options) {
   progress.clear();
   if (!seconds.ok()) return seconds.status();
   if (options.quiet) return absl::OkStatus();
-  return print(
-      absl::StrFormat("%s/index.html: measured in %.0f s; report.json, the pictures and the tables as CSV are beside it\n",
-                      options.directory, *seconds));
+  return print(absl::StrFormat(
+      "%s/index.html: measured in %.0f s; report.json, the pictures and the tables as CSV are beside it\n",
+      options.directory, *seconds));
 }
 
 }  // namespace candela

@@ -16,7 +16,7 @@ file(WRITE ${OUTPUT} "// Made from ${PAGE} by embed.cmake.
 namespace candela {
 
 static constexpr char kBytes[] = {${bytes}};
-const std::string_view kPageTemplate(kBytes, sizeof kBytes);
+const absl::string_view kPageTemplate(kBytes, sizeof kBytes);
 
 }  // namespace candela
 ")

@@ -43,7 +43,7 @@ bool all_finite(const RenderResult& result) {
   return true;
 }
 
-// Of R, G and B together.
+// The sum of R, G and B over all pixels.
 double summed_light(const RenderResult& result) {
   double sum = 0;
   for (size_t i = 0; i < pixel_count(result); ++i) {
@@ -52,7 +52,7 @@ double summed_light(const RenderResult& result) {
   return sum;
 }
 
-// Of an RGBA8 result's R, G and B.
+// Smallest, largest and mean code of R, G and B of an RGBA8 result.
 Json picture_codes(const RenderResult& result) {
   int least = 255, most = 0;
   double sum = 0;
@@ -80,7 +80,7 @@ Json failed(Json row, const absl::Status& status) {
   return row;
 }
 
-// A verified frame and the same as floats.
+// Renders a frame twice: verified as codes, and as floats to check that every value is finite.
 Json verified_row(const ReportSession& session, Json row, v1::Settings settings, const Image& frame,
                   const std::optional<v1::ExposureState>& previous) {
   const absl::StatusOr<RenderResult> codes =
@@ -104,7 +104,7 @@ Json verified_row(const ReportSession& session, Json row, v1::Settings settings,
   return row;
 }
 
-// Low enough that the light does not reach 1, which would hide what it does.
+// The exposure is so low that the light stays below 1, where clipping would hide how it varies.
 v1::Settings highlight_settings(const std::string& tier, bool weights) {
   v1::Settings settings = ReportSession::settings(tier);
   settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -144,8 +144,9 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
   if (!frame.ok()) return frame.status();
   const v1::Settings settings = highlight_settings(tier, weights);
   const std::string expected =
-      weights ? "its light varies: the weights' price" : "its light varies by 0.3 % at most";
-  const std::string name = weights ? "highlight moving by 1/8 pixel" : "the same, without firefly weights";
+      weights ? "its light varies, which is the price of the weights" : "its light varies by 0.3 % at most";
+  const std::string name =
+      weights ? "highlight moving by 1/8 pixel" : "highlight moving by 1/8 pixel, without firefly weights";
   Json row = verified_row(session, row_of(name, expected, *frame, tier), settings, *frame, std::nullopt);
   if (row.contains("error")) return row;
   const absl::StatusOr<double> varies = flicker(session, settings);
@@ -157,7 +158,8 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
 
 // A file name made of `stem` and a word of the server, which may hold any character.
 std::string picture_name(const std::string& stem, std::string word) {
-  std::replace_if(word.begin(), word.end(), [](char c) { return !absl::ascii_isalnum(c) && c != '-'; }, '_');
+  std::replace_if(
+      word.begin(), word.end(), [](char c) { return !absl::ascii_isalnum(c) && c != '-'; }, '_');
   return absl::StrCat(stem, "_", word, ".png");
 }
 
@@ -172,8 +174,8 @@ struct PictureFiles {
 };
 
 // The errors of one image at one tier. Writes the error map and, at the bounded tier, the picture.
-absl::StatusOr<Json> map_row(const ReportSession& session, const RenderResult& result, const std::string& tier,
-                             const PictureFiles& files) {
+absl::StatusOr<Json> map_row(const ReportSession& session, const RenderResult& result,
+                             const std::string& tier, const PictureFiles& files) {
   const uint32_t width = result.header.width(), height = result.header.height();
   Json row = {{"tier", tier}};
   row.update(errors_of(result.header.verify()));
@@ -212,7 +214,7 @@ absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& 
   return row;
 }
 
-// A stage's largest error so far.
+// The largest error of a stage so far.
 struct Worst {
   const char* key;
   const char* stage;
@@ -234,7 +236,7 @@ struct Worst {
   }
 };
 
-// The smallest frame whose share of differing components says something: one of a 1x1 frame is a third of it.
+// Smaller frames do not count for the share of differing components: one component is a third of a 1x1 frame.
 constexpr double kCountedComponents = 1000;
 
 }  // namespace
@@ -277,8 +279,8 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
   if (!frame.ok()) return frame.status();
   Json rows = Json::array();
   for (const int value : session.info().curves()) {
-    // A table's own error is no stage's: that of aces-1 is published by its size, and a client's table is the
-    // client's.
+    // The error of a table is not the error of a stage: docs/pipeline.md gives that of aces-1 by table size,
+    // and a client's table is the client's choice.
     if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE) continue;
     const std::string word = word_of(static_cast<v1::ToneCurve>(value));
     session.show("curve: " + word);

@@ -1,7 +1,8 @@
+#include "client/cli/report/files.h"
+
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
-#include "client/cli/report/files.h"
 #include "client/image/write/atomic_file.h"
 
 namespace candela {
@@ -97,8 +98,8 @@ std::string json_text(const Json& report, int indent) {
   return report.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
-// The page with the report in it. JSON needs '<' in strings only, where an escape says the same. Without any '<' the
-// text cannot end the element that it stands in.
+// The page with the report in it. JSON needs '<' in strings only, where an escape says the same. Without any
+// '<' the text cannot end the element that it stands in.
 std::string page_of(const Json& report) {
   constexpr char kPlaceholder[] = "id=\"report\">null<";
   const std::string text = absl::StrReplaceAll(json_text(report, -1), {{"<", "\\u003c"}});

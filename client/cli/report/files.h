@@ -2,19 +2,19 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 
 #include "absl/status/status.h"
+#include "absl/strings/string_view.h"
 #include "client/cli/report/session.h"
 
 namespace candela {
 
 // page.html with its scripts and without data; made by embed.cmake.
-extern const std::string_view kPageTemplate;
+extern const absl::string_view kPageTemplate;
 
-// Writes report.json, index.html, times.csv, hard_cases.csv and aces.csv into `folder`. Each file appears whole or not
-// at all. docs/report/format.md describes `report`. The page loads nothing but the pictures, which are in `folder`
-// already.
+// Writes report.json, index.html, times.csv, hard_cases.csv and aces.csv into `folder`. Each file appears
+// whole or not at all. docs/report/format.md describes `report`. The page loads nothing but the pictures,
+// which are in `folder` already.
 absl::Status write_report(const Json& report, const std::string& folder);
 
 }  // namespace candela

@@ -53,7 +53,7 @@ Texel ramp(uint32_t x, uint32_t y) {
   return {0.01f * static_cast<float>(x % 97 + 1), 0.5f, 0.02f * static_cast<float>(y % 53 + 1), 1.0f};
 }
 
-// In [0, 1): the PCG hash of M. Jarzynski and L. Olano's survey (JCGT 9(3), 2020).
+// Noise in [0, 1): the PCG hash from the survey by M. Jarzynski and L. Olano (JCGT 9(3), 2020).
 float noise(uint32_t index, uint32_t channel) {
   uint32_t v = index + 16777259u * channel;
   v = v * 747796405u + 2891336453u;
@@ -62,7 +62,7 @@ float noise(uint32_t index, uint32_t channel) {
   return static_cast<float>(v >> 8) * 0x1p-24f;
 }
 
-// A full hue of largest component 1 and smallest 0.
+// A fully saturated hue: its largest component is 1 and its smallest 0.
 Texel hue(float turn) {
   const auto part = [turn](float shift) {
     const float t = 6 * (turn + shift - std::floor(turn + shift));
@@ -94,12 +94,12 @@ std::vector<CaseShape> case_shapes() {
       {"all black", "black at the largest exposure", kW, kH, everywhere(0)},
       {"all 65504", "white at the smallest exposure", kW, kH, everywhere(kMax)},
       {"one 65504 on 1e-4", "sums and bloom stay finite", kW, kH, alone(kMax, 1e-4f)},
-      {"one NaN", "taken as 0", kW, kH, alone(kNan, 0.18f)},
-      {"all NaN", "taken as 0: black", kW, kH, everywhere(kNan)},
-      {"one +Inf", "taken as 65504", kW, kH, alone(kInf, 0.18f)},
-      {"all +Inf", "taken as 65504: white", kW, kH, everywhere(kInf)},
-      {"one -Inf", "taken as -65504, shown as 0", kW, kH, alone(-kInf, 0.18f)},
-      {"all -Inf", "taken as -65504: black", kW, kH, everywhere(-kInf)},
+      {"one NaN", "treated as 0", kW, kH, alone(kNan, 0.18f)},
+      {"all NaN", "treated as 0: black", kW, kH, everywhere(kNan)},
+      {"one +Inf", "treated as 65504", kW, kH, alone(kInf, 0.18f)},
+      {"all +Inf", "treated as 65504: white", kW, kH, everywhere(kInf)},
+      {"one -Inf", "treated as -65504, shown as 0", kW, kH, alone(-kInf, 0.18f)},
+      {"all -Inf", "treated as -65504: black", kW, kH, everywhere(-kInf)},
       {"one negative", "kept, shown as 0", kW, kH, alone(-3, 0.18f)},
       {"all negative", "kept, shown black", kW, kH, everywhere(-3)},
       {"one denormal", "kept", kW, kH, alone(0x1p-20f, 0.18f)},
@@ -111,9 +111,9 @@ std::vector<CaseShape> case_shapes() {
       {"checkerboard of 0 and 65504", "sums and bloom stay finite", kW, kH, checkers},
       {"step from black to 65504 in 1/24 s", "exposure falls at its speed", kW, kH, everywhere(kMax),
        state(64, 1.0 / 24)},
-      {"elapsed 0 s", "exposure stays", kW, kH, ramp, state(64, 0)},
-      {"elapsed 1e-9 s", "exposure all but stays", kW, kH, ramp, state(64, 1e-9)},
-      {"elapsed 1e9 s", "exposure arrives", kW, kH, ramp, state(64, 1e9)},
+      {"elapsed 0 s", "exposure does not change", kW, kH, ramp, state(64, 0)},
+      {"elapsed 1e-9 s", "exposure barely changes", kW, kH, ramp, state(64, 1e-9)},
+      {"elapsed 1e9 s", "exposure reaches its target", kW, kH, ramp, state(64, 1e9)},
   };
 }
 

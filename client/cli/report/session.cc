@@ -11,7 +11,7 @@
 namespace candela {
 namespace {
 
-// Ends a wait for a server that will never answer.
+// Ends the wait for a server that never answers.
 constexpr absl::Duration kFrameTimeout = absl::Minutes(10);
 
 }  // namespace
