@@ -4,7 +4,7 @@
 const ERROR_FLOOR = 1e-6;  // codes; smaller errors have no place on a log scale and are drawn here
 const BEYOND_SCALE = 8;    // the chart of the stages omits tiers that take this many times the fastest one's time
 const COLORS = ["#1b4f8a", "#d9822b", "#3f8f82", "#777777", "#7b3f7d", "#a3932f", "#c0504d"];
-const LETTER = 6.9;        // pixels: an upper estimate of a letter's width at the charts' font size
+const LETTER = 7.2;        // pixels: an upper estimate of a letter's width at the charts' font size
 
 const charts = [];
 
@@ -124,7 +124,7 @@ function drawTimeAgainstError(width) {
   const {root, box} = area;
   const x = logScale(rows.flatMap((row) => [row.device_ms.p10, row.device_ms.p90]), box.left, box.right, width / 70);
   const y = logScale([...rows.map(codes), 0.5], box.bottom, box.top, 10, 3);
-  xAxis(area, x, "device time of a frame, ms (median; bars from p10 to p90)");
+  xAxis(area, x, "device time of a frame, ms (median, p10 .. p90)");
   yAxis(area, y, "largest error, codes");
   root.append(line(box.left, y.at(0.5), box.right, y.at(0.5), {stroke: "#b00020", "stroke-dasharray": "5 4"}),
     label(box.right, y.at(0.5) - 5, "0.5 code", {"text-anchor": "end", fill: "#b00020"}));
@@ -147,12 +147,13 @@ function drawTimePerMegapixel(width) {
     const megapixels = row.width * row.height * 1e-6, {p10, median, p90} = row.device_ms;
     return {tier: row.tier, megapixels, p10: p10 / megapixels, median: median / megapixels, p90: p90 / megapixels};
   });
-  const area = frame(width, tierNames().map((tier, i) => ({text: `tier ${tier}`, sign: dot(i, COLORS[i % COLORS.length])})));
+  const area = frame(width,
+    tierNames().map((tier, i) => ({text: `tier ${tier}`, sign: dot(i, COLORS[i % COLORS.length])})));
   const {root, box} = area;
   const x = logScale(points.map((point) => point.megapixels), box.left, box.right, width / 70);
   const y = logScale(points.flatMap((point) => [point.p10, point.p90]), box.bottom, box.top, 9);
   xAxis(area, x, "frame size, megapixels");
-  yAxis(area, y, "device time, ms per megapixel (median; bars from p10 to p90)");
+  yAxis(area, y, "device time, ms per megapixel (median, p10 .. p90)");
   for (const tier of tierNames()) {
     const color = COLORS[tierIndex(tier) % COLORS.length], row = points.filter((point) => point.tier === tier);
     root.append(svg("polyline", {

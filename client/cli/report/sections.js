@@ -55,20 +55,20 @@ function timesRow(row) {
 function times() {
   return [
     paragraph("Each point is a tier at a frame size. Points further left are faster, and lower points are more "
-      + "accurate. A line is the Pareto front of its size: the least error for the time. A tier above the line of its "
-      + "size is beaten by another one. The error is the largest of any pixel against the float64 reference, in "
-      + "codes of 1/255 before quantising, on the sample scene with default settings. Above 0.5 codes an 8-bit "
-      + "picture may differ by more than one code. "
+      + "accurate. A line is the Pareto front of its size: the least error for the time. Bars reach from p10 to "
+      + "p90. A tier above the line of its size is beaten by another one. The error is the largest of any pixel against "
+      + "the float64 reference, in codes of 1/255 before quantising, on the sample scene with default settings. Above "
+      + "0.5 codes an 8-bit picture may differ by more than one code. "
       + `Errors under ${tickWords(ERROR_FLOOR)} codes, including 0, are drawn at ${tickWords(ERROR_FLOOR)}.`),
     ...(verified().length ? [chart(drawTimeAgainstError)] : []),
     table(["size", "tier", "device, ms (p10 .. p90)", "memcpy, ms", "times a memcpy", "whole call, ms", "frames",
       "max error", "p99.9", "mean"], report.times.map(timesRow)),
-    paragraph("Device time is the sum of the stages without the queue: the median, with the 10th and 90th percentile in "
-      + "parentheses. The memcpy copies the input frame (8 bytes per pixel) once next to every timed frame; it shows what "
-      + "touching that memory costs on this machine at that moment. The whole call is the time that a client waits. "
-      + "Errors are in codes."),
+    paragraph("Device time is the sum of the stages without the queue: the median, with the 10th and 90th percentile "
+      + "in parentheses. The memcpy copies the input frame (8 bytes per pixel) once next to every timed frame; it shows "
+      + "what touching that memory costs on this machine at that moment. The whole call is the time that a client "
+      + "waits. Errors are in codes."),
     html("h3", {}, "Time per megapixel"),
-    paragraph("A level line means that the time is proportional to the number of pixels."),
+    paragraph("A level line means that the time is proportional to the number of pixels. Bars reach from p10 to p90."),
     ...(timed().length ? [chart(drawTimePerMegapixel)] : []),
   ];
 }
@@ -80,8 +80,8 @@ function stageWords(row) {
 function stages() {
   if (!timed().length) return [paragraph("No tier was timed.")];
   return [
-    paragraph(`The chart shows the medians at ${size(stageRows()[0])}, the largest size at which the most tiers were timed. `
-      + `Tiers that take more than ${BEYOND_SCALE} times as long as the fastest are only in the table.`),
+    paragraph(`The chart shows the medians at ${size(stageRows()[0])}, the largest size at which the most tiers were `
+      + `timed. Tiers that take more than ${BEYOND_SCALE} times as long as the fastest are only in the table.`),
     chart(drawStages),
     table(["size", "tier", "stages, ms: median (p10 .. p90)"],
       timed().map((row) => [size(row), row.tier, stageWords(row)])),
@@ -149,8 +149,9 @@ function figure(file, caption) {
 
 function errorMap(map) {
   if (map.error) return paragraph(`${map.tier}: ${map.error}`);
-  return figure(map.file, `${map.tier}: at most ${short(map.max_error_codes)} codes, p99.9 ${short(map.p999_error_codes)}, `
-    + `mean ${short(map.mean_error_codes)}; ${short(100 * map.differing_components)} % of components differ once quantised`);
+  const {max_error_codes: max, p999_error_codes: p999, mean_error_codes: mean, differing_components: differing} = map;
+  return figure(map.file, `${map.tier}: at most ${short(max)} codes, p99.9 ${short(p999)}, mean ${short(mean)}; `
+    + `${short(100 * differing)} % of components differ once quantised`);
 }
 
 function errorMaps() {
