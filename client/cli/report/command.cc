@@ -17,6 +17,7 @@
 #include "client/cli/files/error_map.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/report/aces.h"
+#include "client/cli/report/bounds.h"
 #include "client/cli/report/errors.h"
 #include "client/cli/report/files.h"
 #include "client/cli/report/times.h"

@@ -1,6 +1,5 @@
-// The errors of a report: hard cases, images and curves against the reference, and
-// each stage against its bound. Each function returns the part of report.json that
-// it names; docs/report/format.md describes the rows.
+// The errors of a report: hard cases, images and curves against the reference. Each function returns the part
+// of report.json that it names; docs/report/format.md describes the rows.
 #pragma once
 
 #include <string>
@@ -27,19 +26,5 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
 
 // `curves`: every curve of the server on a small sample scene at bounded_tier().
 absl::StatusOr<Json> measure_curves(const ReportSession& session);
-
-// The first row of `stage_errors`: renders every half as linear
-// light and compares it with the rules of the pipeline.
-absl::StatusOr<Json> measure_ingest(const ReportSession& session);
-
-// The measurements that are compared with the bounds, at bounded_tier().
-struct Measured {
-  const Json& hard_cases;
-  const Json& curves;
-  const Json& images;
-};
-
-// The other rows of `stage_errors`.
-Json judge_stages(const ReportSession& session, const Measured& measured);
 
 }  // namespace candela

@@ -9,7 +9,7 @@
 
 namespace candela {
 
-// page.html with its scripts and without data; made by embed.cmake.
+// page/page.html with its scripts and without data. page/embed.cmake makes it.
 extern const absl::string_view kPageTemplate;
 
 // Writes report.json, index.html, times.csv, hard_cases.csv and aces.csv into `folder`. Each file appears

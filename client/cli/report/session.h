@@ -61,4 +61,8 @@ class ReportSession {
 bool is_device_stage(const v1::StageTime& stage);
 double device_ms(const v1::ResultHeader& header);
 
+// The size of an RGBA16F result in pixels, and component `k` of its pixel `i`.
+size_t pixel_count(const RenderResult& result);
+float component(const RenderResult& result, size_t i, size_t k);
+
 }  // namespace candela
