@@ -1,4 +1,4 @@
-// candela: the command.
+// The `candela` command: process setup, dispatch to a subcommand, and exit codes.
 #include <fcntl.h>
 #include <grpc/support/log.h>
 #include <unistd.h>
@@ -21,7 +21,8 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
 
-// A stream that the caller closed must not become the image file, with our messages in it.
+// Opens stdin, stdout and stderr if the caller closed them. Otherwise an image file could get one of their
+// descriptors and our messages with it.
 void open_closed_streams() {
   int descriptor = open("/dev/null", O_RDWR);
   while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);
@@ -33,7 +34,7 @@ void end_by_signal(int signal) {
   std::raise(signal);
 }
 
-// Signals that end the command leave no hidden file behind, and end it still.
+// Makes the signals that end the command remove its temporary files first.
 void clean_up_on_signals() {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     struct sigaction before {};
@@ -76,9 +77,9 @@ absl::Status run_line(int argc, char** argv) try {
 int run(int argc, char** argv) {
   open_closed_streams();
   clean_up_on_signals();
-  // A closed pipe is an error of the write, not the end.
+  // Writing to a closed pipe returns an error instead of ending the process.
   std::signal(SIGPIPE, SIG_IGN);
-  // What gRPC has to say also comes back as a status.
+  // gRPC's log lines repeat what its statuses say.
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
   const absl::Status status = run_line(argc, argv);
   if (status.ok()) return 0;

@@ -1,12 +1,11 @@
-// `candela report`: a measured page, and its data.
+// `candela report`: the data, the page and the tables.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
 #include <map>
 #include <set>
 
 #include "tests/cli/command.h"
+#include "tests/cli/images.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -14,17 +13,38 @@ namespace {
 
 using nlohmann::json;
 
-// Every null, and every text that says nothing.
+// Collects the paths of all nulls.
 void find_blanks(const json& value, const std::string& where, std::vector<std::string>& blanks) {
   if (value.is_null()) blanks.push_back(where);
   if (!value.is_structured()) return;
   for (const auto& [key, item] : value.items()) find_blanks(item, where + "/" + key, blanks);
 }
 
+void expect_png(const std::string& folder, const std::string& name) {
+  EXPECT_EQ(read_file(folder + "/" + name).substr(1, 3), "PNG") << name;
+}
+
+// The page holds the whole report, escaped so that it cannot end
+// its element, and the scripts. It loads nothing else.
+void expect_page_holds(const std::string& page, const json& report) {
+  const std::string begin_tag = "<script type=\"application/json\" id=\"report\">";
+  const size_t begin = page.find(begin_tag);
+  ASSERT_NE(begin, std::string::npos);
+  const size_t text = begin + begin_tag.size(), end = page.find('<', text);
+  EXPECT_EQ(page.compare(end, 9, "</script>"), 0);
+  EXPECT_EQ(json::parse(page.substr(text, end - text)), report);
+  EXPECT_NE(page.find("drawPage();"), std::string::npos);
+  EXPECT_NE(page.find("</html>"), std::string::npos);
+  for (const char* outside : {"src=\"", "href=\"", "<link", "@import", "url("}) {
+    EXPECT_EQ(page.find(outside), std::string::npos) << outside;
+  }
+}
+
 TEST(MeasurementReport, WritesAWholePageAndItsData) {
   const TemporaryFolder folder;
-  const std::string at = folder.path("report");
-  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02"});
+  const std::string at = folder.path("report"), image = folder.path("a<b>.exr");
+  write_small_exr(image);
+  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", image});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
 
@@ -68,42 +88,16 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   EXPECT_NE(scenes.at("nothing bright").dump().find("no bloom: nothing passes"), std::string::npos);
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
 
-  const std::string page = read_file(at + "/index.html");
-  for (const char* words :
-       {"<svg", "data:image/png;base64,", "Pareto front", "candela report DIR --quick", "</html>"}) {
-    EXPECT_NE(page.find(words), std::string::npos) << words;
+  EXPECT_EQ(report.at("format"), "candela report");
+  EXPECT_EQ(report.at("version"), 1);
+  for (const json& image : report.at("images")) {
+    expect_png(at, image.at("file"));
+    for (const json& map : image.at("maps")) expect_png(at, map.at("file"));
   }
-  for (const char* outside : {"src=\"http", "href=\"http", "href='http", "<script", "<link", "@import"}) {
-    EXPECT_EQ(page.find(outside), std::string::npos) << outside;
-  }
+  expect_page_holds(read_file(at + "/index.html"), report);
   for (const char* table : {"/times.csv", "/hard_cases.csv", "/aces.csv"}) {
     EXPECT_NE(read_file(at + table).find(','), std::string::npos) << table;
   }
-}
-
-TEST(MeasurementReport, WithoutGnuplotItSaysWhatToInstallAndWritesNothing) {
-  const TemporaryFolder folder;
-  const std::string path = std::getenv("PATH");
-  setenv("PATH", folder.path("empty").c_str(), 1);
-  const Outcome outcome = candela({"report", folder.path("report")});
-  setenv("PATH", path.c_str(), 1);
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("gnuplot-nox"), std::string::npos) << outcome.err;
-  EXPECT_EQ(folder.list(), std::vector<std::string>{});
-}
-
-TEST(MeasurementReport, AGnuplotThatFailsGivesItsReason) {
-  const TemporaryFolder folder;
-  const std::string gnuplot = folder.path("gnuplot");
-  write_file(gnuplot, "#!/bin/sh\necho 'no terminal\n  svg' >&2\nexit 3\n");
-  std::filesystem::permissions(gnuplot, std::filesystem::perms::owner_all);
-  const std::string path = std::getenv("PATH");
-  setenv("PATH", folder.path("").c_str(), 1);
-  const Outcome outcome = candela({"report", folder.path("report")});
-  setenv("PATH", path.c_str(), 1);
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("it ended with code 3: no terminal svg"), std::string::npos) << outcome.err;
-  EXPECT_EQ(folder.list(), std::vector<std::string>{"gnuplot"});
 }
 
 TEST(MeasurementReport, SizesAreNumbersInTheirRange) {

@@ -1,4 +1,4 @@
-// What the command says about its work: JSON, text, notes and information.
+// The reports of the commands: JSON, text, notes and server information.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -67,7 +67,7 @@ TEST_F(Report, AVerifiedFrameSaysHowFarItIsOff) {
     EXPECT_GT(frame.at("stage_ms").at("verify"), 0) << name;
   }
   const Outcome text = candela({"render", in_, out_, "--verify"});
-  EXPECT_NE(text.out.find("off the float64 reference by at most"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("error against the float64 reference: at most"), std::string::npos) << text.out;
 }
 
 TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
@@ -84,7 +84,7 @@ TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
     EXPECT_EQ(frame.at("error_map").at("most_codes"), 10);
     const std::string scale = frame.at("error_map").at("scale");
     EXPECT_NE(read_file(map).find("tEXtDescription" + std::string(1, '\0') + scale), std::string::npos);
-    // With the legend below, and beside a map that is narrower.
+    // The legend is below the map, and a map that is narrower than the legend is padded.
     EXPECT_GE(png_facts(map).width, 31u);
     EXPECT_GT(png_facts(map).height, 17u);
     const Outcome text = candela({"render", in_, out_, "--error-map", map});

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <thread>
@@ -238,6 +239,25 @@ TEST_F(Stream, TheExposurePlotIsDrawn) {
   }
 }
 
+TEST_F(Stream, WithoutAWorkingGnuplotThePlotIsRefusedBeforeTheWork) {
+  make_frames(1);
+  const std::string bin = folder_.path("bin"), path = std::getenv("PATH");
+  std::filesystem::create_directory(bin);
+  const auto plot = [&] {
+    setenv("PATH", bin.c_str(), 1);
+    const Outcome outcome =
+        candela({"stream", in(), folder_.path("out"), "--exposure-plot", folder_.path("plot.svg")});
+    setenv("PATH", path.c_str(), 1);
+    EXPECT_EQ(outcome.code, 1);
+    EXPECT_FALSE(std::filesystem::exists(folder_.path("out")));
+    return outcome.err;
+  };
+  EXPECT_NE(plot().find("install the package gnuplot-nox"), std::string::npos);
+  write_file(bin + "/gnuplot", "#!/bin/sh\necho 'no terminal\n  svg' >&2\nexit 3\n");
+  std::filesystem::permissions(bin + "/gnuplot", std::filesystem::perms::owner_all);
+  EXPECT_NE(plot().find("it ended with code 3: no terminal svg"), std::string::npos);
+}
+
 TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
   make_frames(40, "320x200");
   stream({}, "whole");
@@ -259,7 +279,7 @@ TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
                                    "--server", first.address() + "," + second.address()});
   killer.join();
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.err.find("went on on " + second.address()), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("resumed on " + second.address()), std::string::npos) << outcome.err;
   const Json summary = lines_of(read_file(folder_.path("json"))).back().at("summary");
   EXPECT_EQ(summary.at("resumes"), 1) << summary;
   EXPECT_EQ(summary.at("server"), second.address());
@@ -279,7 +299,7 @@ TEST_F(Stream, WrongUseIsSaidInOneLine) {
   const std::string out = folder_.path("out");
   for (const Case& c :
        std::vector<Case>{{{in()}, "out/%04d.png"},
-                         {{in(), out + "/one.png"}, "is one file"},
+                         {{in(), out + "/one.png"}, "is a single file"},
                          {{in(), out + "/%04d-%d.png"}, "a pattern has one number"},
                          {{in(), out + "/%x.png"}, "a pattern has one number"},
                          {{in(), out + "/%d.gif"}, "use .png"},

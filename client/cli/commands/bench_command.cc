@@ -17,7 +17,7 @@
 namespace candela {
 namespace {
 
-// Media time of a session that runs as fast as it goes.
+// The frame rate of the media time if --fps max sends frames as fast as possible.
 constexpr double kNominalFps = 24;
 
 constexpr absl::Duration kWarmUpTimeout = absl::Minutes(5);
@@ -30,7 +30,7 @@ double ms_of(const v1::ResultHeader& header, bool queue) {
   return ms;
 }
 
-// One session under load: a thread that submits and one that takes results.
+// One session under load, with a thread that submits frames and a thread that takes results.
 class Load {
  public:
   Load(const BenchOptions& options, Session session, std::shared_ptr<const Image> frame)
@@ -41,7 +41,7 @@ class Load {
     taking_ = std::thread([this, begin] { take(begin); });
   }
 
-  // Waits until the last result is here. Why the session ended, if it did not end well.
+  // Waits for the last result. Returns why the session failed, if it did.
   absl::Status finish() {
     submitting_.join();
     taking_.join();
@@ -54,7 +54,7 @@ class Load {
   BenchSession take_result() { return std::move(result_); }
   uint64_t returned_bytes() const { return returned_bytes_; }
   uint64_t answered() const { return answered_; }
-  // Whether no more images come.
+  // True once no more images will come.
   bool ended() const { return ended_; }
 
  private:
@@ -102,7 +102,7 @@ class Load {
         continue;
       }
       const double done_s = absl::ToDoubleSeconds(absl::Now() - begin);
-      // What is still under way at the end is waited for and not counted.
+      // Results after the end are awaited but not counted.
       if (done_s > absl::ToDoubleSeconds(options_.duration)) continue;
       returned_bytes_ += result.image.bytes;
       result_.frames.push_back({done_s, absl::ToDoubleMilliseconds(result.latency),
@@ -113,18 +113,18 @@ class Load {
   const BenchOptions& options_;
   Session session_;
   const std::shared_ptr<const Image> frame_;
-  BenchSession result_;  // the taking thread's, until finish()
+  BenchSession result_;  // belongs to the taking thread until finish()
   absl::Status status_;
   uint64_t returned_bytes_ = 0;
   std::atomic<uint64_t> answered_ = 0;
   std::atomic<bool> ended_ = false;
   uint64_t failed_ = 0;
-  uint64_t dropped_ = 0;  // the submitting thread's
+  uint64_t dropped_ = 0;  // belongs to the submitting thread until finish()
   std::thread submitting_;
   std::thread taking_;
 };
 
-// A server's first frame waits for the driver's compiling.
+// The first frame of a server waits until the driver has compiled the shaders.
 absl::Status warm_up(ServerLink& link, const Image& frame) {
   const absl::StatusOr<const Connection*> server = link.connection();
   if (!server.ok()) return server.status();
@@ -161,7 +161,7 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
     uint64_t answered = 0;
     for (const auto& load : loads) answered += load->answered();
     if (std::all_of(loads.begin(), loads.end(), [](const auto& load) { return load->ended(); })) break;
-    progress.show_bar(s / all, absl::StrFormat("%d frames, %.1f a second, %.0f s left", answered,
+    progress.show_bar(s / all, absl::StrFormat("%d frames, %.1f per second, %.0f s left", answered,
                                                s > 0 ? static_cast<double>(answered) / s : 0, all - s));
     absl::SleepFor(absl::Seconds(std::min(0.2, std::max(0.001, all - s))));
   }

@@ -16,7 +16,7 @@ constexpr size_t kWindows = 10;
 constexpr size_t kStableWindows = 3;
 constexpr double kStableWithin = 0.1;
 
-// Sorted values of all frames.
+// The values of all frames, ascending.
 std::vector<double> sorted(const BenchReport& report, double BenchFrame::*member) {
   std::vector<double> values;
   for (const BenchSession& session : report.sessions) {
@@ -26,7 +26,7 @@ std::vector<double> sorted(const BenchReport& report, double BenchFrame::*member
   return values;
 }
 
-// Nearest rank; 0 where there is none.
+// By nearest rank; 0 if there are no values.
 double percentile(const std::vector<double>& values, double percent) {
   if (values.empty()) return 0;
   const double rank = std::ceil(percent / 100 * static_cast<double>(values.size()));
@@ -47,7 +47,7 @@ std::vector<double> session_rates(const BenchReport& report) {
   return rates;
 }
 
-// Jain's index: 1 where all get the same, 1/n where one gets everything.
+// Jain's fairness index: 1 if all sessions get the same rate, 1/n if one gets everything.
 double jain(const std::vector<double>& rates) {
   double all = 0, squares = 0;
   for (const double rate : rates) {
@@ -105,23 +105,22 @@ std::string to_text(const BenchOptions& options, const BenchReport& report) {
                            values.empty() ? 0 : values.back());
   };
   line("throughput",
-       absl::StrFormat("%.2f frames a second, %.1f megapixels a second, %.0f MiB/s there and %.0f MiB/s back",
-                       rate, rate * megapixels(options),
-                       rate * static_cast<double>(report.sent_bytes) / (1 << 20),
+       absl::StrFormat("%.2f frames/s, %.1f megapixels/s, %.0f MiB/s sent, %.0f MiB/s received", rate,
+                       rate * megapixels(options), rate * static_cast<double>(report.sent_bytes) / (1 << 20),
                        static_cast<double>(report.returned_bytes) / report.seconds / (1 << 20)));
   line("latency", times(&BenchFrame::latency_ms));
   line("queue wait", times(&BenchFrame::queue_ms));
   line("device", times(&BenchFrame::device_ms));
-  line("lost", absl::StrFormat("%d dropped before they were sent, %d failed, %d resumes",
+  line("lost", absl::StrFormat("%d frames dropped before sending, %d failed, %d resumes",
                                sum(report, &BenchSession::dropped), sum(report, &BenchSession::failed),
                                sum(report, &BenchSession::resumes)));
   const std::vector<double> rates = session_rates(report);
   const auto [least, most] = std::minmax_element(rates.begin(), rates.end());
   line("fairness",
-       absl::StrFormat("%.2f .. %.2f frames a second each, Jain %.4f", *least, *most, jain(rates)));
+       absl::StrFormat("%.2f .. %.2f frames/s per session, Jain index %.4f", *least, *most, jain(rates)));
   const auto format = [](std::string* out, double value) { absl::StrAppendFormat(out, "%.1f", value); };
-  line("windows", absl::StrFormat("%s frames a second: %s", absl::StrJoin(window_rates(report), " ", format),
-                                  is_stable(report) ? "stable, the last three agree within 10 %"
+  line("windows", absl::StrFormat("%s frames/s: %s", absl::StrJoin(window_rates(report), " ", format),
+                                  is_stable(report) ? "stable, the last three differ by at most 10 %"
                                                     : "not stable, the last three differ by more than 10 %"));
   return text;
 }

@@ -1,5 +1,5 @@
-// The subcommands. Each prints what it did, unless told not to, and returns why it could not; usage errors
-// (see usage.h) are those that only showed while working.
+// The subcommands. Each prints what it did, unless --quiet is set, and returns its failure. It returns a
+// usage error (see usage.h) if a wrong option only shows while it works.
 #pragma once
 
 #include "absl/status/status.h"

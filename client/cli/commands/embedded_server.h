@@ -1,4 +1,5 @@
-// A whole server inside of this process: the client's one door into server/.
+// The built-in server: a whole candela server in this process. Only
+// this file and its .cc let the client use server/.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -12,17 +13,18 @@ namespace candela {
 
 class Server;
 
-// Any thread.
+// Usable from any thread.
 class EmbeddedServer {
  public:
-  // Sets the driver's environment. Call before start() if that runs beside other threads; those may read it.
+  // Sets the environment variables of the Vulkan driver. Call it before
+  // other threads start, because they may read the environment.
   static void prepare();
 
-  // Takes hundreds of milliseconds. `device` as candelad's --device.
+  // Takes hundreds of milliseconds. `device` means the same as candelad's --device.
   static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const std::string& device);
   ~EmbeddedServer();
 
-  // Not to be used after the server is gone.
+  // Do not use the channel after this object is destroyed.
   std::shared_ptr<grpc::Channel> channel() const;
 
  private:

@@ -14,7 +14,7 @@
 namespace candela {
 namespace {
 
-// Ends a wait for a server that will never answer.
+// Ends the wait for a server that never answers.
 constexpr absl::Duration kMeterTimeout = absl::Minutes(10);
 constexpr int kBarCells = 48;
 
@@ -22,7 +22,7 @@ double bin_ev(const v1::MeterResponse& metered, int bin) {
   return metered.histogram_first_ev() + static_cast<double>(bin) / metered.histogram_bins_per_ev();
 }
 
-// The bins of each whole EV together, from the first that is not empty to the last.
+// Sums the bins of each whole EV, from the first EV that is not empty to the last.
 std::vector<std::pair<int, double>> by_ev(const v1::MeterResponse& metered) {
   std::vector<std::pair<int, double>> rows;
   if (metered.histogram_bins_per_ev() == 0) return rows;
@@ -61,7 +61,7 @@ std::string to_text(const std::string& path, const Image& image, const v1::Meter
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
   line("size", absl::StrFormat("%dx%d", image.width, image.height));
-  line("exposure", absl::StrFormat("%.6g (%+.3f EV); the target is %.6g", metered.exposure(),
+  line("exposure", absl::StrFormat("%.6g (%+.3f EV), target %.6g", metered.exposure(),
                                    std::log2(metered.exposure()), metered.target()));
   line("luminance", absl::StrFormat("%.4g .. %.4g, mean 2^%.3f", statistics.min_luminance(),
                                     statistics.max_luminance(), statistics.mean_log2_luminance()));

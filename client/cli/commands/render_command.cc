@@ -18,12 +18,12 @@
 namespace candela {
 namespace {
 
-// Far beyond the largest frame behind a full queue: it ends a wait for a server that will never answer.
+// Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
 
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
-// One frame on its way from file to file.
+// Renders one file: reads it, has the server render it, and writes the result.
 class Rendering {
  public:
   Rendering(const RenderOptions& options, Progress& progress)
@@ -47,7 +47,7 @@ class Rendering {
   }
 
  private:
-  // The view of --ocio, if there is one.
+  // Bakes the view of --ocio, if it is set, into a table.
   absl::Status bake() {
     if (options_.view.config.empty()) return absl::OkStatus();
     progress_.show("baking " + options_.view.config);
@@ -73,7 +73,8 @@ class Rendering {
     return image;
   }
 
-  // Gives up the frame and the server's memory before it returns: only the picture remains.
+  // Frees the frame and stops the built-in server before it
+  // returns, so that only the picture stays in memory.
   absl::StatusOr<Image> render(Image frame) {
     progress_.show("rendering " + options_.input);
     const absl::StatusOr<const Connection*> server = link_.connection();
@@ -140,7 +141,7 @@ class Rendering {
   ServerLink link_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
-  v1::ColorTable table_;  // size 0: none
+  v1::ColorTable table_;  // size 0 if there is no view
   double bake_ms_ = 0;
   double read_ms_ = 0;
 };

@@ -19,8 +19,8 @@ std::string exposure_words(const RenderReport& report) {
       absl::StrFormat("%.4g (%+.2f EV)", header.exposure(), std::log2(header.exposure()));
   const std::string prescale =
       header.prescale() == 1 ? "" : absl::StrFormat(", times prescale %.4g", header.prescale());
-  if (!report.metered) return factor + ", as given" + prescale;
-  return absl::StrFormat("%s, metered: mean luminance 2^%.3f%s", factor,
+  if (!report.metered) return factor + ", as set" + prescale;
+  return absl::StrFormat("%s, metered from mean luminance 2^%.3f%s", factor,
                          header.statistics().mean_log2_luminance(), prescale);
 }
 
@@ -47,17 +47,17 @@ void add_verification(const RenderReport& report, const std::function<void(const
   if (!header.has_verify()) return;
   const v1::Verification& v = header.verify();
   const auto errors = [](const v1::Verification& e) {
-    return absl::StrFormat("at most %.3g codes, at %d,%d; p99.9 %.3g, mean %.3g", e.max_error_codes(),
+    return absl::StrFormat("at most %.3g codes (at %d,%d), p99.9 %.3g, mean %.3g", e.max_error_codes(),
                            e.worst_x(), e.worst_y(), e.p999_error_codes(), e.mean_error_codes());
   };
-  line("verify", "off the float64 reference by " + errors(v));
+  line("verify", "error against the float64 reference: " + errors(v));
   if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
     line("",
          absl::StrFormat("%.3g %% of the components differ once quantised", 100 * v.differing_components()));
   }
-  line("", absl::StrFormat("metering off by %.2g EV, bloom by %.2g of its largest value", v.meter_error_ev(),
-                           v.bloom_error()));
-  line("", "with the scene not rounded to half, by " + errors(header.verify_unrounded()));
+  line("", absl::StrFormat("error of the metering %.2g EV, of the bloom %.2g of its largest value",
+                           v.meter_error_ev(), v.bloom_error()));
+  line("", "without rounding the scene to half: " + errors(header.verify_unrounded()));
   if (!report.error_map.empty()) {
     line("error map", absl::StrFormat("%s: %s", report.error_map, error_scale_words()));
   }
@@ -98,7 +98,7 @@ std::string to_text(const RenderReport& report) {
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");
   if (report.view) {
-    line("view", absl::StrFormat("%s, %s, from %s; by %d^3 points, %.2g codes off at most, %.2g on average",
+    line("view", absl::StrFormat("%s, %s, from %s; table of %d^3 points, error at most %.2g codes, mean %.2g",
                                  report.view->display, report.view->view, report.view->input,
                                  report.view->table_size, report.view->max_codes, report.view->mean_codes));
   }
@@ -145,7 +145,7 @@ std::string to_json(const RenderReport& report) {
                           {"most_codes", kMostErrorCodes},
                           {"scale", error_scale_words()}};
   }
-  // A path need not be UTF-8.
+  // A path may not be UTF-8, so invalid bytes are replaced.
   return frame.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

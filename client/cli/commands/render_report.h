@@ -1,4 +1,4 @@
-// What `candela render` says about a frame, for people and for programs.
+// The result of `candela render`, as text and as JSON.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,8 @@
 
 namespace candela {
 
-// The view of --ocio, and how far its table is from OpenColorIO's own code: see client/color/view_table.h.
+// The view of --ocio, and the error of its table against
+// OpenColorIO's own code; see client/color/view_table.h.
 struct ViewReport {
   std::string display;
   std::string view;
@@ -27,27 +28,27 @@ struct RenderReport {
   std::string input;
   std::string output;
   v1::ResultHeader header;
-  std::string error_map;  // "" for none
-  bool metered = true;    // false: the exposure was given
+  std::string error_map;  // "" if none is written
+  bool metered = true;    // false if the user set the exposure
   std::optional<ViewReport> view;
-  // In the order of the work: start, view, read, the server's own, other, write. A server of our own starts
-  // while the image is read. `other` is what of the call is not in the server's stages: the frame's way there
-  // and back, and with a first frame the driver's compiling.
+  // In this order: start, view, read, the server's stages, other, write. The built-in server starts while the
+  // image is read. `other` is the part of the call outside the server's stages: sending, receiving, and
+  // compiling shaders for a first frame.
   std::vector<std::pair<std::string, double>> stage_ms;
-  double total_ms = 0;  // from the beginning of the command to the written file
+  double total_ms = 0;  // from the start of the command until the file is written
   std::vector<std::string> notes;
 };
 
-// Some lines, each ended.
+// Several lines, each with a line end.
 std::string to_text(const RenderReport& report);
 
-// One object on one line: input, output, size {width, height}, device, tier, tier_reason, exposure, target,
-// mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, view {display,
-// view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio), plan,
-// stage_ms, total_ms, notes; of a verified frame also verify and verify_unrounded {max_error_codes,
+// One object on one line, with the keys input, output, size {width, height}, device, tier, tier_reason,
+// exposure, target, mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, view
+// {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
+// plan, stage_ms, total_ms, notes. A verified frame also has verify and verify_unrounded {max_error_codes,
 // p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components, meter_error_ev, bloom_error},
-// and of its error map error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits;
-// an infinite one is null.
+// and with --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers read back to the same
+// bits. An infinite number becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

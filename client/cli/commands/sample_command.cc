@@ -22,10 +22,10 @@ absl::Status make_sequence(const SampleOptions& options) {
   progress.clear();
   if (options.quiet) return absl::OkStatus();
   const std::string of = absl::StrFormat("%s .. %s", names->path(0, ""), names->path(options.frames - 1, ""));
-  return print(
-      absl::StrFormat("%s: %d frames of %dx%d, 2^12 brighter from the middle on; `candela stream %s out "
-                      "--exposure-plot exposure.svg` shows what exposure makes of it\n",
-                      of, options.frames, options.width, options.height, options.sequence));
+  return print(absl::StrFormat(
+      "%s: %d frames of %dx%d; the second half is 2^12 times brighter. To see the exposure adapt, run "
+      "`candela stream %s out --exposure-plot exposure.svg`\n",
+      of, options.frames, options.width, options.height, options.sequence));
 }
 
 }  // namespace
@@ -43,9 +43,9 @@ absl::Status run_sample(const SampleOptions& options) {
   if (!notes.ok()) return notes.status();
   if (options.quiet) return absl::OkStatus();
   for (const std::string& note : *notes) print_note(note);
-  return print(
-      absl::StrFormat("%s: %dx%d, a sun of 1e5 and shadows of 1e-3; `candela render %s scene.png` shows it\n",
-                      options.output, options.width, options.height, options.output));
+  return print(absl::StrFormat(
+      "%s: %dx%d, with a sun of 1e5 and shadows of 1e-3. To view it, run `candela render %s scene.png`\n",
+      options.output, options.width, options.height, options.output));
 }
 
 }  // namespace candela

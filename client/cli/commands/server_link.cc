@@ -10,15 +10,15 @@
 namespace candela {
 namespace {
 
-// For what needs no rendering.
+// The deadline of calls that render nothing.
 constexpr absl::Duration kAnswerTimeout = absl::Seconds(10);
 
 absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
   absl::StatusOr<v1::GetServerInfoResponse> info = server.server_info(absl::Now() + kAnswerTimeout);
   if (!absl::IsDeadlineExceeded(info.status())) return info;
   return absl::DeadlineExceededError(
-      absl::StrFormat("no answer from %s within %s: it hangs or is not a candelad; name another --server or "
-                      "none",
+      absl::StrFormat("no answer from %s within %s; it hangs or is not a candelad; use another --server, or "
+                      "none for the built-in one",
                       server.address(), absl::FormatDuration(kAnswerTimeout)));
 }
 
@@ -44,7 +44,7 @@ std::vector<std::string> ServerLink::addresses() const {
 absl::StatusOr<const Connection*> ServerLink::connection() {
   if (!connections_.empty()) return &connections_.front();
   if (!choice_.address.empty()) {
-    // All of them, so that one that is written wrongly is said before any work.
+    // Open all of them, so that a malformed address fails before any work is done.
     std::vector<Connection> opened;
     for (const std::string& address : addresses()) {
       absl::StatusOr<Connection> one = Connection::open(address, choice_.security);

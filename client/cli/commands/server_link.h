@@ -1,4 +1,4 @@
-// The server that a command uses: a running one, or one that is started inside of this process.
+// The server that a command uses: a running one, or the built-in one, which starts in this process.
 #pragma once
 
 #include <future>
@@ -18,45 +18,48 @@ namespace candela {
 // Used by one thread.
 class ServerLink {
  public:
-  // A server of our own begins to start, on a thread of its own, so that files can be read meanwhile.
+  // Starts the built-in server on another thread if the choice names
+  // no server, so that files can be read meanwhile.
   explicit ServerLink(const ServerChoice& choice);
   ~ServerLink() { close(); }
   ServerLink(const ServerLink&) = delete;
   ServerLink& operator=(const ServerLink&) = delete;
 
-  // Waits until a server of our own has started. Valid until close(). A malformed address is a usage error.
+  // Waits until the built-in server has started. The pointer is valid
+  // until close(). A malformed address is a usage error.
   absl::StatusOr<const Connection*> connection();
 
-  // Opens a session there, or on one of the choice's others; `options.servers` is not looked at. Several at
-  // once are possible, and none may outlive close().
+  // Opens a session on that server, or on one of the other servers of the choice. Ignores `options.servers`.
+  // Several sessions may be open at once. All of them must end before close().
   absl::StatusOr<Session> open_session(const SessionOptions& options);
 
-  // What it is. Waits as connection() does, and then for a while. One of the others is asked where the first
-  // is not there.
+  // Asks the server for its description. Waits as connection() does, then up to 10 s for the answer. Asks the
+  // other servers of the choice if the first does not answer.
   absl::StatusOr<v1::GetServerInfoResponse> info();
 
-  // What it accepts. A running server is asked; our own is not waited for.
+  // The limits of the server. Asks a running server; does not wait
+  // for the built-in one, because its limits are known.
   absl::StatusOr<v1::Limits> limits();
 
-  // A usage error when the server does not know that tier; "" is its default and not asked about.
+  // A usage error if the server does not know the tier. "" is the default tier and always known.
   absl::Status check_tier(const std::string& tier);
 
-  // What it took to start a server of our own; 0 for a running one.
+  // How long the built-in server took to start; 0 for a running server.
   double start_ms() const { return start_ms_; }
 
-  // Stops a server of our own and gives up its memory.
+  // Stops the built-in server and frees its memory.
   void close();
 
  private:
   using Started = absl::StatusOr<std::unique_ptr<EmbeddedServer>>;
 
-  // Of running servers.
+  // The addresses of the running servers to use.
   std::vector<std::string> addresses() const;
 
   const ServerChoice choice_;
   std::future<Started> starting_;
   std::unique_ptr<EmbeddedServer> server_;
-  std::vector<Connection> connections_;  // the first one's, then the choice's others'
+  std::vector<Connection> connections_;  // to the first server, then to the others of the choice
   double start_ms_ = 0;
 };
 

@@ -49,7 +49,7 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
   return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));
 }
 
-// A sequence on its way from files to files.
+// Renders a sequence: feeds its files to a session and writes the results, several at once.
 class Streaming {
  public:
   Streaming(const StreamOptions& options, const std::vector<std::string>& paths, const OutputNames& names,
@@ -84,17 +84,17 @@ class Streaming {
     if (!status.ok()) return status;
     if (summary_.written == 0) {
       return absl::InvalidArgumentError(absl::StrFormat(
-          "not one of %d frames became an image; without --skip-bad the first failure is named",
+          "none of the %d frames could be rendered; run without --skip-bad to see the first failure",
           paths_.size()));
     }
     return std::move(summary_);
   }
 
  private:
-  // An image on its way to its file, or a frame that has none.
+  // A frame with its image being written, or a frame without an image.
   struct Writing {
     StreamFrame frame;
-    std::future<absl::StatusOr<std::vector<std::string>>> written;  // invalid: nothing is written
+    std::future<absl::StatusOr<std::vector<std::string>>> written;  // invalid if nothing is written
   };
 
   absl::Status prepare(v1::Settings& settings) {
@@ -124,7 +124,7 @@ class Streaming {
     feeder.start(*session, options.settings);
     absl::Status status = take_results(*session, feeder);
     if (!status.ok()) session->cancel();
-    // It ends with the files, or when submit() fails.
+    // The feeder ends after the last file, or when submit() fails.
     feeder.join();
     while (status.ok() && !writing_.empty()) status = finish_oldest();
     summary_.time = absl::Now() - begin_;
@@ -193,7 +193,7 @@ class Streaming {
     return status;
   }
 
-  // Waits until it is written, and tells of it.
+  // Waits until the oldest image is written, and reports it.
   absl::Status finish_oldest() {
     Writing oldest = std::move(writing_.front());
     writing_.pop_front();
@@ -217,9 +217,9 @@ class Streaming {
     resumes_ = stats.resumes;
     progress_.clear();
     if (options_.quiet) return;
-    // The message goes on to say what to do, which is done.
+    // The rest of the message tells the user what to do, which the session has done.
     const std::string loss(stats.last_loss.message());
-    print_note(absl::StrFormat("%s; went on on %s after %.2f s, nothing is lost",
+    print_note(absl::StrFormat("%s; resumed on %s after %.2f s without losing a frame",
                                loss.substr(0, loss.find(';')), stats.server,
                                absl::ToDoubleSeconds(stats.time_without_results)));
   }
@@ -246,7 +246,7 @@ class Streaming {
   uint64_t resumes_ = 0;
 };
 
-// A file, by whatever name.
+// Identifies a file independently of its path.
 using FileId = std::pair<dev_t, ino_t>;
 std::optional<FileId> file_id(const std::string& path) {
   struct stat about {};
@@ -254,7 +254,7 @@ std::optional<FileId> file_id(const std::string& path) {
   return FileId{about.st_dev, about.st_ino};
 }
 
-// Two frames must not become one image, and no image may replace a frame.
+// Refuses sequences in which two frames would become the same image, or an image would overwrite a frame.
 absl::Status check_outputs(const StreamOptions& options, const std::vector<std::string>& paths,
                            const OutputNames& names) {
   std::set<FileId> frames;
@@ -308,7 +308,7 @@ absl::Status run_stream(const StreamOptions& options) {
     for (const std::string& note : summary->notes) {
       if (told++ < kMostNotes) print_note(note);
     }
-    if (told > kMostNotes) print_note(absl::StrFormat("and %d more of the like", told - kMostNotes));
+    if (told > kMostNotes) print_note(absl::StrFormat("and %d more notes", told - kMostNotes));
     if (!json->to_stdout()) {
       const std::string where =
           absl::StrFormat("%s .. %s", names->path(options.first, paths->front()),

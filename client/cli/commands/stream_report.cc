@@ -29,7 +29,7 @@ constexpr char kPlotStyle[] =
     "set y2tics\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\n";
 
-// A path need not be UTF-8.
+// A path may not be UTF-8, so invalid bytes are replaced.
 std::string line_of(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
@@ -100,8 +100,8 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
   line("time",
-       absl::StrFormat("%.2f s, %.4g frames a second, each %.0f ms from sent to back",
-                       absl::ToDoubleSeconds(summary.time), per_second(summary), mean_latency_ms(summary)));
+       absl::StrFormat("%.2f s, %.4g frames/s, mean latency %.0f ms", absl::ToDoubleSeconds(summary.time),
+                       per_second(summary), mean_latency_ms(summary)));
   if (!summary.curve.empty()) {
     const auto [least, most] = std::minmax_element(
         summary.curve.begin(), summary.curve.end(),
@@ -114,7 +114,7 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   }
   if (summary.skipped > 0) line("skipped", absl::StrFormat("%d frames", summary.skipped));
   if (summary.session.resumes > 0) {
-    line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames sent again, %.2f s without results",
+    line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames resent, %.2f s without results",
                                     summary.session.resumes, summary.session.resumes == 1 ? "" : "s",
                                     summary.session.server, summary.session.sent_again,
                                     absl::ToDoubleSeconds(summary.session.time_without_results)));
@@ -149,7 +149,7 @@ absl::Status plot_exposure(const std::vector<ExposurePoint>& curve, const std::s
                           "'#888888'\n",
                           point.seconds, point.seconds);
   }
-  // gnuplot has no range for a single point.
+  // gnuplot cannot derive a range from a single point.
   if (curve.size() < 2) script += "set xrange [-1:1]\n";
   script +=
       "plot $curve using 1:4 axes x1y2 with steps lw 1.2 lc rgb '#8a8a8a' title 'luminance', "

@@ -1,4 +1,4 @@
-// What `candela stream` says about its frames, for people and for programs.
+// The results of `candela stream`, as text, JSON and a plot.
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,18 @@
 
 namespace candela {
 
-// What became of one frame of the sequence.
+// The outcome of one frame of the sequence.
 struct StreamFrame {
-  uint64_t index = 0;  // of the file; also its sequence number
+  uint64_t index = 0;  // of the file, which is also the sequence number
   std::string input;
   std::string output;
   int64_t media_time_ns = 0;
-  absl::Status status;      // why there is no image: the file's, the frame's or the writing's
-  v1::ResultHeader header;  // where there is one
+  absl::Status status;      // why there is no image: reading, rendering or writing failed
+  v1::ResultHeader header;  // only if the frame was rendered
   absl::Duration latency;
 };
 
-// A point of the exposure's curve.
+// A point of the curve of exposure over time.
 struct ExposurePoint {
   double seconds = 0;  // media time
   double exposure = 1;
@@ -37,31 +37,33 @@ struct StreamSummary {
   uint64_t written = 0;
   uint64_t skipped = 0;    // unreadable, or refused by the server
   absl::Duration time;     // from the first frame to the last image
-  absl::Duration latency;  // of all frames together
+  absl::Duration latency;  // the sum over all frames
   std::vector<ExposurePoint> curve;
   SessionStats session;
-  std::set<std::string> notes;  // what was to be said of the files
+  std::set<std::string> notes;  // notes about the files
 };
 
-// One line: frame, input, output, media_time_ns, and then either error or width, height, exposure,
-// exposure_before, target, mean_log2_luminance, min_luminance, max_luminance, cut, tier, stage_ms,
-// latency_ms.
+// One line with the keys frame, input, output, media_time_ns, and either error or
+// width, height, exposure, exposure_before, target, mean_log2_luminance,
+// min_luminance, max_luminance, cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 
-// One line: summary {frames, written, skipped, seconds, frames_per_second, mean_latency_ms, resumes,
-// frames_sent_again, seconds_without_results, server}.
+// One line with the key summary {frames, written, skipped, seconds, frames_per_second, mean_latency_ms,
+// resumes, frames_sent_again, seconds_without_results, server}.
 std::string to_json(const StreamSummary& summary);
 
-// Some lines, each ended. `where`: the first image and the last.
+// Several lines, each with a line end. `where` names the first and the last image.
 std::string to_text(const StreamSummary& summary, const std::string& where);
 
 // "exposure 1.25 (+0.32 EV)"
 std::string exposure_words(double exposure);
 
-// Draws exposure, target and luminance over media time into a .png or .svg, by its extension.
+// Draws exposure, target and luminance over media time. The
+// extension of `path`, .png or .svg, sets the format.
 absl::Status plot_exposure(const std::vector<ExposurePoint>& curve, const std::string& path);
 
-// Whether that can be done: a usage error for another extension, FAILED_PRECONDITION without gnuplot.
+// Checks before the work that the plot can be drawn. A usage error for
+// another extension; FAILED_PRECONDITION if gnuplot is missing.
 absl::Status check_plot(const std::string& path);
 
 }  // namespace candela

@@ -13,12 +13,13 @@ namespace {
 
 using Color = std::array<uint8_t, 3>;
 
-// Inferno by N. Smith and S. van der Walt (matplotlib, CC0), perceptually uniform: nine even steps of it.
+// Nine even steps of the perceptually uniform colour map Inferno
+// by N. Smith and S. van der Walt (matplotlib, CC0).
 constexpr Color kInferno[] = {{0, 0, 4},     {33, 12, 74},   {87, 16, 110},  {138, 34, 106}, {188, 55, 84},
                               {227, 89, 51}, {249, 140, 10}, {249, 201, 50}, {252, 255, 164}};
 constexpr int kSteps = static_cast<int>(std::size(kInferno)) - 1;
 
-// Of 0 .. 1.
+// The colour of a position 0 .. 1 on the scale.
 Color inferno(double t) {
   const double at = std::clamp(t, 0.0, 1.0) * kSteps;
   const int step = std::min(static_cast<int>(at), kSteps - 1);
@@ -30,7 +31,7 @@ Color inferno(double t) {
   return color;
 }
 
-// Without an exponent: "0.00001", "10".
+// A power of ten without an exponent: "0.00001", "10".
 std::string power_of_ten(double value) {
   const int exponent = static_cast<int>(std::lround(std::log10(value)));
   return absl::StrFormat("%.*f", std::max(0, -exponent), value);
@@ -42,17 +43,18 @@ Color color_of(double codes) {
   return codes > kLeastErrorCodes ? inferno(std::log10(codes / kLeastErrorCodes) / decades()) : inferno(0.0);
 }
 
-// The legend's labels are powers of ten: three glyphs of 3 x 5 dots, rows of 3 bits.
+// The labels of the legend are powers of ten, made of three
+// glyphs of 3 x 5 dots. Each row of a glyph is 3 bits.
 constexpr std::array<uint8_t, 5> kZero = {7, 5, 5, 5, 7};
 constexpr std::array<uint8_t, 5> kOne = {2, 6, 2, 2, 7};
 constexpr std::array<uint8_t, 5> kPoint = {0, 0, 0, 0, 2};
-constexpr uint32_t kGlyphDots = 4;  // with the gap
+constexpr uint32_t kGlyphDots = 4;  // including the gap
 // The legend's rows in dots: a gap, the colours, a gap, the labels, a gap.
 constexpr uint32_t kBarTop = 1;
 constexpr uint32_t kBarEnd = 6;
 constexpr uint32_t kLabelTop = 7;
 constexpr uint32_t kLegendDots = 13;
-constexpr uint32_t kLegendWidthDots = 240;  // that the labels need; a dot grows with the map
+constexpr uint32_t kLegendWidthDots = 240;  // the width of the labels; the size of a dot grows with the map
 
 class Canvas {
  public:

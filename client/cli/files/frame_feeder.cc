@@ -83,12 +83,12 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
       if (!own.has_input_chromaticities()) settings.clear_input_chromaticities();
       if (!session.change_settings(next_->index, settings).ok()) return absl::OkStatus();
     }
-    // A failure is the session's end, which its results tell.
+    // If submit() fails, the session has ended, and its results say why.
     if (!session.submit(frame(next_->index, *std::move(next_->image))).ok()) return absl::OkStatus();
   }
   return absl::OkStatus();
 } catch (const std::bad_alloc&) {
-  return absl::ResourceExhaustedError("out of memory between the frames; give this process more");
+  return absl::ResourceExhaustedError("out of memory while reading frames; give this process more memory");
 }
 
 SessionFrame FrameFeeder::frame(uint64_t index, Image read) {

@@ -1,4 +1,4 @@
-// The files of a sequence on their way into a session.
+// Feeds the files of a sequence into a session.
 #pragma once
 
 #include <cstdint>
@@ -22,35 +22,36 @@
 
 namespace candela {
 
-// When frame `index` is shown, from the first one on.
+// The media time at which frame `index` is shown; 0 for the first.
 int64_t media_time_ns(uint64_t index, double fps);
 
-// What the image's file needs to know of the frame's.
+// Facts about an input file that its output file needs.
 struct FrameFacts {
   bool has_alpha = false;
   double pixel_aspect = 1;
 };
 
-// Reads the files and submits them, on a thread of its own. Other members may be called meanwhile.
+// Reads and submits the files on its own thread. Other members may be called meanwhile.
 class FrameFeeder {
  public:
-  // Both outlive it.
+  // `options` and `reader` must outlive the feeder.
   FrameFeeder(const StreamOptions& options, FrameReader& reader) : options_(options), reader_(reader) {}
   ~FrameFeeder() { join(); }
 
-  // The first frame that can be read; before start(). None when there is none.
+  // The first frame that can be read, or null if there is none. Call it before start().
   absl::StatusOr<const Image*> first();
 
-  // `settings` are those the session was opened with, for the first frame. The session outlives the thread.
+  // `settings` are those that the session was opened with, for the
+  // first frame. The session must outlive the thread.
   void start(Session& session, const v1::Settings& settings);
   void join();
 
-  // Why it stopped before the last file; known once the session has no more results.
+  // Why the feeder stopped before the last file. Valid once the session has no more results.
   absl::Status status() const;
 
-  // Of a frame that was submitted, once.
+  // The facts of a submitted frame. Call it once per frame.
   FrameFacts take_facts(uint64_t index);
-  // The files before `index` that were skipped and not given out yet.
+  // The files before `index` that were skipped and not returned yet.
   std::vector<std::pair<uint64_t, absl::Status>> take_skipped(uint64_t index);
   std::set<std::string> take_notes();
 
@@ -64,7 +65,7 @@ class FrameFeeder {
   std::optional<FrameReader::Read> next_;
   mutable absl::Mutex mutex_;
   absl::Status status_ ABSL_GUARDED_BY(mutex_);
-  std::map<uint64_t, FrameFacts> facts_ ABSL_GUARDED_BY(mutex_);  // of frames without a result
+  std::map<uint64_t, FrameFacts> facts_ ABSL_GUARDED_BY(mutex_);  // frames without a result so far
   std::deque<std::pair<uint64_t, absl::Status>> skipped_ ABSL_GUARDED_BY(mutex_);
   std::set<std::string> notes_ ABSL_GUARDED_BY(mutex_);
   std::thread thread_;

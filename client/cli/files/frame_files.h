@@ -1,4 +1,4 @@
-// Between image files and frames on the wire.
+// Converts between image files and frames on the wire.
 #pragma once
 
 #include <string>
@@ -15,22 +15,22 @@
 
 namespace candela {
 
-// Of what a reader gives.
+// The wire format of an image as a reader returns it.
 v1::PixelFormat wire_format(ImageFormat format);
 
-// Refers to the image's pixels.
+// A view of the image's pixels; the image must outlive it.
 FrameView view_of(const Image& image);
 
-// With the file's chromaticities, where the user named none.
+// Adds the chromaticities of the file unless the user set some.
 v1::Settings settings_for(const Image& image, v1::Settings settings);
 
-// A raw result as an image to write, with what its frame said of alpha and aspect.
+// Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
 absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect);
 
-// A server's refusal speaks of the frame; the user thinks of a file.
+// Puts the file's path before the message, because a server's refusal does not know it.
 absl::Status name_file(const absl::Status& status, const std::string& path);
 
-// A view of --ocio as the wire takes it.
+// A view of --ocio, baked into a table for the wire.
 struct BakedView {
   v1::ColorTable table;
   ViewReport report;

@@ -1,4 +1,4 @@
-// Image files read ahead, several at once.
+// Reads image files ahead, several at once.
 #pragma once
 
 #include <cstddef>
@@ -16,14 +16,14 @@ namespace candela {
 // Used by one thread at a time.
 class FrameReader {
  public:
-  // Holds at most `ahead` (at least 1) images that were not taken.
+  // Holds at most `ahead` (at least 1) images that next() has not returned yet.
   FrameReader(std::vector<std::string> paths, const ImageLimits& limits, size_t ahead);
 
   struct Read {
-    size_t index;  // of its path
+    size_t index;  // of its path in the list
     absl::StatusOr<Image> image;
   };
-  // The next one in order; waits for it. None after the last.
+  // Waits for the next file in order. Returns nothing after the last.
   std::optional<Read> next();
 
  private:
@@ -32,7 +32,7 @@ class FrameReader {
   const std::vector<std::string> paths_;
   const ImageLimits limits_;
   const size_t ahead_;
-  size_t at_ = 0;  // of the next one to begin
+  size_t at_ = 0;  // the next file to start reading
   std::deque<std::future<absl::StatusOr<Image>>> reading_;
 };
 

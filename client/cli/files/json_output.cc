@@ -38,7 +38,7 @@ absl::Status JsonOutput::add(const std::string& text) {
   if (path_.empty() || !status_.ok()) return status_;
   if (path_ == "-") return status_ = print(text);
   if (file_) {
-    file_->write(text.data(), text.size());  // close() looks for failures
+    file_->write(text.data(), text.size());  // close() checks for failures
     return absl::OkStatus();
   }
   if (special_ == nullptr) special_.reset(std::fopen(path_.c_str(), "we"));

@@ -1,4 +1,4 @@
-// Where --json writes.
+// The destination of --json.
 #pragma once
 
 #include <cstdio>
@@ -11,22 +11,22 @@
 
 namespace candela {
 
-// Opened before the work, so that a path that cannot be written is known before it. Used by one thread.
+// Opened before the work starts, so that a path that cannot be written fails early. Used by one thread.
 class JsonOutput {
  public:
-  // A path, "-" for stdout, "" for nowhere. A file appears whole or not at all; pipes and devices are written
-  // to as they are.
+  // `path` is a file, "-" for stdout, or "" for nowhere. A file appears whole or not at all. Pipes and
+  // devices are written directly.
   static absl::StatusOr<JsonOutput> open(const std::string& path);
 
   bool to_stdout() const { return path_ == "-"; }
 
-  // Adds text, which stdout, pipes and devices get at once. A failure also comes back from close().
+  // Appends text. Stdout, pipes and devices get it immediately. close() returns a failure again.
   absl::Status add(const std::string& text);
 
-  // Once, after everything was added.
+  // Call it once, after the last add().
   absl::Status close();
 
-  // All there is to say, at once: add() and close().
+  // add() and close().
   absl::Status write(const std::string& text);
 
  private:
@@ -36,8 +36,8 @@ class JsonOutput {
   explicit JsonOutput(std::string path) : path_(std::move(path)) {}
 
   std::string path_;
-  std::optional<AtomicFile> file_;             // absent: stdout, a pipe or device, or nowhere
-  std::unique_ptr<std::FILE, Close> special_;  // a pipe or device, once something was added
+  std::optional<AtomicFile> file_;             // empty for stdout, pipes, devices and nowhere
+  std::unique_ptr<std::FILE, Close> special_;  // a pipe or device, opened by the first add()
   absl::Status status_;
 };
 

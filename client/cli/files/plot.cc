@@ -19,7 +19,7 @@ extern char** environ;
 namespace candela {
 namespace {
 
-// A file without a name, for one of the child's streams: unlike a pipe it never blocks anyone.
+// An anonymous file for one of the child's streams. Unlike a pipe it never blocks.
 class Stream {
  public:
   Stream() : descriptor_(memfd_create("plot", MFD_CLOEXEC)) {}
@@ -48,19 +48,19 @@ class Stream {
 };
 
 struct Outcome {
-  int status = 0;  // of waitpid
+  int status = 0;  // as waitpid returns it
   std::string out;
   std::string err;
 
   bool ok() const { return WIFEXITED(status) && WEXITSTATUS(status) == 0; }
 
-  // How it ended and what it said, in one line.
+  // How the child ended and what it printed, in one line.
   std::string reason() const {
     const std::string end = WIFEXITED(status) ? absl::StrFormat("it ended with code %d", WEXITSTATUS(status))
                                               : absl::StrFormat("it ended by signal %d", WTERMSIG(status));
     std::string said = err;
     absl::RemoveExtraAsciiWhitespace(&said);
-    return said.empty() ? end + " and said nothing" : absl::StrCat(end, ": ", said);
+    return said.empty() ? end + " and printed nothing" : absl::StrCat(end, ": ", said);
   }
 };
 
@@ -98,7 +98,7 @@ absl::Status check_gnuplot() {
   return svg.ok() || absl::IsFailedPrecondition(svg.status())
              ? svg.status()
              : absl::FailedPreconditionError(absl::StrFormat(
-                   "%s; the report needs the gnuplot of the package gnuplot-nox", svg.status().message()));
+                   "%s; plots need the gnuplot of the package gnuplot-nox", svg.status().message()));
 }
 
 absl::StatusOr<std::string> plot_svg(const std::string& name, int width, int height,

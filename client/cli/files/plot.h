@@ -1,4 +1,4 @@
-// Plots, drawn by gnuplot as a child process.
+// Plots, drawn by gnuplot in a child process.
 #pragma once
 
 #include <string>
@@ -8,20 +8,19 @@
 
 namespace candela {
 
-// OK where gnuplot can be run; else FAILED_PRECONDITION that names the package to install.
+// FAILED_PRECONDITION with the package to install if gnuplot cannot be run.
 absl::Status check_gnuplot();
 
-// What `script` draws, as an <svg> element to stand in a page. `name` makes the element's ids its own within
-// the page: letters and digits. The script plots once and sets neither terminal nor output. Width and height
-// are in points of the labels' font, which is 13 high; the element scales with its place. INTERNAL, with
-// gnuplot's words, for a script it does not understand.
+// Runs a gnuplot script that plots once and sets neither terminal nor output, and returns the plot as an
+// <svg> element. Width and height are in the unit in which the labels' font is 13 high. INTERNAL with
+// gnuplot's message if gnuplot does not accept the script.
 absl::StatusOr<std::string> plot_svg(const std::string& name, int width, int height,
                                      const std::string& script);
 
-// The same as the bytes of a PNG file; width and height in pixels.
+// Does the same and returns the bytes of a PNG file. Width and height are in pixels.
 absl::StatusOr<std::string> plot_png(int width, int height, const std::string& script);
 
-// A string as gnuplot takes it in single quotes.
+// Puts a string in single quotes for gnuplot.
 std::string quoted_for_plot(const std::string& text);
 
 }  // namespace candela

@@ -24,13 +24,13 @@ constexpr int kMostDigits = 12;
 
 bool is_digit(char c) { return absl::ascii_isdigit(static_cast<unsigned char>(c)); }
 
-// "a%04db": where the number goes.
+// A pattern such as "a%04db", taken apart at the number.
 struct Numbered {
   std::string before, after;
-  int digits = 0;  // at least
+  int digits = 0;  // minimum; padded with zeros
 };
 
-// None of them: "" before and after. A usage error for a % that is no %d, and for a second one.
+// Text without % gives "" before and after. A usage error for a % that is not %d, and for a second %d.
 absl::StatusOr<Numbered> parse_number_pattern(const std::string& text) {
   const size_t at = text.find('%');
   if (at == std::string::npos) return Numbered{};
@@ -41,7 +41,7 @@ absl::StatusOr<Numbered> parse_number_pattern(const std::string& text) {
   if (end >= text.size() || text[end] != 'd' || digits > kMostDigits ||
       text.find('%', end) != std::string::npos || text.find('/', end) != std::string::npos) {
     return usage_error(absl::StrFormat(
-        "%s: a pattern has one number, %%d or %%04d, in the name of the file, and no other %%", text));
+        "%s: a pattern has one number, %%d or %%04d, in its file name, and no other %%", text));
   }
   return Numbered{text.substr(0, at), text.substr(end + 1), digits};
 }
@@ -51,7 +51,7 @@ bool is_image(const fs::path& path) {
   return extension == ".exr" || extension == ".hdr" || extension == ".pfm";
 }
 
-// What cannot be looked at is none: whoever reads or writes it says why.
+// False if the path cannot be examined; reading or writing it will then say why.
 bool is_there_as_folder(const std::string& path) {
   std::error_code failed;
   return fs::is_directory(path, failed);
@@ -93,7 +93,8 @@ absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
     }
     if (ignored) return absl::ErrnoToStatus(ignored.value(), absl::StrFormat("%s: cannot read", input));
     if (files.empty()) {
-      return absl::NotFoundError(absl::StrFormat("%s: there is no .exr, .hdr or .pfm in that folder", input));
+      return absl::NotFoundError(
+          absl::StrFormat("%s: the folder contains no .exr, .hdr or .pfm file", input));
     }
     return files;
   }
@@ -106,8 +107,8 @@ absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
     files = files_by_glob(input);
   }
   if (!files.empty()) return files;
-  return absl::NotFoundError(absl::StrFormat(
-      "%s: there is no such file; frames are a folder, files, or a pattern such as 'frames/*.exr'", input));
+  return absl::NotFoundError(
+      absl::StrFormat("%s: no such file; give a folder, files, or a pattern such as 'frames/*.exr'", input));
 }
 
 }  // namespace
@@ -158,9 +159,9 @@ absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const 
     return names;
   }
   if (!is_there_as_folder(output) && fs::path(output).has_extension()) {
-    return usage_error(absl::StrFormat(
-        "%s is one file; a sequence is written to a folder or to a pattern such as out/%%04d%s", output,
-        fs::path(output).extension().string()));
+    return usage_error(
+        absl::StrFormat("%s is a single file; give a folder or a pattern such as out/%%04d%s for a sequence",
+                        output, fs::path(output).extension().string()));
   }
   names.is_folder_ = true;
   names.before_ = output;

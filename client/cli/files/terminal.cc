@@ -12,7 +12,7 @@
 namespace candela {
 namespace {
 
-// A path or a server may hold line ends and a terminal's commands.
+// A path or a server's message may contain line ends and terminal control codes.
 std::string one_line(absl::string_view text) {
   std::string line(text);
   std::replace_if(

@@ -1,4 +1,4 @@
-// What the user sees: one line for an error, notes, progress on a terminal, and stdout.
+// Output for the user: errors, notes and progress on stderr, and text on stdout.
 #pragma once
 
 #include <string>
@@ -8,35 +8,35 @@
 
 namespace candela {
 
-// `candela: error: ...` on stderr, in one line whatever the message holds.
+// Prints `candela: error: ...` on stderr, always as a single line.
 void print_error(const absl::Status& status);
 
-// `note: ...` on stderr.
+// Prints `note: ...` on stderr, as a single line.
 void print_note(const std::string& note);
 
-// Fails when stdout takes it not, as on a full disk. A reader that has gone away has heard enough: OK.
+// Prints to stdout. Fails if stdout cannot be written, for
+// example on a full disk. A closed pipe is not an error.
 absl::Status print(const std::string& text);
 
-// One line on stderr that says what is being done, gone when it is done. Used by one thread.
+// A line on stderr that shows the current work and disappears afterwards. Used by one thread.
 class Progress {
  public:
-  // Shows nothing when stderr is not a terminal.
+  // Shows nothing if stderr is not a terminal.
   explicit Progress(bool wanted);
   ~Progress() { clear(); }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
   void show(const std::string& what);
-  // A bar that is `done` (0 .. 1) full, and words behind it. At most ten times a second; else it does
-  // nothing.
+  // Shows a bar, filled to `done` (0 .. 1), and words after it. Ignores calls beyond ten per second.
   void show_bar(double done, const std::string& words);
-  void clear();  // before anything else is printed
+  void clear();  // call it before printing anything else
 
  private:
   const bool shown_;
   void line(const std::string& text);
 
-  bool line_ = false;  // there is one to clear
+  bool line_ = false;  // true if there is a line to clear
   absl::Time last_bar_ = absl::InfinitePast();
 };
 

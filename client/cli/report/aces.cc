@@ -29,7 +29,7 @@ Codes pixel(const RenderResult& result, size_t i) {
 // IEC 61966-2-1.
 double srgb_to_linear(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
 
-// Every 16-bit code's light.
+// The linear light of every 16-bit code.
 const std::vector<double>& light_of_codes() {
   static const std::vector<double> table = [] {
     std::vector<double> light(65536);
@@ -42,7 +42,7 @@ const std::vector<double>& light_of_codes() {
 cmsCIELab lab_of(const Codes& codes) {
   const std::vector<double>& light = light_of_codes();
   const double r = light[codes[0]], g = light[codes[1]], b = light[codes[2]];
-  // sRGB's primaries; white is the sum of the columns.
+  // The sRGB primaries. Their sum is the white point.
   const cmsCIEXYZ xyz = {0.4123908 * r + 0.3575843 * g + 0.1804808 * b,
                          0.2126390 * r + 0.7151687 * g + 0.0721923 * b,
                          0.0193308 * r + 0.1191948 * g + 0.9505322 * b};
@@ -58,7 +58,7 @@ double codes_apart(const Codes& a, const Codes& b) {
   return most * 255 / kFullScale;
 }
 
-// Reorders `values`.
+// The order of `values` changes.
 Json summary(std::vector<double>& values) {
   const auto p95 = values.begin() + static_cast<ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), p95, values.end());
@@ -81,7 +81,7 @@ void add_distances(const RenderResult& whole, const RenderResult& approximation,
   row["delta_e"] = summary(delta_e);
 }
 
-// One set of colours under every curve.
+// Renders one set of colours with every curve and tier.
 class ColorSet {
  public:
   ColorSet(const ReportSession& session, std::string name, const Image& frame, bool metered)
@@ -131,7 +131,7 @@ absl::StatusOr<Json> compare_aces(const ReportSession& session, const std::vecto
   const std::optional<v1::ToneCurve> reference = session.curve(kReference);
   if (!reference) {
     comparison["missing"] = absl::StrFormat(
-        "this server has no curve %s, the whole ACES 1 transform, to hold the approximations against",
+        "this server does not have curve %s, the whole ACES 1 transform, to compare the approximations with",
         kReference);
     return comparison;
   }

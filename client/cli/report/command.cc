@@ -14,22 +14,27 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/server_link.h"
-#include "client/cli/files/plot.h"
+#include "client/cli/files/error_map.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/report/aces.h"
+#include "client/cli/report/bounds.h"
 #include "client/cli/report/errors.h"
-#include "client/cli/report/page.h"
+#include "client/cli/report/files.h"
 #include "client/cli/report/times.h"
 #include "client/image/write/atomic_file.h"
 
 namespace candela {
 namespace {
 
-// What is verified takes seconds a megapixel: larger images are cut.
+// The version of report.json, which docs/report/format.md
+// describes. A change that breaks a reader increments it.
+constexpr int kFormatVersion = 1;
+
+// Verification takes seconds per megapixel, so larger images are cropped to this.
 constexpr double kQuickImageMegapixels = 1;
 constexpr double kImageMegapixels = 4;
 
-// When the last measurement of --quick ends, so that all is written within five minutes.
+// The last measurement of --quick ends by then, so that everything is written within five minutes.
 constexpr absl::Duration kQuickTime = absl::Seconds(280);
 
 TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
@@ -59,7 +64,7 @@ absl::StatusOr<ReportImage> cut_to(double megapixels, std::string name, Image im
   return ReportImage{std::move(name), *std::move(middle), note};
 }
 
-// The user's images, or the sample scene; all small enough to be verified.
+// The user's images, or the sample scene if there are none, all small enough to be verified.
 absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& options, const v1::Limits& limits) {
   const double most = options.quick ? kQuickImageMegapixels : kImageMegapixels;
   std::vector<ReportImage> images;
@@ -80,11 +85,11 @@ absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& option
   return images;
 }
 
-// Of the last minute, before anything is measured.
+// The load average of the last minute. Read it before anything is measured.
 std::string load() {
   double processes = 0;
   if (getloadavg(&processes, 1) != 1) return "unknown";
-  return absl::StrFormat("%.2f processes of other work, over the minute before", processes);
+  return absl::StrFormat("%.2f runnable processes on average in the minute before the run", processes);
 }
 
 std::string processor() {
@@ -106,7 +111,7 @@ Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice, 
           {"kind", absl::StrFormat("%s%s", device.type(),
                                    device.unified_memory() ? ", unified memory" : ", staging copies")},
           {"driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version())},
-          {"server", choice.address.empty() ? "inside of the measuring process" : choice.address},
+          {"server", choice.address.empty() ? "inside the measuring process" : choice.address},
           {"candela", info.version()}};
 }
 
@@ -127,7 +132,7 @@ Json tiers_of(const v1::GetServerInfoResponse& info) {
   return tiers;
 }
 
-// All that a report holds of measurements; what takes longest comes last, where time may be short.
+// The measurements. The longest ones come last, because --quick may run out of time.
 absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
                              const std::vector<ReportImage>& images, const std::string& folder) {
   absl::StatusOr<Json> hard = measure_hard_cases(session);
@@ -166,13 +171,16 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
   if (!measured.ok()) return measured.status();
   progress.show("writing " + options.directory);
   const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);
-  Json report = {{"command", command_of(options)},
+  Json report = {{"format", "candela report"},
+                 {"version", kFormatVersion},
+                 {"command", command_of(options)},
                  {"quick", options.quick},
                  {"date", absl::FormatTime("%Y-%m-%d %H:%M UTC", begin, absl::UTCTimeZone())},
                  {"seconds", seconds},
                  {"machine", machine(*info, options.server, load_before)},
                  {"tiers", tiers_of(*info)},
-                 {"bounded_tier", session.bounded_tier()}};
+                 {"bounded_tier", session.bounded_tier()},
+                 {"error_map_scale", error_scale_words()}};
   report.update(*measured);
   if (absl::Status status = write_report(report, options.directory); !status.ok()) return status;
   return seconds;
@@ -181,7 +189,6 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
 }  // namespace
 
 absl::Status run_report(const ReportOptions& options) {
-  if (absl::Status status = check_gnuplot(); !status.ok()) return status;
   if (absl::Status status = make_folder(options.directory); !status.ok()) return status;
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
@@ -189,9 +196,9 @@ absl::Status run_report(const ReportOptions& options) {
   progress.clear();
   if (!seconds.ok()) return seconds.status();
   if (options.quiet) return absl::OkStatus();
-  return print(
-      absl::StrFormat("%s/index.html: measured in %.0f s; report.json and the tables as CSV are beside it\n",
-                      options.directory, *seconds));
+  return print(absl::StrFormat(
+      "%s/index.html: measured in %.0f s; report.json, the pictures and the tables as CSV are beside it\n",
+      options.directory, *seconds));
 }
 
 }  // namespace candela

@@ -1,12 +1,11 @@
 #include "client/cli/report/errors.h"
 
-#include <half.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "proto/candela/v1/settings.h"
@@ -24,15 +23,6 @@ Json errors_of(const v1::Verification& v) {
           {"bloom_error", json_number(v.bloom_error())}};
 }
 
-// The component `k` of pixel `i` of an RGBA16F result.
-float component(const RenderResult& result, size_t i, size_t k) {
-  uint16_t bits = 0;
-  std::memcpy(&bits, result.data.get() + (i * 4 + k) * sizeof bits, sizeof bits);
-  return imath_half_to_float(bits);
-}
-
-size_t pixel_count(const RenderResult& result) { return result.bytes / 8; }
-
 bool all_finite(const RenderResult& result) {
   for (size_t i = 0; i < pixel_count(result); ++i) {
     for (size_t k = 0; k < 4; ++k) {
@@ -42,7 +32,7 @@ bool all_finite(const RenderResult& result) {
   return true;
 }
 
-// Of R, G and B together.
+// The sum of R, G and B over all pixels.
 double summed_light(const RenderResult& result) {
   double sum = 0;
   for (size_t i = 0; i < pixel_count(result); ++i) {
@@ -51,7 +41,7 @@ double summed_light(const RenderResult& result) {
   return sum;
 }
 
-// Of an RGBA8 result's R, G and B.
+// Smallest, largest and mean code of R, G and B of an RGBA8 result.
 Json picture_codes(const RenderResult& result) {
   int least = 255, most = 0;
   double sum = 0;
@@ -79,7 +69,7 @@ Json failed(Json row, const absl::Status& status) {
   return row;
 }
 
-// A verified frame and the same as floats.
+// Renders a frame twice: verified as codes, and as floats to check that every value is finite.
 Json verified_row(const ReportSession& session, Json row, v1::Settings settings, const Image& frame,
                   const std::optional<v1::ExposureState>& previous) {
   const absl::StatusOr<RenderResult> codes =
@@ -103,7 +93,7 @@ Json verified_row(const ReportSession& session, Json row, v1::Settings settings,
   return row;
 }
 
-// Low enough that the light does not reach 1, which would hide what it does.
+// The exposure is so low that the light stays below 1, where clipping would hide how it varies.
 v1::Settings highlight_settings(const std::string& tier, bool weights) {
   v1::Settings settings = ReportSession::settings(tier);
   settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -143,8 +133,9 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
   if (!frame.ok()) return frame.status();
   const v1::Settings settings = highlight_settings(tier, weights);
   const std::string expected =
-      weights ? "its light varies: the weights' price" : "its light varies by 0.3 % at most";
-  const std::string name = weights ? "highlight moving by 1/8 pixel" : "the same, without firefly weights";
+      weights ? "its light varies, which is the price of the weights" : "its light varies by 0.3 % at most";
+  const std::string name =
+      weights ? "highlight moving by 1/8 pixel" : "highlight moving by 1/8 pixel, without firefly weights";
   Json row = verified_row(session, row_of(name, expected, *frame, tier), settings, *frame, std::nullopt);
   if (row.contains("error")) return row;
   const absl::StatusOr<double> varies = flicker(session, settings);
@@ -154,20 +145,42 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
   return row;
 }
 
-// What stands in a page of one image at one tier.
-absl::StatusOr<Json> map_row(const RenderResult& result, Json row, const std::string& folder) {
+// A file name made of `stem` and a word of the server, which may hold any character.
+std::string picture_name(const std::string& stem, std::string word) {
+  std::replace_if(
+      word.begin(), word.end(), [](char c) { return !absl::ascii_isalnum(c) && c != '-'; }, '_');
+  return absl::StrCat(stem, "_", word, ".png");
+}
+
+absl::Status write_picture(const absl::StatusOr<Image>& picture, const std::string& path) {
+  return picture.ok() ? write_image(path, *picture).status() : picture.status();
+}
+
+// Where an image's pictures go: `folder` and the beginning of their names.
+struct PictureFiles {
+  const std::string& folder;
+  const std::string stem;
+};
+
+// The errors of one image at one tier. Writes the error map and, at the bounded tier, the picture.
+absl::StatusOr<Json> map_row(const ReportSession& session, const RenderResult& result,
+                             const std::string& tier, const PictureFiles& files) {
   const uint32_t width = result.header.width(), height = result.header.height();
-  const absl::StatusOr<Image> map = small_error_map(result.error_map, width, height);
-  if (!map.ok()) return map.status();
-  const absl::StatusOr<std::string> png = png_base64(*map, folder);
-  if (!png.ok()) return png.status();
+  Json row = {{"tier", tier}};
   row.update(errors_of(result.header.verify()));
-  row["png"] = *png;
+  row["file"] = picture_name(files.stem + "_errors", tier);
+  absl::Status written = write_picture(small_error_map(result.error_map, width, height),
+                                       absl::StrCat(files.folder, "/", row["file"].get<std::string>()));
+  if (tier == session.bounded_tier()) {
+    written.Update(write_picture(small_picture(result.pixels(), width, height),
+                                 absl::StrCat(files.folder, "/", files.stem, ".png")));
+  }
+  if (!written.ok()) return written;
   return row;
 }
 
 absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& image,
-                               const std::string& folder) {
+                               const PictureFiles& files) {
   Json row = {{"name", image.name},
               {"width", image.image.width},
               {"height", image.image.height},
@@ -181,45 +194,14 @@ absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& 
       maps.push_back(failed({{"tier", tier}}, result.status()));
       continue;
     }
-    const absl::StatusOr<Json> map = map_row(*result, {{"tier", tier}}, folder);
+    absl::StatusOr<Json> map = map_row(session, *result, tier, files);
     if (!map.ok()) return map.status();
-    maps.push_back(*map);
-    if (tier != session.bounded_tier()) continue;
-    const absl::StatusOr<Image> small =
-        small_picture(result->pixels(), image.image.width, image.image.height);
-    if (!small.ok()) return small.status();
-    const absl::StatusOr<std::string> png = png_base64(*small, folder);
-    if (!png.ok()) return png.status();
-    row["picture"] = *png;
+    maps.push_back(*std::move(map));
+    if (tier == session.bounded_tier()) row["file"] = files.stem + ".png";
   }
   row["maps"] = std::move(maps);
   return row;
 }
-
-// A stage's largest error so far.
-struct Worst {
-  const char* key;
-  const char* stage;
-  const char* unit;
-  double bound;
-  double measured = 0;
-  std::string where = "nowhere";
-
-  void look_at(const std::string& name, const Json& row) {
-    const double error = row[key].is_number() ? row[key].get<double>() : INFINITY;
-    if (error < measured || (error == measured && where != "nowhere")) return;
-    measured = error;
-    where = name;
-  }
-
-  Json json() const {
-    return {{"stage", stage}, {"unit", unit},           {"bound", bound}, {"measured", json_number(measured)},
-            {"where", where}, {"ok", measured <= bound}};
-  }
-};
-
-// The smallest frame whose share of differing components says something: one of a 1x1 frame is a third of it.
-constexpr double kCountedComponents = 1000;
 
 }  // namespace
 
@@ -249,7 +231,7 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
                                     const std::string& folder) {
   Json rows = Json::array();
   for (const ReportImage& image : images) {
-    absl::StatusOr<Json> row = image_row(session, image, folder);
+    absl::StatusOr<Json> row = image_row(session, image, {folder, absl::StrCat("image_", rows.size() + 1)});
     if (!row.ok()) return row.status();
     rows.push_back(*std::move(row));
   }
@@ -261,8 +243,8 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
   if (!frame.ok()) return frame.status();
   Json rows = Json::array();
   for (const int value : session.info().curves()) {
-    // A table's own error is no stage's: that of aces-1 is published by its size, and a client's table is the
-    // client's.
+    // The error of a table is not the error of a stage: docs/pipeline.md gives that of aces-1 by table size,
+    // and a client's table is the client's choice.
     if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE) continue;
     const std::string word = v1::word_of(static_cast<v1::ToneCurve>(value));
     session.show("curve: " + word);
@@ -272,57 +254,6 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
     rows.push_back(verified_row(session, std::move(row), settings, *frame, std::nullopt));
   }
   return rows;
-}
-
-absl::StatusOr<Json> measure_ingest(const ReportSession& session) {
-  session.show("ingest: every half");
-  const absl::StatusOr<Image> frame = every_half();
-  if (!frame.ok()) return frame.status();
-  v1::Settings settings = ReportSession::settings(session.bounded_tier());
-  settings.set_curve(v1::TONE_CURVE_LINEAR);
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
-  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-  const absl::StatusOr<RenderResult> result = session.render(settings, *frame);
-  if (!result.ok()) return result.status();
-  Worst worst = {"codes", "ingest: every half, NaN and Inf among them", "codes", 0};
-  for (size_t half = 0; half < pixel_count(*result); ++half) {
-    const float in = imath_half_to_float(static_cast<uint16_t>(half));
-    const float light = std::isnan(in) ? 0 : std::clamp(in, 0.0f, 1.0f);
-    for (size_t k = 0; k < 3; ++k) {
-      const double codes = 255 * std::abs(double{component(*result, half, k)} - double{light});
-      if (codes != 0) worst.look_at(absl::StrFormat("half 0x%04x", half), {{"codes", json_number(codes)}});
-    }
-  }
-  if (worst.measured == 0) worst.where = "all 65536 exact";
-  return worst.json();
-}
-
-Json judge_stages(const ReportSession& session, const Measured& measured) {
-  Worst stages[] = {{"meter_error_ev", "metering", "EV", 2e-5},
-                    {"bloom_error", "bloom, relative to its largest value", "fraction", 0x1p-9},
-                    {"max_error_codes", "whole frame, largest error", "codes", 0.5},
-                    {"p999_error_codes", "whole frame, 99.9 % of the pixels", "codes", 0.05},
-                    {"differing_components", "components differing once quantised", "fraction", 1e-3}};
-  const auto look = [&](const std::string& name, const Json& row, double pixels) {
-    if (row["tier"] != session.bounded_tier() || row.contains("error")) return;
-    for (Worst& stage : stages) {
-      const bool too_small = stage.key == stages[4].key && 3 * pixels < kCountedComponents;
-      if (!too_small) stage.look_at(name, row);
-    }
-  };
-  const auto pixels = [](const Json& row) {
-    return row["width"].get<double>() * row["height"].get<double>();
-  };
-  for (const Json* rows : {&measured.hard_cases, &measured.curves}) {
-    for (const Json& row : *rows) look(row["case"], row, pixels(row));
-  }
-  for (const Json& image : measured.images) {
-    for (const Json& row : image["maps"]) look(image["name"], row, pixels(image));
-  }
-  Json judged = Json::array();
-  for (const Worst& stage : stages) judged.push_back(stage.json());
-  return judged;
 }
 
 }  // namespace candela

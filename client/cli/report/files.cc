@@ -1,13 +1,14 @@
+#include "client/cli/report/files.h"
+
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
-#include "client/cli/report/page.h"
 #include "client/image/write/atomic_file.h"
 
 namespace candela {
 namespace {
 
-// A column's name and where its value is in a row of the data.
+// A column's name, and the JSON pointer to its value in a row.
 struct Column {
   const char* name;
   const char* pointer;
@@ -63,7 +64,7 @@ constexpr Column kAces[] = {{"set", "/set"},
                             {"mean_delta_e", "/delta_e/mean"},
                             {"error", "/error"}};
 
-// "-" for what a row does not have.
+// "-" if the row has no such value.
 std::string csv_value(const Json& row, const Column& column) {
   const Json::json_pointer pointer(column.pointer);
   if (!row.contains(pointer)) return "-";
@@ -92,21 +93,30 @@ absl::Status write_file(const std::string& path, const std::string& text) {
   return file->commit();
 }
 
+// A path need not be UTF-8.
+std::string json_text(const Json& report, int indent) {
+  return report.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+// The page with the report in it. JSON needs '<' in strings only, where an escape says the same. Without any
+// '<' the text cannot end the element that it stands in.
+std::string page_of(const Json& report) {
+  constexpr char kPlaceholder[] = "id=\"report\">null<";
+  const std::string text = absl::StrReplaceAll(json_text(report, -1), {{"<", "\\u003c"}});
+  return absl::StrReplaceAll(kPageTemplate, {{kPlaceholder, absl::StrCat("id=\"report\">", text, "<")}});
+}
+
 }  // namespace
 
 absl::Status write_report(const Json& report, const std::string& folder) {
-  const absl::StatusOr<std::string> page = report_page(report);
-  if (!page.ok()) return page.status();
   const Json& aces = report["aces"];
-  // A path need not be UTF-8.
-  const std::string json = report.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
   absl::Status status;
-  status.Update(write_file(folder + "/report.json", json));
+  status.Update(write_file(folder + "/report.json", json_text(report, 1) + "\n"));
   status.Update(write_file(folder + "/times.csv", csv(kTimes, report["times"])));
   status.Update(write_file(folder + "/hard_cases.csv", csv(kHardCases, report["hard_cases"])));
   status.Update(
       write_file(folder + "/aces.csv", csv(kAces, aces.contains("rows") ? aces["rows"] : Json::array())));
-  status.Update(write_file(folder + "/index.html", *page));
+  status.Update(write_file(folder + "/index.html", page_of(report)));
   return status;
 }
 

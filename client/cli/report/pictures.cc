@@ -2,18 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
-#include <iterator>
 #include <vector>
 
-#include "absl/strings/escaping.h"
 #include "client/cli/files/error_map.h"
-#include "client/image/write/temporary_path.h"
 
 namespace candela {
 namespace {
 
-// Which of `from` pixels pixel `i` of `to` stands for: [begin, end), never empty.
+// The pixels of `from` that pixel `i` of `to` covers: [begin, end), never empty.
 struct Range {
   uint32_t begin, end;
 };
@@ -64,22 +60,13 @@ absl::StatusOr<Image> small_error_map(std::span<const uint16_t> halves, uint32_t
   worst.reserve(size_t{wide} * high);
   for (uint32_t y = 0; y < high; ++y) {
     for (uint32_t x = 0; x < wide; ++x) {
-      uint16_t most = 0;  // errors are not negative, and such halves have the order of their bits
+      uint16_t most = 0;  // errors are not negative, so their halves are ordered as their bits are
       visit_share(share(x, width, wide), share(y, height, high),
                   [&](uint32_t i, uint32_t j) { most = std::max(most, halves[size_t{j} * width + i]); });
       worst.push_back(most);
     }
   }
   return draw_error_map(worst, wide, high);
-}
-
-absl::StatusOr<std::string> png_base64(const Image& picture, const std::string& folder) {
-  const std::string path = folder + "/.picture.png";
-  const absl::StatusOr<std::vector<std::string>> written = write_image(path, picture);
-  if (!written.ok()) return written.status();
-  const TemporaryPath temporary(path);
-  std::ifstream file(path, std::ios::binary);
-  return absl::Base64Escape(std::string(std::istreambuf_iterator<char>(file), {}));
 }
 
 }  // namespace candela

@@ -1,25 +1,22 @@
-// Pictures small enough to stand in a page.
+// Pictures scaled down for the report's page.
 #pragma once
 
 #include <cstdint>
 #include <span>
-#include <string>
 
 #include "absl/status/statusor.h"
 #include "client/image/image.h"
 
 namespace candela {
 
-// At most this wide; pictures that are no wider stay as they are.
-inline constexpr uint32_t kPageWidth = 480;  // pixels
+// The largest width, in pixels. Pictures that are no wider keep their size.
+inline constexpr uint32_t kPageWidth = 480;
 
-// A kRgba8 picture, each pixel the mean of those it stands for.
+// Scales a picture down. Each pixel of the result, a kRgba8 image, is the mean of the pixels that it covers.
 absl::StatusOr<Image> small_picture(std::span<const std::byte> rgba8, uint32_t width, uint32_t height);
 
-// An error map (halves, in codes) drawn with its legend, each pixel the worst of those it stands for.
+// Scales an error map (halves, in codes) down and draws it with its legend. Each pixel shows the largest
+// error of those that it covers.
 absl::StatusOr<Image> small_error_map(std::span<const uint16_t> halves, uint32_t width, uint32_t height);
-
-// A kRgba8 picture as a PNG file in base64. Needs a file in `folder` for a moment; fails as write_image does.
-absl::StatusOr<std::string> png_base64(const Image& picture, const std::string& folder);
 
 }  // namespace candela

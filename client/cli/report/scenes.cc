@@ -82,9 +82,9 @@ std::vector<CaseShape> case_shapes() {
       {"3x5", "metered whole, edges clamped", 3, 5, ramp},
       {"step from black to 65504 in 1/24 s", "exposure falls at its speed", kW, kH, everywhere(kMax),
        state(64, 1.0 / 24)},
-      {"elapsed 0 s", "exposure stays", kW, kH, ramp, state(64, 0)},
-      {"elapsed 1e-9 s", "exposure all but stays", kW, kH, ramp, state(64, 1e-9)},
-      {"elapsed 1e9 s", "exposure arrives", kW, kH, ramp, state(64, 1e9)},
+      {"elapsed 0 s", "exposure does not change", kW, kH, ramp, state(64, 0)},
+      {"elapsed 1e-9 s", "exposure barely changes", kW, kH, ramp, state(64, 1e-9)},
+      {"elapsed 1e9 s", "exposure reaches its target", kW, kH, ramp, state(64, 1e9)},
   };
   shapes.insert(shapes.end(), std::begin(others), std::end(others));
   return shapes;

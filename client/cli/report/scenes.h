@@ -1,4 +1,4 @@
-// The frames that a report is measured on: deterministic, the same on every machine.
+// The frames that a report renders. They are deterministic and the same on every machine.
 #pragma once
 
 #include <cstdint>
@@ -13,44 +13,45 @@
 namespace candela {
 
 struct FrameSize {
-  double megapixels = 0;  // as asked for
+  double megapixels = 0;  // as the user gave it
   uint32_t width = 0;
   uint32_t height = 0;
 };
 
-// About 16:9 and as near to `megapixels` as whole pixels come; of 1, 2, 8 and 33 the sizes of screens.
+// A size of about 16:9 as near to `megapixels` as possible. 2, 8
+// and 33 give 1920x1080, 3840x2160 and 7680x4320.
 FrameSize frame_size(double megapixels);
 
-// The sample scene as halves, its colour clamped to -65504 .. most. Fails as make_image does.
+// The sample scene as halves, with its colour clamped to -65504 .. most. Fails as make_image does.
 absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height, float most = 65504.0f);
 
-// The same picture with one NaN in its middle.
+// A copy of the picture with one NaN in its middle.
 absl::StatusOr<Image> with_one_nan(const Image& halves);
 
-// The same picture with five texels of 30000: in about 1 % of the tiles of a frame of 2 megapixels.
+// A copy of the picture with five texels of 30000. They touch about 1 % of the tiles of a 2-megapixel frame.
 absl::StatusOr<Image> with_few_lights(const Image& halves);
 
-// The middle of an image, of at most that many megapixels and of its shape; the image itself if it is no
-// larger.
+// Crops the middle out of an image, with its shape and at most
+// `megapixels`. Returns the image itself if it is not larger.
 absl::StatusOr<Image> cropped(Image image, double megapixels);
 
-// A frame on which programs like this one fail.
+// A frame on which image pipelines often fail.
 struct HardCase {
   std::string name;
-  std::string expected;  // the stated result
+  std::string expected;  // the result that docs/pipeline.md states
   Image frame;
   std::optional<v1::ExposureState> previous;
 };
 absl::StatusOr<std::vector<HardCase>> hard_cases();
 
-// 256 x 256, every half in turn as the value of R, G and B, row by row.
+// A 256 x 256 image with every half as the value of R, G and B, row by row.
 absl::StatusOr<Image> every_half();
 
-// A light of 1.5 x 1.5 pixels and luminance 500 on 0.01, moved to the right by `eighths` of a pixel; without
-// `eighths` the ground alone.
+// A light of 1.5 x 1.5 pixels and luminance 500 on a background of 0.01, moved right by `eighths` of a pixel.
+// Without `eighths`, only the background.
 absl::StatusOr<Image> moving_highlight(std::optional<int> eighths);
 
-// Colours to hold one tone curve against another, 256 wide.
+// A chart of colours, 256 wide, for comparing tone curves.
 struct Chart {
   std::string name;
   Image frame;

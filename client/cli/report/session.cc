@@ -1,7 +1,10 @@
 #include "client/cli/report/session.h"
 
+#include <half.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "absl/time/clock.h"
@@ -11,7 +14,7 @@
 namespace candela {
 namespace {
 
-// Ends a wait for a server that will never answer.
+// Ends the wait for a server that never answers.
 constexpr absl::Duration kFrameTimeout = absl::Minutes(10);
 
 }  // namespace
@@ -76,6 +79,14 @@ double device_ms(const v1::ResultHeader& header) {
     if (is_device_stage(stage)) ms += static_cast<double>(stage.ns()) * 1e-6;
   }
   return ms;
+}
+
+size_t pixel_count(const RenderResult& result) { return result.bytes / 8; }
+
+float component(const RenderResult& result, size_t i, size_t k) {
+  uint16_t bits = 0;
+  std::memcpy(&bits, result.data.get() + (i * 4 + k) * sizeof bits, sizeof bits);
+  return imath_half_to_float(bits);
 }
 
 }  // namespace candela

@@ -1,4 +1,5 @@
-// What all measurements of a report share: the server, what it can do, and where progress is shown.
+// The server under measurement, shared by all measurements of a
+// report: rendering, tiers, curves and progress.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -16,17 +17,17 @@ namespace candela {
 
 using Json = nlohmann::ordered_json;
 
-// A number; one that JSON cannot hold is "inf", "-inf" or "nan".
+// A JSON number, or "inf", "-inf" or "nan", which JSON has no numbers for.
 Json json_number(double value);
 
-// What a frame is rendered for besides its picture.
+// What a measurement needs in addition to the picture.
 struct FrameWishes {
   bool verify = false;
   bool error_map = false;
   std::optional<v1::ExposureState> previous = std::nullopt;
 };
 
-// Used by one thread; the connection and the progress outlive it.
+// Used by one thread. The connection and the progress must outlive it.
 class ReportSession {
  public:
   ReportSession(const Connection& server, v1::GetServerInfoResponse info, Progress& progress);
@@ -34,16 +35,17 @@ class ReportSession {
   const v1::GetServerInfoResponse& info() const { return info_; }
   std::vector<std::string> tiers() const;
   bool has_tier(const std::string& name) const;
-  // The tier that promises the bounds of docs/pipeline.md: "standard", or the first one of a server without.
+  // The tier that promises the bounds of docs/pipeline.md: "standard", or
+  // the server's first tier if it has no "standard".
   std::string bounded_tier() const;
-  std::string most_accurate_tier() const;  // "reference" where there is one, else bounded_tier()
-  // The server's curve of that name.
+  std::string most_accurate_tier() const;  // "reference" if the server has it, else bounded_tier()
+  // The curve of that name, if the server has it.
   std::optional<v1::ToneCurve> curve(const std::string& word) const;
 
-  // The settings of `tier` with all else at its default.
+  // Default settings at `tier`.
   static v1::Settings settings(const std::string& tier);
 
-  // `image` is kRgba16f or kRgba32f. Its chromaticities are added to the settings.
+  // `image` is kRgba16f or kRgba32f. Adds its chromaticities to the settings.
   absl::StatusOr<RenderResult> render(v1::Settings settings, const Image& image,
                                       const FrameWishes& wishes = {}) const;
 
@@ -55,8 +57,12 @@ class ReportSession {
   Progress& progress_;
 };
 
-// Device time: all stages but the queue and the verification.
+// Device time is the time of all stages except the queue and the verification.
 bool is_device_stage(const v1::StageTime& stage);
 double device_ms(const v1::ResultHeader& header);
+
+// The size of an RGBA16F result in pixels, and component `k` of its pixel `i`.
+size_t pixel_count(const RenderResult& result);
+float component(const RenderResult& result, size_t i, size_t k);
 
 }  // namespace candela

@@ -14,9 +14,9 @@ namespace candela {
 namespace {
 
 constexpr int kWarmUp = 2;
-constexpr double kSlowMs = 2000;      // a frame that takes longer is slow: timed less often, not warmed up
-constexpr double kLongestMs = 30000;  // a frame that would take longer is not tried
-constexpr double kSceneMegapixels = 2.1;  // scenes are measured at most there
+constexpr double kSlowMs = 2000;          // a slower frame is timed less often, without a warm-up
+constexpr double kLongestMs = 30000;      // a slower frame is skipped
+constexpr double kSceneMegapixels = 2.1;  // the largest size for measure_scenes()
 
 using Clock = std::chrono::steady_clock;
 
@@ -24,7 +24,7 @@ double ms_since(Clock::time_point begin) {
   return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
 }
 
-// Between neighbours where it falls between.
+// Interpolates linearly between neighbouring values.
 double quantile(std::vector<double> values, double q) {
   std::sort(values.begin(), values.end());
   const double at = q * static_cast<double>(values.size() - 1);
@@ -36,11 +36,11 @@ Json spread(const std::vector<double>& values) {
   return {{"p10", quantile(values, 0.1)}, {"median", quantile(values, 0.5)}, {"p90", quantile(values, 0.9)}};
 }
 
-// What a number of frames took.
+// The times of several frames.
 struct Samples {
   std::vector<double> device, call, copy;                           // ms
-  std::vector<std::pair<std::string, std::vector<double>>> stages;  // in the order of the work
-  std::vector<std::string> plan;                                    // of the last frame
+  std::vector<std::pair<std::string, std::vector<double>>> stages;  // in execution order
+  std::vector<std::string> plan;                                    // the plan of the last frame
 
   void add(const v1::ResultHeader& header) {
     device.push_back(device_ms(header));
@@ -66,18 +66,18 @@ struct Samples {
   }
 };
 
-// A plain copy of the frame: what memory alone costs, measured beside the frames.
+// Times a plain copy of the frame, next to every timed frame: the cost of touching its memory.
 class Yardstick {
  public:
   explicit Yardstick(const Image& frame) : frame_(frame), copy_(frame.bytes()) {
-    copy_ms();  // the first one pays for the pages
+    copy_ms();  // the first copy also pays for the page faults
   }
 
   double copy_ms() {
     if (copy_.empty()) return 0;
     const Clock::time_point begin = Clock::now();
     std::memcpy(copy_.data(), frame_.pixels.data(), frame_.bytes());
-    asm volatile("" ::"r"(copy_.data()) : "memory");  // the copy is used, as far as the compiler knows
+    asm volatile("" ::"r"(copy_.data()) : "memory");  // so that the compiler keeps the copy
     return ms_since(begin);
   }
 
@@ -109,11 +109,11 @@ absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Sett
   return samples;
 }
 
-// What a tier took at the size before, to tell what it takes at the next one.
+// The times of a tier at the previous size, from which the times at the next one are estimated.
 struct Seen {
   double megapixels = 0;
   double frame_ms = 0;
-  double verify_ms = 0;  // of the whole call
+  double verify_ms = 0;  // for the whole call
 
   Seen at(const FrameSize& size) const {
     const double ratio = megapixels > 0 ? size.megapixels / megapixels : 0;
@@ -121,18 +121,18 @@ struct Seen {
   }
 };
 
-// Why something that takes about that long is not done, "" if it is.
+// Why work that takes about `ms` has to be skipped, "" if there is time for it.
 std::string too_late(const TimePlan& plan, double ms) {
   const double left_ms = absl::ToDoubleMilliseconds(plan.deadline - absl::Now());
   if (ms <= left_ms) return "";
-  return absl::StrFormat("would take about %.0f s, and %.0f s are left of those that --quick has", ms / 1000,
+  return absl::StrFormat("would take about %.0f s, but --quick has only %.0f s left", ms / 1000,
                          std::max(0.0, left_ms) / 1000);
 }
 
 std::string too_slow(const TimePlan& plan, const Seen& expected) {
   if (expected.frame_ms > kLongestMs) {
-    return absl::StrFormat("would take about %.0f s a frame; at most %.0f s are spent",
-                           expected.frame_ms / 1000, kLongestMs / 1000);
+    return absl::StrFormat("would take about %.0f s per frame; the limit is %.0f s", expected.frame_ms / 1000,
+                           kLongestMs / 1000);
   }
   const int frames = expected.frame_ms > kSlowMs ? plan.slow_frames : kWarmUp + plan.frames;
   return too_late(plan, frames * expected.frame_ms);
@@ -159,7 +159,7 @@ void add_error(const ReportSession& session, const TimePlan& plan, const Image& 
                   {"mean_codes", json_number(v.mean_error_codes())}};
 }
 
-// One size at one tier; `seen` is what is expected of it and becomes what it took.
+// Measures one size at one tier. `seen` holds the expected times and receives the measured ones.
 Json time_row(const ReportSession& session, const TimePlan& plan, const Image& frame, Seen& seen, Json row) {
   const absl::StatusOr<Samples> samples =
       time_frames(session, ReportSession::settings(row["tier"]), frame, plan);
@@ -173,14 +173,14 @@ Json time_row(const ReportSession& session, const TimePlan& plan, const Image& f
   return row;
 }
 
-// Why a size cannot be rendered at all, "" if it can.
+// Why the server refuses a size, "" if it does not.
 std::string beyond_limits(const v1::Limits& limits, const FrameSize& size) {
   const uint64_t bytes = uint64_t{size.width} * size.height * bytes_per_pixel(ImageFormat::kRgba16f);
   if (std::max(size.width, size.height) > limits.max_dimension()) {
-    return absl::StrFormat("beyond this server's limit of %d pixels a side", limits.max_dimension());
+    return absl::StrFormat("exceeds this server's limit of %d pixels per side", limits.max_dimension());
   }
   if (bytes <= limits.max_frame_bytes()) return "";
-  return absl::StrFormat("%d bytes are beyond this server's limit of %d for a frame", bytes,
+  return absl::StrFormat("%d bytes exceed this server's limit of %d for a frame", bytes,
                          limits.max_frame_bytes());
 }
 
@@ -188,7 +188,7 @@ Json blank_row(const FrameSize& size, const std::string& tier) {
   return {{"megapixels", size.megapixels}, {"width", size.width}, {"height", size.height}, {"tier", tier}};
 }
 
-// A frame and its settings, in words.
+// A frame, its settings, and their description.
 struct Scene {
   const char* what;
   const absl::StatusOr<Image>& frame;

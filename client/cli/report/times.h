@@ -1,4 +1,5 @@
-// The time half of a report: how long frames take, and what of it is what a scene needs.
+// The times of a report: how long frames take by size and tier, and how scenes and settings change that.
+// docs/report/format.md describes the rows.
 #pragma once
 
 #include <vector>
@@ -11,18 +12,15 @@ namespace candela {
 
 struct TimePlan {
   std::vector<FrameSize> sizes;                  // ascending
-  int frames = 11;                               // timed, after a warm-up of two
-  int slow_frames = 3;                           // of those that take seconds, timed without a warm-up
-  absl::Time deadline = absl::InfiniteFuture();  // what would pass it is left out, and the rows say so
+  int frames = 11;                               // number of timed frames, after a warm-up of two
+  int slow_frames = 3;                           // the same for frames that take seconds; no warm-up
+  absl::Time deadline = absl::InfiniteFuture();  // work that would pass it is skipped, and its row says so
 };
 
-// A row a size and tier: megapixels, width, height, tier and either skipped (why) or frames, device_ms,
-// call_ms and memcpy_ms {p10, median, p90}, memcpy_ratio, stages [{name, ms {p10, median, p90}}] and either
-// error {max_codes, p999_codes, mean_codes} or error_skipped (why).
+// `times`: every size at every tier.
 Json measure_times(const ReportSession& session, const TimePlan& plan);
 
-// What scenes and settings cost, at the largest planned size of at most 2 megapixels: a row each, with what,
-// width, height, plan, device_ms, memcpy_ms, memcpy_ratio and stages as above, or what and error (why not).
+// `scenes`: scenes and settings at the largest planned size of at most 2 megapixels.
 Json measure_scenes(const ReportSession& session, const TimePlan& plan);
 
 }  // namespace candela
