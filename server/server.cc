@@ -26,9 +26,9 @@
 #include "server/render/self_test.h"
 #include "server/render/settings/tiers.h"
 #include "server/rpc/access.h"
-#include "server/rpc/backend.h"
 #include "server/rpc/health.h"
 #include "server/rpc/render_service.h"
+#include "server/rpc/service_state.h"
 #include "server/schedule/heartbeat.h"
 #include "server/schedule/render_loop.h"
 #include "server/vulkan/device.h"
@@ -128,7 +128,7 @@ struct Server::Parts {
   absl::Status listen();
   absl::Status serve_metrics();
   // On the render thread.
-  absl::StatusOr<FrameReport> render(Frame& frame);
+  absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
   // Calls that still run after `grace` are cancelled.
   void stop(absl::Duration grace);
@@ -140,7 +140,7 @@ struct Server::Parts {
   std::unique_ptr<TierMeter> tier_meter;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<WorkerPool> encoders;
-  std::unique_ptr<Backend> backend;
+  std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
   std::unique_ptr<grpc::Server> grpc;
   std::vector<std::string> addresses;
@@ -205,7 +205,7 @@ absl::Status Server::Parts::serve_metrics() {
   if (config.metrics.empty()) return absl::OkStatus();
   metrics->set_sampler([this]() -> Metrics::Sample {
     const PoolCounters pool = engines->engine()->pool.counters();
-    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle, backend->memory_budget_bytes};
+    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle, config.memory_budget_bytes};
   });
   absl::StatusOr<std::unique_ptr<MetricsServer>> started = MetricsServer::start(*metrics, config.metrics);
   if (!started.ok()) return started.status();
@@ -214,9 +214,9 @@ absl::Status Server::Parts::serve_metrics() {
   return absl::OkStatus();
 }
 
-absl::StatusOr<FrameReport> Server::Parts::render(Frame& frame) {
-  absl::StatusOr<FrameReport> report = render_frame(frame);
-  engines->worked(*frame.renderer, report.status());
+absl::StatusOr<FrameReport> Server::Parts::render(const FrameJob& job) {
+  absl::StatusOr<FrameReport> report = render_frame(job);
+  engines->worked(*job.frame->renderer, report.status());
   heartbeat->worked(report.ok());
   return report;
 }
@@ -237,8 +237,8 @@ absl::Status Server::Parts::beat() {
 
 void Server::Parts::stop(absl::Duration grace) {
   if (grpc != nullptr) {
-    backend->gate.close();
-    backend->session_gate.close();
+    state->call_gate.close();
+    state->session_gate.close();
     grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
     grpc->Wait();
   }
@@ -283,25 +283,23 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
       renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", threads()),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(
-      [p = parts.get()](Frame& frame) { return p->render(frame); },
+      [p = parts.get()](const FrameJob& job) { return p->render(job); },
       config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
   parts->encoders = std::make_unique<WorkerPool>(config.encoder_threads);
-  parts->backend.reset(new Backend{.renderer = renderer,
-                                   .loop = *parts->loop,
-                                   .tier_meter = *parts->tier_meter,
-                                   .limits = limits_of(config, device),
-                                   .idle_timeout = config.idle_timeout,
-                                   .max_frames_in_flight = config.max_frames_in_flight,
-                                   .memory_budget_bytes = config.memory_budget_bytes,
-                                   .device = device.name,
-                                   .encoders = *parts->encoders,
-                                   .keys = *std::move(keys),
-                                   .metrics = *parts->metrics,
-                                   .gate = CallGate("calls", config.max_calls),
-                                   .session_gate = CallGate("sessions", config.max_sessions),
-                                   .lookahead_memory = LookaheadMemory(config.memory_budget_bytes)});
+  parts->state.reset(new ServiceState{
+      .rendering = {.renderer = renderer,
+                    .loop = *parts->loop,
+                    .tier_meter = *parts->tier_meter,
+                    .encoders = *parts->encoders,
+                    .device = device.name},
+      .limits = {limits_of(config, device), config.idle_timeout, config.max_frames_in_flight},
+      .metrics = *parts->metrics,
+      .call_gate = CallGate("calls", config.max_calls),
+      .session_gate = CallGate("sessions", config.max_sessions),
+      .sessions = {.keys = *std::move(keys),
+                   .lookahead_memory = LookaheadMemory(config.memory_budget_bytes)}});
   parts->service = std::make_unique<RenderService>(
-      *parts->backend, [engines = parts->engines.get()] { return engines->engine()->pool.counters(); },
+      *parts->state, [engines = parts->engines.get()] { return engines->engine()->pool.counters(); },
       server_info(config, device));
   parts->health = std::make_unique<Health>(*parts->metrics);
   parts->heartbeat = std::make_unique<Heartbeat>(
@@ -332,7 +330,7 @@ const std::string& Server::metrics_address() const { return parts_->metrics_addr
 
 bool Server::alive() const { return parts_->health->alive(); }
 
-const std::string& Server::device_name() const { return parts_->backend->device; }
+const std::string& Server::device_name() const { return parts_->state->rendering.device; }
 
 uint64_t Server::validation_messages() const {
   return parts_->engines->engine()->device->validation_messages();
@@ -343,14 +341,14 @@ void Server::lose_device(int times) { parts_->engines->lose(times); }
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (parts_->grpc == nullptr) return;
   parts_->health->drain();
-  Backend& backend = *parts_->backend;
+  ServiceState& state = *parts_->state;
   if (!parts_->engines->gone()) absl::SleepFor(parts_->config.pre_drain);
   const absl::Time deadline = absl::Now() + parts_->config.drain_timeout;
-  backend.gate.close();
-  backend.session_gate.close();
-  for (const std::shared_ptr<SessionCall>& session : backend.sessions.all()) session->go_away();
-  const bool drained = backend.gate.wait_until_empty(deadline - absl::Now()) &&
-                       backend.session_gate.wait_until_empty(deadline - absl::Now());
+  state.call_gate.close();
+  state.session_gate.close();
+  for (const std::shared_ptr<SessionCall>& session : state.sessions.table.all()) session->go_away();
+  const bool drained = state.call_gate.wait_until_empty(deadline - absl::Now()) &&
+                       state.session_gate.wait_until_empty(deadline - absl::Now());
   if (drained && on_drained) on_drained();
   parts_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }

@@ -21,7 +21,7 @@ struct ResumePoint {
   std::string session;  // at most v1::kMaxSessionNameBytes
   uint64_t epoch = 0;
   uint64_t sequence = 0;  // of the last frame that was answered, by a result or a failure
-  ExposureState exposure;
+  ExposurePoint exposure;
   std::string settings_hash;  // 16 bytes
   std::string tier;           // a tier's name
 };

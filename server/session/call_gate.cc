@@ -1,4 +1,4 @@
-#include "server/rpc/call_gate.h"
+#include "server/session/call_gate.h"
 
 #include "absl/strings/str_format.h"
 

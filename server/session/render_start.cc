@@ -1,4 +1,4 @@
-#include "server/rpc/render_start.h"
+#include "server/session/render_start.h"
 
 #include <cstring>
 #include <memory>
@@ -6,13 +6,11 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/message_wire.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 namespace {
 
-// Room for the largest table and for every other field with its longest value; more is not a start message.
-constexpr size_t kMaxStartBytes = v1::kMaxTableBytes + (64 << 10);
 constexpr uint64_t kMaxRowPaddingBytes = 4096;
 
 // `value` as `Ours`, whose values are those of the message's enum; 0 is the default that `field` has already.
@@ -178,23 +176,7 @@ absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, con
   return FrameLayout{*desc, *stride};
 }
 
-absl::Status parse_request(grpc::ByteBuffer& message, google::protobuf::Message& request) {
-  if (message.Length() > kMaxStartBytes) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "message is %d bytes, and one that holds no band has at most %d; send what begins a call "
-        "or a frame first, then its bands",
-        message.Length(), kMaxStartBytes));
-  }
-  if (!v1::unpack(message, request)) {
-    return absl::InvalidArgumentError(
-        "message is not what render.proto says: its bytes are damaged or cut short");
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits) {
-  v1::RenderRequest request;
-  if (absl::Status status = parse_request(message, request); !status.ok()) return status;
+absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits) {
   if (!request.has_start()) {
     return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
   }
