@@ -12,7 +12,7 @@ absl::Status CallGate::enter() {
   }
   if (calls_ >= max_calls_) {
     return absl::UnavailableError(
-        absl::StrFormat("server has %d %s, as many as it takes at once; try again soon", calls_, what_));
+        absl::StrFormat("server has %d %s, which is its limit; try again soon", calls_, what_));
   }
   ++calls_;
   return absl::OkStatus();

@@ -13,7 +13,7 @@ namespace {
 
 constexpr uint64_t kMaxRowPaddingBytes = 4096;
 
-// `value` as `Ours`, whose values are those of the message's enum; 0 is the default that `field` has already.
+// Sets `field` to `value`; both enums have the same numbers. 0 keeps the default in `field`.
 template <typename Ours, typename Theirs>
 absl::Status set_enum(const char* name, Theirs value, bool known, Ours& field) {
   if (!known) {
@@ -50,7 +50,7 @@ absl::Status read_enums(const v1::Settings& message, Settings& settings) {
   return status;
 }
 
-// An odd byte at the end is kept as one value more, which check_settings then refuses.
+// An odd byte at the end becomes one more value, which check_settings then refuses.
 std::shared_ptr<const ColorTable> table_from(const v1::ColorTable& message) {
   const std::string& bytes = message.values();
   auto table = std::make_shared<ColorTable>();
@@ -71,7 +71,7 @@ absl::StatusOr<FrameDesc> frame_from(const v1::FrameHeader& header) {
   return FrameDesc{header.width(), header.height(), static_cast<PixelFormat>(header.format())};
 }
 
-// `desc` has passed check_frame, so that no product here leaves 64 bits.
+// `desc` has passed check_frame, so no product here overflows 64 bits.
 absl::StatusOr<uint64_t> row_stride(const v1::FrameHeader& header, const FrameDesc& desc) {
   const uint64_t tight = desc.row_bytes();
   const uint64_t stride = header.row_stride_bytes() == 0 ? tight : header.row_stride_bytes();
@@ -97,7 +97,7 @@ absl::StatusOr<std::optional<PreviousExposure>> previous_from(const v1::RenderSt
 
 absl::StatusOr<Verify> verify_from(const v1::RenderStart& start) {
   if (!start.verify() && start.error_map()) {
-    return absl::InvalidArgumentError("error_map is set and verify is not; set both for a map, or neither");
+    return absl::InvalidArgumentError("error_map is set and verify is not; set both, or neither");
   }
   return start.error_map() ? Verify::kWithMap : start.verify() ? Verify::kYes : Verify::kNo;
 }
