@@ -21,12 +21,8 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
     report.stages = std::exchange(frame.metered->stages, {});
     return report;
   }
-  return renderer.draw(frame.memory, frame.settings, frame.sequence, *frame.metered,
-                       [&](double mean_log2_luminance) {
-                         FrameStats stats = frame.metered->stats;
-                         stats.mean_log2_luminance = mean_log2_luminance;
-                         return job.decide(stats);
-                       });
+  const Exposed exposed = job.decide(frame.metered->stats);
+  return renderer.draw(frame.memory, frame.settings, frame.sequence, *frame.metered, exposed);
 }
 
 absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {
