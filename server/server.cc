@@ -20,9 +20,9 @@
 #include "server/render/renderer.h"
 #include "server/render/self_test.h"
 #include "server/rpc/access.h"
-#include "server/rpc/backend.h"
 #include "server/rpc/health.h"
 #include "server/rpc/render_service.h"
+#include "server/rpc/service_state.h"
 #include "server/schedule/heartbeat.h"
 #include "server/schedule/render_loop.h"
 #include "server/server_info.h"
@@ -84,7 +84,7 @@ struct Server::Impl {
   absl::Status serve_metrics();
   absl::Status listen();
   // These two run on the render thread.
-  absl::StatusOr<FrameReport> render(Frame& frame);
+  absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
   // Cancels calls that still run after `grace`.
   void stop(absl::Duration grace);
@@ -96,7 +96,7 @@ struct Server::Impl {
   std::unique_ptr<TierMeter> tier_meter;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<WorkerPool> encoders;
-  std::unique_ptr<Backend> backend;
+  std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
   std::unique_ptr<grpc::Server> grpc;
   std::vector<std::string> addresses;
@@ -119,25 +119,22 @@ void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper
 void Server::Impl::make_service(TokenKeys keys) {
   const DeviceSummary& device = devices->current()->device->summary();
   loop = std::make_unique<RenderLoop>(
-      [this](Frame& frame) { return render(frame); },
+      [this](const FrameJob& job) { return render(job); },
       config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
   encoders = std::make_unique<WorkerPool>(config.encoder_threads);
-  backend.reset(new Backend{.renderer = [d = devices.get()] { return d->renderer(); },
-                            .loop = *loop,
-                            .tier_meter = *tier_meter,
-                            .limits = frame_limits(config, device),
-                            .idle_timeout = config.idle_timeout,
-                            .max_frames_in_flight = config.max_frames_in_flight,
-                            .memory_budget_bytes = config.memory_budget_bytes,
-                            .device = device.name,
-                            .encoders = *encoders,
-                            .keys = std::move(keys),
-                            .metrics = *metrics,
-                            .gate = CallGate("calls", config.max_calls),
-                            .session_gate = CallGate("sessions", config.max_sessions),
-                            .lookahead_memory = LookaheadMemory(config.memory_budget_bytes)});
+  state.reset(new ServiceState{
+      .rendering = {.renderer = [d = devices.get()] { return d->renderer(); },
+                    .loop = *loop,
+                    .tier_meter = *tier_meter,
+                    .encoders = *encoders,
+                    .device = device.name},
+      .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight},
+      .metrics = *metrics,
+      .call_gate = CallGate("calls", config.max_calls),
+      .session_gate = CallGate("sessions", config.max_sessions),
+      .sessions = {.keys = std::move(keys), .lookahead_memory = LookaheadMemory(config.memory_budget_bytes)}});
   service = std::make_unique<RenderService>(
-      *backend, [d = devices.get()] { return d->current()->pool.counters(); }, server_info(config, device));
+      *state, [d = devices.get()] { return d->current()->pool.counters(); }, server_info(config, device));
 }
 
 void Server::Impl::watch_health() {
@@ -172,9 +169,9 @@ absl::Status Server::Impl::listen() {
   return absl::OkStatus();
 }
 
-absl::StatusOr<FrameReport> Server::Impl::render(Frame& frame) {
-  absl::StatusOr<FrameReport> report = render_frame(frame);
-  devices->frame_ended(*frame.renderer, report.status());
+absl::StatusOr<FrameReport> Server::Impl::render(const FrameJob& job) {
+  absl::StatusOr<FrameReport> report = render_frame(job);
+  devices->frame_ended(*job.frame->renderer, report.status());
   heartbeat->worked(report.ok());
   return report;
 }
@@ -195,8 +192,8 @@ absl::Status Server::Impl::beat() {
 
 void Server::Impl::stop(absl::Duration grace) {
   if (grpc != nullptr) {
-    backend->gate.close();
-    backend->session_gate.close();
+    state->call_gate.close();
+    state->session_gate.close();
     grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
     grpc->Wait();
   }
@@ -251,7 +248,7 @@ const std::string& Server::metrics_address() const { return impl_->metrics_addre
 
 bool Server::alive() const { return impl_->health->alive(); }
 
-const std::string& Server::device_name() const { return impl_->backend->device; }
+const std::string& Server::device_name() const { return impl_->state->rendering.device; }
 
 uint64_t Server::validation_messages() const {
   return impl_->devices->current()->device->validation_messages();
@@ -262,14 +259,14 @@ void Server::lose_device(int times) { impl_->devices->lose(times); }
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (impl_->grpc == nullptr) return;
   impl_->health->drain();
-  Backend& backend = *impl_->backend;
+  ServiceState& state = *impl_->state;
   if (!impl_->devices->gone()) absl::SleepFor(impl_->config.pre_drain);
   const absl::Time deadline = absl::Now() + impl_->config.drain_timeout;
-  backend.gate.close();
-  backend.session_gate.close();
-  for (const std::shared_ptr<SessionCall>& session : backend.sessions.all()) session->go_away();
-  const bool drained = backend.gate.wait_until_empty(deadline - absl::Now()) &&
-                       backend.session_gate.wait_until_empty(deadline - absl::Now());
+  state.call_gate.close();
+  state.session_gate.close();
+  for (const std::shared_ptr<SessionCall>& session : state.sessions.table.all()) session->go_away();
+  const bool drained = state.call_gate.wait_until_empty(deadline - absl::Now()) &&
+                       state.session_gate.wait_until_empty(deadline - absl::Now());
   if (drained && on_drained) on_drained();
   impl_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }

@@ -17,10 +17,11 @@ namespace {
 
 constexpr absl::string_view kOpenToAll = "/grpc.health.v1.Health/";
 
-// One answer for a token that is missing and for one that is not known.
+// The answer for a missing token and for an unknown one.
 constexpr char kWhatToDo[] =
-    "this server answers only those who show one of its tokens: send the metadata "
-    "authorization: Bearer TOKEN, with candela by --token-file FILE; whoever runs the server hands them out";
+    "this server requires a token: send the metadata authorization: Bearer TOKEN, or pass --token-file FILE "
+    "to "
+    "candela; ask the operator of the server for a token";
 
 absl::string_view view_of(const grpc_slice& slice) {
   return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
@@ -28,9 +29,9 @@ absl::string_view view_of(const grpc_slice& slice) {
 
 }  // namespace
 
-// The credentials of one listening address. gRPC's C++ classes either do not read certificates again or,
-// where new ones are damaged, drop the old ones (TlsServerCredentials of 1.51). Its C interface asks before
-// each handshake and keeps what it has.
+// The credentials of one listening address. gRPC's C++ classes either do not reload certificates, or drop the
+// old ones if the new ones are damaged (TlsServerCredentials of 1.51). The C interface asks before each
+// handshake and keeps what it has.
 class Access::Port final : public grpc::ServerCredentials {
  public:
   Port(Access& access, Metrics& metrics, bool tls) : access_(access), metrics_(metrics) {
@@ -48,7 +49,7 @@ class Access::Port final : public grpc::ServerCredentials {
   }
   ~Port() override { grpc_server_credentials_release(credentials_); }
 
-  // gRPC never calls it by itself.
+  // gRPC never calls this itself.
   void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}
 
  private:
@@ -56,14 +57,14 @@ class Access::Port final : public grpc::ServerCredentials {
     return grpc_server_add_http2_port(server, address.c_str(), credentials_);
   }
 
-  // gRPC calls it under a lock of the port's.
+  // gRPC calls this under a lock of the port.
   static grpc_ssl_certificate_config_reload_status fetch(void* self,
                                                          grpc_ssl_server_certificate_config** config) {
     Port& port = *static_cast<Port*>(self);
     std::shared_ptr<const Certificates> now = port.access_.certificates();
     if (now == port.fetched_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     const grpc_ssl_pem_key_cert_pair own{now->key.c_str(), now->cert.c_str()};
-    // Without a CA no client is asked, but Debian's gRPC insists on one: any will do.
+    // Without a CA, clients are not asked for certificates, but Debian's gRPC requires a CA: any will do.
     const std::string& client_ca = now->client_ca.empty() ? now->cert : now->client_ca;
     *config = grpc_ssl_server_certificate_config_create(client_ca.c_str(), &own, 1);
     port.fetched_ = std::move(now);
@@ -81,7 +82,7 @@ class Access::Port final : public grpc::ServerCredentials {
     }
     const absl::string_view shown = authorization == nullptr ? "" : view_of(authorization->value);
     if (port.access_.allow(path, shown)) {
-      // What has been looked at goes no further.
+      // The token is removed from the metadata.
       done(call, authorization, authorization == nullptr ? 0 : 1, nullptr, 0, GRPC_STATUS_OK, nullptr);
     } else {
       port.metrics_.rejected(Rejection::kAccess);
@@ -112,7 +113,7 @@ Access::Access(CertificateFiles files, std::string token_file)
 
 Access::~Access() = default;
 
-// Each of the two for itself: one that cannot be used does not hold the other up.
+// Certificates and tokens are independent: if one of them cannot be used, the other is still updated.
 absl::Status Access::read() {
   absl::Status status;
   if (tls()) {

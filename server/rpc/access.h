@@ -1,5 +1,5 @@
-// Who may connect to a server and call it: TLS, client certificates and bearer tokens, from files that are
-// read again when they change.
+// Access control: TLS, client certificates and bearer tokens, from files that are read again when they
+// change.
 #pragma once
 
 #include <grpcpp/security/server_credentials.h>
@@ -19,19 +19,19 @@
 
 namespace candela {
 
-// Any thread. A new file that cannot be used is logged as an error, and what was read before stays in force.
-// Connections keep the certificates that they began with; tokens are looked at with every call.
+// If a changed file cannot be used, that is logged as an error and the earlier contents stay in force. A
+// connection keeps the certificates that it began with; tokens are checked for every call. Any thread.
 class Access {
  public:
-  // Empty `certificates.cert`: plain TCP. Empty `token_file`: no token is asked for. Fails as
-  // read_certificates and BearerTokens::read.
+  // If `certificates.cert` is empty, connections are plain TCP. If `token_file` is empty, calls need no
+  // token. Fails as read_certificates and BearerTokens::read do.
   static absl::StatusOr<std::unique_ptr<Access>> open(const CertificateFiles& certificates,
                                                       const std::string& token_file);
   ~Access();
 
-  // For a listening address: TLS for TCP where there are certificates, none for "unix:PATH". Every method but
-  // the standard health service's asks for a token where there are any; those that have none are counted in
-  // `metrics`. For one address of one server, which this outlives, as `metrics` does.
+  // The credentials for one listening address of one server: TLS for TCP if there are certificates, and no
+  // TLS for "unix:PATH". If there are tokens, every method needs one, except those of the standard health
+  // service. `metrics` counts calls without a valid token. This object and `metrics` outlive the server.
   std::shared_ptr<grpc::ServerCredentials> credentials(const std::string& address, Metrics& metrics);
 
  private:
@@ -49,8 +49,8 @@ class Access {
   mutable absl::Mutex mutex_;
   std::shared_ptr<const Certificates> certificates_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<const BearerTokens> tokens_ ABSL_GUARDED_BY(mutex_);
-  std::vector<std::shared_ptr<Port>> ports_;  // gRPC keeps no more than pointers to them
-  std::optional<FileWatch> watch_;            // last: its thread uses all of the above
+  std::vector<std::shared_ptr<Port>> ports_;  // gRPC keeps only pointers to them
+  std::optional<FileWatch> watch_;            // last, because its thread uses all of the above
 };
 
 }  // namespace candela

@@ -8,7 +8,7 @@ namespace candela {
 absl::StatusOr<uint32_t> BandReader::count_rows(uint64_t bytes) const {
   if (bytes % stride_bytes_ != 0) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "band holds %d bytes, which is no whole number of rows of %d bytes", bytes, stride_bytes_));
+        "band holds %d bytes, which is not a whole number of rows of %d bytes", bytes, stride_bytes_));
   }
   const uint64_t count = bytes / stride_bytes_;
   if (count > desc_.height - rows_) {
@@ -28,7 +28,7 @@ absl::Status BandReader::read(grpc::ByteBuffer& message, Row row) {
     for (uint32_t i = 0; i < count; ++i) {
       const std::span<std::byte> place = row(rows_ + i);
       if (!input.ReadRaw(place.data(), static_cast<int>(place.size())) || !input.Skip(padding)) {
-        return absl::InvalidArgumentError("band is cut short");
+        return absl::InvalidArgumentError("band is truncated");
       }
     }
     return absl::OkStatus();

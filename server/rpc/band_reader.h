@@ -1,4 +1,4 @@
-// The rows of one frame as its bands arrive.
+// A reader of the bands of one frame.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -14,23 +14,23 @@
 
 namespace candela {
 
-// One thread at a time.
+// Not thread-safe.
 class BandReader {
  public:
-  // Gives the place of a row: desc.row_bytes() bytes.
+  // Returns where a row goes: desc.row_bytes() bytes.
   using Row = absl::FunctionRef<std::span<std::byte>(uint32_t y)>;
 
-  // `kind` of band; `desc` has passed check_frame; rows come `row_stride_bytes` apart, what is past the tight
-  // row is dropped.
+  // `desc` has passed check_frame. Rows arrive `row_stride_bytes` apart; the bytes after a tight row are
+  // dropped.
   BandReader(v1::BandKind kind, const FrameDesc& desc, uint64_t row_stride_bytes)
       : kind_(kind), desc_(desc), stride_bytes_(row_stride_bytes) {}
 
-  // Copies the band's rows to their places. INVALID_ARGUMENT for one that is not whole rows, does not begin
-  // where the last one ended, or goes past the frame.
+  // Copies the band's rows to their places. INVALID_ARGUMENT if the band does not hold whole rows, does not
+  // begin where the last one ended, or exceeds the frame.
   absl::Status read(grpc::ByteBuffer& message, Row row);
 
   bool complete() const { return rows_ == desc_.height; }
-  // OK when every row is there, else INVALID_ARGUMENT with how many are.
+  // OK if every row has arrived, else INVALID_ARGUMENT with the number of rows.
   absl::Status check_complete() const;
 
  private:

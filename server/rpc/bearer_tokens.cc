@@ -43,14 +43,14 @@ absl::StatusOr<BearerTokens> BearerTokens::read(const std::string& path) {
           number, path, line.size(), kMinBearerBytes, kMakeOne));
     }
     if (!std::all_of(line.begin(), line.end(), absl::ascii_isgraph)) {
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "token-file: line %d of %s holds a space or what is no visible ASCII; make a token with: %s",
-          number, path, kMakeOne));
+      return absl::InvalidArgumentError(
+          absl::StrFormat("token-file: line %d of %s holds a space or a character that is not visible ASCII; "
+                          "make a token with: %s",
+                          number, path, kMakeOne));
     }
     if (tokens.digests_.size() == kMaxBearerTokens) {
-      return absl::InvalidArgumentError(
-          absl::StrFormat("token-file: %s holds more than %d tokens; take out those that nobody uses", path,
-                          kMaxBearerTokens));
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "token-file: %s holds more than %d tokens; remove the unused ones", path, kMaxBearerTokens));
     }
     tokens.digests_.push_back(digest_of(line));
   }

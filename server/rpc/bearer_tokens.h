@@ -1,4 +1,4 @@
-// Bearer tokens: who has one of them may call.
+// The bearer tokens that allow their holders to call a server.
 #pragma once
 
 #include <array>
@@ -13,17 +13,17 @@ namespace candela {
 inline constexpr size_t kMinBearerBytes = 16;
 inline constexpr size_t kMaxBearerTokens = 64;
 
-// Kept as their SHA-256. Any thread.
+// Keeps only the SHA-256 of each token. Any thread.
 class BearerTokens {
  public:
-  // One a line, kMinBearerBytes or more, of visible ASCII; lines that begin with # and empty ones are
-  // skipped. Any of them is good, so that one is replaced without an interruption. Fails as read_option_file
-  // does, for the option token-file, and with INVALID_ARGUMENT naming the line. No message holds a part of a
-  // token.
+  // Reads one token per line, each of kMinBearerBytes or more visible ASCII characters. Empty lines and lines
+  // that begin with # are skipped. All tokens are valid, so one can be replaced without an interruption.
+  // Fails as read_option_file does for the option token-file, and with INVALID_ARGUMENT and the line number.
+  // No message contains a part of a token.
   static absl::StatusOr<BearerTokens> read(const std::string& path);
 
-  // Whether the value of the "authorization" metadata is "Bearer TOKEN" with one of them. Takes as long for
-  // each token, whichever fits.
+  // Whether the value of the "authorization" metadata is "Bearer TOKEN" with one of the tokens. The time that
+  // it takes does not depend on which token matches.
   bool allow(absl::string_view authorization) const;
 
   bool operator==(const BearerTokens&) const = default;

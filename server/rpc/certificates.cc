@@ -33,7 +33,7 @@ absl::Status unusable(const char* option, const std::string& path, const std::st
   return absl::InvalidArgumentError(absl::StrFormat("%s: %s %s", option, path, reason));
 }
 
-// At least one.
+// Returns at least one certificate.
 absl::StatusOr<std::vector<Certificate>> parse_certificates(const char* option, const std::string& path,
                                                             const std::string& text) {
   std::vector<Certificate> certificates;
@@ -46,11 +46,12 @@ absl::StatusOr<std::vector<Certificate>> parse_certificates(const char* option, 
   ERR_clear_error();
   if (!at_end) {
     return unusable(option, path,
-                    absl::StrFormat("holds damaged PEM: certificate %d cannot be read; write the file anew",
+                    absl::StrFormat("holds damaged PEM: certificate %d cannot be read; write the file again",
                                     certificates.size() + 1));
   }
   if (certificates.empty()) {
-    return unusable(option, path, "holds no PEM certificate; one begins with -----BEGIN CERTIFICATE-----");
+    return unusable(option, path,
+                    "holds no PEM certificate; a certificate begins with -----BEGIN CERTIFICATE-----");
   }
   return certificates;
 }
@@ -67,11 +68,10 @@ absl::StatusOr<Key> parse_key(const std::string& path, const std::string& text) 
   if (has_passphrase) {
     return unusable(
         kKey, path,
-        "has a passphrase, which nobody could type in here; take it off with: openssl pkey -in OLD "
-        "-out NEW");
+        "has a passphrase, which a server cannot type in; remove it with: openssl pkey -in OLD -out NEW");
   }
   return unusable(kKey, path,
-                  "holds no PEM private key that can be read; one begins with -----BEGIN PRIVATE KEY-----");
+                  "holds no PEM private key that can be read; a key begins with -----BEGIN PRIVATE KEY-----");
 }
 
 absl::Time time_of(const ASN1_TIME* time) {
@@ -96,9 +96,10 @@ absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
     ERR_clear_error();
     return unusable(
         kKey, files.key,
-        absl::StrFormat("is not the key of the first certificate in %s; give the two that were made "
-                        "together, the server's own certificate first",
-                        files.cert));
+        absl::StrFormat(
+            "is not the key of the first certificate in %s; use a key and a certificate that belong "
+            "together, with the server's own certificate first",
+            files.cert));
   }
   Certificates certificates{*std::move(cert), *std::move(key), "", time_of(X509_get0_notAfter(own))};
   if (files.client_ca.empty()) return certificates;

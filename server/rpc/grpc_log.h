@@ -1,10 +1,10 @@
-// gRPC's own messages.
+// Redirection of gRPC's own log messages.
 #pragma once
 
 namespace candela {
 
-// Into our log at the debug level, instead of onto stderr in gRPC's format: what matters of them, a caller
-// also gets as a status. For the whole process; call once, before gRPC is used.
+// Sends gRPC's messages to the server's log at level debug instead of to stderr. Important ones also reach
+// the caller as a status. Affects the whole process. Call it once, before gRPC is used.
 void send_grpc_messages_to_log();
 
 }  // namespace candela

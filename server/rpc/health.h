@@ -1,4 +1,4 @@
-// What the standard health service says.
+// The answers of the standard gRPC health service.
 #pragma once
 
 #include <grpcpp/health_check_service_interface.h>
@@ -9,19 +9,20 @@
 
 namespace candela {
 
-// "liveness": the process and its render thread move. "readiness", "candela.v1.RenderService" and "": frames
-// come out, and the server does not drain. Any thread.
+// The service "liveness" is SERVING while the render thread moves. The services "readiness",
+// "candela.v1.RenderService" and "" are SERVING while good frames are produced and the server is not
+// draining. Any thread.
 class Health {
  public:
   // `metrics` outlives it.
   explicit Health(Metrics& metrics) : metrics_(metrics) {}
 
-  // From now on `service` says how it is; it outlives the last pulse() and drain().
+  // From now on updates `service`, which outlives the last pulse() and drain().
   void begin(grpc::HealthCheckServiceInterface& service);
   void pulse(bool working, bool moving);
-  // For good.
+  // The server drains, and never becomes ready again.
   void drain();
-  // What "liveness" is.
+  // Whether "liveness" is SERVING.
   bool alive() const;
 
  private:

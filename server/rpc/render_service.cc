@@ -11,30 +11,30 @@ namespace candela {
 
 namespace {
 
-// Of `rpc Meter` in render.proto. On the wire a call with one answer is a stream of one, and RenderCall is
-// written for streams; the generated class has no raw handler of that kind.
+// The index of `rpc Meter` in render.proto. On the wire, a call with one answer is a stream with one message,
+// and RenderCall handles streams. The generated class has no raw handler for that.
 constexpr int kMeterIndex = 2;
 
 }  // namespace
 
-RenderService::RenderService(Backend& backend, std::function<PoolCounters()> pool,
+RenderService::RenderService(ServiceState& state, std::function<PoolCounters()> pool,
                              v1::GetServerInfoResponse info)
-    : backend_(backend), pool_(std::move(pool)), info_(std::move(info)), started_(absl::Now()) {
+    : state_(state), pool_(std::move(pool)), info_(std::move(info)), started_(absl::Now()) {
   MarkMethodRawCallback(kMeterIndex,
                         new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
-                            [&backend](grpc::CallbackServerContext* context) {
-                              return RenderCall::begin(context, backend, Work::kMeter);
+                            [&state](grpc::CallbackServerContext* context) {
+                              return RenderCall::begin(context, state, Work::kMeter);
                             }));
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Render(
     grpc::CallbackServerContext* context) {
-  return RenderCall::begin(context, backend_, Work::kRender);
+  return RenderCall::begin(context, state_, Work::kRender);
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Stream(
     grpc::CallbackServerContext* context) {
-  return StreamCall::begin(context, backend_);
+  return StreamCall::begin(context, state_);
 }
 
 grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerContext* context,
@@ -49,8 +49,8 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
   pool.set_bytes_idle(counters.bytes_idle);
   pool.set_bytes_peak(counters.bytes_peak);
   response->set_uptime_seconds(static_cast<uint64_t>(absl::ToInt64Seconds(absl::Now() - started_)));
-  response->set_sessions(backend_.session_gate.inside());
-  response->set_frames_rendered(backend_.frames_rendered);
+  response->set_sessions(state_.session_gate.inside());
+  response->set_frames_rendered(state_.rendering.frames_rendered);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(grpc::Status::OK);
   return reactor;

@@ -1,4 +1,4 @@
-// candela.v1.RenderService, as gRPC calls it.
+// The gRPC service candela.v1.RenderService.
 #pragma once
 
 #include <functional>
@@ -6,18 +6,18 @@
 
 #include "absl/time/time.h"
 #include "candela/v1/render.grpc.pb.h"
-#include "server/rpc/backend.h"
+#include "server/rpc/service_state.h"
 
 namespace candela {
 
-// Pixels come and go as raw bytes; everything else as the generated classes.
+// Calls with pixels use raw bytes. The others use the generated classes.
 class RenderService final
     : public v1::RenderService::WithRawCallbackMethod_Render<v1::RenderService::WithRawCallbackMethod_Stream<
           v1::RenderService::WithCallbackMethod_GetServerInfo<v1::RenderService::Service>>> {
  public:
-  // `info` holds what does not change while the server runs; `pool` gives the counters of the texture pool.
-  // `backend` outlives the service.
-  RenderService(Backend& backend, std::function<PoolCounters()> pool, v1::GetServerInfoResponse info);
+  // `info` holds the answers that do not change while the server runs. `pool` returns the counters of the
+  // texture pool. `state` outlives the service.
+  RenderService(ServiceState& state, std::function<PoolCounters()> pool, v1::GetServerInfoResponse info);
 
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Render(
       grpc::CallbackServerContext* context) override;
@@ -30,7 +30,7 @@ class RenderService final
                                           v1::GetServerInfoResponse* response) override;
 
  private:
-  Backend& backend_;
+  ServiceState& state_;
   const std::function<PoolCounters()> pool_;
   const v1::GetServerInfoResponse info_;
   const absl::Time started_;

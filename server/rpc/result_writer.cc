@@ -14,7 +14,7 @@
 namespace candela {
 namespace {
 
-void let_go(void* holder) { delete static_cast<std::shared_ptr<const Frame>*>(holder); }
+void release_frame(void* holder) { delete static_cast<std::shared_ptr<const Frame>*>(holder); }
 
 uint32_t rows_of_a_band(uint32_t left, uint64_t row_bytes) {
   return static_cast<uint32_t>(std::min<uint64_t>(left, v1::kMaxBandBytes / row_bytes));
@@ -58,9 +58,10 @@ void add_stages(const RenderedFrame& rendered, google::protobuf::RepeatedPtrFiel
 
 }  // namespace
 
-v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metered) {
+v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
+                                 const std::optional<PreviousExposure>& previous) {
   const FrameStats& stats = metered.report.stats;
-  const Exposed exposed = expose(frame.settings.exposure, frame.moment.previous, stats.mean_log2_luminance);
+  const Exposed exposed = expose(settings.exposure, previous, stats.mean_log2_luminance);
   v1::MeterResponse response;
   *response.mutable_statistics() = statistics(stats);
   response.set_exposure(exposed.exposure);
@@ -75,7 +76,7 @@ v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metere
 v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device) {
   const FrameReport& report = rendered.report;
   v1::ResultHeader header;
-  header.set_sequence(frame.moment.sequence);
+  header.set_sequence(frame.sequence);
   header.set_width(frame.memory.desc().width);
   header.set_height(frame.memory.desc().height);
   header.set_format(static_cast<v1::OutputFormat>(frame.settings.output_format));
@@ -136,15 +137,16 @@ bool ResultWriter::next(grpc::ByteBuffer& message) {
 }
 
 grpc::Slice ResultWriter::refer_to(const void* bytes, uint64_t count) const {
-  // gRPC only reads it.
-  return grpc::Slice(const_cast<void*>(bytes), count, let_go, new std::shared_ptr<const Frame>(frame_));
+  // The const_cast is safe because gRPC only reads the bytes.
+  return grpc::Slice(const_cast<void*>(bytes), count, release_frame,
+                     new std::shared_ptr<const Frame>(frame_));
 }
 
 grpc::Slice ResultWriter::rows(uint32_t first, uint32_t count) const {
   const uint64_t bytes = row_bytes_ * count;
   if (frame_->memory.output_contiguous()) return refer_to(frame_->memory.output_row(first).data(), bytes);
   grpc::Slice copy(bytes);
-  auto* to = const_cast<uint8_t*>(copy.begin());  // ours until it is sent
+  auto* to = const_cast<uint8_t*>(copy.begin());  // not shared until it is sent
   for (uint32_t y = first; y < first + count; ++y, to += row_bytes_) {
     std::memcpy(to, frame_->memory.output_row(y).data(), row_bytes_);
   }

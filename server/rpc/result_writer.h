@@ -1,11 +1,12 @@
-// The messages of a result: a header, then the image, in bands or as parts of a file, then its error map
-// where there is one.
+// The messages of one result: a header, the image in bands or as parts of a file, and its error map if there
+// is one.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "candela/v1/render.pb.h"
@@ -13,22 +14,24 @@
 
 namespace candela {
 
-// `device` is the device's own name.
+// `device` is the name of the Vulkan device.
 v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device);
 
-// Of a frame whose Work was kMeter, with its histogram.
-v1::MeterResponse meter_response(const Frame& frame, const RenderedFrame& metered);
+// The answer for a frame that was only metered, with its histogram. `previous` is the exposure to adapt from.
+v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
+                                 const std::optional<PreviousExposure>& previous);
 
-// One thread at a time.
+// Not thread-safe.
 class ResultWriter {
  public:
-  // `frame` has been rendered; `header` is the message that comes first.
+  // Sends `header` and then the image of `frame`, which has been rendered.
   ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header);
-  // Of a session's result whose image is `file`.
+  // Sends `header` and then `file`, the encoded image of a session's frame.
   ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header);
 
-  // The next message; false when there is none. Bands point into the frame's memory where its rows follow
-  // each other, and hold on to the frame until gRPC, or a client in this process, has let go of the message.
+  // Puts the next message into `message`. Returns false if there is none. If the rows are contiguous in
+  // memory, bands refer to them without a copy and keep the frame alive until gRPC, or a client in this
+  // process, has released the message.
   bool next(grpc::ByteBuffer& message);
 
  private:
@@ -37,7 +40,8 @@ class ResultWriter {
 
   bool next_part(grpc::ByteBuffer& message);
 
-  const std::shared_ptr<const Frame> frame_;  // or
+  // One of the two is set.
+  const std::shared_ptr<const Frame> frame_;
   const std::shared_ptr<const std::string> file_;
   const uint64_t row_bytes_ = 0;
   grpc::ByteBuffer header_;

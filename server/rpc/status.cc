@@ -21,7 +21,7 @@ void write_bytes(google::protobuf::io::CodedOutputStream& out, uint32_t field, c
   out.WriteString(value);
 }
 
-// google.rpc.RetryInfo: retry_delay = 1.
+// Serialises google.rpc.RetryInfo: retry_delay = 1.
 std::string retry_info() {
   google::protobuf::Duration delay;
   delay.set_seconds(kRetrySeconds);
@@ -33,7 +33,7 @@ std::string retry_info() {
   return bytes;
 }
 
-// google.rpc.Status: code = 1, message = 2, details = 3. Debian does not package these protos.
+// Serialises google.rpc.Status: code = 1, message = 2, details = 3. Debian does not package these protos.
 std::string rpc_status(int code, const std::string& message) {
   google::protobuf::Any detail;
   detail.set_type_url("type.googleapis.com/google.rpc.RetryInfo");
@@ -53,7 +53,8 @@ std::string rpc_status(int code, const std::string& message) {
 
 grpc::Status to_grpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
-  const auto code = static_cast<grpc::StatusCode>(status.code());  // the same numbers by definition
+  const auto code =
+      static_cast<grpc::StatusCode>(status.code());  // both enums have the same numbers by definition
   const std::string message(status.message().substr(0, kMaxMessageBytes));
   if (!absl::IsUnavailable(status)) return grpc::Status(code, message);
   return grpc::Status(code, message, rpc_status(code, message));

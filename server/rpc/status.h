@@ -1,4 +1,4 @@
-// The one place where the server's errors become gRPC's.
+// Conversion of errors into gRPC statuses, in one place.
 #pragma once
 
 #include <grpcpp/support/status.h>
@@ -7,8 +7,8 @@
 
 namespace candela {
 
-// The code and the message as they are, the message cut to 1 KiB so that it fits into HTTP/2's headers.
-// UNAVAILABLE also carries google.rpc.RetryInfo with a delay of one second.
+// Keeps the code and the message, and truncates the message to 1 KiB so that it fits into the HTTP/2 headers.
+// UNAVAILABLE also carries a google.rpc.RetryInfo with a delay of one second.
 grpc::Status to_grpc(const absl::Status& status);
 
 }  // namespace candela

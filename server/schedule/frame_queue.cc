@@ -7,34 +7,28 @@
 
 namespace candela {
 
-absl::StatusOr<FrameReport> render_frame(Frame& frame) {
+absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
+  Frame& frame = *job.frame;
   Renderer& renderer = *frame.renderer;
-  if (frame.work != Work::kDraw) {
+  if (job.work != Work::kDraw) {
     absl::StatusOr<Metered> metered = renderer.meter(frame.memory, frame.settings);
     if (!metered.ok()) return metered.status();
     frame.metered = *std::move(metered);
   }
-  if (frame.work == Work::kMeter) {
+  if (job.work == Work::kMeter) {
     FrameReport report;
     report.stats = frame.metered->stats;
     report.stages = std::exchange(frame.metered->stages, {});
     return report;
   }
-  return renderer.draw(frame.memory, frame.settings, frame.moment.sequence, *frame.metered,
-                       [&frame](double mean_log2_luminance) {
-                         if (!frame.expose) {
-                           return expose(frame.settings.exposure, frame.moment.previous, mean_log2_luminance);
-                         }
-                         FrameStats stats = frame.metered->stats;
-                         stats.mean_log2_luminance = mean_log2_luminance;
-                         return frame.expose(stats);
-                       });
+  const Exposed exposed = job.decide(frame.metered->stats);
+  return renderer.draw(frame.memory, frame.settings, frame.sequence, *frame.metered, exposed);
 }
 
 absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {
   if (waiting_ >= capacity_) {
     return absl::UnavailableError(
-        absl::StrFormat("%d frames wait already, the most this server queues; try again soon", waiting_));
+        absl::StrFormat("the queue is full with %d waiting frames; try again soon", waiting_));
   }
   Share& share = shares_.try_emplace(job.flow, Share{clock_}).first->second;
   if (share.jobs.empty()) share.used = std::max(share.used, clock_);

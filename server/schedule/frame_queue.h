@@ -1,4 +1,4 @@
-// The frames that wait to be rendered, and the order in which they are.
+// A bounded queue of frames that is fair by device time.
 #pragma once
 
 #include <cstddef>
@@ -15,65 +15,68 @@
 
 namespace candela {
 
-// What of a frame a job does: both phases, or one of them.
+// Which phases of a frame a job runs: metering, drawing, or both.
 enum class Work { kRender, kMeter, kDraw };
 
-// A frame on its way through the server. Whoever fills, renders or sends it holds it; when the last of them
-// lets go, the memory returns to the pool. Between submission and `done` the render thread has it alone.
+// A frame on its way through the server. Its memory returns to the pool when the last holder releases it.
+// From submission until `done` is called, only the render thread touches it.
 struct Frame {
-  std::shared_ptr<Renderer> renderer;  // kept alive for as long as its memory is in use; may be null
+  std::shared_ptr<Renderer> renderer;  // stays alive while the memory is in use; null only in tests
   FrameMemory memory;
   Settings settings;
-  FrameMoment moment;
-  Work work = Work::kRender;
-  // Gives the exposure once the frame is metered, on the render thread; null: by `moment` alone.
-  std::function<Exposed(const FrameStats&)> expose = nullptr;
-  std::optional<Metered> metered = std::nullopt;  // after kMeter, for kDraw
+  uint64_t sequence = 0;                          // the client's number, which seeds the dither
+  std::optional<Metered> metered = std::nullopt;  // set by kMeter and kRender, used by kDraw
 };
-
-// Does the frame's work with its own renderer; after kMeter the report holds the statistics and stages alone.
-absl::StatusOr<FrameReport> render_frame(Frame& frame);
 
 struct RenderedFrame {
   FrameReport report;
-  absl::Duration queued;  // from submission to the start of its rendering
+  absl::Duration queued;  // from submission to the start of rendering
 };
 
-// Whose frames they are: a session, or a connection that calls Render. Each has its share of the device.
+// Identifies the session that a frame belongs to, or the connection that called Render. Each flow gets a fair
+// share of the device.
 using Flow = uint64_t;
 
 struct FrameJob {
   std::shared_ptr<Frame> frame;
+  Work work = Work::kRender;
+  // Decides the exposure of the frame between metering and drawing. Called once, on the render thread; unused
+  // and may be null for kMeter.
+  std::function<Exposed(const FrameStats&)> decide = nullptr;
   Flow flow = 0;
-  absl::Time deadline = absl::InfiniteFuture();  // not rendered when this has passed before its turn
-  absl::Time submitted;                          // set by the render loop
+  absl::Time deadline = absl::InfiniteFuture();  // the job fails if its turn comes later than this
+  absl::Time submitted = {};                     // set by the render loop
   // Called once, on the render thread, unless the job was removed first. Does not block.
-  std::function<void(absl::StatusOr<RenderedFrame>)> done;
+  std::function<void(absl::StatusOr<RenderedFrame>)> done = nullptr;
 };
 
-// Names a job from its submission on; never reused.
+// Meters, decides and draws, as far as the job asks for it, with the frame's own renderer. After kMeter the
+// report holds only the statistics and the stages.
+absl::StatusOr<FrameReport> render_frame(const FrameJob& job);
+
+// Identifies a submitted job. Tickets are never reused.
 using Ticket = uint64_t;
 
-// Bounded. The flow that had the least of the device's time is next; within a flow it is first come, first
-// served. A new flow, or one that comes back after a pause, begins with what is a fair share by then: it has
-// no claim on the time that it did not use, and any number of them do not keep a flow waiting that has had
-// its share. (The virtual time of J. Bennett and H. Zhang, "Hierarchical packet fair queueing algorithms",
-// 1997, with the measured time as the cost.) Not thread-safe.
+// The next job comes from the flow that has used the least device time; jobs of one flow keep their order. A
+// new flow, or one that returns after a pause, starts at the current fair share: it cannot claim time that it
+// did not use, and no number of new flows starves an old one. (This is the virtual time of J. Bennett and
+// H. Zhang, "Hierarchical packet fair queueing algorithms", 1997, with the measured time as the cost.) Not
+// thread-safe.
 class FrameQueue {
  public:
   explicit FrameQueue(size_t capacity) : capacity_(capacity) {}
 
-  // UNAVAILABLE when it is full.
+  // UNAVAILABLE if the queue is full.
   absl::StatusOr<Ticket> push(FrameJob job);
   std::optional<FrameJob> pop();
-  // What a job of that flow took of the device's time; before the next pop().
+  // Charges `flow` for the device time that its job took. Call it before the next pop().
   void charge(Flow flow, absl::Duration time);
-  // Takes a job that waits out of the queue; nothing when it no longer waits.
+  // Removes a waiting job from the queue. Returns nothing if it is no longer waiting.
   std::optional<FrameJob> remove(Ticket ticket);
 
   bool empty() const { return waiting_ == 0; }
   size_t size() const { return waiting_; }
-  size_t flows() const { return shares_.size(); }  // that it keeps account of
+  size_t flows() const { return shares_.size(); }  // that have an account
 
  private:
   struct Entry {
@@ -88,7 +91,7 @@ class FrameQueue {
   const size_t capacity_;
   Ticket next_ticket_ = 1;
   size_t waiting_ = 0;
-  // What a flow that always had frames waiting would have used by now: where a new flow begins.
+  // What a flow that always had frames waiting would have used by now. New flows start here.
   absl::Duration clock_ = absl::ZeroDuration();
   std::map<Flow, Share> shares_;
 };

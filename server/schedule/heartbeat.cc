@@ -14,7 +14,7 @@ constexpr int kTicksAnInterval = 4;
 struct Heartbeat::State {
   absl::Mutex mutex;
   bool stopping ABSL_GUARDED_BY(mutex) = false;
-  bool beating ABSL_GUARDED_BY(mutex) = false;  // a beat waits or runs
+  bool beating ABSL_GUARDED_BY(mutex) = false;  // a beat is waiting or running
   int64_t ticks_since_good ABSL_GUARDED_BY(mutex) = 0;
   int64_t ticks_since_end ABSL_GUARDED_BY(mutex) = 0;
 
@@ -73,7 +73,7 @@ void Heartbeat::run() {
       absl::MutexLock lock(&state->mutex);
       state->beating = false;
     };
-    if (!loop_.post(task).ok()) return;  // it stops
+    if (!loop_.post(task).ok()) return;  // the loop is stopping
   }
 }
 

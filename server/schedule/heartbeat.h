@@ -1,4 +1,4 @@
-// Whether the render thread moves and what it makes is good, found out by using it.
+// A watchdog that renders small frames to check that the render thread moves and produces good frames.
 #pragma once
 
 #include <functional>
@@ -11,33 +11,37 @@
 
 namespace candela {
 
-// Counts time in ticks of its own thread, so that a process which was stopped for a while has not failed. Any
-// thread.
+// Measures time in ticks of its own thread, so that a process that was suspended for a while does not count
+// as failed. Any thread.
 class Heartbeat {
  public:
   struct Options {
-    absl::Duration interval = absl::Seconds(5);  // after so long without a good frame it sends a beat
-    absl::Duration limit = absl::Seconds(30);    // for so long the device works without a good frame
-    // For so long the thread moves without an end of anything: longer, for what is slow is not stuck.
+    // Time without a good frame after which a beat is sent.
+    absl::Duration interval = absl::Seconds(5);
+    // Time without a good frame after which the device counts as failed.
+    absl::Duration limit = absl::Seconds(30);
+    // Time in which no frame ends after which the thread counts as stuck. Longer, because a slow frame is not
+    // a stuck one.
     absl::Duration moving_limit = absl::Minutes(2);
   };
   struct Pulse {
-    bool working = true;  // frames come out
-    bool moving = true;   // frames, or failures of them, come out
+    bool working = true;  // good frames are produced
+    bool moving = true;   // frames end, well or with an error
     bool operator==(const Pulse&) const = default;
   };
 
-  // `beat` renders a small frame, called on the loop's thread before the frames that wait. `report` is called
-  // on a thread of the heartbeat's own when the pulse has changed; it begins as good. Begins at once.
+  // Starts at once. `beat` renders a small frame; it is called on the loop's thread ahead of the waiting
+  // frames. `report` is called on the heartbeat's own thread when the pulse changes from good, or later
+  // changes again.
   Heartbeat(RenderLoop& loop, std::function<absl::Status()> beat, const Options& options,
             std::function<void(Pulse)> report);
-  // As stop().
+  // Calls stop().
   ~Heartbeat();
 
-  // A frame ended: `good` if it was rendered.
+  // A frame ended. `good`: it was rendered.
   void worked(bool good);
 
-  // No beat and no report after it. Before the loop is gone; idempotent.
+  // No beat and no report follow. Call it before the loop is destroyed. Idempotent.
   void stop();
 
  private:
@@ -48,8 +52,8 @@ class Heartbeat {
   const std::function<absl::Status()> beat_;
   const Options options_;
   const std::function<void(Pulse)> report_;
-  const std::shared_ptr<State> state_;  // a beat that waits in the loop has it too
-  std::thread thread_;                  // last: it uses all of the above
+  const std::shared_ptr<State> state_;  // shared with a beat that waits in the loop
+  std::thread thread_;                  // last, because it uses all of the above
 };
 
 }  // namespace candela

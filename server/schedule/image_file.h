@@ -1,4 +1,4 @@
-// A rendered frame as an image file, in memory.
+// Encoding of rendered frames as image files, in memory.
 #pragma once
 
 #include <string>
@@ -12,9 +12,9 @@ namespace candela {
 // Values are those of candela.v1.Encoding.
 enum class Encoding { kRaw = 1, kPng = 2, kJpeg = 3 };
 
-// The image of `memory`, rendered with `settings`, as a file of that kind, which is not kRaw. PNG: 8 or 16
-// bit, with alpha unless that is the same everywhere, the transfer named in its chunks. JPEG: 8 bit, 4:4:4,
-// no alpha; `quality` 1 .. 100. Any thread; takes tens of milliseconds for a large frame.
+// Encodes the image of `memory`, which was rendered with `settings`. `encoding` is not kRaw. A PNG has 8 or
+// 16 bits, chunks for its transfer function, and alpha unless alpha is constant. A JPEG has 8 bits, 4:4:4 and
+// no alpha; `quality` is 1 .. 100. Any thread. Takes tens of milliseconds for a large frame.
 absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
                                          Encoding encoding, int quality);
 

@@ -26,7 +26,7 @@ absl::Status RenderLoop::post(std::function<void()> task) {
 }
 
 bool RenderLoop::cancel(Ticket ticket) {
-  std::optional<FrameJob> job;  // outlives the lock: freeing a frame's memory takes its time
+  std::optional<FrameJob> job;  // outlives the lock, because freeing a frame's memory takes time
   absl::MutexLock lock(&mutex_);
   job = queue_.remove(ticket);
   return job.has_value();
@@ -75,11 +75,11 @@ void RenderLoop::serve(FrameJob job) {
   const absl::Time start = absl::Now();
   if (start >= job.deadline) {
     job.done(absl::DeadlineExceededError(
-        absl::StrFormat("frame waited %s for its turn and its deadline passed; it was not rendered",
+        absl::StrFormat("frame waited %s in the queue and its deadline passed, so it was not rendered",
                         absl::FormatDuration(absl::Trunc(start - job.submitted, absl::Milliseconds(1))))));
     return;
   }
-  absl::StatusOr<FrameReport> report = render_(*job.frame);
+  absl::StatusOr<FrameReport> report = render_(job);
   {
     absl::MutexLock lock(&mutex_);
     queue_.charge(job.flow, absl::Now() - start);
@@ -87,7 +87,7 @@ void RenderLoop::serve(FrameJob job) {
   if (!report.ok()) {
     job.done(report.status());
   } else {
-    if (job.frame->work != Work::kMeter) job.frame->memory.keep_output_only();
+    if (job.work != Work::kMeter) job.frame->memory.keep_output_only();
     job.done(RenderedFrame{*std::move(report), start - job.submitted});
   }
 }

@@ -1,4 +1,4 @@
-// The one thread that renders: it takes frames from the queue, one at a time.
+// The render thread. It takes frames from the queue and renders them one at a time.
 #pragma once
 
 #include <deque>
@@ -11,34 +11,34 @@
 
 namespace candela {
 
-// Any thread may call it, except that `done` callbacks do not stop it.
+// Any thread may call it. A `done` callback must not call stop().
 class RenderLoop {
  public:
-  // What does a frame's work to completion: render_frame, or a test's stand-in. Called by one thread.
-  using Render = std::function<absl::StatusOr<FrameReport>(Frame&)>;
+  // Runs a job to completion: render_frame, or a substitute in tests. Called on the render thread.
+  using Render = std::function<absl::StatusOr<FrameReport>(const FrameJob&)>;
 
   // At most `capacity` frames wait at a time.
   RenderLoop(Render render, size_t capacity);
-  // As stop().
+  // Calls stop().
   ~RenderLoop();
 
-  // Takes the job: its `done` is called with the rendered frame, with the renderer's error, or with
-  // DEADLINE_EXCEEDED when its turn came too late. UNAVAILABLE, and the job is dropped without a call, when
-  // the queue is full or the loop stops.
+  // Queues the job. Its `done` is called with the rendered frame, with the renderer's error, or with
+  // DEADLINE_EXCEEDED if its turn came too late. UNAVAILABLE if the queue is full or the loop is stopping;
+  // then `done` is never called.
   absl::StatusOr<Ticket> submit(FrameJob job);
 
-  // Runs `task` on the render thread, before the frames that wait; for work that needs the renderer and is no
-  // frame. UNAVAILABLE, and the task is dropped, when the loop stops.
+  // Runs `task` on the render thread ahead of the waiting frames, for work that needs the renderer but is not
+  // a frame. UNAVAILABLE if the loop is stopping; then the task never runs.
   absl::Status post(std::function<void()> task);
 
-  // True: the job had not begun, is gone, and its `done` is never called. False: it is being rendered or
-  // done.
+  // Returns true if the job was still waiting: it is removed and its `done` is never called. Returns false if
+  // the job is running or done.
   bool cancel(Ticket ticket);
 
-  // Frames that wait for their turn.
+  // The number of waiting frames.
   size_t waiting() const;
 
-  // Takes no more jobs, finishes those it has, and returns when the thread has ended. Idempotent.
+  // Accepts no more jobs, finishes those that it has, and returns when the thread has ended. Idempotent.
   void stop();
 
  private:
@@ -50,7 +50,7 @@ class RenderLoop {
   std::deque<std::function<void()>> tasks_ ABSL_GUARDED_BY(mutex_);
   FrameQueue queue_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  std::thread thread_;  // last: it uses all of the above
+  std::thread thread_;  // last, because it uses all of the above
 };
 
 }  // namespace candela

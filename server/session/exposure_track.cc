@@ -7,13 +7,13 @@
 
 namespace candela {
 
-ExposureTrack::ExposureTrack(uint32_t lookahead, double cut_threshold_ev, ExposureState state)
+ExposureTrack::ExposureTrack(uint32_t lookahead, double cut_threshold_ev, ExposurePoint point)
     : lookahead_(lookahead),
       cut_threshold_ev_(cut_threshold_ev),
-      state_(std::move(state)),
-      any_(state_.begun),
-      last_sequence_(state_.sequence),
-      last_time_ns_(state_.media_time_ns) {}
+      point_(std::move(point)),
+      any_(point_.begun),
+      last_sequence_(point_.sequence),
+      last_time_ns_(point_.media_time_ns) {}
 
 absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool cut,
                                 const ExposureSettings& settings) {
@@ -23,19 +23,19 @@ absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool c
                         v1::kMediaTimeNs.min, v1::kMediaTimeNs.max));
   }
   if (any_ && sequence < last_sequence_) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "frame.sequence is %d after %d; number the frames of a session upwards", sequence, last_sequence_));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.sequence is %d after %d; the numbers of a session's frames must not decrease",
+                        sequence, last_sequence_));
   }
   if (any_ && media_time_ns < last_time_ns_) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("frame.media_time_ns is %d after %d; time does not run backwards in a session",
+        absl::StrFormat("frame.media_time_ns is %d after %d; time must not run backwards in a session",
                         media_time_ns, last_time_ns_));
   }
   if (any_ && sequence == last_sequence_ && media_time_ns != last_time_ns_) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("frame.media_time_ns is %d and was %d when frame %d came first; repeat it as it was, "
-                        "or give it a new "
-                        "number",
+        absl::StrFormat("frame.media_time_ns is %d and was %d when frame %d came first; repeat the frame "
+                        "unchanged or give it a new number",
                         media_time_ns, last_time_ns_, sequence));
   }
   frames_.push_back({sequence, media_time_ns, cut, settings});
@@ -55,11 +55,11 @@ void ExposureTrack::metered(uint64_t sequence, const FrameStats& stats) { unmete
 
 void ExposureTrack::failed(uint64_t sequence) { unmetered(sequence).failed = true; }
 
-// Of a frame that is metered, as all before it are or have failed.
+// The frame is metered, and every frame before it is metered or has failed.
 bool ExposureTrack::begins_scene(size_t index) const {
   if (frames_[index].cut) return true;
   if (cut_threshold_ev_ == 0.0) return false;
-  std::optional<ScenePrint> before = state_.print;
+  std::optional<ScenePrint> before = point_.print;
   for (size_t i = 0; i < index; ++i) {
     if (frames_[i].stats) before = frames_[i].stats->print;
   }
@@ -67,7 +67,7 @@ bool ExposureTrack::begins_scene(size_t index) const {
 }
 
 std::optional<double> ExposureTrack::mean_of_first() const {
-  // Weights are whole numbers, so that equal means have that mean.
+  // The weights are whole numbers, so that the mean of equal values is exactly that value.
   double sum = 0.0;
   uint32_t weights = 0;
   uint32_t later = 0;
@@ -94,26 +94,26 @@ std::optional<double> ExposureTrack::mean_of_first() const {
 
 std::optional<FrameExposure> ExposureTrack::next() {
   while (!frames_.empty() && frames_.front().failed) {
-    // The scene that it would have begun begins with the next one; a repeat begins none.
-    if (!state_.is_of(frames_.front().sequence)) state_.cut_pending |= frames_.front().cut;
+    // The next frame begins the scene that this one was to begin. A repeated frame begins none.
+    if (!point_.is_of(frames_.front().sequence)) point_.cut_pending |= frames_.front().cut;
     frames_.pop_front();
   }
   if (frames_.empty() || !frames_.front().stats) return std::nullopt;
   const Waiting& frame = frames_.front();
-  if (state_.is_of(frame.sequence)) {
+  if (point_.is_of(frame.sequence)) {
     frames_.pop_front();
-    return FrameExposure{state_.sequence, state_};
+    return FrameExposure{point_.sequence, point_};
   }
   const std::optional<double> mean = mean_of_first();
   if (!mean) return std::nullopt;
-  const bool cut = state_.cut_pending || begins_scene(0);
+  const bool cut = point_.cut_pending || begins_scene(0);
   std::optional<PreviousExposure> previous;
-  if (state_.begun && !cut) {
-    const int64_t elapsed_ns = frame.media_time_ns - state_.media_time_ns;
-    previous = {state_.exposed.exposure, static_cast<double>(elapsed_ns) * 1e-9};
+  if (point_.begun && !cut) {
+    const int64_t elapsed_ns = frame.media_time_ns - point_.media_time_ns;
+    previous = {point_.exposed.exposure, static_cast<double>(elapsed_ns) * 1e-9};
   }
   const Exposed exposed = expose(frame.settings, previous, *mean);
-  state_ = {.begun = true,
+  point_ = {.begun = true,
             .sequence = frame.sequence,
             .media_time_ns = frame.media_time_ns,
             .exposed = exposed,
@@ -122,7 +122,7 @@ std::optional<FrameExposure> ExposureTrack::next() {
             .cut_pending = false,
             .print = cut_threshold_ev_ > 0.0 ? std::optional(frame.stats->print) : std::nullopt};
   frames_.pop_front();
-  return FrameExposure{state_.sequence, state_};
+  return FrameExposure{point_.sequence, point_};
 }
 
 }  // namespace candela

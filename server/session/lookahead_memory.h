@@ -1,4 +1,4 @@
-// What sessions with look-ahead may hold of the texture memory.
+// Reservations of texture memory by sessions with look-ahead.
 #pragma once
 
 #include <cstdint>
@@ -8,22 +8,25 @@
 
 namespace candela {
 
-// A frame that waits for later ones keeps its memory until they have theirs. So that no two sessions wait for
-// what the other one holds, each is promised all that its look-ahead needs before its first frame has any.
-// Any thread.
+// A frame that waits for later frames keeps its memory until they have theirs. To prevent two sessions from
+// waiting for each other's memory, each session reserves memory for its whole look-ahead before its first
+// frame gets any. Any thread.
 class LookaheadMemory {
  public:
   explicit LookaheadMemory(uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
-  // A session that was promised `before` bytes is promised `bytes` now. False, and nothing changes, where
-  // they do not fit beside the other promises.
+  // Changes a session's reservation from `before` to `bytes`. Returns false, and changes nothing, if `bytes`
+  // do not fit into the budget beside the other reservations.
   bool change(uint64_t before, uint64_t bytes);
-  uint64_t promised() const;
+
+  // The sum of all reservations.
+  uint64_t reserved() const;
+  uint64_t budget_bytes() const { return budget_bytes_; }
 
  private:
   const uint64_t budget_bytes_;
   mutable absl::Mutex mutex_;
-  uint64_t promised_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint64_t reserved_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace candela

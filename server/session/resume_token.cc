@@ -21,7 +21,8 @@
 namespace candela {
 namespace {
 
-// A token is: version, key id, length of the body in two bytes, body, HMAC-SHA256 of all before it.
+// The layout of a token: version, key id, length of the body in two bytes, body, and the HMAC-SHA256 of all
+// of that.
 constexpr char kVersion = 1;
 constexpr size_t kKeyIdBytes = 8;
 constexpr size_t kHeadBytes = 1 + kKeyIdBytes + 2;
@@ -36,7 +37,7 @@ std::string sha256(std::string_view bytes) {
   return std::string(reinterpret_cast<const char*>(digest), size);
 }
 
-// Empty where OpenSSL fails, which create() has ruled out.
+// Empty if OpenSSL fails, which create() rules out.
 std::string hmac(const std::string& key, std::string_view bytes) {
   unsigned char mac[kMacBytes];
   size_t size = 0;
@@ -111,7 +112,7 @@ TokenKeys::Key TokenKeys::key_of(std::string bytes) {
 absl::StatusOr<TokenKeys> TokenKeys::create(std::vector<Key> keys, absl::Duration ttl) {
   for (const Key& key : keys) {
     if (key.id.size() != kKeyIdBytes || hmac(key.bytes, "").size() != kMacBytes) {
-      return absl::InternalError("OpenSSL offers no HMAC-SHA256 here; resume tokens need it");
+      return absl::InternalError("OpenSSL has no HMAC-SHA256 here, which resume tokens need");
     }
   }
   return TokenKeys(std::move(keys), ttl);
@@ -129,15 +130,15 @@ absl::StatusOr<TokenKeys> TokenKeys::read(const std::string& path, absl::Duratio
     if (line.empty() || line[0] == '#') continue;
     const bool hex = line.size() % 2 == 0 && std::all_of(line.begin(), line.end(), absl::ascii_isxdigit);
     if (!hex || line.size() / 2 < kMinKeyBytes) {
-      return absl::InvalidArgumentError(
-          absl::StrFormat("resume-keys: line %d of %s is no key of %d bytes or more in hex; make one with: "
-                          "openssl rand -hex %d",
-                          number, path, kMinKeyBytes, kMinKeyBytes));
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "resume-keys: line %d of %s is not a key of %d bytes or more in hex; make one with: "
+          "openssl rand -hex %d",
+          number, path, kMinKeyBytes, kMinKeyBytes));
     }
     if (keys.size() == kMaxKeys) {
-      return absl::InvalidArgumentError(
-          absl::StrFormat("resume-keys: %s holds more than %d keys; take out those whose tokens have expired",
-                          path, kMaxKeys));
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "resume-keys: %s holds more than %d keys; remove the keys whose tokens have expired", path,
+          kMaxKeys));
     }
     keys.push_back(key_of(absl::HexStringToBytes(line)));
   }
@@ -172,7 +173,7 @@ absl::StatusOr<ResumePoint> TokenKeys::open(std::string_view token, const std::s
         absl::StrFormat("has %d bytes and a token has at most %d", token.size(), v1::kMaxTokenBytes));
   }
   if (!token.empty() && token[0] != kVersion) {
-    return refused("is none of this server's version");
+    return refused("has another version than this server's tokens");
   }
   const auto byte = [&token](size_t i) { return static_cast<size_t>(static_cast<unsigned char>(token[i])); };
   const size_t body_bytes = token.size() < kHeadBytes ? 0 : byte(kHeadBytes - 2) << 8 | byte(kHeadBytes - 1);
@@ -184,11 +185,11 @@ absl::StatusOr<ResumePoint> TokenKeys::open(std::string_view token, const std::s
   const auto key = std::find_if(keys_.begin(), keys_.end(), [id](const Key& k) { return k.id == id; });
   if (key == keys_.end()) {
     return refused(
-        "was signed with a key that this server does not have (servers share keys by --resume-keys)");
+        "was signed with a key that this server does not have (servers share keys through --resume-keys)");
   }
   const std::string_view said = token.substr(0, token.size() - kMacBytes);
   if (!equal_in_constant_time(hmac(key->bytes, said), token.substr(said.size()))) {
-    return refused("was changed after it was signed, or made up");
+    return refused("was changed after it was signed, or forged");
   }
 
   internal::ResumeBody body;
@@ -196,10 +197,10 @@ absl::StatusOr<ResumePoint> TokenKeys::open(std::string_view token, const std::s
   const int print_size = static_cast<int>(ScenePrint().size());
   if (!body.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) ||
       (body.exposure().print_size() != 0 && body.exposure().print_size() != print_size)) {
-    return refused("is signed by us and is not what this version signs");
+    return refused("is signed correctly but this version cannot read it");
   }
   if (body.session() != session) {
-    return refused(absl::StrFormat("is of another session than \"%s\"", session));
+    return refused(absl::StrFormat("belongs to another session than \"%s\"", session));
   }
   if (const absl::Time expired = absl::FromUnixNanos(body.expires_ns()); now >= expired) {
     return refused(absl::StrFormat("expired %s ago",

@@ -1,5 +1,5 @@
-// Resume tokens: what a client keeps so that its session can go on elsewhere, signed so that nobody makes one
-// up.
+// Resume tokens. A client keeps the last one to continue its session on another call or server. Tokens are
+// signed, so nobody can forge one.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -16,42 +16,41 @@
 
 namespace candela {
 
-// What a resume token says: where a session stood after a result.
+// The contents of a resume token: the state of a session after a result.
 struct ResumePoint {
   std::string session;  // at most v1::kMaxSessionNameBytes
   uint64_t epoch = 0;
-  uint64_t sequence = 0;  // of the last frame that was answered, by a result or a failure
-  ExposureState exposure;
+  uint64_t sequence = 0;  // of the last frame that was answered, with a result or a failure
+  ExposurePoint exposure;
   std::string settings_hash;  // 16 bytes
-  std::string tier;           // a tier's name
+  std::string tier;           // name of a tier; empty if none was chosen
 };
 
 inline constexpr size_t kMinKeyBytes = 32;
 inline constexpr size_t kMaxKeys = 16;
 inline constexpr absl::Duration kDefaultResumeTtl = absl::Minutes(10);
 
-// The keys of resume tokens. The first one signs and all of them verify, so that a key is replaced without an
-// interruption: add the new one below on every server, move it to the top, and take the old one out once its
-// last tokens have expired. Signed is not encrypted: a token's holder can read it. Any thread.
+// The keys of resume tokens. The first key signs and all keys verify. To replace a key without an
+// interruption, append the new one on every server, then move it to the top, and remove the old one when its
+// last tokens have expired. Tokens are not encrypted: whoever holds one can read it. Any thread.
 class TokenKeys {
  public:
-  // One key a line, in hex, kMinKeyBytes or more each; lines that begin with # and empty ones are skipped.
-  // `ttl` is how long a token is good. Fails as read_option_file, and with INVALID_ARGUMENT naming the line
-  // for what is no key. No message holds a part of a key.
+  // Reads one key per line, in hex, each of kMinKeyBytes or more. Empty lines and lines that begin with # are
+  // skipped. `ttl` is how long a token is valid. Fails as read_option_file does, and with INVALID_ARGUMENT
+  // and the line number if a line is not a key. No message contains a part of a key.
   static absl::StatusOr<TokenKeys> read(const std::string& path, absl::Duration ttl = kDefaultResumeTtl);
-  // One key of this process's own: its tokens are of no use to another server.
+  // Makes a random key. Its tokens are valid only in this process.
   static absl::StatusOr<TokenKeys> random(absl::Duration ttl = kDefaultResumeTtl);
 
-  // A token of at most v1::kMaxTokenBytes that is good before `now` + ttl.
+  // Returns a token of at most v1::kMaxTokenBytes that is valid until `now` + ttl.
   std::string seal(const ResumePoint& point, absl::Time now) const;
-  // FAILED_PRECONDITION, in words that tell them apart, for a token that is too long, cut short, of another
-  // version, signed with a key that is not here, changed or made up, expired, or of another session than
-  // `session`.
+  // FAILED_PRECONDITION, with a message of its own for each case, if the token is too long, truncated, of
+  // another version, signed with an unknown key, changed or forged, expired, or does not belong to `session`.
   absl::StatusOr<ResumePoint> open(std::string_view token, const std::string& session, absl::Time now) const;
 
  private:
   struct Key {
-    std::string id;  // first bytes of its SHA-256
+    std::string id;  // the first bytes of the SHA-256 of `bytes`
     std::string bytes;
   };
 
@@ -63,7 +62,7 @@ class TokenKeys {
   absl::Duration ttl_;
 };
 
-// 16 bytes that tell settings apart: of the SHA-256 of the deterministic serialisation.
+// A hash that identifies settings: 16 bytes of the SHA-256 of their deterministic serialisation.
 std::string settings_hash(const google::protobuf::Message& settings);
 
 }  // namespace candela

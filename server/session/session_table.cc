@@ -14,13 +14,12 @@ absl::StatusOr<std::shared_ptr<SessionCall>> SessionTable::enter(const std::stri
   if (const auto entry = sessions_.find(session); entry != sessions_.end()) {
     if (!resumed) {
       return absl::AlreadyExistsError(absl::StrFormat(
-          "session '%s' is open on another call; choose another name, or go on with its resume token",
-          session));
+          "session '%s' is open on another call; choose another name, or resume it with its token", session));
     }
-    // An equal one has the last token, too: results of the other call did not reach its client.
+    // An equal epoch means that the client has the last token: no result of the other call reached it.
     if (epoch < entry->second.epoch) {
       return absl::FailedPreconditionError(absl::StrFormat(
-          "session '%s' was resumed since this token was given; use the last token received", session));
+          "session '%s' was resumed after this token was issued; use the last token received", session));
     }
     before = entry->second.call.lock();
   }

@@ -1,4 +1,4 @@
-// The sessions that are open, by name.
+// A table of the open sessions, by name.
 #pragma once
 
 #include <cstdint>
@@ -18,21 +18,22 @@ class SessionCall {
  public:
   virtual ~SessionCall() = default;
 
-  // The server stops: what has no result yet will not get one here, but for what is already decided.
+  // The server drains: no more frames are taken, and those that can be answered still are.
   virtual void go_away() = 0;
-  // Another call goes on with the session.
+  // Another call resumed the session: ends at once.
   virtual void give_up() = 0;
 };
 
-// Any thread. Calls no SessionCall itself.
+// Any thread. Never calls a SessionCall.
 class SessionTable {
  public:
-  // Enters a session that `call` carries. ALREADY_EXISTS where another call has it, unless `resumed` with an
-  // epoch that is not older: then that call is given back, to be told to give up, or null where there was
-  // none. FAILED_PRECONDITION for an older epoch.
+  // Enters a session for `call`. If another call has the session and this one is `resumed` with an epoch that
+  // is not older, returns the other call, which the caller tells to give up; returns null if there is none.
+  // ALREADY_EXISTS if another call has the session and this one is not resumed. FAILED_PRECONDITION for an
+  // older epoch.
   absl::StatusOr<std::shared_ptr<SessionCall>> enter(const std::string& session, uint64_t epoch, bool resumed,
                                                      std::shared_ptr<SessionCall> call);
-  // Nothing where another call has taken the session over.
+  // Does nothing if another call has taken the session over.
   void leave(const std::string& session, const SessionCall* call);
 
   std::vector<std::shared_ptr<SessionCall>> all() const;

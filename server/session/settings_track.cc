@@ -19,12 +19,12 @@ void SettingsTrack::resume(uint64_t sequence, std::string tier) {
 absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
   if (last_sequence_ && change.from_sequence() <= *last_sequence_) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("change.from_sequence is %d and frame %d came already; name a later one",
+        absl::StrFormat("change.from_sequence is %d and frame %d came already; name a later frame",
                         change.from_sequence(), *last_sequence_));
   }
   if (changes_.size() >= v1::kMaxPendingChanges && changes_.count(change.from_sequence()) == 0) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "%d changes of settings wait for their frames already, the most there may be", changes_.size()));
+        "%d changes of settings are pending, which is the limit; send their frames first", changes_.size()));
   }
   absl::StatusOr<SessionSettings> settings = session_settings_from(change.settings(), encoding_);
   if (!settings.ok()) return settings.status();

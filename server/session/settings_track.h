@@ -1,4 +1,4 @@
-// A session's settings from frame to frame.
+// A session's settings, and the changes that are scheduled for later frames.
 #pragma once
 
 #include <cstdint>
@@ -9,37 +9,37 @@
 #include "absl/status/status.h"
 #include "candela/v1/render.pb.h"
 #include "server/render/settings/tier_choice.h"
-#include "server/rpc/stream_start.h"
 #include "server/schedule/image_file.h"
+#include "server/session/stream_start.h"
 
 namespace candela {
 
-// Those that the frame which came last has, the tier that was chosen where they promise one, and what frames
-// to come change them to. One thread at a time.
+// Holds the settings of the newest frame, the tier that was chosen if they promise an accuracy or a time, and
+// the changes that later frames bring. Not thread-safe.
 class SettingsTrack {
  public:
-  // Before the first frame.
+  // The settings before the first frame.
   SettingsTrack(SessionSettings opened, Encoding encoding);
 
-  // Goes on behind the frame `sequence` of another call, for which `tier` had been chosen; "" for none.
+  // Continues after frame `sequence` of another call. `tier` was chosen for it; "" if none was.
   void resume(uint64_t sequence, std::string tier);
 
-  // INVALID_ARGUMENT where the frame came already, for one change more than v1::kMaxPendingChanges, and as
-  // session_settings_from. The last of two changes from the same frame on counts.
+  // Schedules a change. The later of two changes for the same frame counts. INVALID_ARGUMENT if that frame
+  // came already or v1::kMaxPendingChanges are pending; otherwise fails as session_settings_from does.
   absl::Status add(const v1::SettingsChange& change);
 
-  // The frame `sequence` comes. A change drops the tier that was chosen before it.
+  // Moves on to frame `sequence`. A change of settings discards the tier that was chosen before.
   void advance(uint64_t sequence);
 
-  // Whether a tier has to be chosen before the frame can be rendered.
+  // Whether a tier has to be chosen for the newest frame.
   bool wants_tier() const { return now_.settings.promise.given() && !choice_; }
   void choose(TierChoice choice) { choice_ = std::move(choice); }
 
-  // As they were asked for.
+  // The settings as the client sent them.
   const SessionSettings& now() const { return now_; }
-  // To render with: of the tier that was chosen.
+  // The settings to render with: those of now(), with the chosen tier.
   Settings of_frame() const;
-  // "" for none.
+  // The chosen tier and the reason for it; "" if none was chosen.
   std::string tier() const { return choice_ ? choice_->tier : ""; }
   std::string tier_reason() const { return choice_ ? choice_->reason : ""; }
 
@@ -48,7 +48,7 @@ class SettingsTrack {
   const Encoding encoding_;
   std::optional<TierChoice> choice_;
   std::optional<uint64_t> last_sequence_;
-  std::map<uint64_t, SessionSettings> changes_;  // by the first frame they are for
+  std::map<uint64_t, SessionSettings> changes_;  // by the first frame that has them
 };
 
 }  // namespace candela

@@ -26,9 +26,10 @@
 #include "server/render/plan/exposure.h"
 #include "server/render/settings/settings.h"
 #include "server/rpc/band_reader.h"
-#include "server/rpc/render_start.h"
-#include "server/rpc/stream_start.h"
+#include "server/rpc/parse_request.h"
+#include "server/session/render_start.h"
 #include "server/session/resume_token.h"
+#include "server/session/stream_start.h"
 #include "tests/fuzz/expect.h"
 #include "tests/fuzz/wire_input.h"
 
@@ -172,7 +173,9 @@ void serve(const WireInput& input) {
   const std::span<const std::string> messages = input.messages;
   if (messages.empty()) return;
   grpc::ByteBuffer first = in_slices(messages[0], input.slice_bytes);
-  const absl::StatusOr<RenderStart> start = read_render_start(first, kLimits);
+  v1::RenderRequest request;
+  const absl::Status parsed = parse_request(first, request);
+  const absl::StatusOr<RenderStart> start = parsed.ok() ? render_start_from(request, kLimits) : parsed;
   if (!start.ok()) {
     expect(absl::IsInvalidArgument(start.status()) || absl::IsResourceExhausted(start.status()),
            "a start is refused with one of its codes", start.status().ToString());

@@ -20,8 +20,8 @@ FrameStats metered_at(double mean_log2_luminance) {
 
 // A track whose frames come 24 a second, numbered from 0.
 struct Film {
-  explicit Film(uint32_t lookahead = 0, double cut_threshold_ev = 0.0, ExposureState state = {})
-      : track(lookahead, cut_threshold_ev, state) {}
+  explicit Film(uint32_t lookahead = 0, double cut_threshold_ev = 0.0, ExposurePoint point = {})
+      : track(lookahead, cut_threshold_ev, point) {}
 
   absl::Status add(uint64_t sequence, bool cut = false) {
     return track.add(sequence, static_cast<int64_t>(sequence) * kFrameNs, cut, settings);
@@ -49,21 +49,21 @@ TEST(ExposureTrack, FirstFrameTakesItsTarget) {
   const auto decided = film.show(7, -3.0);
   ASSERT_EQ(decided.size(), 1u);
   EXPECT_EQ(decided[0].sequence, 7u);
-  EXPECT_EQ(decided[0].state.exposed.exposure, target(-3.0));
-  EXPECT_EQ(decided[0].state.before, target(-3.0));
+  EXPECT_EQ(decided[0].point.exposed.exposure, target(-3.0));
+  EXPECT_EQ(decided[0].point.before, target(-3.0));
 }
 
 TEST(ExposureTrack, LaterFramesFollowTheRecursion) {
   Film film;
-  double exposure = film.show(0, 0.0).at(0).state.exposed.exposure;
+  double exposure = film.show(0, 0.0).at(0).point.exposed.exposure;
   for (uint64_t i = 1; i < 20; ++i) {
     const double mean = std::sin(static_cast<double>(i));
     const auto decided = film.show(i, mean);
     ASSERT_EQ(decided.size(), 1u);
     const double next = adapt_exposure({}, PreviousExposure{exposure, kFrameNs * 1e-9}, target(mean));
-    EXPECT_EQ(decided[0].state.exposed.exposure, next);
-    EXPECT_EQ(decided[0].state.before, exposure);
-    EXPECT_EQ(decided[0].state.exposed.target, target(mean));
+    EXPECT_EQ(decided[0].point.exposed.exposure, next);
+    EXPECT_EQ(decided[0].point.before, exposure);
+    EXPECT_EQ(decided[0].point.exposed.target, target(mean));
     exposure = next;
   }
 }
@@ -72,19 +72,19 @@ TEST(ExposureTrack, ACutTakesItsTarget) {
   Film film;
   film.show(0, 0.0);
   const auto decided = film.show(1, 5.0, /*cut=*/true);
-  EXPECT_EQ(decided.at(0).state.exposed.exposure, target(5.0));
-  EXPECT_TRUE(decided.at(0).state.cut);
+  EXPECT_EQ(decided.at(0).point.exposed.exposure, target(5.0));
+  EXPECT_TRUE(decided.at(0).point.cut);
 }
 
 TEST(ExposureTrack, ARepeatedFrameTakesTheExposureOfItsFirstTimeAndLeavesNoTrace) {
   Film film;
   film.show(0, 0.0);
   const auto first = film.show(1, 3.0);
-  EXPECT_EQ(film.show(1, 9.0, /*cut=*/true).at(0).state, first.at(0).state);
+  EXPECT_EQ(film.show(1, 9.0, /*cut=*/true).at(0).point, first.at(0).point);
   Film plain;
   plain.show(0, 0.0);
   plain.show(1, 3.0);
-  EXPECT_EQ(film.show(2, 1.0).at(0).state, plain.show(2, 1.0).at(0).state);
+  EXPECT_EQ(film.show(2, 1.0).at(0).point, plain.show(2, 1.0).at(0).point);
 }
 
 TEST(ExposureTrack, RefusesNumbersAndTimesThatRunBackwards) {
@@ -107,8 +107,8 @@ TEST(ExposureTrack, AFailedFrameTakesNoPartAndPassesItsCutOn) {
   film.track.failed(1);
   EXPECT_TRUE(film.decided().empty());
   const auto decided = film.show(2, 4.0);
-  EXPECT_EQ(decided.at(0).state.exposed.exposure, target(4.0));
-  EXPECT_FALSE(film.show(3, 4.0).at(0).state.cut);
+  EXPECT_EQ(decided.at(0).point.exposed.exposure, target(4.0));
+  EXPECT_FALSE(film.show(3, 4.0).at(0).point.cut);
 }
 
 TEST(ExposureTrack, LookaheadWaitsForItsFramesAndWeighsThem) {
@@ -118,12 +118,12 @@ TEST(ExposureTrack, LookaheadWaitsForItsFramesAndWeighsThem) {
   const auto decided = film.show(2, 6.0);
   ASSERT_EQ(decided.size(), 1u);
   EXPECT_EQ(decided[0].sequence, 0u);
-  EXPECT_EQ(decided[0].state.exposed.target, target((3 * 1.0 + 2 * 2.0 + 6.0) / 6));
+  EXPECT_EQ(decided[0].point.exposed.target, target((3 * 1.0 + 2 * 2.0 + 6.0) / 6));
   film.track.end();
   const auto rest = film.decided();
   ASSERT_EQ(rest.size(), 2u);
-  EXPECT_EQ(rest[0].state.exposed.target, target((3 * 2.0 + 2 * 6.0) / 5));
-  EXPECT_EQ(rest[1].state.exposed.target, target(6.0));
+  EXPECT_EQ(rest[0].point.exposed.target, target((3 * 2.0 + 2 * 6.0) / 5));
+  EXPECT_EQ(rest[1].point.exposed.target, target(6.0));
 }
 
 TEST(ExposureTrack, LookaheadDoesNotWaitForMoreWhereAFrameFailed) {
@@ -133,12 +133,12 @@ TEST(ExposureTrack, LookaheadDoesNotWaitForMoreWhereAFrameFailed) {
   film.track.failed(1);
   EXPECT_TRUE(film.decided().empty());
   film.track.metered(2, metered_at(6.0));
-  EXPECT_EQ(film.decided().at(0).state.exposed.target, target((3 * 1.0 + 6.0) / 4));
+  EXPECT_EQ(film.decided().at(0).point.exposed.target, target((3 * 1.0 + 6.0) / 4));
   ASSERT_TRUE(film.add(3).ok() && film.add(4).ok());
   film.track.failed(4);
   EXPECT_TRUE(film.decided().empty());
   film.track.failed(3);
-  EXPECT_EQ(film.decided().at(0).state.exposed.target, target(6.0));
+  EXPECT_EQ(film.decided().at(0).point.exposed.target, target(6.0));
 }
 
 TEST(ExposureTrack, LookaheadEndsAtACut) {
@@ -147,7 +147,7 @@ TEST(ExposureTrack, LookaheadEndsAtACut) {
   ASSERT_TRUE(film.add(1, /*cut=*/true).ok());  // not even metered
   const auto decided = film.decided();
   ASSERT_EQ(decided.size(), 1u);
-  EXPECT_EQ(decided[0].state.exposed.target, target(1.0));
+  EXPECT_EQ(decided[0].point.exposed.target, target(1.0));
 }
 
 // One that says `cut`, and one that fails with it, are repeats all the same.
@@ -165,7 +165,7 @@ TEST(ExposureTrack, ARepeatBoundsNoLookaheadAndLeavesNoCut) {
     return all.back();
   };
   EXPECT_EQ(last(true).sequence, last(false).sequence);
-  EXPECT_EQ(last(true).state, last(false).state);
+  EXPECT_EQ(last(true).point, last(false).point);
 }
 
 TEST(ExposureTrack, OrderOfMeteringChangesNothing) {
@@ -179,7 +179,7 @@ TEST(ExposureTrack, OrderOfMeteringChangesNothing) {
   for (uint64_t i = 6; i-- > 0;) backwards.track.metered(i, metered_at(static_cast<double>(i)));
   const std::vector<FrameExposure> b = backwards.decided();
   ASSERT_EQ(a.size(), b.size());
-  for (size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i].state, b[i].state);
+  for (size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i].point, b[i].point);
 }
 
 TEST(ExposureTrack, GoesOnFromAnyStateAsIfItHadNotStopped) {
@@ -194,7 +194,7 @@ TEST(ExposureTrack, GoesOnFromAnyStateAsIfItHadNotStopped) {
     for (const FrameExposure& one : whole.decided()) all.push_back(one);
     ASSERT_EQ(all.size(), 12u);
     for (uint64_t stop = 0; stop < 11; ++stop) {
-      Film resumed(lookahead, 1.0, all[stop].state);
+      Film resumed(lookahead, 1.0, all[stop].point);
       std::vector<FrameExposure> rest;
       for (uint64_t i = stop + 1; i < 12; ++i) {
         for (const FrameExposure& one : resumed.show(i, mean(i))) rest.push_back(one);
@@ -202,7 +202,7 @@ TEST(ExposureTrack, GoesOnFromAnyStateAsIfItHadNotStopped) {
       resumed.track.end();
       for (const FrameExposure& one : resumed.decided()) rest.push_back(one);
       ASSERT_EQ(rest.size(), 11 - stop);
-      for (size_t i = 0; i < rest.size(); ++i) EXPECT_EQ(rest[i].state, all[stop + 1 + i].state);
+      for (size_t i = 0; i < rest.size(); ++i) EXPECT_EQ(rest[i].point, all[stop + 1 + i].point);
     }
   }
 }
@@ -210,14 +210,14 @@ TEST(ExposureTrack, GoesOnFromAnyStateAsIfItHadNotStopped) {
 TEST(ExposureTrack, DetectsACutByThePictureAndNotByItsBrightness) {
   Film film(0, 1.0);
   film.show(0, 0.0);
-  EXPECT_FALSE(film.show(1, 10.0).at(0).state.cut) << "a light went on";
+  EXPECT_FALSE(film.show(1, 10.0).at(0).point.cut) << "a light went on";
   ASSERT_TRUE(film.add(2).ok());
   FrameStats other = metered_at(10.0);
   for (size_t i = 0; i < other.print.size(); i += 2) other.print[i] += 4.0f;  // deviation 2 EV
   film.track.metered(2, other);
   const auto decided = film.decided();
-  EXPECT_TRUE(decided.at(0).state.cut);
-  EXPECT_EQ(decided.at(0).state.exposed.exposure, target(10.0));
+  EXPECT_TRUE(decided.at(0).point.cut);
+  EXPECT_EQ(decided.at(0).point.exposed.exposure, target(10.0));
 }
 
 TEST(ExposureTrack, ManualExposureDoesNotAdapt) {
@@ -225,7 +225,7 @@ TEST(ExposureTrack, ManualExposureDoesNotAdapt) {
   film.settings.mode = ExposureMode::kManual;
   film.settings.manual_ev = 2.0;
   film.show(0, 0.0);
-  EXPECT_EQ(film.show(1, 9.0).at(0).state.exposed, (Exposed{4.0, 4.0}));
+  EXPECT_EQ(film.show(1, 9.0).at(0).point.exposed, (Exposed{4.0, 4.0}));
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace {
 FrameJob job_of(Flow flow) {
   FrameJob job;
   job.frame = std::make_shared<Frame>();
-  job.frame->moment.sequence = flow;
+  job.frame->sequence = flow;
   job.flow = flow;
   return job;
 }
@@ -38,10 +38,10 @@ TEST(FrameQueue, FramesOfOneFlowKeepTheirOrder) {
   std::vector<Ticket> tickets;
   for (uint64_t i = 0; i < 5; ++i) {
     FrameJob job = job_of(1);
-    job.frame->moment.sequence = i;
+    job.frame->sequence = i;
     ASSERT_TRUE(queue.push(std::move(job)).ok());
   }
-  for (uint64_t i = 0; i < 5; ++i) EXPECT_EQ(queue.pop()->frame->moment.sequence, i);
+  for (uint64_t i = 0; i < 5; ++i) EXPECT_EQ(queue.pop()->frame->sequence, i);
   EXPECT_TRUE(queue.empty());
 }
 

@@ -42,7 +42,7 @@ class Reports {
 };
 
 RenderLoop idle_loop() {
-  return RenderLoop([](Frame&) { return FrameReport{}; }, 8);
+  return RenderLoop([](const FrameJob&) { return FrameReport{}; }, 8);
 }
 
 TEST(Heartbeat, AnIdleLoopIsAskedAgainAndAgainAndStaysGood) {
@@ -114,7 +114,7 @@ TEST(Heartbeat, FramesThatFailDoNotHideThatBeatsDo) {
 TEST(Heartbeat, AThreadThatIsStuckIsReportedAndSoIsItsEnd) {
   absl::Notification open;
   RenderLoop loop(
-      [&open](Frame&) {
+      [&open](const FrameJob&) {
         open.WaitForNotification();
         return FrameReport{};
       },
@@ -136,7 +136,7 @@ TEST(Heartbeat, ABeatThatWaitsWhenItStopsIsNotSent) {
   absl::Notification open;
   std::atomic<int> beats = 0;
   RenderLoop loop(
-      [&open](Frame&) {
+      [&open](const FrameJob&) {
         open.WaitForNotification();
         return FrameReport{};
       },

@@ -21,7 +21,7 @@ FrameJob job(std::function<void(absl::StatusOr<RenderedFrame>)> done) {
 class GatedRender {
  public:
   RenderLoop::Render function() {
-    return [this](Frame&) -> absl::StatusOr<FrameReport> {
+    return [this](const FrameJob&) -> absl::StatusOr<FrameReport> {
       ++begun_;
       open_.WaitForNotification();
       return FrameReport{};
@@ -40,7 +40,7 @@ class GatedRender {
 TEST(RenderLoop, RendersInTheOrderOfSubmission) {
   std::vector<int> order;
   {
-    RenderLoop loop([](Frame&) { return FrameReport{}; }, 100);
+    RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 100);
     for (int i = 0; i < 50; ++i) {
       ASSERT_TRUE(loop.submit(job([&order, i](auto) { order.push_back(i); })).ok());
     }
@@ -84,7 +84,7 @@ TEST(RenderLoop, AJobPastItsDeadlineIsDroppedWithItsReason) {
   absl::Status status;
   {
     RenderLoop loop(
-        [&](Frame&) {
+        [&](const FrameJob&) {
           ++rendered;
           return FrameReport{};
         },
@@ -102,7 +102,7 @@ TEST(RenderLoop, ARenderersErrorReachesItsJobAlone) {
   {
     int count = 0;
     RenderLoop loop(
-        [&count](Frame&) -> absl::StatusOr<FrameReport> {
+        [&count](const FrameJob&) -> absl::StatusOr<FrameReport> {
           if (++count == 2) return absl::InvalidArgumentError("bad pixel");
           return FrameReport{};
         },
@@ -117,7 +117,7 @@ TEST(RenderLoop, ARenderersErrorReachesItsJobAlone) {
 
 TEST(RenderLoop, StopFinishesWhatWaitsAndTakesNoMore) {
   int done = 0;
-  RenderLoop loop([](Frame&) { return FrameReport{}; }, 100);
+  RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 100);
   for (int i = 0; i < 20; ++i) ASSERT_TRUE(loop.submit(job([&done](auto) { ++done; })).ok());
   loop.stop();
   EXPECT_EQ(done, 20);

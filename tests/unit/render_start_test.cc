@@ -1,4 +1,4 @@
-#include "server/rpc/render_start.h"
+#include "server/session/render_start.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "proto/candela/v1/limits.h"
+#include "server/rpc/parse_request.h"
 
 namespace candela {
 namespace {
@@ -25,9 +26,7 @@ v1::RenderRequest request(uint32_t width, uint32_t height,
 }
 
 absl::StatusOr<RenderStart> read(const v1::RenderRequest& message, const FrameLimits& limits = kLimits) {
-  const grpc::Slice bytes(message.SerializeAsString());
-  grpc::ByteBuffer buffer(&bytes, 1);
-  return read_render_start(buffer, limits);
+  return render_start_from(message, limits);
 }
 
 absl::StatusCode code(const v1::RenderRequest& message) { return read(message).status().code(); }
@@ -237,7 +236,9 @@ TEST(RenderStart, RefusesWhatIsNotAStart) {
   const auto refused = [](const std::string& bytes) {
     const grpc::Slice slice(bytes);
     grpc::ByteBuffer buffer(&slice, 1);
-    EXPECT_TRUE(absl::IsInvalidArgument(read_render_start(buffer, kLimits).status()));
+    v1::RenderRequest message;
+    const absl::Status parsed = parse_request(buffer, message);
+    EXPECT_TRUE(absl::IsInvalidArgument(parsed.ok() ? read(message).status() : parsed));
   };
   refused("");
   refused("\xff\xff\xff\xff");

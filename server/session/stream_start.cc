@@ -1,4 +1,4 @@
-#include "server/rpc/stream_start.h"
+#include "server/session/stream_start.h"
 
 #include <algorithm>
 #include <utility>
@@ -6,7 +6,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
-#include "server/rpc/render_start.h"
+#include "server/session/render_start.h"
 #include "server/session/resume_token.h"
 
 namespace candela {
@@ -18,7 +18,7 @@ absl::Status check_name(const std::string& session) {
   });
   if (!session.empty() && session.size() <= v1::kMaxSessionNameBytes && plain) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrFormat(
-      "open.session has %d bytes; a session's name is 1 to %d letters, digits, dots, dashes and "
+      "open.session has %d bytes; a session's name has 1 to %d letters, digits, dots, dashes and "
       "underscores",
       session.size(), v1::kMaxSessionNameBytes));
 }
@@ -26,13 +26,16 @@ absl::Status check_name(const std::string& session) {
 absl::Status check_encoding(Encoding encoding, OutputFormat format) {
   if (encoding == Encoding::kPng && format == OutputFormat::kRgba16f) {
     return absl::InvalidArgumentError(
-        "output_format is RGBA16F and encoding PNG; a PNG holds RGBA8 or RGBA16, so ask for one of them or "
-        "RAW");
+        "output_format is RGBA16F and encoding is PNG; a PNG holds RGBA8 or RGBA16, so use one of them or "
+        "the "
+        "encoding RAW");
   }
   if (encoding == Encoding::kJpeg && format != OutputFormat::kRgba8) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "output_format is %s and encoding JPEG; a JPEG holds RGBA8, so ask for that, PNG or RAW",
-        name(format)));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("output_format is %s and encoding is JPEG; a JPEG holds RGBA8, so use that format or "
+                        "the encoding PNG or "
+                        "RAW",
+                        name(format)));
   }
   return absl::OkStatus();
 }
@@ -66,7 +69,7 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
   start.cut_threshold_ev = open.cut_threshold_ev();
   if (!v1::Encoding_IsValid(open.encoding())) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "open.encoding is %d, which this server does not know; it has RAW (1), PNG (2) and JPEG (3)",
+        "open.encoding is %d, which this server does not know; it knows RAW (1), PNG (2) and JPEG (3)",
         static_cast<int>(open.encoding())));
   }
   if (open.encoding() != v1::ENCODING_UNSPECIFIED) start.encoding = static_cast<Encoding>(open.encoding());
@@ -78,7 +81,7 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
   start.jpeg_quality = static_cast<int>(quality);
   if (open.resume_token().size() > v1::kMaxTokenBytes) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("open.resume_token has %d bytes and a token has at most %d; give it as it came",
+        absl::StrFormat("open.resume_token has %d bytes and a token has at most %d; send it unchanged",
                         open.resume_token().size(), v1::kMaxTokenBytes));
   }
   start.resume_token = open.resume_token();

@@ -1,4 +1,4 @@
-// What opens a stream, checked.
+// The open message of a stream, checked.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace candela {
 
-// A session's settings from some frame on, and what a resume token knows them by.
+// The settings of a session's frames, and the hash that identifies them in a resume token.
 struct SessionSettings {
   Settings settings;
   std::string hash;
@@ -21,17 +21,17 @@ struct SessionSettings {
 struct StreamStart {
   std::string session;
   SessionSettings settings;
-  std::string resume_token;  // empty: none
+  std::string resume_token;  // empty: a new session
   uint32_t lookahead = 0;
-  double cut_threshold_ev = 0.0;  // 0: none are detected
+  double cut_threshold_ev = 0.0;  // 0: cuts are not detected
   Encoding encoding = Encoding::kRaw;
   int jpeg_quality = 90;
 };
 
-// INVALID_ARGUMENT naming the field, its value and its range.
+// INVALID_ARGUMENT with the field, its value and its range.
 absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open);
 
-// As settings_from, and INVALID_ARGUMENT where the output format has no such encoding.
+// Fails as settings_from does, and with INVALID_ARGUMENT if the encoding cannot hold the output format.
 absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, Encoding encoding);
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-// Counts the calls inside, lets no more in than it may, and closes when the server drains.
+// A gate that limits the number of calls and closes when the server drains.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@ namespace candela {
 // Any thread.
 class CallGate {
  public:
-  // `what` it counts, in the plural, for its messages.
+  // `what` names the calls in messages, in the plural.
   CallGate(std::string what, uint32_t max_calls) : what_(std::move(what)), max_calls_(max_calls) {}
 
-  // OK: in, and leave() is owed. UNAVAILABLE when it is full or closed.
+  // On OK the caller is inside and must call leave(). UNAVAILABLE if the gate is full or closed.
   absl::Status enter();
   void leave();
 
@@ -26,7 +26,7 @@ class CallGate {
   void close();
   bool closed() const;
   uint32_t inside() const;
-  // Waits until nobody is inside; false when that took longer than `timeout`.
+  // Waits until nobody is inside. Returns false if that takes longer than `timeout`.
   bool wait_until_empty(absl::Duration timeout);
 
  private:

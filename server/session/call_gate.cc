@@ -1,4 +1,4 @@
-#include "server/rpc/call_gate.h"
+#include "server/session/call_gate.h"
 
 #include "absl/strings/str_format.h"
 
@@ -12,7 +12,7 @@ absl::Status CallGate::enter() {
   }
   if (calls_ >= max_calls_) {
     return absl::UnavailableError(
-        absl::StrFormat("server has %d %s, as many as it takes at once; try again soon", calls_, what_));
+        absl::StrFormat("server has %d %s, which is its limit; try again soon", calls_, what_));
   }
   ++calls_;
   return absl::OkStatus();

@@ -1,4 +1,4 @@
-// What calls with frames tell the metrics alike.
+// Metrics that every call with frames reports.
 #pragma once
 
 #include <optional>
@@ -9,10 +9,10 @@
 
 namespace candela {
 
-// The stages of a frame that was rendered, its wait in the queue among them.
+// Records the stages of a rendered frame, including its time in the queue.
 void count_stages(Metrics& metrics, const RenderedFrame& rendered);
 
-// What turned a call away that had no frame yet; nothing where the client left or fell silent.
+// The reason for which a call was refused before it had a frame. Nothing if the client left or went silent.
 std::optional<Rejection> rejection_of(const absl::Status& status);
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-#include "server/rpc/frame_metrics.h"
+#include "server/schedule/frame_metrics.h"
 
 namespace candela {
 

@@ -1,4 +1,4 @@
-#include "server/rpc/render_start.h"
+#include "server/session/render_start.h"
 
 #include <cstring>
 #include <memory>
@@ -6,16 +6,14 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/message_wire.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 namespace {
 
-// Room for the largest table and for every other field with its longest value; more is not a start message.
-constexpr size_t kMaxStartBytes = v1::kMaxTableBytes + (64 << 10);
 constexpr uint64_t kMaxRowPaddingBytes = 4096;
 
-// `value` as `Ours`, whose values are those of the message's enum; 0 is the default that `field` has already.
+// Sets `field` to `value`; both enums have the same numbers. 0 keeps the default in `field`.
 template <typename Ours, typename Theirs>
 absl::Status set_enum(const char* name, Theirs value, bool known, Ours& field) {
   if (!known) {
@@ -52,7 +50,7 @@ absl::Status read_enums(const v1::Settings& message, Settings& settings) {
   return status;
 }
 
-// An odd byte at the end is kept as one value more, which check_settings then refuses.
+// An odd byte at the end becomes one more value, which check_settings then refuses.
 std::shared_ptr<const ColorTable> table_from(const v1::ColorTable& message) {
   const std::string& bytes = message.values();
   auto table = std::make_shared<ColorTable>();
@@ -73,7 +71,7 @@ absl::StatusOr<FrameDesc> frame_from(const v1::FrameHeader& header) {
   return FrameDesc{header.width(), header.height(), static_cast<PixelFormat>(header.format())};
 }
 
-// `desc` has passed check_frame, so that no product here leaves 64 bits.
+// `desc` has passed check_frame, so no product here overflows 64 bits.
 absl::StatusOr<uint64_t> row_stride(const v1::FrameHeader& header, const FrameDesc& desc) {
   const uint64_t tight = desc.row_bytes();
   const uint64_t stride = header.row_stride_bytes() == 0 ? tight : header.row_stride_bytes();
@@ -99,7 +97,7 @@ absl::StatusOr<std::optional<PreviousExposure>> previous_from(const v1::RenderSt
 
 absl::StatusOr<Verify> verify_from(const v1::RenderStart& start) {
   if (!start.verify() && start.error_map()) {
-    return absl::InvalidArgumentError("error_map is set and verify is not; set both for a map, or neither");
+    return absl::InvalidArgumentError("error_map is set and verify is not; set both, or neither");
   }
   return start.error_map() ? Verify::kWithMap : start.verify() ? Verify::kYes : Verify::kNo;
 }
@@ -178,23 +176,7 @@ absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, con
   return FrameLayout{*desc, *stride};
 }
 
-absl::Status parse_request(grpc::ByteBuffer& message, google::protobuf::Message& request) {
-  if (message.Length() > kMaxStartBytes) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "message is %d bytes, and one that holds no band has at most %d; send what begins a call "
-        "or a frame first, then its bands",
-        message.Length(), kMaxStartBytes));
-  }
-  if (!v1::unpack(message, request)) {
-    return absl::InvalidArgumentError(
-        "message is not what render.proto says: its bytes are damaged or cut short");
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<RenderStart> read_render_start(grpc::ByteBuffer& message, const FrameLimits& limits) {
-  v1::RenderRequest request;
-  if (absl::Status status = parse_request(message, request); !status.ok()) return status;
+absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits) {
   if (!request.has_start()) {
     return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
   }

@@ -1,0 +1,80 @@
+#include "server/rpc/server_call.h"
+
+#include <utility>
+
+#include "absl/time/clock.h"
+#include "server/rpc/status.h"
+
+namespace candela {
+
+ServerCall::ServerCall(grpc::CallbackServerContext& context, CallGate& gate, absl::Duration idle_timeout)
+    : context_(context), gate_(gate), idle_timeout_(idle_timeout) {}
+
+void ServerCall::start() {
+  absl::MutexLock lock(&mutex_);
+  self_ = shared_from_this();
+  if (absl::Status status = gate_.enter(); !status.ok()) return finish(status);
+  inside_ = true;
+  on_entered();
+}
+
+void ServerCall::OnCancel() {
+  absl::MutexLock lock(&mutex_);
+  if (!finished_) finish(absl::CancelledError("call was cancelled"));
+}
+
+void ServerCall::finish(const absl::Status& status) {
+  finished_ = true;
+  const grpc::Status told = to_grpc(status);
+  on_finish(status, told.error_message());
+  if (inside_) watch_idle(idle_timeout_);
+  Finish(told);
+}
+
+void ServerCall::OnDone() {
+  std::shared_ptr<ServerCall> self;  // outlives the lock
+  bool inside = false;
+  {
+    absl::MutexLock lock(&mutex_);
+    idle_alarm_.reset();
+    inside = inside_;
+    self = std::move(self_);
+  }
+  if (inside) gate_.leave();
+}
+
+void ServerCall::if_running(absl::FunctionRef<void()> then) {
+  absl::MutexLock lock(&mutex_);
+  if (!finished_) then();
+}
+
+std::unique_ptr<grpc::Alarm> ServerCall::if_running_after(absl::Duration wait, std::function<void()> then) {
+  return call_after(wait, [this, then = std::move(then)] { if_running(then); });
+}
+
+std::unique_ptr<grpc::Alarm> ServerCall::call_after(absl::Duration wait, std::function<void()> then) {
+  auto alarm = std::make_unique<grpc::Alarm>();
+  alarm->Set(absl::ToChronoTime(absl::Now() + wait),
+             [call = weak_from_this(), then = std::move(then)](bool expired) {
+               if (!expired) return;
+               if (const std::shared_ptr<ServerCall> alive = call.lock()) then();
+             });
+  return alarm;
+}
+
+void ServerCall::watch_idle(absl::Duration wait) {
+  idle_alarm_ = call_after(wait, [this] { on_alarm(); });
+}
+
+void ServerCall::on_alarm() {
+  absl::MutexLock lock(&mutex_);
+  if (!finished_) return on_idle();
+  // The peer reads nothing, so gRPC cannot even deliver the status: release the place now. After OnDone,
+  // which resets self_, the place is already released.
+  if (self_ != nullptr && std::exchange(inside_, false)) {
+    context_.TryCancel();
+    gate_.leave();
+  }
+}
+
+}  // namespace candela

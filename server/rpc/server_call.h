@@ -1,0 +1,77 @@
+// The life of one call: its ownership, its place in a gate, its idle timer and its one end.
+#pragma once
+
+#include <grpcpp/alarm.h>
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/byte_buffer.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
+#include "server/session/call_gate.h"
+
+namespace candela {
+
+// A call owns itself until gRPC calls OnDone. It holds its place in the gate until then, except that a call
+// with a dead peer gives its place up one idle timeout after it finished. Methods without a note may be
+// called from any thread. gRPC calls the reactions; the mutex is never held for longer than the copy of one
+// band.
+class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                   public std::enable_shared_from_this<ServerCall> {
+ public:
+  void OnCancel() final;
+  void OnDone() final;
+
+  // Calls `then` under the mutex, unless the call has finished.
+  void if_running(absl::FunctionRef<void()> then) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  // Does the same after `wait`, on a thread of gRPC. Destroying the alarm cancels it. Every wait takes a new
+  // alarm, because an alarm that fired is still in its callback when the next one is set.
+  std::unique_ptr<grpc::Alarm> if_running_after(absl::Duration wait, std::function<void()> then);
+
+ protected:
+  // `gate` outlives the call.
+  ServerCall(grpc::CallbackServerContext& context, CallGate& gate, absl::Duration idle_timeout);
+
+  // Takes ownership and enters the gate: on_entered() follows, or finish() if the gate refuses.
+  void start() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  // Calls on_finish() and Finish. At most once, and nothing else may be started after it.
+  void finish(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool finished() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return finished_; }
+  bool inside() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return inside_; }
+
+  // Calls on_idle() after `wait`. Replaces an earlier watch.
+  void watch_idle(absl::Duration wait) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Duration idle_timeout() const { return idle_timeout_; }
+
+  virtual void on_entered() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
+  // The call is still running: watch again, or end it.
+  virtual void on_idle() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
+  // The call ends with `status`: release what it holds. `message` is what the client is told.
+  virtual void on_finish(const absl::Status& status, const std::string& message)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
+
+  grpc::CallbackServerContext& context_;
+  absl::Mutex mutex_;
+
+ private:
+  std::unique_ptr<grpc::Alarm> call_after(absl::Duration wait, std::function<void()> then);
+  void on_alarm() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  CallGate& gate_;
+  const absl::Duration idle_timeout_;
+  std::shared_ptr<ServerCall> self_ ABSL_GUARDED_BY(mutex_);  // until OnDone
+  bool inside_ ABSL_GUARDED_BY(mutex_) = false;               // has a place in the gate
+  bool finished_ ABSL_GUARDED_BY(mutex_) = false;
+  std::unique_ptr<grpc::Alarm> idle_alarm_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace candela

@@ -1,0 +1,52 @@
+// State that all calls of one server share.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/time/time.h"
+#include "server/base/metrics.h"
+#include "server/base/worker_pool.h"
+#include "server/render/renderer.h"
+#include "server/render/tier_numbers.h"
+#include "server/schedule/render_loop.h"
+#include "server/session/call_gate.h"
+#include "server/session/sessions.h"
+
+namespace candela {
+
+// The longest upload of one frame, in idle timeouts. A client that sends one row a minute makes progress, but
+// must not go on for days.
+inline constexpr int kMaxUploadTimeouts = 10;
+
+// Everything that renders and encodes frames. Any thread.
+struct Rendering {
+  // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
+  std::function<std::shared_ptr<Renderer>()> renderer;
+  RenderLoop& loop;
+  TierMeter& tier_meter;  // used on the loop's thread only
+  WorkerPool& encoders;
+  const std::string device;  // name of the Vulkan device
+  std::atomic<uint64_t> frames_rendered{0};
+};
+
+struct CallLimits {
+  FrameLimits frame;
+  absl::Duration idle_timeout;
+  uint32_t max_frames_in_flight = 0;  // per session
+};
+
+// Any thread. Outlives every call.
+struct ServiceState {
+  Rendering rendering;
+  const CallLimits limits;
+  Metrics& metrics;
+  CallGate call_gate;  // Render and Meter calls
+  CallGate session_gate;
+  Sessions sessions;
+};
+
+}  // namespace candela

@@ -1,0 +1,82 @@
+#include "server/rpc/stream_answers.h"
+
+#include <utility>
+
+#include "absl/time/clock.h"
+#include "proto/candela/v1/message_wire.h"
+
+namespace candela {
+
+StreamAnswers::StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch, Encoding encoding,
+                             std::string device)
+    : keys_(keys),
+      session_(std::move(session)),
+      epoch_(epoch),
+      encoding_(encoding),
+      device_(std::move(device)) {}
+
+void StreamAnswers::notify(const v1::StreamResponse& notice) { notices_.push_back(v1::pack(notice)); }
+
+bool StreamAnswers::next(SessionFrames& frames, grpc::ByteBuffer& message) {
+  if (writer_) {
+    if (writer_->next(message)) return true;
+    writer_.reset();
+    frames.pop();
+  }
+  if (!notices_.empty()) {
+    message.Swap(&notices_.front());
+    notices_.pop_front();
+    return true;
+  }
+  const SessionFrames::EntryPtr due = frames.due();
+  if (due == nullptr) return false;
+  const ExposurePoint& exposure = frames.answer(*due);
+  if (due->stage == SessionFrames::Stage::kFailed) {
+    message = failure(*due, exposure);
+    frames.pop();
+    return true;
+  }
+  if (due->file != nullptr) {
+    writer_.emplace(due->file, result(*due, exposure));
+  } else {
+    writer_.emplace(due->frame, result(*due, exposure));
+  }
+  return writer_->next(message);
+}
+
+std::string StreamAnswers::token(const SessionFrames::Entry& frame, const ExposurePoint& exposure) const {
+  return keys_.seal({.session = session_,
+                     .epoch = epoch_,
+                     .sequence = frame.sequence,
+                     .exposure = exposure,
+                     .settings_hash = frame.settings_hash,
+                     .tier = frame.tier},
+                    absl::Now());
+}
+
+grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
+                                       const ExposurePoint& exposure) const {
+  v1::StreamResponse response;
+  v1::ResultHeader& header = *response.mutable_header();
+  header = result_header(*frame.frame, {*frame.report, frame.queued}, device_);
+  header.set_tier_reason(frame.tier_reason);
+  header.set_exposure_before(frame.exposure.before);
+  header.set_cut(frame.exposure.cut);
+  header.set_resume_token(token(frame, exposure));
+  header.set_encoding(static_cast<v1::Encoding>(encoding_));
+  if (frame.file != nullptr) header.set_encoded_bytes(frame.file->size());
+  return v1::pack(response);
+}
+
+grpc::ByteBuffer StreamAnswers::failure(const SessionFrames::Entry& frame,
+                                        const ExposurePoint& exposure) const {
+  v1::StreamResponse response;
+  v1::FrameFailure& failure = *response.mutable_failure();
+  failure.set_sequence(frame.sequence);
+  failure.set_code(static_cast<uint32_t>(frame.failure.code()));
+  failure.set_message(std::string(frame.failure.message()));
+  failure.set_resume_token(token(frame, exposure));
+  return v1::pack(response);
+}
+
+}  // namespace candela

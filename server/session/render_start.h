@@ -1,0 +1,42 @@
+// The start message of a Render call, checked, and the parts that it shares with a session.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "absl/status/statusor.h"
+#include "candela/v1/render.pb.h"
+#include "server/render/plan/exposure.h"
+#include "server/render/renderer.h"
+#include "server/render/settings/frame.h"
+#include "server/render/settings/settings.h"
+
+namespace candela {
+
+struct RenderStart {
+  FrameDesc desc;
+  uint64_t sequence = 0;
+  uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
+  Settings settings;
+  std::optional<PreviousExposure> previous;  // absent: the frame is rendered with its target exposure
+  Verify verify = Verify::kNo;
+};
+
+// Checks everything that can be checked before the pixels arrive: check_frame, check_settings, the row stride
+// and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED. Allocates no memory for the frame.
+absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits);
+
+// The size and layout of a frame, as its header gives them.
+struct FrameLayout {
+  FrameDesc desc;
+  uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
+};
+
+// check_frame, the row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED.
+absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, const FrameLimits& limits);
+
+// Absent fields take their defaults. INVALID_ARGUMENT for an enum value that this server does not know;
+// otherwise fails as check_settings does.
+absl::StatusOr<Settings> settings_from(const v1::Settings& message);
+
+}  // namespace candela

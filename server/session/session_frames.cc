@@ -1,0 +1,148 @@
+#include "server/session/session_frames.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+
+namespace candela {
+namespace {
+
+// Whether an error concerns one frame and not the whole session.
+bool concerns_the_frame(const absl::Status& status) {
+  return absl::IsInvalidArgument(status) || absl::IsDeadlineExceeded(status);
+}
+
+}  // namespace
+
+SessionFrames::SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point,
+                             size_t capacity)
+    : lookahead_(lookahead),
+      capacity_(capacity + lookahead),
+      track_(lookahead, cut_threshold_ev, point),
+      told_(point) {}
+
+bool SessionFrames::busy() const {
+  return std::any_of(frames_.begin(), frames_.end(), [](const EntryPtr& entry) {
+    return entry->stage != Stage::kReceiving && entry->stage != Stage::kWaiting;
+  });
+}
+
+absl::Status SessionFrames::add(const v1::FrameHeader& header, const FrameLayout& layout,
+                                const ExposureSettings& settings, std::string settings_hash, absl::Time now) {
+  if (absl::Status status = track_.add(header.sequence(), header.media_time_ns(), header.cut(), settings);
+      !status.ok()) {
+    return status;
+  }
+  auto entry = std::make_shared<Entry>();
+  entry->sequence = header.sequence();
+  entry->cut = header.cut();
+  entry->layout = layout;
+  if (header.timeout_ms() > 0) entry->deadline = now + absl::Milliseconds(header.timeout_ms());
+  entry->settings_hash = std::move(settings_hash);
+  frames_.push_back(std::move(entry));
+  return absl::OkStatus();
+}
+
+void SessionFrames::submitted(Entry& entry, Work work, Ticket ticket) {
+  entry.ticket = ticket;
+  entry.stage = work == Work::kDraw ? Stage::kDrawing : Stage::kQueued;
+}
+
+Exposed SessionFrames::decide(Entry& entry, const FrameStats& stats) {
+  if (entry.dropped) return {};
+  track_.metered(entry.sequence, stats);
+  entry.exposure = track_.next()->point;
+  entry.decided = true;
+  return entry.exposure.exposed;
+}
+
+void SessionFrames::metered(Entry& entry, RenderedFrame metered) {
+  entry.queued += metered.queued;
+  entry.meter_stages = std::move(metered.report.stages);
+  entry.stage = Stage::kWaiting;
+  track_.metered(entry.sequence, metered.report.stats);
+}
+
+SessionFrames::EntryPtr SessionFrames::next_decided() {
+  const std::optional<FrameExposure> decided = track_.next();
+  if (!decided) return nullptr;
+  const EntryPtr entry = *std::find_if(frames_.begin(), frames_.end(), [&](const EntryPtr& candidate) {
+    return candidate->stage == Stage::kWaiting && candidate->sequence == decided->sequence;
+  });
+  entry->exposure = decided->point;
+  entry->decided = true;
+  return entry;
+}
+
+void SessionFrames::rendered(Entry& entry, RenderedFrame rendered, bool encode) {
+  entry.queued += rendered.queued;
+  entry.report = std::move(rendered.report);
+  entry.report->stages.insert(entry.report->stages.begin(), entry.meter_stages.begin(),
+                              entry.meter_stages.end());
+  entry.stage = encode ? Stage::kEncoding : Stage::kDone;
+}
+
+void SessionFrames::encoded(Entry& entry, std::string file, absl::Duration took) {
+  entry.file = std::make_shared<const std::string>(std::move(file));
+  entry.report->stages.push_back({"encode", static_cast<uint64_t>(absl::ToInt64Nanoseconds(took))});
+  entry.stage = Stage::kDone;
+}
+
+bool SessionFrames::fail(Entry& entry, const absl::Status& status) {
+  if (!concerns_the_frame(status) || entry.decided) return false;
+  entry.failure = status;
+  entry.stage = Stage::kFailed;
+  track_.failed(entry.sequence);
+  return true;
+}
+
+SessionFrames::Entries SessionFrames::end_at(size_t first) {
+  if (lookahead_ > 0) {
+    const auto undecided = std::find_if(frames_.begin(), frames_.end(), [](const EntryPtr& entry) {
+      return entry->stage == Stage::kQueued || entry->stage == Stage::kWaiting;
+    });
+    first = std::min(first, static_cast<size_t>(undecided - frames_.begin()));
+  }
+  return drop_from(first);
+}
+
+SessionFrames::Entries SessionFrames::end_before(const Entry& first) {
+  const auto at = std::find_if(frames_.begin(), frames_.end(),
+                               [&first](const EntryPtr& entry) { return entry.get() == &first; });
+  return end_at(static_cast<size_t>(at - frames_.begin()));
+}
+
+SessionFrames::Entries SessionFrames::end_after_received() {
+  const bool receiving = !frames_.empty() && newest()->stage == Stage::kReceiving;
+  return end_at(frames_.size() - (receiving ? 1 : 0));
+}
+
+SessionFrames::Entries SessionFrames::drop_from(size_t first) {
+  Entries dropped(frames_.begin() + static_cast<std::ptrdiff_t>(first), frames_.end());
+  frames_.resize(first);
+  for (const EntryPtr& entry : dropped) entry->dropped = true;
+  return dropped;
+}
+
+SessionFrames::EntryPtr SessionFrames::due() const {
+  if (frames_.empty()) return nullptr;
+  const Stage stage = frames_.front()->stage;
+  return stage == Stage::kDone || stage == Stage::kFailed ? frames_.front() : nullptr;
+}
+
+const ExposurePoint& SessionFrames::answer(const Entry& due) {
+  if (due.stage != Stage::kFailed) {
+    told_ = due.exposure;
+  } else if (!told_.is_of(due.sequence)) {
+    // The next frame begins the scene that this one was to begin. A repeated frame begins none.
+    told_.cut_pending |= due.cut;
+  }
+  return told_;
+}
+
+void SessionFrames::pop() {
+  ++answered_;
+  frames_.pop_front();
+}
+
+}  // namespace candela

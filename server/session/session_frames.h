@@ -1,0 +1,131 @@
+// The frames of one session, in order, from their headers to their answers.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
+#include "server/schedule/frame_queue.h"
+#include "server/session/exposure_track.h"
+#include "server/session/render_start.h"
+
+namespace candela {
+
+// Holds the stage of each frame, decides exposures, and says which answer is due and which frames are dropped
+// when the session ends early. Its caller renders, encodes and sends. A frame goes through these stages, and
+// may fail in any of them:
+//
+//   receiving -> queued -> (waiting -> drawing ->) (encoding ->) done
+//
+// Only sessions with look-ahead use waiting and drawing: a frame is metered first, and waits until the frames
+// that it looks ahead to are metered too. Not thread-safe.
+class SessionFrames {
+ public:
+  enum class Stage { kReceiving, kQueued, kWaiting, kDrawing, kEncoding, kDone, kFailed };
+
+  struct Entry {
+    // Set by add().
+    uint64_t sequence = 0;
+    bool cut = false;
+    FrameLayout layout;
+    absl::Time deadline = absl::InfiniteFuture();
+    std::string settings_hash;
+
+    // Set by the caller when the frame is admitted.
+    std::shared_ptr<Frame> frame;
+    std::string tier;
+    std::string tier_reason;
+    absl::Time begun;
+
+    // Set by the methods of SessionFrames.
+    Stage stage = Stage::kReceiving;
+    bool dropped = false;  // left the session before it was answered; `stage` is where it was
+    Ticket ticket = 0;     // of its last job
+    bool decided = false;
+    ExposurePoint exposure;               // after this frame; valid if decided
+    std::vector<StageTime> meter_stages;  // of the separate metering that look-ahead does
+    absl::Duration queued = absl::ZeroDuration();
+    std::optional<FrameReport> report;
+    std::shared_ptr<const std::string> file;  // the encoded image; null for raw images
+    absl::Status failure;
+
+    // The render loop has a job for it.
+    bool submitted() const { return stage == Stage::kQueued || stage == Stage::kDrawing; }
+    // It has neither been rendered nor failed.
+    bool unfinished() const { return submitted() || stage == Stage::kReceiving || stage == Stage::kWaiting; }
+  };
+  using EntryPtr = std::shared_ptr<Entry>;
+  using Entries = std::vector<EntryPtr>;
+
+  // Continues behind `point`. At most `capacity` + `lookahead` frames are held at a time.
+  SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point, size_t capacity);
+
+  bool empty() const { return frames_.empty(); }
+  bool has_room() const { return frames_.size() < capacity_; }
+  // The frame that was added last; the session is not empty.
+  const EntryPtr& newest() const { return frames_.back(); }
+  // Whether any frame is being worked on or has an answer to send.
+  bool busy() const;
+
+  // Adds the next frame, whose deadline begins at `now`. Fails as ExposureTrack::add does.
+  absl::Status add(const v1::FrameHeader& header, const FrameLayout& layout, const ExposureSettings& settings,
+                   std::string settings_hash, absl::Time now);
+  // No more frames follow. Frames that waited for them may be decided now.
+  void close() { track_.end(); }
+
+  // What the first job of a frame does.
+  Work first_work() const { return lookahead_ == 0 ? Work::kRender : Work::kMeter; }
+  // A job for that work is in the render loop.
+  static void submitted(Entry& entry, Work work, Ticket ticket);
+  // Decides the exposure of a frame whose job is kRender, between its two phases. Frames of a session are
+  // rendered in order, so the frame that is metered is the next to be decided. Returns the default for a
+  // frame that was dropped.
+  Exposed decide(Entry& entry, const FrameStats& stats);
+  // The frame is metered and waits for its exposure.
+  void metered(Entry& entry, RenderedFrame metered);
+  // The next waiting frame whose exposure is decided, to be submitted with kDraw; null if there is none.
+  EntryPtr next_decided();
+  // The frame is rendered, and still has to be encoded if `encode` is set.
+  static void rendered(Entry& entry, RenderedFrame rendered, bool encode);
+  static void encoded(Entry& entry, std::string file, absl::Duration took);
+  // The work on the frame failed. Returns true if only the frame fails: it is answered with `status` and the
+  // session goes on. Otherwise nothing changes and the session has to end before this frame.
+  bool fail(Entry& entry, const absl::Status& status);
+
+  // Ends the session early. Drops `first` and all frames after it. With look-ahead it also drops the frames
+  // from the first undecided one on, because the frames that they wait for will not come. The frames that are
+  // left will still be answered. Returns the dropped ones for their jobs and memory to be released.
+  Entries end_before(const Entry& first);
+  // Does the same for the frame that is being received, if there is one.
+  Entries end_after_received();
+  Entries drop_all() { return drop_from(0); }
+
+  // The frame whose answer is due, a done or failed one; null if the first frame is still unfinished.
+  EntryPtr due() const;
+  // Where the session's exposure stands once the due frame is answered, as its resume token says. Once a
+  // frame.
+  const ExposurePoint& answer(const Entry& due);
+  // The answer has gone out: forgets the frame.
+  void pop();
+  // How many frames were answered.
+  uint64_t answered() const { return answered_; }
+
+ private:
+  Entries end_at(size_t first);
+  Entries drop_from(size_t first);
+
+  const uint32_t lookahead_;
+  const size_t capacity_;
+  ExposureTrack track_;
+  std::deque<EntryPtr> frames_;
+  ExposurePoint told_;  // after the last frame that was answered
+  uint64_t answered_ = 0;
+};
+
+}  // namespace candela
