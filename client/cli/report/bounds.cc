@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/report/scenes.h"
 
 namespace candela {
 namespace {
