@@ -274,9 +274,8 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
                                              const FrameMoment& moment) {
   const absl::StatusOr<Metered> metered = meter(memory, settings);
   if (!metered.ok()) return metered.status();
-  return draw(memory, settings, moment.sequence, *metered, [&](double mean_log2_luminance) {
-    return expose(settings.exposure, moment.previous, mean_log2_luminance);
-  });
+  const Exposed exposed = expose(settings.exposure, moment.previous, metered->stats.mean_log2_luminance);
+  return draw(memory, settings, moment.sequence, *metered, exposed);
 }
 
 absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& settings) {
@@ -299,11 +298,16 @@ absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& set
                         sums->first_bad_texel % parts.desc.width, sums->first_bad_texel / parts.desc.width,
                         metered.stats.nan_components, metered.stats.infinite_components));
   }
+  if (context.tier.host_reference) {
+    add_host_time(name(Pass::kReference), &metered.stages, [&] {
+      metered.stats.mean_log2_luminance = reference_mean_log2_luminance(memory, settings);
+    });
+  }
   return metered;
 }
 
 absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
-                                           const Metered& metered, const Expose& expose) {
+                                           const Metered& metered, const Exposed& exposed) {
   const FrameMemory::Parts& parts = *memory.parts_;
   impl_->pipelines.trim(kMaxPipelines);
   PassContext context = pass_context(parts, settings);
@@ -312,19 +316,14 @@ absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& 
   report.stats = metered.stats;
   report.stages = metered.stages;
   report.plan = plan_frame(parts.desc, report.stats, context.scrub, settings, context.tier);
-  const auto expose_by = [&](double mean_log2_luminance) {
-    report.stats.mean_log2_luminance = mean_log2_luminance;
-    const Exposed exposed = expose(mean_log2_luminance);
-    report.exposure = exposed.exposure;
-    report.target = exposed.target;
-    return exposed.exposure;
-  };
+  report.exposure = exposed.exposure;
+  report.target = exposed.target;
   const FrameMoment moment{sequence, std::nullopt};
   if (context.tier.host_reference) {
     add_host_time(name(Pass::kReference), &report.stages,
-                  [&] { render_by_reference(memory, settings, moment, expose_by); });
+                  [&] { render_by_reference(memory, settings, moment, exposed.exposure); });
   } else {
-    context.exposure = expose_by(report.stats.mean_log2_luminance) * settings.prescale;
+    context.exposure = exposed.exposure * settings.prescale;
     context.bloom = report.plan.bloom;
     context.lit = report.plan.lit;
     context.bright_threshold = bright_threshold(settings.bloom, report.stats);

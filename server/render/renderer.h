@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -99,7 +98,8 @@ struct FrameReport {
   std::optional<FrameVerification> verification;  // where the memory was allocated for it
 };
 
-// What phase A came to.
+// What phase A measured. If the tier renders on the host, the mean log2 luminance is the float64 reference's;
+// the other statistics are the device's.
 struct Metered {
   FrameStats stats;
   bool scrubbed = false;  // the frame had to be read again with the scrub
@@ -108,9 +108,6 @@ struct Metered {
 
 class Renderer {
  public:
-  // Gives a frame its exposure once it is metered.
-  using Expose = std::function<Exposed(double mean_log2_luminance)>;
-
   // `device` and `pool` outlive the renderer.
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool);
   ~Renderer();
@@ -128,12 +125,11 @@ class Renderer {
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,
                                      const FrameMoment& moment = {});
 
-  // The two halves of render(), with what is between them left to the caller: meter() may be followed by
-  // other frames before draw(), which is called once. `expose` is called once, in draw(); on a tier of the
-  // host's by what the reference meters.
+  // The two halves of render(). The caller decides the exposure between them, and may meter or draw other
+  // frames before it calls draw(), once.
   absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings);
   absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
-                                   const Metered& metered, const Expose& expose);
+                                   const Metered& metered, const Exposed& exposed);
 
  private:
   struct Impl;

@@ -20,15 +20,11 @@ absl::StatusOr<FrameReport> render_frame(Frame& frame) {
     report.stages = std::exchange(frame.metered->stages, {});
     return report;
   }
-  return renderer.draw(frame.memory, frame.settings, frame.moment.sequence, *frame.metered,
-                       [&frame](double mean_log2_luminance) {
-                         if (!frame.expose) {
-                           return expose(frame.settings.exposure, frame.moment.previous, mean_log2_luminance);
-                         }
-                         FrameStats stats = frame.metered->stats;
-                         stats.mean_log2_luminance = mean_log2_luminance;
-                         return frame.expose(stats);
-                       });
+  const FrameStats& stats = frame.metered->stats;
+  const Exposed exposed =
+      frame.expose ? frame.expose(stats)
+                   : expose(frame.settings.exposure, frame.moment.previous, stats.mean_log2_luminance);
+  return renderer.draw(frame.memory, frame.settings, frame.moment.sequence, *frame.metered, exposed);
 }
 
 absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {

@@ -22,9 +22,8 @@ class SparseBloom : public DeviceTest {
     absl::StatusOr<Metered> metered = renderer().meter(*memory, settings);
     EXPECT_TRUE(metered.ok()) << metered.status();
     for (float& light : metered->stats.tile_light) light = std::numeric_limits<float>::infinity();
-    const auto report = renderer().draw(*memory, settings, 0, *metered, [&](double mean_log2_luminance) {
-      return expose(settings.exposure, std::nullopt, mean_log2_luminance);
-    });
+    const Exposed exposed = expose(settings.exposure, std::nullopt, metered->stats.mean_log2_luminance);
+    const auto report = renderer().draw(*memory, settings, 0, *metered, exposed);
     EXPECT_TRUE(report.ok()) << report.status();
     return image(*memory);
   }

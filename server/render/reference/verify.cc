@@ -100,21 +100,29 @@ std::function<reference::Rgb(const reference::Rgb&)> look(const Settings& settin
   };
 }
 
-Reference make_reference(const FrameMemory::Parts& parts, const Settings& settings, const FrameMoment& moment,
-                         double exposure, uint32_t level_size, reference::Rounding rounding) {
+// The scene of the wire pixels.
+reference::Scene ingest(const FrameMemory::Parts& parts, const Settings& settings,
+                        reference::Rounding rounding, reference::BadCounts* bad) {
   const FrameDesc& desc = parts.desc;
   const size_t stride = size_t{parts.pitch} * bytes_per_pixel(desc.format);
+  return reference::ingest({parts.host_input().mapped(), stride * desc.height}, stride, desc.width,
+                           desc.height, static_cast<uint32_t>(desc.format), matrix_of(settings), rounding,
+                           bad);
+}
+
+reference::Meter meter(const reference::Scene& scene, const MeteringSettings& metering) {
+  return reference::meter(scene, {metering.statistic == MeterStatistic::kPercentile,
+                                  metering.percentile_low,
+                                  metering.percentile_high,
+                                  static_cast<uint32_t>(metering.weights),
+                                  {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}});
+}
+
+Reference make_reference(const FrameMemory::Parts& parts, const Settings& settings, const FrameMoment& moment,
+                         double exposure, uint32_t level_size, reference::Rounding rounding) {
   Reference r;
-  r.scene =
-      reference::ingest({parts.host_input().mapped(), stride * desc.height}, stride, desc.width, desc.height,
-                        static_cast<uint32_t>(desc.format), matrix_of(settings), rounding, &r.bad);
-  const MeteringSettings& metering = settings.exposure.metering;
-  r.meter =
-      reference::meter(r.scene, {metering.statistic == MeterStatistic::kPercentile,
-                                 metering.percentile_low,
-                                 metering.percentile_high,
-                                 static_cast<uint32_t>(metering.weights),
-                                 {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}});
+  r.scene = ingest(parts, settings, rounding, &r.bad);
+  r.meter = meter(r.scene, settings.exposure.metering);
   if (settings.bloom.intensity > 0) {
     r.params.bloom = static_cast<uint32_t>(settings.bloom.kind);
     r.bloom = reference::bloom(r.scene,
@@ -301,11 +309,17 @@ FrameStats stats_of(const Reference& truth) {
 
 }  // namespace
 
+double reference_mean_log2_luminance(const FrameMemory& memory, const Settings& settings) {
+  reference::BadCounts bad;
+  const reference::Scene scene = ingest(memory.parts(), settings, reference::Rounding::kNone, &bad);
+  return meter(scene, settings.exposure.metering).mean_log2_luminance;
+}
+
 void render_by_reference(FrameMemory& memory, const Settings& settings, const FrameMoment& moment,
-                         const std::function<double(double)>& expose) {
+                         double exposure) {
   const FrameMemory::Parts& parts = memory.parts();
-  Reference truth = make_reference(parts, settings, moment, 1.0, kWholeBloom, reference::Rounding::kNone);
-  truth.params.exposure = exposed(expose(truth.meter.mean_log2_luminance), settings);
+  const Reference truth =
+      make_reference(parts, settings, moment, exposure, kWholeBloom, reference::Rounding::kNone);
   const Picture image = {parts.host_output().mapped(), parts.pitch,
                          static_cast<uint32_t>(parts.output_format)};
   const double steps = image.steps();

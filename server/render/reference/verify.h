@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 
 #include "server/render/renderer.h"
 
@@ -14,11 +13,15 @@ inline constexpr uint32_t kWholeBloom = 2;
 // What verify_frame allocates beside the frame's own memory: about 26 bytes a pixel.
 uint64_t reference_bytes_of(const FrameDesc& desc, const Settings& settings);
 
-// Makes the finished image of `memory` from the wire pixels in it, in float64 and from a scene that is not
-// rounded to halves; where the memory was allocated for verification, the unquantised image, too. `expose` is
-// called once, with the metered mean log2 luminance, and gives the exposure factor E. Uses every core.
+// The mean log2 luminance, in EV, of the wire pixels in `memory`, metered in float64 from a scene that is not
+// rounded to halves.
+double reference_mean_log2_luminance(const FrameMemory& memory, const Settings& settings);
+
+// Renders the finished image of `memory` from the wire pixels in it, in float64, from a scene that is not
+// rounded to halves, at the exposure factor E. If the memory was allocated for verification, also renders the
+// unquantised image. Uses every core.
 void render_by_reference(FrameMemory& memory, const Settings& settings, const FrameMoment& moment,
-                         const std::function<double(double)>& expose);
+                         double exposure);
 
 // Renders the wire pixels in `memory` once more, in float64 and at the reported exposure, and holds what the
 // device made of them against it; fills the error map where the memory has one. Codes are measured on the
