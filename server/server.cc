@@ -137,7 +137,7 @@ struct Server::Parts {
   std::unique_ptr<Access> access;
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<EngineKeeper> engines;
-  std::unique_ptr<TierMeter> tier_meter;
+  std::unique_ptr<TierBenchmark> tier_meter;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<WorkerPool> encoders;
   std::unique_ptr<Backend> backend;
@@ -279,7 +279,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
   parts->engines =
       std::make_unique<EngineKeeper>(*engine, start_one, *parts->metrics, std::move(on_device_gone));
   const auto renderer = [engines = parts->engines.get()] { return engines->renderer(); };
-  parts->tier_meter = std::make_unique<TierMeter>(
+  parts->tier_meter = std::make_unique<TierBenchmark>(
       renderer, absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", threads()),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
   parts->loop = std::make_unique<RenderLoop>(

@@ -13,7 +13,7 @@ layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // of D_n: 2 where it st
 layout(set = 0, binding = 0) uniform utextureBuffer from;
 // The same texture as `written`; an invocation reads only what it writes itself, and before it does.
 layout(set = 0, binding = 1) uniform utextureBuffer to_before;
-layout(push_constant) uniform Push { BloomParams p; };
+layout(push_constant) uniform Push { BloomLevelParams p; };
 
 // A coarse row filtered along x, at the even and the odd fine column.
 struct Row {

@@ -63,7 +63,7 @@ struct Meter {
   uint64_t weight = 0;  // the sum of all texels' weights
 };
 
-struct BloomParams {
+struct BloomSpec {
   uint kind = shader::BLOOM_MIP;
   double threshold = 1.0;  // of BLOOM_GAUSSIAN a multiple of the metered mean
   double softness = 0.5;
@@ -76,7 +76,7 @@ struct BloomParams {
 struct ResolveParams {
   double exposure = 1.0;  // E * prescale
   uint bloom = shader::BLOOM_NONE;
-  uint32_t level_size = 2;  // as in BloomParams; 4 for BLOOM_GAUSSIAN
+  uint32_t level_size = 2;  // as in BloomSpec; 4 for BLOOM_GAUSSIAN
   double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
   double curve_white = 4.0;  // of reinhard-extended
@@ -88,6 +88,11 @@ struct ResolveParams {
 
 // The scene's texels are halves, as the pipeline has them, or what they were before they were rounded.
 enum class Rounding { kHalf, kNone };
+
+// Luminance is metered no darker than this, and bloom divides by no less.
+inline constexpr double kMinLuminance = 1e-4;
+// The largest finite half.
+inline constexpr float kHalfMax = 65504.0f;
 
 // Of Rec.709.
 inline double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
@@ -102,14 +107,14 @@ Meter meter(const Scene& scene, const MeterParams& params = {});
 uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params);
 
 // D_0 of the mip kinds, negatives of the scene cut.
-Level bright_pass(const Scene& scene, const BloomParams& params);
+Level bright_pass(const Scene& scene, const BloomSpec& params);
 // D_{n+1} from D_n.
 Level bloom_down(const Level& level);
 // B_n = weight * D_n + U_n(B_{n+1}).
 Level bloom_up(Level fine, const Level& coarse, double weight = 1.0);
 // B_0 of a scene: the whole chain; *level_count is the N that it used, 1 for BLOOM_GAUSSIAN.
 // `mean_log2_luminance`: the frame's metered one.
-Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance, uint32_t* level_count);
+Level bloom(const Scene& scene, const BloomSpec& params, double mean_log2_luminance, uint32_t* level_count);
 // BLOOM_GAUSSIAN's blurred quarter-size level.
 Level gaussian_bloom(const Scene& scene, double threshold);
 

@@ -28,7 +28,7 @@ struct Backend {
   // The current device's, with its pool: frames hold on to all three. Ask once for a frame.
   std::function<std::shared_ptr<Renderer>()> renderer;
   RenderLoop& loop;
-  TierMeter& tier_meter;  // on the loop's thread
+  TierBenchmark& tier_meter;  // on the loop's thread
   FrameLimits limits;
   absl::Duration idle_timeout;
   uint32_t max_frames_in_flight;  // of a session
