@@ -66,7 +66,7 @@ void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const Co
 
 // Measured tier numbers hold for one version, device, driver and number of threads: of the host tier, and of
 // the software device.
-std::string tier_meter_key(const DeviceSummary& device) {
+std::string tier_benchmark_key(const DeviceSummary& device) {
   const char* device_threads = std::getenv("LP_NUM_THREADS");
   return absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", usable_cpus(), " ",
                       device_threads == nullptr ? "all" : device_threads);
@@ -93,7 +93,7 @@ struct Server::Impl {
   std::unique_ptr<Access> access;
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<DeviceKeeper> devices;
-  std::unique_ptr<TierMeter> tier_meter;
+  std::unique_ptr<TierBenchmark> tier_benchmark;
   std::unique_ptr<RenderLoop> loop;
   std::unique_ptr<WorkerPool> encoders;
   std::unique_ptr<ServiceState> state;
@@ -111,8 +111,8 @@ void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper
   const DeviceSummary& device = first->device->summary();
   metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
   devices = std::make_unique<DeviceKeeper>(first, std::move(open), *metrics, std::move(on_gone));
-  tier_meter = std::make_unique<TierMeter>(
-      [d = devices.get()] { return d->renderer(); }, tier_meter_key(device),
+  tier_benchmark = std::make_unique<TierBenchmark>(
+      [d = devices.get()] { return d->renderer(); }, tier_benchmark_key(device),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
 }
 
@@ -125,7 +125,7 @@ void Server::Impl::make_service(TokenKeys keys) {
   state.reset(new ServiceState{
       .rendering = {.renderer = [d = devices.get()] { return d->renderer(); },
                     .loop = *loop,
-                    .tier_meter = *tier_meter,
+                    .tier_benchmark = *tier_benchmark,
                     .encoders = *encoders,
                     .device = device.name},
       .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight},

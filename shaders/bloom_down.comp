@@ -14,7 +14,7 @@
 
 layout(local_size_x = BLOOM_GROUP_X, local_size_y = BLOOM_GROUP_Y) in;
 layout(set = 0, binding = 0) uniform utextureBuffer from;
-layout(push_constant) uniform Push { BloomParams p; };
+layout(push_constant) uniform Push { BloomLevelParams p; };
 
 struct RowSums {
   vec3 even;

@@ -14,7 +14,7 @@ layout(constant_id = 0) const float FINE_WEIGHT = 1.0;  // weight of D_n; 2 if i
 layout(set = 0, binding = 0) uniform utextureBuffer from;
 // The same memory as `written`. An invocation reads only the texels that it writes, before it writes them.
 layout(set = 0, binding = 1) uniform utextureBuffer to_before;
-layout(push_constant) uniform Push { BloomParams p; };
+layout(push_constant) uniform Push { BloomLevelParams p; };
 
 // A coarse row, filtered along x at the even and at the odd fine column.
 struct Row {

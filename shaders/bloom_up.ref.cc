@@ -46,8 +46,7 @@ Level quarter(const Level& level) {
 
 }  // namespace
 
-Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance,
-            uint32_t* level_count) {
+Level bloom(const Scene& scene, const BloomSpec& params, double mean_log2_luminance, uint32_t* level_count) {
   if (params.kind == shader::BLOOM_GAUSSIAN) {
     *level_count = 1;
     return gaussian_bloom(scene, params.threshold * std::exp2(mean_log2_luminance));

@@ -51,7 +51,7 @@ vec3 level_texel(vec3 a, vec3 b, vec3 c, vec3 d) {
   float over = l - p.threshold;
   float soft = at_most(at_least(over + p.knee, 0.0), 2.0 * p.knee);
   float q = p.knee > 0.0 ? soft * soft / (4.0 * p.knee) : 0.0;
-  return mean * (at_least(over, q) / at_least(l, 1e-4));
+  return mean * (at_least(over, q) / at_least(l, MIN_METERED_LUMINANCE));
 }
 
 // Two texels of D_0: those of columns x to x + 3 and rows y and y + 1.

@@ -5,7 +5,7 @@
 
 namespace candela::reference {
 
-Level bright_pass(const Scene& scene, const BloomParams& params) {
+Level bright_pass(const Scene& scene, const BloomSpec& params) {
   Level level{(scene.width + 1) / 2, (scene.height + 1) / 2, {}};
   level.texels.resize(size_t{level.width} * level.height);
   const double knee = params.softness * params.threshold;
@@ -30,7 +30,7 @@ Level bright_pass(const Scene& scene, const BloomParams& params) {
       const double l = luminance(d);
       const double soft = std::clamp(l - params.threshold + knee, 0.0, 2.0 * knee);
       const double q = knee > 0.0 ? soft * soft / (4.0 * knee) : 0.0;
-      const double gain = std::max({q, l - params.threshold, 0.0}) / std::max(l, 1e-4);
+      const double gain = std::max({q, l - params.threshold, 0.0}) / std::max(l, kMinLuminance);
       for (int n = 0; n < 3; ++n) d[n] *= gain;
     }
   }

@@ -12,8 +12,6 @@ namespace candela::reference {
 
 namespace {
 
-constexpr double kHalfMax = 65504.0;
-
 std::array<float, 4> unpack(const std::byte* texel, uint pixels) {
   if (pixels == shader::PIXELS_RGBA32F) {
     std::array<float, 4> c;
@@ -36,7 +34,7 @@ std::array<float, 4> unpack(const std::byte* texel, uint pixels) {
   return c;
 }
 
-float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -65504.0f, 65504.0f); }
+float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -kHalfMax, kHalfMax); }
 
 // The nearest half. Input within +-65504 stays finite.
 float to_half(float x) { return imath_half_to_float(imath_float_to_half(x)); }
@@ -64,7 +62,7 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
       const std::array<float, 3> in = {c[0], c[1], c[2]};
       for (int k = 0; k < 3; ++k) {
         c[k] =
-            std::clamp((m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2], -65504.0f, 65504.0f);
+            std::clamp((m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2], -kHalfMax, kHalfMax);
       }
     }
     if (rounding == Rounding::kHalf) {
@@ -106,7 +104,7 @@ Meter meter(const Scene& scene, const MeterParams& params) {
       m.max_luminance = std::max(m.max_luminance, l);
       const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
       m.weight += weight;
-      const double log2_l = std::log2(std::max(l, 1e-4));
+      const double log2_l = std::log2(std::max(l, kMinLuminance));
       const double term = weight * log2_l - lost;
       const double next = sum + term;
       lost = (next - sum) - term;

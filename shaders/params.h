@@ -64,7 +64,7 @@ CANDELA_CONST(uint) RESOLVE_STEPS = 16u;
 CANDELA_CONST(uint) RESOLVE_GROUP_X = 8u;
 CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
 
-// Luminance is metered no darker than this.
+// Luminance is metered no darker than this, and bloom divides by no less.
 CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
 // Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, never negative.
 CANDELA_CONST(uint) LOG2_BIAS = 14u;
@@ -77,6 +77,7 @@ CANDELA_CONST(uint) HISTOGRAM_BINS = 1920u;
 CANDELA_CONST(uint) HISTOGRAM_TILES = 64u;
 // CENTER weights come in 256 steps of the squared distance, each at most 255.
 CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
+// The largest scene value: a half's.
 CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
@@ -98,6 +99,58 @@ CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
   0.59719f, 0.35458f, 0.04823f, 0.07600f, 0.90834f, 0.01566f, 0.02840f, 0.13383f, 0.83777f
 #define TABLE_TO_DISPLAY \
   1.60475f, -0.53108f, -0.07367f, -0.10208f, 1.10813f, -0.00605f, -0.00327f, -0.07276f, 1.07602f
+
+#ifdef __cplusplus
+// The largest factor that exposes the scene. Beyond it no curve rises any more, not even for a half's
+// smallest step, and the arithmetic stays finite.
+inline constexpr float MAX_EXPOSURE = 0x1p46f;
+// gaussian.comp reads this many texels on either side.
+inline constexpr uint GAUSSIAN_REACH = 6u;
+
+// The specialisation constants of each shader, in the order of their ids from 0. Booleans are 0 or 1.
+struct IngestConstants {
+  uint pixels;     // PIXELS_*
+  uint matrix;     // the input's primaries are not the scene's
+  uint scrub;      // some components are not finite or beyond +-MAX_SCENE_VALUE
+  uint light;      // bloom needs max_light_bits
+  uint weights;    // WEIGHTS_*
+  uint histogram;  // fill the histogram, too
+  uint whole;      // the frame is whole groups of texels wide
+};
+
+struct BrightPassConstants {
+  uint pixels;
+  uint matrix;
+  uint scrub;
+  uint bloom;  // BLOOM_*
+  uint firefly_weights;
+  uint level_size;  // texels of the frame to one of the level, along a side: 2 or 4
+  uint whole;
+};
+
+struct BloomDownConstants {};
+
+struct BloomUpConstants {
+  float fine_weight;  // of D_n: 2 if it also stands for a finer level
+};
+
+struct GaussianConstants {
+  uint vertical;
+};
+
+struct ResolveConstants {
+  uint pixels;
+  uint matrix;
+  uint scrub;
+  uint bloom;
+  uint curve;          // CURVE_*
+  uint transfer;       // TRANSFER_*
+  uint output_format;  // OUTPUT_*
+  uint dither;
+  uint level_size;
+  uint transfer_terms;  // of the sRGB transfer's polynomial
+};
+#endif
 
 // Input texels to scene texels; shared by the passes that read the frame.
 struct InputParams {
@@ -123,7 +176,7 @@ struct BrightPassParams {
   float knee;       // softness * threshold; of BLOOM_MIP
 };
 
-struct BloomParams {
+struct BloomLevelParams {
   uint first_row;  // of the level written, in what is bound for writing
   uint from_width, from_height;
   uint to_width, to_height;

@@ -65,7 +65,7 @@ struct Meter {
   uint64_t weight = 0;  // the sum of all texels' weights
 };
 
-struct BloomParams {
+struct BloomSpec {
   uint kind = shader::BLOOM_MIP;
   double threshold = 1.0;  // luminance; for BLOOM_GAUSSIAN a multiple of the metered mean
   double softness = 0.5;
@@ -79,7 +79,7 @@ struct BloomParams {
 struct ResolveParams {
   double exposure = 1.0;  // E * prescale
   uint bloom = shader::BLOOM_NONE;
-  uint32_t level_size = 2;  // as in BloomParams; 4 for BLOOM_GAUSSIAN
+  uint32_t level_size = 2;  // as in BloomSpec; 4 for BLOOM_GAUSSIAN
   double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
   double curve_white = 4.0;  // for reinhard-extended
@@ -91,6 +91,11 @@ struct ResolveParams {
 
 // Whether ingest() rounds the scene's texels to halves, like the pipeline, or leaves them as they are.
 enum class Rounding { kHalf, kNone };
+
+// Luminance is metered no darker than this, and bloom divides by no less.
+inline constexpr double kMinLuminance = 1e-4;
+// The largest finite half.
+inline constexpr float kHalfMax = 65504.0f;
 
 // Rec.709 luminance.
 inline double luminance(const Rgb& c) { return 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]; }
@@ -105,14 +110,14 @@ Meter meter(const Scene& scene, const MeterParams& params = {});
 uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params);
 
 // D_0 of the mip kinds. Negative components of the scene count as 0.
-Level bright_pass(const Scene& scene, const BloomParams& params);
+Level bright_pass(const Scene& scene, const BloomSpec& params);
 // D_{n+1} from D_n.
 Level bloom_down(const Level& level);
 // B_n = weight * D_n + U_n(B_{n+1}).
 Level bloom_up(Level fine, const Level& coarse, double weight = 1.0);
 // B_0 of a scene: the whole chain. `mean_log2_luminance` is the frame's metered mean. Sets *level_count to
 // the number of levels used, which is 1 for BLOOM_GAUSSIAN.
-Level bloom(const Scene& scene, const BloomParams& params, double mean_log2_luminance, uint32_t* level_count);
+Level bloom(const Scene& scene, const BloomSpec& params, double mean_log2_luminance, uint32_t* level_count);
 // BLOOM_GAUSSIAN's blurred quarter-size level.
 Level gaussian_bloom(const Scene& scene, double threshold);
 

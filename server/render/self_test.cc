@@ -35,8 +35,8 @@ std::vector<std::byte> test_frame() {
 
 }  // namespace
 
-absl::Status hold_to_reference(FrameMemory& memory, const Settings& settings, const FrameReport& report) {
-  const FrameVerification verification = verify_frame(memory, settings, report);
+absl::Status hold_to_reference(FrameMemory& memory, const FrameReport& report) {
+  const FrameVerification verification = verify_frame(memory, report.plan, report.stats);
   const Verification& error = verification.rounded;
   const FrameStats& truth = verification.truth;
   const bool counts = report.stats.nan_components == truth.nan_components &&
@@ -61,7 +61,7 @@ absl::Status self_test(Renderer& renderer) {
   }
   const absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
   if (!report.ok()) return report.status();
-  const absl::Status held = hold_to_reference(*memory, settings, *report);
+  const absl::Status held = hold_to_reference(*memory, *report);
   if (held.ok()) return held;
   return absl::InternalError(
       absl::StrFormat("self-test: %s: this device or its driver computes wrongly; choose another --device",

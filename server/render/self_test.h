@@ -1,4 +1,4 @@
-// One frame against the reference before a server says that it serves.
+// Renders one frame and compares it with the float64 reference, before the server reports that it serves.
 #pragma once
 
 #include "absl/status/status.h"
@@ -6,17 +6,16 @@
 
 namespace candela {
 
-// With settings by default, what most frames are: they find their pipelines made.
+// Most frames are of this format and have default settings; the self-test compiles their pipelines.
 inline constexpr PixelFormat kUsualFormat = PixelFormat::kRgba16f;
 
-// INTERNAL naming what is off and by how much, when the device or its driver computes something else than the
-// reference does; the renderer's own error when it cannot render at all. Takes some milliseconds once
-// pipelines are compiled.
+// INTERNAL naming the error if the device or its driver computes something else than the reference does; the
+// renderer's own error if it cannot render at all. Takes a few milliseconds once the pipelines are compiled.
 absl::Status self_test(Renderer& renderer);
 
-// The judgement alone: INTERNAL where the rendered image in `memory`, or its statistics, are not within the
-// bounds of docs/pipeline.md section 6, and half a code of rounding, of what the reference makes of the wire
-// pixels in it. As verify_frame.
-absl::Status hold_to_reference(FrameMemory& memory, const Settings& settings, const FrameReport& report);
+// The comparison alone: INTERNAL if the rendered image in `memory`, or its statistics, are not within the
+// bounds of docs/pipeline.md section 6, and half a code of rounding, of the float64 reference. Reads `memory`
+// as verify_frame does.
+absl::Status hold_to_reference(FrameMemory& memory, const FrameReport& report);
 
 }  // namespace candela

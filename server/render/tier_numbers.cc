@@ -113,13 +113,14 @@ std::string key_of(const std::string& device, const FrameDesc& desc, const Setti
 
 }  // namespace
 
-TierMeter::TierMeter(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
-                     std::string cache_file)
+TierBenchmark::TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
+                             std::string cache_file)
     : renderer_(std::move(renderer)), device_(std::move(device)), cache_file_(std::move(cache_file)) {
   load();
 }
 
-absl::StatusOr<std::vector<TierNumbers>> TierMeter::numbers(const FrameDesc& desc, const Settings& settings) {
+absl::StatusOr<std::vector<TierNumbers>> TierBenchmark::numbers(const FrameDesc& desc,
+                                                                const Settings& settings) {
   const std::string key = key_of(device_, desc, settings);
   if (const auto found = known_.find(key); found != known_.end()) return found->second;
   std::vector<TierNumbers> all;
@@ -138,13 +139,13 @@ absl::StatusOr<std::vector<TierNumbers>> TierMeter::numbers(const FrameDesc& des
   return all;
 }
 
-absl::StatusOr<TierChoice> TierMeter::choose(const FrameDesc& desc, const Settings& settings) {
+absl::StatusOr<TierChoice> TierBenchmark::choose(const FrameDesc& desc, const Settings& settings) {
   const absl::StatusOr<std::vector<TierNumbers>> measured = numbers(desc, settings);
   if (!measured.ok()) return measured.status();
   return choose_tier(*measured, settings.promise);
 }
 
-absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Settings& settings) {
+absl::StatusOr<TierNumbers> TierBenchmark::measure(const FrameDesc& desc, const Settings& settings) {
   const std::shared_ptr<Renderer> renderer = renderer_();  // outlives its memory
   FrameDesc timed = desc;
   const bool host = find_tier(settings.tier)->host_reference;
@@ -172,7 +173,7 @@ absl::StatusOr<TierNumbers> TierMeter::measure(const FrameDesc& desc, const Sett
                               find_tier(settings.tier)->bound_codes)};
 }
 
-void TierMeter::load() {
+void TierBenchmark::load() {
   try {
     std::ifstream file(cache_file_);
     const nlohmann::json kept = nlohmann::json::parse(file, nullptr, /*allow_exceptions=*/false);
@@ -190,7 +191,7 @@ void TierMeter::load() {
   }
 }
 
-void TierMeter::save() const {
+void TierBenchmark::save() const {
   if (cache_file_.empty()) return;
   nlohmann::json kept = nlohmann::json::object();
   for (const auto& [key, all] : known_) {

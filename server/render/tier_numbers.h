@@ -14,12 +14,13 @@
 namespace candela {
 
 // One thread at a time, the renderer's.
-class TierMeter {
+class TierBenchmark {
  public:
   // `renderer` gives the one to measure with. `device`: what tells devices and drivers apart. `cache_file`
   // keeps the numbers for the next start; empty: none. A file that cannot be read or written only costs the
   // time to measure again.
-  TierMeter(std::function<std::shared_ptr<Renderer>()> renderer, std::string device, std::string cache_file);
+  TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
+                std::string cache_file);
 
   // The numbers of all tiers for frames like this one: the median device time of some frames of this size
   // (those beyond 8 megapixels are reckoned from one of 8), and the largest error of small ones that are full

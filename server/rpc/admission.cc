@@ -41,7 +41,7 @@ void Admission::choose_tier() {
       if (done_) request = request_;
     });
     if (!request) return;
-    absl::StatusOr<TierChoice> choice = rendering_.tier_meter.choose(request->desc, request->settings);
+    absl::StatusOr<TierChoice> choice = rendering_.tier_benchmark.choose(request->desc, request->settings);
     call->if_running([&] { on_choice(std::move(choice)); });
   });
   if (!posted.ok()) complete(posted);

@@ -36,7 +36,7 @@ class Admission {
     std::optional<TierChoice> choice;  // if a tier was chosen
   };
   // Called once, under the call's mutex: within begin(), on the render thread or on a thread of gRPC. Fails
-  // as TierMeter::choose, Renderer::allocate and RenderLoop::post do, and with RESOURCE_EXHAUSTED or
+  // as TierBenchmark::choose, Renderer::allocate and RenderLoop::post do, and with RESOURCE_EXHAUSTED or
   // UNAVAILABLE if there is no memory for the look-ahead.
   using Done = std::function<void(absl::StatusOr<Admitted>)>;
 

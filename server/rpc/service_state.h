@@ -27,7 +27,7 @@ struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
   std::function<std::shared_ptr<Renderer>()> renderer;
   RenderLoop& loop;
-  TierMeter& tier_meter;  // used on the loop's thread only
+  TierBenchmark& tier_benchmark;  // used on the loop's thread only
   WorkerPool& encoders;
   const std::string device;  // name of the Vulkan device
   std::atomic<uint64_t> frames_rendered{0};

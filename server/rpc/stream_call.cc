@@ -113,7 +113,7 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
 }
 
 absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
-  const absl::StatusOr<FrameLayout> layout = frame_layout_from(header, state_.limits.frame);
+  const absl::StatusOr<WireLayout> layout = wire_layout_from(header, state_.limits.frame);
   if (!layout.ok()) return layout.status();
   SettingsTrack& settings = open_->settings;
   settings.advance(header.sequence());

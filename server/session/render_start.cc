@@ -167,13 +167,13 @@ absl::StatusOr<Settings> settings_from(const v1::Settings& message) {
   return settings;
 }
 
-absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
+absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
   absl::StatusOr<FrameDesc> desc = frame_from(header);
   if (!desc.ok()) return desc.status();
   if (absl::Status status = check_frame(*desc, limits); !status.ok()) return status;
   const absl::StatusOr<uint64_t> stride = row_stride(header, *desc);
   if (!stride.ok()) return stride.status();
-  return FrameLayout{*desc, *stride};
+  return WireLayout{*desc, *stride};
 }
 
 absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits) {
@@ -182,7 +182,7 @@ absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, 
   }
   const v1::RenderStart& start = request.start();
 
-  const absl::StatusOr<FrameLayout> layout = frame_layout_from(start.frame(), limits);
+  const absl::StatusOr<WireLayout> layout = wire_layout_from(start.frame(), limits);
   if (!layout.ok()) return layout.status();
   absl::StatusOr<Settings> settings = settings_from(start.settings());
   if (!settings.ok()) return settings.status();

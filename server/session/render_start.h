@@ -27,13 +27,13 @@ struct RenderStart {
 absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits);
 
 // The size and layout of a frame, as its header gives them.
-struct FrameLayout {
+struct WireLayout {
   FrameDesc desc;
   uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
 };
 
 // check_frame, the row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED.
-absl::StatusOr<FrameLayout> frame_layout_from(const v1::FrameHeader& header, const FrameLimits& limits);
+absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits);
 
 // Absent fields take their defaults. INVALID_ARGUMENT for an enum value that this server does not know;
 // otherwise fails as check_settings does.

@@ -33,7 +33,7 @@ class SessionFrames {
     // Set by add().
     uint64_t sequence = 0;
     bool cut = false;
-    FrameLayout layout;
+    WireLayout layout;
     absl::Time deadline = absl::InfiniteFuture();
     std::string settings_hash;
 
@@ -74,7 +74,7 @@ class SessionFrames {
   bool busy() const;
 
   // Adds the next frame, whose deadline begins at `now`. Fails as ExposureTrack::add does.
-  absl::Status add(const v1::FrameHeader& header, const FrameLayout& layout, const ExposureSettings& settings,
+  absl::Status add(const v1::FrameHeader& header, const WireLayout& layout, const ExposureSettings& settings,
                    std::string settings_hash, absl::Time now);
   // No more frames follow. Frames that waited for them may be decided now.
   void close() { track_.end(); }

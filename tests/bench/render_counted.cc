@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "server/render/color/aces.h"
+#include "server/render/device/frame_textures.h"
 #include "server/render/device/passes.h"
 #include "server/render/device/table_cache.h"
 #include "server/vulkan/pipeline.h"
@@ -28,18 +28,6 @@ struct Passes {
   Recorder recorder;
   TableCache tables;
 };
-
-// The table of curves that have one, on the device.
-absl::Status load_table(PassContext& context, TableCache& tables, Recorder& recorder) {
-  if (context.settings.curve != ToneCurve::kAces1) return absl::OkStatus();
-  const absl::StatusOr<std::shared_ptr<const ColorTable>> table = aces_1_table(context.tier.table_size);
-  if (!table.ok()) return table.status();
-  const absl::StatusOr<const Buffer*> points = tables.get(*table, recorder);
-  if (!points.ok()) return points.status();
-  context.table = table->get();
-  context.table_points = *points;
-  return absl::OkStatus();
-}
 
 // `name` is "KIND/PASS". Does nothing but `run` while nothing is counted.
 absl::Status counted(const std::string& name, const std::function<absl::Status()>& run) {
@@ -59,25 +47,29 @@ absl::Status render(const Workbench& bench, Passes& passes, const testing::WireF
   const auto meter = [&] { return (metered = bench.renderer->meter(*memory, settings)).status(); };
   if (absl::Status status = counted(kind + "/ingest", meter); !status.ok()) return status;
 
-  PassContext context = pass_context(memory->parts(), settings);
-  const Plan plan = plan_frame(frame.desc, metered->stats, metered->scrubbed, settings, context.tier);
-  context.bloom = plan.bloom;
-  context.lit = plan.lit;
-  context.bright_threshold = bright_threshold(settings.bloom, metered->stats);
-  if (absl::Status status = load_table(context, passes.tables, passes.recorder); !status.ok()) return status;
-  for (const Step& step : plan.steps) {
-    if (step.pass == Pass::kIngest) continue;
-    const auto submit = [&] {
+  const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings);
+  if (!colors.ok()) return colors.status();
+  const FrameTextures& textures = memory->textures();
+  const Plan plan = plan_frame(textures.layout, *metered, settings, {.table = *colors});
+  absl::StatusOr<const Buffer*> table = nullptr;
+  if (plan.table) table = passes.tables.get(plan.table, passes.recorder);
+  if (!table.ok()) return table.status();
+  const auto submit = [&](Pass pass, const std::function<absl::Status()>& record) {
+    return counted(kind + "/" + name(pass), [&] {
       if (absl::Status status = passes.recorder.begin(); !status.ok()) return status;
-      absl::Status recorded = record(step, context, passes.pipelines, passes.recorder);
-      if (!recorded.ok()) return recorded;
+      if (absl::Status status = record(); !status.ok()) return status;
       passes.recorder.barrier_to_host();
       return passes.recorder.submit_and_wait();
-    };
-    const std::string name = kind + "/" + candela::name(step.pass);
-    if (absl::Status status = counted(name, submit); !status.ok()) return status;
+    });
+  };
+  for (const BloomStep& step : plan.bloom_steps) {
+    absl::Status status =
+        submit(step.pass, [&] { return record_bloom(step, textures, passes.pipelines, passes.recorder); });
+    if (!status.ok()) return status;
   }
-  return absl::OkStatus();
+  return submit(Pass::kResolve, [&] {
+    return record_resolve(plan.resolve, *table, textures, passes.pipelines, passes.recorder);
+  });
 }
 
 absl::Status render_all() {

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "server/render/device/frame_memory.h"
+#include "server/render/device/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 
@@ -74,7 +74,7 @@ TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
     for (uint32_t height = 1; height <= 67; ++height) {
       for (uint32_t width = 1; width <= 67; ++width) {
         const Rendered r = must_render(flat(width, height, {3, 2, 1.5f, 1}), settings);
-        ASSERT_TRUE(r.report.plan.bloom);
+        ASSERT_TRUE(r.report.plan.bloom());
         const auto first = r.memory.output_row(0);
         for (uint32_t y = 0; y < height; ++y) {
           const auto row = r.memory.output_row(y);
@@ -171,8 +171,8 @@ TEST_F(Properties, AMovingHighlightFlickersByAtMostTheStatedNumber) {
       settings.bloom.firefly_weights = firefly;
       auto rendered = render(frame, settings);
       if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
-      const double n = static_cast<double>(rendered->memory.parts().levels.size());
-      const std::byte* texels = rendered->memory.parts().levels[0].buffer().mapped();
+      const double n = static_cast<double>(rendered->memory.textures().levels.size());
+      const std::byte* texels = rendered->memory.textures().levels[0].buffer().mapped();
       double light = 0.0;
       for (size_t i = 0; i < 128 * 128; ++i) {
         float v;
@@ -216,9 +216,9 @@ TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
   Settings without = with;
   without.bloom.intensity = 0;
   const Rendered skipped = must_render(scene(0.1f), with);
-  EXPECT_FALSE(skipped.report.plan.bloom);
+  EXPECT_FALSE(skipped.report.plan.bloom());
   EXPECT_EQ(image(skipped.memory), image(must_render(scene(0.1f), without).memory));
-  EXPECT_TRUE(must_render(scene(30.0f), with).report.plan.bloom);
+  EXPECT_TRUE(must_render(scene(30.0f), with).report.plan.bloom());
 }
 
 TEST_F(Properties, OneBadPixelChangesNoOtherPixelsIngest) {
@@ -416,7 +416,7 @@ TEST_F(Properties, Frame8KPasses) {
   Settings settings;
   settings.bloom.threshold = 0.01f;  // all of it is bright
   const Rendered r = must_render(frame, settings);
-  EXPECT_TRUE(r.report.plan.bloom);
+  EXPECT_TRUE(r.report.plan.bloom());
   EXPECT_NEAR(r.report.stats.mean_log2_luminance, std::log2(imath_half_to_float(imath_float_to_half(0.18f))),
               2e-5);
   const uint8_t code = std::to_integer<uint8_t>(r.memory.output_row(0)[0]);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "server/render/device/frame_memory.h"
+#include "server/render/device/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 
@@ -24,12 +24,12 @@ class Stages : public DeviceTest {
 
   static void expect_level(const FrameMemory& memory, size_t level, const reference::Level& truth,
                            const std::string& what) {
-    const LevelSize& size = memory.parts().level_sizes[level];
+    const LevelSize& size = memory.textures().layout.level_sizes[level];
     ASSERT_EQ(size.width, truth.width) << what;
     ASSERT_EQ(size.height, truth.height) << what;
     double maximum = 0.0;
     for (const reference::Rgb& c : truth.texels) maximum = std::max({maximum, c[0], c[1], c[2]});
-    const std::byte* texels = memory.parts().levels[level].buffer().mapped();
+    const std::byte* texels = memory.textures().levels[level].buffer().mapped();
     double worst = 0.0;
     for (size_t i = 0; i < truth.texels.size(); ++i) {
       std::array<float, 4> texel;
@@ -65,8 +65,8 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
         settings.bloom = {.intensity = 1, .threshold = 0.02f, .levels = levels, .firefly_weights = firefly};
         auto rendered = render(frame, settings);
         ASSERT_TRUE(rendered.ok()) << rendered.status();
-        const size_t count = rendered->memory.parts().levels.size();
-        if (!rendered->report.plan.bloom || count < levels) break;
+        const size_t count = rendered->memory.textures().levels.size();
+        if (!rendered->report.plan.bloom() || count < levels) break;
         if (count > d.size()) d.push_back(reference::bloom_down(d.back()));
         const std::string what = std::to_string(size.width) + "x" + std::to_string(size.height);
         expect_level(rendered->memory, count - 1, d.back(), what);
@@ -91,7 +91,7 @@ TEST_F(Stages, BloomOfOneBrightTexelSumsToTheStatedGain) {
     settings.bloom = {.intensity = 1, .threshold = 1, .softness = 0, .levels = levels};
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
-    const std::byte* texels = rendered->memory.parts().levels[0].buffer().mapped();
+    const std::byte* texels = rendered->memory.textures().levels[0].buffer().mapped();
     double sum = 0.0;
     for (size_t i = 0; i < 256 * 256; ++i) {
       float v;

@@ -29,7 +29,8 @@ class Tiers : public DeviceTest {
   static Verification against(const WireFrame& frame, const Settings& settings, uint32_t bloom_level_size) {
     auto rendered = render(frame, settings, {}, Verify::kYes);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
-    return verify_frame(rendered->memory, settings, rendered->report, {}, bloom_level_size).rounded;
+    return verify_frame(rendered->memory, rendered->report.plan, rendered->report.stats, bloom_level_size)
+        .rounded;
   }
 };
 
@@ -86,12 +87,12 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
 
 // One that is flat hides errors that another shows.
 TEST_F(Tiers, NumbersOfATableAreItsOwn) {
-  TierMeter meter(shared_renderer, "a device", "");
-  const auto error_of_draft = [&meter](const ColorTable& table) {
+  TierBenchmark benchmark(shared_renderer, "a device", "");
+  const auto error_of_draft = [&benchmark](const ColorTable& table) {
     Settings settings;
     settings.curve = ToneCurve::kTable;
     settings.table = std::make_shared<const ColorTable>(table);
-    const auto numbers = meter.numbers({64, 48, PixelFormat::kRgba16f}, settings);
+    const auto numbers = benchmark.numbers({64, 48, PixelFormat::kRgba16f}, settings);
     EXPECT_TRUE(numbers.ok()) << numbers.status();
     return numbers.ok() && numbers->front().tier == "draft" ? numbers->front().max_error_codes : -1.0;
   };
@@ -106,8 +107,8 @@ TEST_F(Tiers, NumbersThatCannotBeReadAreMeasured) {
   const TemporaryFolder folder;
   write_file(folder.path("damaged"), "{\"a\": [1, ");
   for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path(".")}) {
-    TierMeter meter(shared_renderer, "a device", file);
-    EXPECT_TRUE(meter.numbers({8, 8, PixelFormat::kRgba16f}, Settings()).ok()) << file;
+    TierBenchmark benchmark(shared_renderer, "a device", file);
+    EXPECT_TRUE(benchmark.numbers({8, 8, PixelFormat::kRgba16f}, Settings()).ok()) << file;
   }
 }
 

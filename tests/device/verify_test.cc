@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "server/render/device/frame_memory.h"
+#include "server/render/device/frame_textures.h"
 #include "tests/support/device_fixture.h"
 
 namespace candela::testing {
@@ -26,21 +26,21 @@ class Verified : public DeviceTest {
     return *std::move(rendered);
   }
 
-  static Verification again(Rendered& rendered, const Settings& settings = {}) {
-    return verify_frame(rendered.memory, settings, rendered.report).rounded;
+  static Verification again(Rendered& rendered) {
+    return verify_frame(rendered.memory, rendered.report.plan, rendered.report.stats).rounded;
   }
 
   // Component k of a texel of the unquantised image, to be broken.
   static void set_exact(const Rendered& rendered, uint32_t x, uint32_t y, size_t k, float value) {
-    const FrameMemory::Parts& parts = rendered.memory.parts();
-    const size_t index = (size_t{y} * parts.pitch + x) * 4 + k;
-    std::memcpy(parts.exact.buffer().mapped() + index * sizeof value, &value, sizeof value);
+    const FrameTextures& textures = rendered.memory.textures();
+    const size_t index = (size_t{y} * textures.layout.pitch + x) * 4 + k;
+    std::memcpy(textures.exact.buffer().mapped() + index * sizeof value, &value, sizeof value);
   }
   static float exact(const Rendered& rendered, uint32_t x, uint32_t y, size_t k) {
-    const FrameMemory::Parts& parts = rendered.memory.parts();
+    const FrameTextures& textures = rendered.memory.textures();
     float value;
-    const size_t index = (size_t{y} * parts.pitch + x) * 4 + k;
-    std::memcpy(&value, parts.exact.buffer().mapped() + index * sizeof value, sizeof value);
+    const size_t index = (size_t{y} * textures.layout.pitch + x) * 4 + k;
+    std::memcpy(&value, textures.exact.buffer().mapped() + index * sizeof value, sizeof value);
     return value;
   }
   static float mapped(const Rendered& rendered, uint32_t x, uint32_t y) {
@@ -141,9 +141,9 @@ TEST_F(Verified, DitherIsNoDifference) {
     EXPECT_LE(error.max_difference, 1);
     EXPECT_LE(static_cast<double>(error.differing), format == OutputFormat::kRgba8 ? 130 : 12000);
     // Another frame's noise is a difference.
-    const Verification other =
-        verify_frame(rendered->memory, settings, rendered->report, {.sequence = 8, .previous = std::nullopt})
-            .rounded;
+    Plan next = rendered->report.plan;
+    next.reference.dither_frame = 8;
+    const Verification other = verify_frame(rendered->memory, next, rendered->report.stats).rounded;
     EXPECT_GT(static_cast<double>(other.differing), 0.3 * static_cast<double>(other.components));
   }
 }
@@ -154,10 +154,10 @@ TEST_F(Verified, WrongMeteringAndWrongBloomAreSeen) {
   EXPECT_LE(again(rendered).bloom_error, 4e-6);
   rendered.report.stats.mean_log2_luminance += 0.25;
   EXPECT_NEAR(again(rendered).meter_error_ev, 0.25, 2e-5);
-  const FrameMemory::Parts& parts = rendered.memory.parts();
-  std::memset(parts.levels[0].buffer().mapped(), 0, parts.levels[0].buffer().bytes());
+  const FrameTextures& textures = rendered.memory.textures();
+  std::memset(textures.levels[0].buffer().mapped(), 0, textures.levels[0].buffer().bytes());
   EXPECT_NEAR(again(rendered).bloom_error, 1.0, 1e-9);
-  std::memset(parts.levels[0].buffer().mapped(), 0xff, 16);  // NaN
+  std::memset(textures.levels[0].buffer().mapped(), 0xff, 16);  // NaN
   EXPECT_EQ(again(rendered).bloom_error, INFINITY);
 }
 
@@ -176,7 +176,8 @@ TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
   EXPECT_GT(must_render(natural(256, 200), settings).report.verification->rounded.bloom_error, 0.02);
   // Against the twin of its own numbers it is right.
   Rendered rendered = must_render(frame, settings);
-  EXPECT_LE(verify_frame(rendered.memory, settings, rendered.report, {}, 4).rounded.bloom_error, 4e-6);
+  EXPECT_LE(verify_frame(rendered.memory, rendered.report.plan, rendered.report.stats, 4).rounded.bloom_error,
+            4e-6);
 }
 
 TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {

@@ -1,4 +1,5 @@
-// shaders/params.h means the same to GLSL and to C++: the structs' offsets as SPIR-V has them.
+// shaders/params.h means the same to GLSL and to C++: the offsets of its structs, and the ids of its
+// specialisation constants, are those of the SPIR-V.
 #include "shaders/params.h"
 
 #include <gtest/gtest.h>
@@ -48,6 +49,27 @@ std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
   return found;
 }
 
+// Name to id, of the specialisation constants that SPIR-V decorates.
+std::map<std::string, uint32_t> constant_ids(std::span<const uint32_t> spirv) {
+  constexpr uint32_t kOpName = 5;
+  constexpr uint32_t kOpDecorate = 71;
+  constexpr uint32_t kDecorationSpecId = 1;
+  std::map<uint32_t, std::string> names;
+  std::map<std::string, uint32_t> ids;
+  for (size_t at = 5; at < spirv.size(); at += spirv[at] >> 16) {
+    const std::span<const uint32_t> op = spirv.subspan(at, spirv[at] >> 16);
+    const uint32_t code = op[0] & 0xffff;
+    if (code == kOpName) names[op[1]] = text(op.subspan(2));
+    if (code == kOpDecorate && op[2] == kDecorationSpecId) ids[names[op[1]]] = op[3];
+  }
+  return ids;
+}
+
+// The constant of that name has the id that its struct's member has by its place.
+#define EXPECT_CONSTANT(ids, Struct, member, NAME)        \
+  ASSERT_TRUE(ids.contains(NAME)) << #Struct "." #member; \
+  EXPECT_EQ(ids[NAME] * 4, offsetof(shader::Struct, member)) << #Struct "." #member
+
 #define EXPECT_OFFSET(all, Struct, member)                            \
   ASSERT_TRUE(all[#Struct].contains(#member)) << #Struct "." #member; \
   EXPECT_EQ(all[#Struct][#member], offsetof(shader::Struct, member)) << #Struct "." #member
@@ -74,9 +96,9 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
   for (const std::span<const uint32_t> spirv :
        {std::span<const uint32_t>(k_bloom_down_spirv), std::span<const uint32_t>(k_bloom_up_spirv)}) {
     auto bloom = structs(spirv);
-    EXPECT_EQ(bloom["BloomParams"].size() * 4, sizeof(shader::BloomParams));
-    EXPECT_OFFSET(bloom, BloomParams, first_row);
-    EXPECT_OFFSET(bloom, BloomParams, to_height);
+    EXPECT_EQ(bloom["BloomLevelParams"].size() * 4, sizeof(shader::BloomLevelParams));
+    EXPECT_OFFSET(bloom, BloomLevelParams, first_row);
+    EXPECT_OFFSET(bloom, BloomLevelParams, to_height);
   }
 
   auto bright_pass = structs(k_bright_pass_spirv);
@@ -96,6 +118,49 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
   EXPECT_OFFSET(resolve, ResolveParams, exposure);
   EXPECT_OFFSET(resolve, ResolveParams, bloom_scale);
   EXPECT_OFFSET(resolve, ResolveParams, dither_frame);
+}
+
+TEST(Params, ConstantsHaveTheIdsOfTheirPlaces) {
+  auto ingest = constant_ids(k_ingest_spirv);
+  EXPECT_EQ(ingest.size() * 4, sizeof(shader::IngestConstants));
+  EXPECT_CONSTANT(ingest, IngestConstants, pixels, "PIXELS");
+  EXPECT_CONSTANT(ingest, IngestConstants, matrix, "MATRIX");
+  EXPECT_CONSTANT(ingest, IngestConstants, scrub, "SCRUB");
+  EXPECT_CONSTANT(ingest, IngestConstants, light, "LIGHT");
+  EXPECT_CONSTANT(ingest, IngestConstants, weights, "WEIGHTS");
+  EXPECT_CONSTANT(ingest, IngestConstants, histogram, "HISTOGRAM");
+  EXPECT_CONSTANT(ingest, IngestConstants, whole, "WHOLE");
+
+  auto bright = constant_ids(k_bright_pass_spirv);
+  EXPECT_EQ(bright.size() * 4, sizeof(shader::BrightPassConstants));
+  EXPECT_CONSTANT(bright, BrightPassConstants, pixels, "PIXELS");
+  EXPECT_CONSTANT(bright, BrightPassConstants, matrix, "MATRIX");
+  EXPECT_CONSTANT(bright, BrightPassConstants, scrub, "SCRUB");
+  EXPECT_CONSTANT(bright, BrightPassConstants, bloom, "BLOOM");
+  EXPECT_CONSTANT(bright, BrightPassConstants, firefly_weights, "FIREFLY_WEIGHTS");
+  EXPECT_CONSTANT(bright, BrightPassConstants, level_size, "LEVEL_SIZE");
+  EXPECT_CONSTANT(bright, BrightPassConstants, whole, "WHOLE");
+
+  EXPECT_TRUE(constant_ids(k_bloom_down_spirv).empty());
+  auto up = constant_ids(k_bloom_up_spirv);
+  EXPECT_EQ(up.size() * 4, sizeof(shader::BloomUpConstants));
+  EXPECT_CONSTANT(up, BloomUpConstants, fine_weight, "FINE_WEIGHT");
+  auto gaussian = constant_ids(k_gaussian_spirv);
+  EXPECT_EQ(gaussian.size() * 4, sizeof(shader::GaussianConstants));
+  EXPECT_CONSTANT(gaussian, GaussianConstants, vertical, "VERTICAL");
+
+  auto resolve = constant_ids(k_resolve_spirv);
+  EXPECT_EQ(resolve.size() * 4, sizeof(shader::ResolveConstants));
+  EXPECT_CONSTANT(resolve, ResolveConstants, pixels, "PIXELS");
+  EXPECT_CONSTANT(resolve, ResolveConstants, matrix, "MATRIX");
+  EXPECT_CONSTANT(resolve, ResolveConstants, scrub, "SCRUB");
+  EXPECT_CONSTANT(resolve, ResolveConstants, bloom, "BLOOM");
+  EXPECT_CONSTANT(resolve, ResolveConstants, curve, "CURVE");
+  EXPECT_CONSTANT(resolve, ResolveConstants, transfer, "TRANSFER");
+  EXPECT_CONSTANT(resolve, ResolveConstants, output_format, "OUTPUT");
+  EXPECT_CONSTANT(resolve, ResolveConstants, dither, "DITHER");
+  EXPECT_CONSTANT(resolve, ResolveConstants, level_size, "LEVEL_SIZE");
+  EXPECT_CONSTANT(resolve, ResolveConstants, transfer_terms, "TRANSFER_TERMS");
 }
 
 }  // namespace

@@ -107,27 +107,31 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
   FrameStats stats;
   stats.max_luminance = 0.5f;
   stats.tile_light.assign(30 * 17, 0.25f);
-  const Tier& tier = *find_tier("standard");
-  const std::vector<Step> dim = {{Pass::kIngest}, {Pass::kResolve}};
-  EXPECT_EQ(plan_frame(desc, stats, false, {}, tier).steps, dim);
-  EXPECT_EQ(plan_frame(desc, stats, false, {}, tier).words[1],
-            "no bloom: nothing passes the threshold 1 (the brightest is 0.5)");
+  const auto plan_of = [&](const Settings& settings, bool scrubbed = false) {
+    return plan_frame(layout_frame(desc, settings), {stats, scrubbed}, settings, {});
+  };
+  EXPECT_FALSE(plan_of({}).bloom());
+  EXPECT_EQ(plan_of({}).words[1], "no bloom: nothing passes the threshold 1 (the brightest is 0.5)");
 
   stats.tile_light[31] = 3.0f;
   Settings settings;
   settings.bloom.levels = 3;
-  const std::vector<Step> bright = {{Pass::kIngest},       {Pass::kBrightPass, 0}, {Pass::kBloomDown, 1},
-                                    {Pass::kBloomDown, 2}, {Pass::kBloomUp, 1},    {Pass::kBloomUp, 0},
-                                    {Pass::kResolve}};
-  const Plan plan = plan_frame(desc, stats, false, settings, tier);
-  EXPECT_EQ(plan.steps, bright);
+  const std::vector<std::pair<Pass, uint32_t>> bright = {{Pass::kBrightPass, 0},
+                                                         {Pass::kBloomDown, 1},
+                                                         {Pass::kBloomDown, 2},
+                                                         {Pass::kBloomUp, 1},
+                                                         {Pass::kBloomUp, 0}};
+  const Plan plan = plan_of(settings);
+  std::vector<std::pair<Pass, uint32_t>> steps;
+  for (const BloomStep& step : plan.bloom_steps) steps.emplace_back(step.pass, step.level);
+  EXPECT_EQ(steps, bright);
   EXPECT_EQ(plan.lit, (std::vector<Box>{{64, 64, 128, 128}}));
   EXPECT_EQ(plan.words[1],
             "bloom over 3 levels from 960x540 to 240x135: light in 0.2 % of the frame's tiles");
   settings.bloom.intensity = 0;
-  EXPECT_EQ(plan_frame(desc, stats, false, settings, tier).steps, dim);
-  const std::vector<Step> scrubbed = {{Pass::kIngest}, {Pass::kIngest}, {Pass::kResolve}};
-  EXPECT_EQ(plan_frame(desc, stats, true, settings, tier).steps, scrubbed);
+  EXPECT_FALSE(plan_of(settings).bloom());
+  EXPECT_EQ(plan_of(settings, false).resolve.inputs.constants.scrub, 0u);
+  EXPECT_EQ(plan_of(settings, true).resolve.inputs.constants.scrub, 1u);
 }
 
 // The table of docs/pipeline.md section 5, published by the curves' authors or computed from their

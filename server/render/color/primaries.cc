@@ -62,6 +62,26 @@ absl::Status unusable(const Chromaticities& chromaticities) {
 
 }  // namespace
 
+Chromaticities chromaticities(Primaries primaries) {
+  constexpr double kD65[2] = {0.3127, 0.3290};
+  constexpr double kAcesWhite[2] = {0.32168, 0.33767};
+  switch (primaries) {
+    case Primaries::kRec709:
+      return {{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, kD65[0], kD65[1]}};
+    case Primaries::kRec2020:
+      return {{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, kD65[0], kD65[1]}};
+    case Primaries::kP3D65:
+      return {{0.680, 0.320, 0.265, 0.690, 0.150, 0.060, kD65[0], kD65[1]}};
+    case Primaries::kAcesAp0:
+      return {{0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, kAcesWhite[0], kAcesWhite[1]}};
+    case Primaries::kAcesAp1:
+      return {{0.713, 0.293, 0.165, 0.830, 0.128, 0.044, kAcesWhite[0], kAcesWhite[1]}};
+    case Primaries::kXyz:
+      return {{1, 0, 0, 1, 0, 0, 1.0 / 3, 1.0 / 3}};
+  }
+  return {};
+}
+
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from) {
   const auto& c = from.xy;
   const auto rec709 = chromaticities(Primaries::kRec709);

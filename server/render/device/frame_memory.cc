@@ -1,121 +1,134 @@
 #include "server/render/device/frame_memory.h"
 
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
-#include "server/render/reference/verify.h"
+#include "server/render/device/frame_textures.h"
+#include "server/vulkan/device.h"
+#include "shaders/params.h"
 
 namespace candela {
 
-absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, const DeviceSummary& device,
-                                                               const FrameDesc& desc,
-                                                               const Settings& settings, Verify verify) {
-  auto parts = std::make_unique<FrameMemory::Parts>();
-  parts->desc = desc;
-  parts->output_format = settings.output_format;
-  parts->pitch = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
-  parts->tiles_x = groups(desc.width, shader::TILE_TEXELS);
-  parts->tiles_y = groups(desc.height, shader::TILE_TEXELS);
+namespace {
 
-  struct Wanted {
-    TexturePool::Lease* lease;
-    TextureKey key;
-  };
-  const TextureKey input = {parts->pitch, desc.height, bytes_per_pixel(desc.format), MemoryUse::kDevice};
-  const TextureKey output = {parts->pitch, desc.height, bytes_per_pixel(settings.output_format),
-                             MemoryUse::kDevice};
-  const TextureKey tiles = {parts->tiles_x, parts->tiles_y, sizeof(shader::TileRecord), MemoryUse::kDevice};
-  std::vector<Wanted> wanted = {{&parts->input, input}, {&parts->output, output}, {&parts->tiles, tiles}};
-  const MeteringSettings& metering = settings.exposure.metering;
-  if (metering.weights == MeterWeights::kCenter) {
-    wanted.push_back(
-        {&parts->center_weights, {1u << shader::CENTER_STEPS_LOG2, 1, sizeof(uint32_t), MemoryUse::kDevice}});
-  }
-  TextureKey histogram;
-  if (metering.statistic == MeterStatistic::kPercentile || metering.histogram) {
-    parts->histogram_copies = groups(parts->tiles_x * parts->tiles_y, shader::HISTOGRAM_TILES);
-    histogram = {shader::HISTOGRAM_BINS, parts->histogram_copies, sizeof(shader::HistogramBin),
-                 MemoryUse::kDevice};
-    wanted.push_back({&parts->histogram, histogram});
-  }
-  const auto staged = [](TextureKey key, MemoryUse use) {
-    key.use = use;
-    return key;
-  };
-  if (!device.unified_memory) {
-    wanted.push_back({&parts->upload, staged(input, MemoryUse::kUpload)});
-    wanted.push_back({&parts->readback, staged(output, MemoryUse::kReadback)});
-    wanted.push_back({&parts->tiles_readback, staged(tiles, MemoryUse::kReadback)});
-    if (parts->histogram_copies > 0) {
-      wanted.push_back({&parts->histogram_readback, staged(histogram, MemoryUse::kReadback)});
-    }
-  }
-  if (settings.bloom.intensity > 0) {
-    parts->level_sizes = settings.bloom.kind == BloomKind::kGaussian
-                             ? gaussian_level_sizes(desc.width, desc.height)
-                             : bloom_level_sizes(desc.width, desc.height, settings.bloom.levels,
-                                                 find_tier(settings.tier)->bloom_level_size);
-    parts->levels.resize(parts->level_sizes.size());
-    for (size_t i = 0; i < parts->levels.size(); ++i) {
-      const LevelSize& size = parts->level_sizes[i];
-      wanted.push_back({&parts->levels[i], {size.width, size.height, 4 * sizeof(float), MemoryUse::kDevice}});
-    }
-  }
+constexpr uint32_t kLevelTexelBytes = 4 * sizeof(float);
 
-  if (verify != Verify::kNo) {
-    const TextureKey exact = {parts->pitch, desc.height, 4 * sizeof(float), MemoryUse::kDevice};
-    wanted.push_back({&parts->exact, exact});
-    if (!device.unified_memory) {
-      wanted.push_back({&parts->exact_readback, staged(exact, MemoryUse::kReadback)});
-      if (!parts->levels.empty()) {
-        const LevelSize& size = parts->level_sizes[0];
-        wanted.push_back(
-            {&parts->level_readback, {size.width, size.height, 4 * sizeof(float), MemoryUse::kReadback}});
-      }
-    }
-    if (verify == Verify::kWithMap) {
-      wanted.push_back(
-          {&parts->error_map, {desc.width, desc.height, sizeof(uint16_t), MemoryUse::kReadback}});
-    }
-  }
+// A texture that a frame wants, and where it goes.
+struct Wanted {
+  TexturePool::Lease* lease;
+  TextureKey key;
+};
 
-  // What can never fit is said now, before anything is taken or given up for it.
-  const bool by_reference = verify != Verify::kNo || find_tier(settings.tier)->host_reference;
-  const uint64_t reference_bytes = by_reference ? reference_bytes_of(desc, settings) : 0;
-  uint64_t bytes = reference_bytes;
+// Adds a texture, and on a device without unified memory a copy of it for the host.
+void want(TextureKey key, TexturePool::Lease* lease, TexturePool::Lease* host_copy, MemoryUse host_use,
+          const DeviceSummary& device, std::vector<Wanted>* wanted) {
+  wanted->push_back({lease, key});
+  if (device.unified_memory) return;
+  key.use = host_use;
+  wanted->push_back({host_copy, key});
+}
+
+TextureKey level_key(const LevelSize& size, MemoryUse use) {
+  return {size.width, size.height, kLevelTexelBytes, use};
+}
+
+void want_for_rendering(const DeviceSummary& device, FrameTextures& t, std::vector<Wanted>* wanted) {
+  const FrameLayout& layout = t.layout;
+  const FrameDesc& desc = layout.desc;
+  want({layout.pitch, desc.height, bytes_per_pixel(desc.format)}, &t.input, &t.upload, MemoryUse::kUpload,
+       device, wanted);
+  want({layout.pitch, desc.height, bytes_per_pixel(layout.output_format)}, &t.output, &t.readback,
+       MemoryUse::kReadback, device, wanted);
+  want({layout.tiles_x, layout.tiles_y, sizeof(shader::TileRecord)}, &t.tiles, &t.tiles_readback,
+       MemoryUse::kReadback, device, wanted);
+  if (layout.center_weights) {
+    wanted->push_back({&t.center_weights, {1u << shader::CENTER_STEPS_LOG2, 1, sizeof(uint32_t)}});
+  }
+  if (layout.histogram_copies > 0) {
+    want({shader::HISTOGRAM_BINS, layout.histogram_copies, sizeof(shader::HistogramBin)}, &t.histogram,
+         &t.histogram_readback, MemoryUse::kReadback, device, wanted);
+  }
+  t.levels.resize(layout.level_sizes.size());
+  for (size_t i = 0; i < t.levels.size(); ++i) {
+    wanted->push_back({&t.levels[i], level_key(layout.level_sizes[i], MemoryUse::kDevice)});
+  }
+}
+
+void want_for_verification(const DeviceSummary& device, Verify verify, FrameTextures& t,
+                           std::vector<Wanted>* wanted) {
+  if (verify == Verify::kNo) return;
+  const FrameLayout& layout = t.layout;
+  want({layout.pitch, layout.desc.height, 4 * sizeof(float)}, &t.exact, &t.exact_readback,
+       MemoryUse::kReadback, device, wanted);
+  if (!device.unified_memory && !t.levels.empty()) {
+    wanted->push_back({&t.level_readback, level_key(layout.level_sizes[0], MemoryUse::kReadback)});
+  }
+  if (verify == Verify::kWithMap) {
+    wanted->push_back(
+        {&t.error_map, {layout.desc.width, layout.desc.height, sizeof(uint16_t), MemoryUse::kReadback}});
+  }
+}
+
+// Refuses what can never fit, before anything is taken or given up for it.
+absl::Status check_sizes(const FrameDesc& desc, const std::vector<Wanted>& wanted, uint64_t bytes,
+                         bool by_reference, uint64_t max_allocation_bytes, uint64_t budget_bytes) {
   for (const Wanted& w : wanted) {
-    bytes += w.key.bytes();
-    if (w.key.bytes() > device.max_allocation_bytes) {
-      return absl::ResourceExhaustedError(absl::StrFormat(
-          "a %dx%d %s frame needs a texture of %d bytes and this device takes at most %d; send fewer pixels",
-          desc.width, desc.height, name(desc.format), w.key.bytes(), device.max_allocation_bytes));
-    }
-  }
-  if (bytes > pool.budget_bytes()) {
-    if (by_reference) {
+    if (w.key.bytes() > max_allocation_bytes) {
       return absl::ResourceExhaustedError(
-          absl::StrFormat("a %dx%d %s frame needs %d bytes to be rendered and verified and the memory budget "
-                          "is %d; send fewer "
-                          "pixels, do without verification or raise --memory-budget",
-                          desc.width, desc.height, name(desc.format), bytes, pool.budget_bytes()));
+          absl::StrFormat("a %dx%d %s frame needs a texture of %d bytes and this device allocates at most %d "
+                          "at once; send fewer "
+                          "pixels",
+                          desc.width, desc.height, name(desc.format), w.key.bytes(), max_allocation_bytes));
     }
-    return absl::ResourceExhaustedError(absl::StrFormat(
-        "a %dx%d %s frame needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
-        "--memory-budget",
-        desc.width, desc.height, name(desc.format), bytes, pool.budget_bytes()));
   }
+  if (bytes <= budget_bytes) return absl::OkStatus();
+  if (by_reference) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "a %dx%d %s frame needs %d bytes to be rendered and verified and the memory budget is %d; "
+        "send fewer pixels, do without verification or raise --memory-budget",
+        desc.width, desc.height, name(desc.format), bytes, budget_bytes));
+  }
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "a %dx%d %s frame needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
+      "--memory-budget",
+      desc.width, desc.height, name(desc.format), bytes, budget_bytes));
+}
+
+absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint64_t reference_bytes,
+                      FrameTextures& textures) {
   for (const Wanted& w : wanted) {
     absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key);
     if (!lease.ok()) return lease.status();
     *w.lease = *std::move(lease);
   }
-  if (reference_bytes > 0) {
-    absl::StatusOr<TexturePool::Lease> lease = pool.reserve(reference_bytes);
-    if (!lease.ok()) return lease.status();
-    parts->reference = *std::move(lease);
-  }
-  parts->bytes = bytes;
-  return parts;
+  if (reference_bytes == 0) return absl::OkStatus();
+  absl::StatusOr<TexturePool::Lease> lease = pool.reserve(reference_bytes);
+  if (!lease.ok()) return lease.status();
+  textures.reference = *std::move(lease);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<FrameMemory> FrameMemory::take(TexturePool& pool, const DeviceSummary& device,
+                                              const FrameLayout& layout, Verify verify) {
+  auto textures = std::make_unique<FrameTextures>();
+  textures->layout = layout;
+  std::vector<Wanted> wanted;
+  want_for_rendering(device, *textures, &wanted);
+  want_for_verification(device, verify, *textures, &wanted);
+  const bool by_reference = verify != Verify::kNo || layout.by_reference;
+  const uint64_t reference_bytes = by_reference ? layout.reference_bytes : 0;
+  textures->bytes = reference_bytes;
+  for (const Wanted& w : wanted) textures->bytes += w.key.bytes();
+  absl::Status status = check_sizes(layout.desc, wanted, textures->bytes, by_reference,
+                                    device.max_allocation_bytes, pool.budget_bytes());
+  if (status.ok()) status = take_all(pool, wanted, reference_bytes, *textures);
+  if (!status.ok()) return status;
+  FrameMemory memory;
+  memory.textures_ = std::move(textures);
+  return memory;
 }
 
 FrameMemory::FrameMemory() = default;
@@ -123,44 +136,47 @@ FrameMemory::FrameMemory(FrameMemory&&) noexcept = default;
 FrameMemory& FrameMemory::operator=(FrameMemory&&) noexcept = default;
 FrameMemory::~FrameMemory() = default;
 
-const FrameDesc& FrameMemory::desc() const { return parts_->desc; }
+const FrameDesc& FrameMemory::desc() const { return textures_->layout.desc; }
 
-uint64_t FrameMemory::bytes() const { return parts_->bytes; }
+uint64_t FrameMemory::bytes() const { return textures_->bytes; }
 
 std::span<std::byte> FrameMemory::input_row(uint32_t y) {
-  const uint64_t pitch_bytes = uint64_t{parts_->pitch} * bytes_per_pixel(parts_->desc.format);
-  return {parts_->host_input().mapped() + y * pitch_bytes, parts_->desc.row_bytes()};
+  const FrameLayout& layout = textures_->layout;
+  const uint64_t pitch_bytes = uint64_t{layout.pitch} * bytes_per_pixel(layout.desc.format);
+  return {textures_->host_input().mapped() + y * pitch_bytes, layout.desc.row_bytes()};
 }
 
 std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
-  const uint64_t texel_bytes = bytes_per_pixel(parts_->output_format);
-  return {parts_->host_output().mapped() + y * parts_->pitch * texel_bytes, parts_->desc.width * texel_bytes};
+  const FrameLayout& layout = textures_->layout;
+  const uint64_t texel_bytes = bytes_per_pixel(layout.output_format);
+  return {textures_->host_output().mapped() + y * layout.pitch * texel_bytes,
+          layout.desc.width * texel_bytes};
+}
+
+bool FrameMemory::output_contiguous() const {
+  return textures_->layout.pitch == textures_->layout.desc.width;
 }
 
 std::span<const uint16_t> FrameMemory::error_map_row(uint32_t y) const {
-  if (!parts_->error_map) return {};
-  const auto* halves = reinterpret_cast<const uint16_t*>(parts_->error_map.buffer().mapped());
-  return {halves + size_t{y} * parts_->desc.width, parts_->desc.width};
+  if (!textures_->error_map) return {};
+  const auto* halves = reinterpret_cast<const uint16_t*>(textures_->error_map.buffer().mapped());
+  const uint32_t width = textures_->layout.desc.width;
+  return {halves + size_t{y} * width, width};
 }
 
 void FrameMemory::keep_output_only() {
-  if (parts_ == nullptr) return;
-  Parts& parts = *parts_;
-  parts.input = {};
-  parts.upload = {};
-  parts.tiles = {};
-  parts.tiles_readback = {};
-  parts.histogram = {};
-  parts.histogram_readback = {};
-  parts.center_weights = {};
-  parts.levels.clear();
-  parts.exact = {};
-  parts.exact_readback = {};
-  parts.level_readback = {};
-  parts.reference = {};
-  if (parts.readback) parts.output = {};
+  if (textures_ == nullptr) return;
+  FrameTextures& all = *textures_;
+  FrameTextures kept;
+  kept.layout = all.layout;
+  kept.bytes = all.bytes;
+  kept.error_map = std::move(all.error_map);
+  if (all.readback) {
+    kept.readback = std::move(all.readback);
+  } else {
+    kept.output = std::move(all.output);
+  }
+  all = std::move(kept);
 }
-
-bool FrameMemory::output_contiguous() const { return parts_->pitch == parts_->desc.width; }
 
 }  // namespace candela

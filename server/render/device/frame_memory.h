@@ -1,62 +1,59 @@
-// The inside of FrameMemory. Internal to server/render.
+// The memory of one frame: the wire pixels that come in, the image that goes out, and the textures between.
 #pragma once
 
-#include <vector>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
 
-#include "server/render/renderer.h"
-#include "shaders/params.h"
+#include "absl/status/statusor.h"
+#include "server/render/settings/frame.h"
 
 namespace candela {
 
-struct FrameMemory::Parts {
-  FrameDesc desc;
-  OutputFormat output_format = OutputFormat::kRgba8;
-  uint64_t bytes = 0;  // of the pool's budget, for all that follows
-  uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
-  uint32_t tiles_x = 0;
-  uint32_t tiles_y = 0;
-  std::vector<LevelSize> level_sizes;  // empty where the settings ask for no bloom
+class TexturePool;
+struct DeviceSummary;
+struct FrameLayout;
+struct FrameTextures;
 
-  TexturePool::Lease input;
-  TexturePool::Lease output;
-  TexturePool::Lease tiles;
-  uint32_t histogram_copies =
-      0;  // see shader::HISTOGRAM_TILES; 0 where the settings ask for no percentile and no histogram
-  TexturePool::Lease histogram;
-  TexturePool::Lease center_weights;  // of MeterWeights::kCenter
-  std::vector<TexturePool::Lease> levels;
-  // Only on a device without unified memory.
-  TexturePool::Lease upload;
-  TexturePool::Lease readback;
-  TexturePool::Lease tiles_readback;
-  TexturePool::Lease histogram_readback;
+// Whether a frame is compared with the float64 reference, and whether a map of its error is kept.
+enum class Verify { kNo, kYes, kWithMap };
 
-  // Only for verification: the image unquantised, four floats a texel, `pitch` texels from row to row; the
-  // budget that the reference takes; and, where it is wanted, the error map.
-  TexturePool::Lease exact;
-  TexturePool::Lease reference;
-  TexturePool::Lease error_map;
-  // The same on a device without unified memory, with bloom level 0.
-  TexturePool::Lease exact_readback;
-  TexturePool::Lease level_readback;
+// Taken from the pool, and given back to it on destruction. Movable. One thread at a time.
+class FrameMemory {
+ public:
+  // Takes everything or nothing; fails as Renderer::allocate does. `pool` outlives the memory.
+  static absl::StatusOr<FrameMemory> take(TexturePool& pool, const DeviceSummary& device,
+                                          const FrameLayout& layout, Verify verify);
 
-  // What the host sees.
-  const Buffer& host_input() const { return upload ? upload.buffer() : input.buffer(); }
-  const Buffer& host_output() const { return readback ? readback.buffer() : output.buffer(); }
-  const Buffer& host_tiles() const { return tiles_readback ? tiles_readback.buffer() : tiles.buffer(); }
-  const Buffer& host_histogram() const {
-    return histogram_readback ? histogram_readback.buffer() : histogram.buffer();
-  }
-  const Buffer& host_exact() const { return exact_readback ? exact_readback.buffer() : exact.buffer(); }
-  const Buffer& host_level() const { return level_readback ? level_readback.buffer() : levels[0].buffer(); }
+  FrameMemory();  // none
+  FrameMemory(FrameMemory&&) noexcept;
+  FrameMemory& operator=(FrameMemory&&) noexcept;
+  ~FrameMemory();
+
+  const FrameDesc& desc() const;
+  // Where row y of the wire pixels goes: desc().row_bytes() bytes. Write each once and do not read them: the
+  // memory may be uncached.
+  std::span<std::byte> input_row(uint32_t y);
+  // Row y of the finished image, tight: width * bytes_per_pixel(output). Valid from the success of render()
+  // until destruction. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
+  std::span<const std::byte> output_row(uint32_t y) const;
+  bool output_contiguous() const;
+  // Row y of the error map as halves: the largest error of R, G and B in codes, infinite for a NaN. Rows
+  // follow each other without a gap. Valid as output_row() is; empty without Verify::kWithMap.
+  std::span<const uint16_t> error_map_row(uint32_t y) const;
+  // The part of the pool's budget that it takes at first.
+  uint64_t bytes() const;
+  // Gives everything but the finished image and its error map back to the pool, so that a slow reader holds
+  // only what it still has to read.
+  void keep_output_only();
+
+  // For server/render and its tests.
+  FrameTextures& textures() { return *textures_; }
+  const FrameTextures& textures() const { return *textures_; }
+
+ private:
+  std::unique_ptr<FrameTextures> textures_;
 };
-
-// How many groups of `size` hold `count`.
-constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
-
-// Takes everything or nothing; see Renderer::allocate.
-absl::StatusOr<std::unique_ptr<FrameMemory::Parts>> take_parts(TexturePool& pool, const DeviceSummary& device,
-                                                               const FrameDesc& desc,
-                                                               const Settings& settings, Verify verify);
 
 }  // namespace candela

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "server/render/device/frame_memory.h"
 #include "shaders/params.h"
 
 namespace candela {

@@ -5,52 +5,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/render/color/aces.h"
+#include "server/render/color/primaries.h"
+#include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/lit_area.h"
-#include "shaders/params.h"
+#include "server/render/settings/tiers.h"
 
 namespace candela {
-
-std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
-                                         uint32_t level_size) {
-  std::vector<LevelSize> sizes = {{(width + 1) / 2, (height + 1) / 2}};
-  while (sizes.size() < levels) {
-    const LevelSize next = {(sizes.back().width + 1) / 2, (sizes.back().height + 1) / 2};
-    if (std::min(next.width, next.height) < 2) break;
-    sizes.push_back(next);
-  }
-  if (level_size == 2) return sizes;
-  if (sizes.size() == 1) return {{(width + 3) / 4, (height + 3) / 4}};
-  return {sizes.begin() + 1, sizes.end()};
-}
-
-std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
-  return {2, {(width + 3) / 4, (height + 3) / 4}};
-}
-
-float bright_threshold(const BloomSettings& bloom, const FrameStats& stats) {
-  if (bloom.kind != BloomKind::kGaussian) return bloom.threshold;
-  return static_cast<float>(bloom.threshold * std::exp2(stats.mean_log2_luminance));
-}
-
-const char* name(Pass pass) {
-  switch (pass) {
-    case Pass::kIngest:
-      return "ingest";
-    case Pass::kBrightPass:
-      return "bright_pass";
-    case Pass::kBloomDown:
-      return "bloom_down";
-    case Pass::kBloomUp:
-      return "bloom_up";
-    case Pass::kGaussian:
-      return "gaussian";
-    case Pass::kResolve:
-      return "resolve";
-    case Pass::kReference:
-      return "reference";
-  }
-  return "unknown";
-}
 
 namespace {
 
@@ -68,98 +29,185 @@ std::string metering_words(const MeteringSettings& metering) {
   return words;
 }
 
-// Room for the roundings of a mean and of what is taken from it, at most 8 of 2^-24 each.
-constexpr float kRoundings = 0x1p-20f;
-
-// No texel of bloom level 0 gets light where no light of the frame is above this.
-float bright_bound(const BloomSettings& bloom, float threshold) {
-  if (bloom.kind == BloomKind::kConserve) return -1.0f;  // what is conserved is taken from everywhere
-  const float knee = bloom.kind == BloomKind::kMip ? bloom.softness * threshold : 0.0f;
-  return threshold - knee - kRoundings * threshold;
+// The matrix from the input's primaries to the scene's; absent if it would change nothing.
+std::optional<reference::Matrix> matrix_of(const Settings& settings) {
+  if (!settings.input_chromaticities) return std::nullopt;
+  // check_settings has checked that there is one.
+  const auto matrix = matrix_to_rec709(*settings.input_chromaticities);
+  return matrix.ok() ? *matrix : std::nullopt;
 }
 
-uint64_t texels_of(const std::vector<Box>& boxes) {
-  uint64_t texels = 0;
-  for (const Box& box : boxes) texels += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
-  return texels;
+reference::MeterParams reference_meter(const MeteringSettings& metering) {
+  return {.percentile = metering.statistic == MeterStatistic::kPercentile,
+          .percentile_low = metering.percentile_low,
+          .percentile_high = metering.percentile_high,
+          .weights = static_cast<uint32_t>(metering.weights),
+          .spot = {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}};
 }
 
-// Where the light is, for people.
-std::string light_words(const FrameDesc& desc, const std::vector<Box>& lit) {
-  const double part = static_cast<double>(texels_of(lit)) / (static_cast<double>(desc.width) * desc.height);
-  return part < 1 ? absl::StrFormat("light in %.2g %% of the frame's tiles", 100 * part)
-                  : "light in all tiles of the frame";
+// The factor that exposes the scene. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
+double exposure_factor(const Settings& settings, const FrameDecisions& decisions) {
+  return std::min<double>(decisions.exposure * settings.prescale, shader::MAX_EXPOSURE);
 }
 
-// Adds the bloom's steps and words, or the reason why there is none.
-void plan_bloom(const FrameDesc& desc, const FrameStats& stats, const BloomSettings& bloom, const Tier& tier,
-                Plan& plan) {
-  if (bloom.intensity == 0) {
-    plan.words.push_back("no bloom: its intensity is 0");
-    return;
+bool dithers(const Settings& settings) {
+  return settings.dither && settings.output_format != OutputFormat::kRgba16f;
+}
+
+ReferencePlan plan_reference(const FrameLayout& layout, const Settings& settings,
+                             const FrameDecisions& decisions,
+                             const std::optional<reference::Matrix>& matrix) {
+  const BloomSettings& bloom = settings.bloom;
+  ReferencePlan plan;
+  plan.matrix = matrix;
+  plan.meter = reference_meter(settings.exposure.metering);
+  if (bloom.intensity > 0) {
+    plan.bloom = {.kind = static_cast<uint32_t>(bloom.kind),
+                  .threshold = bloom.threshold,
+                  .softness = bloom.softness,
+                  .levels = bloom.levels,
+                  .firefly_weights = bloom.firefly_weights,
+                  .level_size = kWholeBloom};
+    plan.resolve.bloom = plan.bloom->kind;
   }
-  const bool gaussian = bloom.kind == BloomKind::kGaussian;
-  const float threshold = bright_threshold(bloom, stats);
-  plan.lit = lit_area(stats.tile_light, desc.width, desc.height, bright_bound(bloom, threshold));
-  if (plan.lit.empty()) {
-    plan.words.push_back(absl::StrFormat(
-        "no bloom: nothing passes the threshold %g%s (the brightest is %g)", threshold,
-        gaussian ? absl::StrFormat(", %g times the mean", bloom.threshold) : "", stats.max_luminance));
-    return;
+  plan.resolve.exposure = exposure_factor(settings, decisions);
+  plan.resolve.level_size = bloom.kind == BloomKind::kGaussian ? layout.level_size : kWholeBloom;
+  plan.resolve.bloom_intensity = bloom.intensity;
+  plan.resolve.curve = static_cast<uint32_t>(settings.curve);
+  plan.resolve.curve_white = settings.curve_white;
+  plan.resolve.transfer = static_cast<uint32_t>(output_transfer(settings));
+  if (dithers(settings)) plan.dither_frame = static_cast<uint32_t>(decisions.sequence);
+  return plan;
+}
+
+shader::ResolveConstants resolve_constants(const FrameLayout& layout, bool scrub, const Settings& settings,
+                                           const ColorTable* table, bool matrix) {
+  const bool rec709_table = table != nullptr && table->axes == shader::AXES_REC709;
+  return {.pixels = static_cast<uint32_t>(layout.desc.format),
+          .matrix = matrix,
+          .scrub = scrub,
+          .bloom = static_cast<uint32_t>(settings.bloom.kind),
+          .curve = rec709_table ? shader::CURVE_TABLE_REC709 : static_cast<uint32_t>(settings.curve),
+          .transfer = static_cast<uint32_t>(output_transfer(settings)),
+          .output_format = static_cast<uint32_t>(settings.output_format),
+          .dither = dithers(settings),
+          .level_size = layout.level_size,
+          .transfer_terms = find_tier(settings.tier)->transfer_terms};
+}
+
+shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& settings,
+                                     const FrameDecisions& decisions, bool bloom,
+                                     const std::optional<reference::Matrix>& matrix) {
+  shader::ResolveParams params{};
+  params.frame = input_params(layout, matrix);
+  params.output_pitch = layout.pitch;
+  params.exposure = static_cast<float>(exposure_factor(settings, decisions));
+  params.curve_white = settings.curve_white;
+  params.dither_frame = static_cast<uint32_t>(decisions.sequence);
+  if (const ColorTable* table = decisions.table.get()) {
+    params.table_size = table->size;
+    params.table_scale = static_cast<float>(std::ldexp(table->size - 1, shader::TABLE_FRACTION_BITS) /
+                                            table_octaves(table->end / shader::TABLE_AXIS_KNEE + 1.0));
   }
-  plan.bloom = true;
-  plan.steps.push_back({Pass::kBrightPass, 0});
-  if (gaussian) {
-    plan.steps.push_back({Pass::kGaussian, 1});
-    plan.steps.push_back({Pass::kGaussian, 0});
-    const LevelSize size = gaussian_level_sizes(desc.width, desc.height)[0];
-    plan.words.push_back(absl::StrFormat("gaussian bloom at %dx%d: threshold %g, %g times the mean; %s",
-                                         size.width, size.height, threshold, bloom.threshold,
-                                         light_words(desc, plan.lit)));
-    return;
+  if (bloom) {
+    params.level_width = layout.level_sizes[0].width;
+    params.level_height = layout.level_sizes[0].height;
+    const float intensity = settings.bloom.intensity;
+    params.bloom_scale = intensity / static_cast<float>(layout.summed_levels);
+    params.scene_scale = 1.0f - intensity;
   }
-  const std::vector<LevelSize> sizes =
-      bloom_level_sizes(desc.width, desc.height, bloom.levels, tier.bloom_level_size);
-  const auto count = static_cast<uint32_t>(sizes.size());
-  for (uint32_t level = 1; level < count; ++level) plan.steps.push_back({Pass::kBloomDown, level});
-  for (uint32_t level = count - 1; level-- > 0;) plan.steps.push_back({Pass::kBloomUp, level});
-  plan.words.push_back(absl::StrFormat(
-      "bloom over %d level%s from %dx%d to %dx%d: %s%s", count, count == 1 ? "" : "s", sizes.front().width,
-      sizes.front().height, sizes.back().width, sizes.back().height,
-      bloom.kind == BloomKind::kConserve ? absl::StrFormat("%g of the scene's light", bloom.intensity)
-                                         : light_words(desc, plan.lit),
-      count + (tier.bloom_level_size == 4 && bloom.levels > 1) < bloom.levels
-          ? "; the frame is too small for more levels"
-          : ""));
+  return params;
+}
+
+// Splits the frame into the rows of groups that bloom reaches and the rest. Whole rows: a shorter walk along
+// them costs more than it saves.
+Cover resolve_groups(const FrameLayout& layout, const Area& reached) {
+  constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS;
+  const FrameDesc& desc = layout.desc;
+  Cover rows = cover(reached, desc.width, kResolveGroupRows, 1, groups(desc.height, kResolveGroupRows));
+  for (std::vector<Box>* part : {&rows.groups, &rows.rest}) {
+    for (Box& box : *part) box.x1 = groups(desc.width, kWidth);
+  }
+  return rows;
 }
 
 }  // namespace
 
-Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, const Settings& settings,
-                const Tier& tier) {
+const char* name(Pass pass) {
+  switch (pass) {
+    case Pass::kIngest:
+      return "ingest";
+    case Pass::kBrightPass:
+      return "bright_pass";
+    case Pass::kBloomDown:
+      return "bloom_down";
+    case Pass::kBloomUp:
+      return "bloom_up";
+    case Pass::kGaussian:
+      return "gaussian";
+    case Pass::kResolve:
+      return "resolve";
+  }
+  return "unknown";
+}
+
+IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings) {
+  const MeteringSettings& metering = settings.exposure.metering;
+  IngestPlan plan;
+  plan.matrix = matrix_of(settings);
+  plan.inputs.constants = {.pixels = static_cast<uint32_t>(layout.desc.format),
+                           .matrix = plan.matrix.has_value(),
+                           .scrub = false,
+                           .light = !layout.level_sizes.empty(),
+                           .weights = static_cast<uint32_t>(metering.weights),
+                           .histogram = layout.histogram_copies > 0,
+                           .whole = layout.desc.width % shader::GROUP_TEXELS == 0};
+  plan.inputs.params.frame = input_params(layout, plan.matrix);
+  plan.inputs.params.tiles_x = layout.tiles_x;
+  plan.inputs.params.spot_x0 = metering.spot.x0;
+  plan.inputs.params.spot_y0 = metering.spot.y0;
+  plan.inputs.params.spot_x1 = metering.spot.x1;
+  plan.inputs.params.spot_y1 = metering.spot.y1;
+  if (metering.statistic == MeterStatistic::kPercentile) {
+    plan.percentiles = {metering.percentile_low, metering.percentile_high};
+  }
+  plan.wants_histogram = metering.histogram;
+  plan.rejects_bad_values = settings.bad_values == BadValues::kReject;
+  plan.reference = reference_meter(metering);
+  return plan;
+}
+
+Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Settings& settings,
+                const FrameDecisions& decisions) {
+  const std::optional<reference::Matrix> matrix = matrix_of(settings);
+  const FrameDesc& desc = layout.desc;
   Plan plan;
-  plan.steps.push_back({Pass::kIngest});
+  plan.table = decisions.table;
   plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height, name(desc.format),
                                        metering_words(settings.exposure.metering)));
-
-  if (scrubbed) {
-    plan.steps.push_back({Pass::kIngest});
+  if (metered.scrubbed) {
     plan.words.push_back("ingest again with the scrub: some components are not finite or beyond +-65504");
   }
-
-  plan_bloom(desc, stats, settings.bloom, tier, plan);
-  if (tier.host_reference) {
-    plan.steps.erase(std::remove_if(plan.steps.begin(), plan.steps.end(),
-                                    [](const Step& step) { return step.pass != Pass::kIngest; }),
-                     plan.steps.end());
-  }
-
-  plan.steps.push_back({tier.host_reference ? Pass::kReference : Pass::kResolve});
+  plan_bloom(layout, metered, settings.bloom, matrix, plan);
+  const bool bloom = plan.bloom();
+  plan.resolve.inputs.constants =
+      resolve_constants(layout, metered.scrubbed, settings, plan.table.get(), matrix.has_value());
+  plan.resolve.inputs.params = resolve_params(layout, settings, decisions, bloom, matrix);
+  Cover work = resolve_groups(layout, bloom_reach(layout, plan));
+  plan.resolve.bloom_groups = std::move(work.groups);
+  plan.resolve.plain_groups = std::move(work.rest);
   plan.words.push_back(absl::StrFormat(
-      "resolve%s: %s, %s, %s, tier %s", plan.bloom ? " with bloom" : "", name(settings.curve),
+      "resolve%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "", name(settings.curve),
       settings.output_format == OutputFormat::kRgba16f ? "display-linear" : name(settings.transfer),
-      absl::StrCat(name(settings.output_format), settings.dither ? " dithered" : ""), tier.name));
+      absl::StrCat(name(settings.output_format), settings.dither ? " dithered" : ""), settings.tier));
+  plan.reference = plan_reference(layout, settings, decisions, matrix);
   return plan;
+}
+
+absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings) {
+  const uint32_t points = find_tier(settings.tier)->table_size;
+  if (settings.curve != ToneCurve::kAces1 || points == 0) return settings.table;
+  return aces_1_table(points);
 }
 
 }  // namespace candela

@@ -1,71 +1,113 @@
-// What will run for a frame, decided between its two phases.
+// The plan of a frame: everything that executors need to meter and render it, decided by pure functions.
+//
+// A frame is rendered in two phases. Phase A reads it once, meters it and counts its bad values (IngestPlan).
+// Phase B follows when the exposure is decided (Plan). An executor (device/executor.h) renders a plan; it
+// reads no settings.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
+#include "server/render/plan/frame_layout.h"
+#include "server/render/plan/frame_stats.h"
 #include "server/render/settings/settings.h"
-#include "server/render/settings/tiers.h"
 #include "server/vulkan/box.h"
+#include "shaders/color_table.h"
+#include "shaders/params.h"
+#include "shaders/reference.h"
 
 namespace candela {
 
-// What phase A found out, over the whole frame. Luminance is scene-linear Rec.709 Y after the scrub.
-struct FrameStats {
-  double mean_log2_luminance = 0.0;  // EV
-  float min_luminance = 0.0f;
-  float max_luminance = 0.0f;
-  uint64_t nan_components = 0;
-  uint64_t infinite_components = 0;
-  uint64_t negative_components = 0;
-  uint64_t metered_weight = 0;  // the sum of all texels' metering weights
-  // Of every tile of shader::TILE_TEXELS squared, row by row, the largest luminance with negative components
-  // cut to 0: no mean of its texels, as bloom makes them, is brighter. Empty where no bloom was asked for.
-  std::vector<float> tile_light;
-  ScenePrint print{};
-  // By log2 luminance, 64 bins an octave from 2^-14 on, where the settings ask for it.
-  std::vector<uint64_t> histogram;
-};
-
-// Scene luminance above which there is bloom: the settings' own, or kGaussian's multiple of the mean.
-float bright_threshold(const BloomSettings& bloom, const FrameStats& stats);
-
-// Sizes of the bloom levels of a width x height frame: half its size, half of that and so on, `levels` of
-// them at most. The first always exists, a further one only when its short side has 2 texels or more.
-// `level_size` 4 leaves the first one out, and makes one all the same.
-struct LevelSize {
-  uint32_t width;
-  uint32_t height;
-};
-std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
-                                         uint32_t level_size);
-// kGaussian works on one quarter-size level, and on a second one of that size in between.
-std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
-
-enum class Pass : uint32_t { kIngest, kBrightPass, kBloomDown, kBloomUp, kGaussian, kResolve, kReference };
-// "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "reference"
+enum class Pass : uint32_t { kIngest, kBrightPass, kBloomDown, kBloomUp, kGaussian, kResolve };
+// "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve"
 const char* name(Pass pass);
 
-// One texture made; kReference is the host's work and stands for all that follows ingest.
-// `level` is the level written: for kBrightPass 0, for kBloomDown n+1, for kBloomUp n, for kGaussian 1 in the
-// vertical pass and 0 in the horizontal one.
-struct Step {
+// A shader's specialisation constants and push constants. The executor fills in addresses and `first_row`.
+template <typename Constants, typename Params>
+struct ShaderInputs {
+  Constants constants{};
+  Params params{};
+};
+
+struct IngestPlan {
+  ShaderInputs<shader::IngestConstants, shader::IngestParams> inputs;  // without the scrub
+  // The mean is that of the luminances between these percentiles of the histogram; absent: of all.
+  std::optional<std::array<double, 2>> percentiles;
+  bool wants_histogram = false;     // among the frame's statistics
+  bool rejects_bad_values = false;  // a NaN or an infinite component is an error
+  // The same for the float64 reference.
+  std::optional<reference::Matrix> matrix;
+  reference::MeterParams reference;
+};
+
+// One pass of the bloom. It writes level `level`: for kBrightPass 0, for kBloomDown n+1, for kBloomUp n, for
+// kGaussian 1 in the vertical pass and 0 in the horizontal one.
+struct BloomStep {
   Pass pass;
   uint32_t level = 0;
-  bool operator==(const Step&) const = default;
+  std::variant<ShaderInputs<shader::BrightPassConstants, shader::BrightPassParams>,
+               ShaderInputs<shader::BloomDownConstants, shader::BloomLevelParams>,
+               ShaderInputs<shader::BloomUpConstants, shader::BloomLevelParams>,
+               ShaderInputs<shader::GaussianConstants, shader::GaussianParams>>
+      inputs;
+  uint32_t from_level = 0;   // not for kBrightPass
+  uint32_t group_rows = 0;   // of the level that a work group writes
+  std::vector<Box> groups;   // work groups to dispatch
+  bool clear_first = false;  // the groups are not the whole level, and it holds nothing yet
+};
+
+// Rows of the image that a work group of resolve writes.
+inline constexpr uint32_t kResolveGroupRows = shader::RESOLVE_ROWS * shader::RESOLVE_GROUP_Y;
+
+// The last pass, which writes the image. The groups that bloom does not reach run a shader without it.
+struct ResolveStep {
+  ShaderInputs<shader::ResolveConstants, shader::ResolveParams> inputs;
+  std::vector<Box> bloom_groups;
+  std::vector<Box> plain_groups;
+};
+
+// The same picture for the float64 reference, which works on whole images.
+struct ReferencePlan {
+  std::optional<reference::Matrix> matrix;
+  reference::MeterParams meter;
+  std::optional<reference::BloomSpec> bloom;  // absent if the settings ask for none
+  reference::ResolveParams resolve;           // without `look`
+  std::optional<uint32_t> dither_frame;       // absent: no dither
 };
 
 struct Plan {
-  std::vector<Step> steps;  // in order; kIngest comes first
-  bool bloom = false;       // resolve adds bloom
-  std::vector<Box> lit;     // where the frame may pass the bright pass, in texels; it does not elsewhere
-  std::vector<std::string> words;  // the same for people, with the reasons
+  std::vector<BloomStep> bloom_steps;  // in order; empty if no light passes the threshold
+  ResolveStep resolve;
+  std::shared_ptr<const ColorTable> table;  // of the curves that have one
+  ReferencePlan reference;
+  std::vector<Box> lit;            // texels of the frame that may pass the bright pass; no others do
+  std::vector<std::string> words;  // the plan for people, with the reasons
+
+  bool bloom() const { return !bloom_steps.empty(); }
 };
 
-// Pure: the same arguments give the same plan. `scrubbed`: the frame had to be read again with the scrub.
-Plan plan_frame(const FrameDesc& desc, const FrameStats& stats, bool scrubbed, const Settings& settings,
-                const Tier& tier);
+// Pure.
+IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings);
+
+// What is decided about a frame between its two phases.
+struct FrameDecisions {
+  double exposure = 1.0;                    // the factor E
+  uint64_t sequence = 0;                    // the dither depends on its low 32 bits
+  std::shared_ptr<const ColorTable> table;  // see color_table_of()
+};
+
+// Pure: the same arguments give the same plan.
+Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Settings& settings,
+                const FrameDecisions& decisions);
+
+// The table that resolve looks colours up in: the settings' own, or the one that is baked for aces-1; null
+// for curves that are formulas. Fails as aces_1_table does. Any thread.
+absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings);
 
 }  // namespace candela

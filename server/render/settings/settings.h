@@ -1,7 +1,6 @@
 // How a frame is to be rendered. Ranges and defaults are in proto/candela/v1/limits.h.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -9,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "proto/candela/v1/limits.h"
+#include "server/render/color/primaries.h"
 #include "server/render/settings/frame.h"
 #include "shaders/color_table.h"
 
@@ -20,14 +20,6 @@ enum class MeterStatistic : uint32_t { kLogAverage = 1, kPercentile = 2 };
 enum class MeterWeights : uint32_t { kAverage = 1, kCenter = 2, kSpot = 3 };
 enum class AdaptationDomain : uint32_t { kLinear = 1, kLog = 2 };
 enum class BloomKind : uint32_t { kMip = 1, kConserve = 2, kGaussian = 3 };
-enum class Primaries : uint32_t {
-  kRec709 = 1,
-  kRec2020 = 2,
-  kP3D65 = 3,
-  kAcesAp0 = 4,
-  kAcesAp1 = 5,
-  kXyz = 6
-};
 enum class ToneCurve : uint32_t {
   kLinear = 1,
   kReinhard = 2,
@@ -94,11 +86,6 @@ struct BloomSettings {
   bool firefly_weights = v1::kDefaultFireflyWeights;
 };
 
-// CIE 1931 xy of the red, green and blue primaries and of white.
-struct Chromaticities {
-  std::array<double, 8> xy{};  // red x, red y, green x, ... white x, white y
-};
-
 // What a tier has to keep; with neither, the settings' own tier is taken.
 struct Promise {
   std::optional<double> max_error_codes;
@@ -122,10 +109,6 @@ struct Settings {
   std::optional<Chromaticities> input_chromaticities;  // absent: Rec.709, D65
   std::shared_ptr<const ColorTable> table;             // of kTable, and only there
 };
-
-// What the names of primaries stand for: SMPTE ST 2065-1 and S-2014-004 (ACES), ITU-R BT.709 and BT.2020,
-// SMPTE EG 432-1 (P3-D65), CIE 15 (XYZ).
-Chromaticities chromaticities(Primaries primaries);
 
 // INVALID_ARGUMENT naming the field, its value and its range; also for an unknown tier, listing those there
 // are.

@@ -1,0 +1,37 @@
+// Renders plans on the Vulkan device.
+#pragma once
+
+#include <memory>
+
+#include "server/render/device/executor.h"
+#include "server/render/device/table_cache.h"
+#include "server/render/device/tile_sums.h"
+#include "server/vulkan/pipeline.h"
+#include "server/vulkan/recorder.h"
+
+namespace candela {
+
+class DeviceExecutor final : public Executor {
+ public:
+  // The device outlives the executor.
+  static absl::StatusOr<std::unique_ptr<DeviceExecutor>> create(Device& device);
+
+  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::Status draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
+
+ private:
+  DeviceExecutor(Device& device, PipelineCache pipelines, Recorder recorder);
+
+  // Runs ingest once and adds up its tiles. `upload`: the wire pixels are not on the device yet.
+  absl::StatusOr<TileSums> ingest(const FrameTextures& textures, const IngestPlan& plan, bool scrub,
+                                  bool upload, std::vector<StageTime>* stages);
+  absl::Status record_passes(const FrameTextures& textures, const Plan& plan, const Buffer* table);
+  // Records the unquantised image, and copies of what verification reads.
+  absl::Status record_verification(const FrameTextures& textures, const Plan& plan, const Buffer* table);
+
+  PipelineCache pipelines_;
+  Recorder recorder_;
+  TableCache tables_;
+};
+
+}  // namespace candela

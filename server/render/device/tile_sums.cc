@@ -1,0 +1,131 @@
+#include "server/render/device/tile_sums.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "server/render/plan/metering.h"
+#include "shaders/params.h"
+
+namespace candela {
+
+namespace {
+
+constexpr double kFixedPointPerEv = 1u << shader::LOG2_FRACTION_BITS;
+
+std::vector<MeterBin> bins_of(const FrameTextures& textures, bool center_weighted) {
+  const double offset_ev = (center_weighted ? 256.0 : 1.0) / kFixedPointPerEv;
+  std::vector<MeterBin> bins(shader::HISTOGRAM_BINS);
+  for (size_t i = 0; i < size_t{textures.layout.histogram_copies} * shader::HISTOGRAM_BINS; ++i) {
+    shader::HistogramBin bin;
+    std::memcpy(&bin, textures.host_histogram().mapped() + i * sizeof bin, sizeof bin);
+    bins[i % shader::HISTOGRAM_BINS].weight += bin.weight;
+    bins[i % shader::HISTOGRAM_BINS].above_ev += bin.offset_sum * offset_ev;
+  }
+  return bins;
+}
+
+shader::TileRecord tile_at(const FrameTextures& textures, size_t index) {
+  shader::TileRecord tile;
+  std::memcpy(&tile, textures.host_tiles().mapped() + index * sizeof tile, sizeof tile);
+  return tile;
+}
+
+uint64_t fixed_log2_of(const shader::TileRecord& tile) {
+  return tile.log2_sum_low + (uint64_t{tile.log2_sum_high} << 16);
+}
+
+double log2_of(uint64_t fixed_log2, uint64_t weight) {
+  return static_cast<double>(fixed_log2) / (kFixedPointPerEv * static_cast<double>(weight)) -
+         shader::LOG2_BIAS;
+}
+
+// The picture of the frame by which scenes are told apart. A cell takes at least one tile each way.
+ScenePrint print_of(const FrameTextures& textures, bool weighted) {
+  constexpr uint32_t kCells = 8;
+  const FrameLayout& layout = textures.layout;
+  ScenePrint print;
+  const auto first = [](uint32_t cell, uint32_t tiles) { return cell * tiles / kCells; };
+  const auto last = [&](uint32_t cell, uint32_t tiles) {
+    return std::max(first(cell, tiles) + 1, first(cell + 1, tiles));
+  };
+  const auto texels = [](uint32_t tile, uint32_t size) {
+    return std::min(shader::TILE_TEXELS, size - tile * shader::TILE_TEXELS);
+  };
+  for (uint32_t cell = 0; cell < print.size(); ++cell) {
+    uint64_t fixed_log2 = 0;
+    uint64_t weight = 0;
+    for (uint32_t y = first(cell / kCells, layout.tiles_y); y < last(cell / kCells, layout.tiles_y); ++y) {
+      for (uint32_t x = first(cell % kCells, layout.tiles_x); x < last(cell % kCells, layout.tiles_x); ++x) {
+        const shader::TileRecord tile = tile_at(textures, size_t{y} * layout.tiles_x + x);
+        fixed_log2 += fixed_log2_of(tile);
+        weight += weighted ? tile.weight_sum
+                           : uint64_t{texels(x, layout.desc.width)} * texels(y, layout.desc.height);
+      }
+    }
+    print[cell] = weight == 0 ? NAN : static_cast<float>(log2_of(fixed_log2, weight));
+  }
+  return print;
+}
+
+// What all tiles add up to, in the shader's own numbers.
+struct Totals {
+  // At 16384 x 16384: 2^28 texels of 25 bits, and with weights of 8 bits, 2^61 at most.
+  uint64_t fixed_log2 = 0;
+  uint64_t weight = 0;
+  uint32_t darkest_inverted = 0;
+  uint32_t brightest = 0;
+  uint32_t magnitude = 0;
+};
+
+Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
+  const FrameLayout& layout = textures.layout;
+  FrameStats& stats = sums.stats;
+  Totals totals;
+  for (size_t i = 0; i < size_t{layout.tiles_x} * layout.tiles_y; ++i) {
+    const shader::TileRecord tile = tile_at(textures, i);
+    totals.fixed_log2 += fixed_log2_of(tile);
+    totals.weight += tile.weight_sum;
+    totals.brightest = std::max(totals.brightest, tile.max_luminance_bits);
+    totals.darkest_inverted = std::max(totals.darkest_inverted, tile.min_luminance_bits_inverted);
+    totals.magnitude = std::max(totals.magnitude, tile.max_magnitude_bits);
+    stats.nan_components += tile.nan_components;
+    stats.infinite_components += tile.infinite_components;
+    stats.negative_components += tile.negative_components;
+    if (!layout.level_sizes.empty()) stats.tile_light.push_back(std::bit_cast<float>(tile.max_light_bits));
+    sums.first_bad_texel = std::min(sums.first_bad_texel, ~tile.first_bad_texel_inverted);
+  }
+  return totals;
+}
+
+void read_histogram(const FrameTextures& textures, const IngestPlan& plan, FrameStats& stats) {
+  if (textures.layout.histogram_copies == 0) return;
+  const std::vector<MeterBin> bins = bins_of(textures, textures.layout.center_weights);
+  if (plan.percentiles) {
+    const auto [low, high] = *plan.percentiles;
+    stats.mean_log2_luminance = percentile_mean(bins, low, high);
+  }
+  if (!plan.wants_histogram) return;
+  for (const MeterBin& bin : bins) stats.histogram.push_back(bin.weight);
+}
+
+}  // namespace
+
+TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan) {
+  const FrameDesc& desc = textures.layout.desc;
+  TileSums sums;
+  FrameStats& stats = sums.stats;
+  const Totals totals = add_tiles(textures, sums);
+  const bool weighted = plan.inputs.constants.weights != shader::WEIGHTS_AVERAGE;
+  stats.metered_weight = weighted ? totals.weight : uint64_t{desc.width} * desc.height;
+  stats.mean_log2_luminance = log2_of(totals.fixed_log2, stats.metered_weight);
+  read_histogram(textures, plan, stats);
+  stats.print = print_of(textures, weighted);
+  stats.max_luminance = std::bit_cast<float>(totals.brightest);
+  stats.min_luminance = std::bit_cast<float>(~totals.darkest_inverted);
+  sums.needs_scrub = totals.magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
+  return sums;
+}
+
+}  // namespace candela

@@ -1,0 +1,20 @@
+// The frame's statistics, added up from what ingest wrote for each tile.
+#pragma once
+
+#include <cstdint>
+
+#include "server/render/device/frame_textures.h"
+#include "server/render/plan/plan.h"
+
+namespace candela {
+
+struct TileSums {
+  FrameStats stats;
+  bool needs_scrub = false;               // a component on the wire is not finite or beyond +-MAX_SCENE_VALUE
+  uint32_t first_bad_texel = UINT32_MAX;  // y * width + x; UINT32_MAX: none
+};
+
+// Reads the tiles and the histogram in the textures' host buffers. `plan` is the one that ingest ran with.
+TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan);
+
+}  // namespace candela

@@ -1,0 +1,22 @@
+// What is known about a frame after it was rendered; its image is in its FrameMemory.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "server/render/plan/plan.h"
+#include "server/render/plan/stage_time.h"
+#include "server/render/reference/verification.h"
+
+namespace candela {
+
+struct FrameReport {
+  FrameStats stats;
+  double exposure = 0.0;  // the factor E that was used
+  double target = 0.0;    // the factor that the metering asked for
+  Plan plan;
+  std::vector<StageTime> stages;
+  std::optional<FrameVerification> verification;  // if the memory was taken for it
+};
+
+}  // namespace candela

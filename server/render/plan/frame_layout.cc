@@ -1,0 +1,79 @@
+#include "server/render/plan/frame_layout.h"
+
+#include <algorithm>
+
+#include "server/render/settings/tiers.h"
+#include "shaders/params.h"
+#include "shaders/reference.h"
+
+namespace candela {
+
+namespace {
+
+// The sizes that the settings' bloom has if its first level is of `level_size`.
+std::vector<LevelSize> level_sizes(const FrameDesc& desc, const BloomSettings& bloom, uint32_t level_size) {
+  if (bloom.intensity == 0) return {};
+  return bloom.kind == BloomKind::kGaussian
+             ? gaussian_level_sizes(desc.width, desc.height)
+             : bloom_level_sizes(desc.width, desc.height, bloom.levels, level_size);
+}
+
+// About 26 bytes a pixel.
+uint64_t reference_bytes(const FrameDesc& desc, const BloomSettings& bloom) {
+  const uint64_t pixels = uint64_t{desc.width} * desc.height;
+  uint64_t texels = 0;
+  for (const LevelSize& level : level_sizes(desc, bloom, kWholeBloom)) {
+    texels += uint64_t{level.width} * level.height;
+  }
+  // The errors beyond p99.9, the sums of rows, the rows in progress and the third Gaussian level: less than 2
+  // bytes a pixel except in tiny frames.
+  constexpr uint64_t kSmall = 1 << 16;
+  return pixels * (4 * sizeof(float) + 2) + texels * sizeof(reference::Rgb) + kSmall;
+}
+
+}  // namespace
+
+std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
+                                         uint32_t level_size) {
+  std::vector<LevelSize> sizes = {{(width + 1) / 2, (height + 1) / 2}};
+  while (sizes.size() < levels) {
+    const LevelSize next = {(sizes.back().width + 1) / 2, (sizes.back().height + 1) / 2};
+    if (std::min(next.width, next.height) < 2) break;
+    sizes.push_back(next);
+  }
+  if (level_size == kWholeBloom) return sizes;
+  if (sizes.size() == 1) return {{(width + 3) / 4, (height + 3) / 4}};
+  return {sizes.begin() + 1, sizes.end()};
+}
+
+std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
+  return {2, {(width + 3) / 4, (height + 3) / 4}};
+}
+
+FrameLayout layout_frame(const FrameDesc& desc, const Settings& settings) {
+  const MeteringSettings& metering = settings.exposure.metering;
+  const BloomSettings& bloom = settings.bloom;
+  const Tier& tier = *find_tier(settings.tier);
+  FrameLayout layout;
+  layout.desc = desc;
+  layout.output_format = settings.output_format;
+  layout.pitch = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
+  layout.tiles_x = groups(desc.width, shader::TILE_TEXELS);
+  layout.tiles_y = groups(desc.height, shader::TILE_TEXELS);
+  if (metering.statistic == MeterStatistic::kPercentile || metering.histogram) {
+    layout.histogram_copies = groups(layout.tiles_x * layout.tiles_y, shader::HISTOGRAM_TILES);
+  }
+  layout.center_weights = metering.weights == MeterWeights::kCenter;
+  layout.level_sizes = level_sizes(desc, bloom, tier.bloom_level_size);
+  const bool gaussian = bloom.kind == BloomKind::kGaussian;
+  layout.level_size = gaussian ? 4 : tier.bloom_level_size;
+  layout.first_level_twice =
+      !gaussian && tier.bloom_level_size != kWholeBloom && layout.level_sizes.size() > 1;
+  layout.summed_levels =
+      gaussian ? 1 : static_cast<uint32_t>(layout.level_sizes.size()) + layout.first_level_twice;
+  layout.by_reference = tier.host_reference;
+  layout.reference_bytes = reference_bytes(desc, bloom);
+  return layout;
+}
+
+}  // namespace candela

@@ -1,0 +1,53 @@
+// The textures that a frame needs, and their sizes.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "server/render/settings/frame.h"
+#include "server/render/settings/settings.h"
+
+namespace candela {
+
+// How many groups of `size` hold `count`.
+constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
+
+struct LevelSize {
+  uint32_t width;
+  uint32_t height;
+};
+
+// Texels of the frame to one texel of the first bloom level, along a side, if no level is left out.
+inline constexpr uint32_t kWholeBloom = 2;
+
+// Sizes of the bloom levels of a width x height frame: half its size, half of that and so on, at most
+// `levels`. The first level always exists; a further one exists only if its short side has 2 texels or more.
+// A `level_size` of 4 leaves out the first level, but keeps at least one.
+std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
+                                         uint32_t level_size);
+
+// Gaussian bloom has one quarter-size level, and a second one of that size for the result of its first pass.
+std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
+
+// Sizes are in texels.
+struct FrameLayout {
+  FrameDesc desc;
+  OutputFormat output_format = OutputFormat::kRgba8;
+  uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
+  uint32_t tiles_x = 0;
+  uint32_t tiles_y = 0;
+  uint32_t histogram_copies = 0;       // see shader::HISTOGRAM_TILES; 0 if no histogram is needed
+  bool center_weights = false;         // ingest reads a table of weights
+  std::vector<LevelSize> level_sizes;  // of the bloom; empty if the settings ask for none
+  uint32_t level_size = kWholeBloom;   // texels of the frame to one of level 0, along a side
+  bool by_reference = false;           // the float64 reference renders the frame, on the host
+  uint64_t reference_bytes = 0;        // what the reference allocates, to render or to verify
+
+  bool first_level_twice = false;  // level 0 also stands for a finer level that was left out
+  uint32_t summed_levels = 0;      // level 0 holds the sum of so many levels' light in the end
+};
+
+// Pure.
+FrameLayout layout_frame(const FrameDesc& desc, const Settings& settings);
+
+}  // namespace candela

@@ -1,0 +1,38 @@
+// What metering knows about a frame.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "server/render/plan/metering.h"
+#include "server/render/plan/stage_time.h"
+
+namespace candela {
+
+// Statistics of the whole frame. Luminance is scene-linear Rec.709 Y after the scrub.
+struct FrameStats {
+  double mean_log2_luminance = 0.0;  // EV
+  float min_luminance = 0.0f;
+  float max_luminance = 0.0f;
+  uint64_t nan_components = 0;
+  uint64_t infinite_components = 0;
+  uint64_t negative_components = 0;
+  uint64_t metered_weight = 0;  // the sum of all texels' metering weights
+  // The largest luminance of each tile of shader::TILE_TEXELS squared, row by row, with negative components
+  // cut to 0. No mean that bloom makes of the tile's texels is brighter. Empty if the settings ask for no
+  // bloom.
+  std::vector<float> tile_light;
+  ScenePrint print{};
+  // Weights by log2 luminance, 64 bins an octave from 2^-14 on. Empty unless the settings ask for it.
+  std::vector<uint64_t> histogram;
+};
+
+// The result of phase A. If the tier renders on the host, the mean log2 luminance is the float64 reference's;
+// the other statistics are the device's.
+struct Metered {
+  FrameStats stats;
+  bool scrubbed = false;  // the frame was read a second time, with the scrub
+  std::vector<StageTime> stages{};
+};
+
+}  // namespace candela

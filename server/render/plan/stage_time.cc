@@ -1,0 +1,27 @@
+#include "server/render/plan/stage_time.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace candela {
+
+void add_time(const StageTime& time, std::vector<StageTime>* stages) {
+  const auto same = std::find_if(stages->begin(), stages->end(), [&](const StageTime& stage) {
+    return std::strcmp(stage.name, time.name) == 0;
+  });
+  if (same == stages->end()) {
+    stages->push_back(time);
+  } else {
+    same->ns += time.ns;
+  }
+}
+
+HostStage::HostStage(const char* name, std::vector<StageTime>* stages)
+    : name_(name), stages_(stages), begin_(std::chrono::steady_clock::now()) {}
+
+HostStage::~HostStage() {
+  const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - begin_;
+  add_time({name_, static_cast<uint64_t>(took.count())}, stages_);
+}
+
+}  // namespace candela

@@ -1,0 +1,138 @@
+#include "server/render/reference/compare.h"
+
+#include <half.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <queue>
+#include <utility>
+#include <vector>
+
+#include "server/render/reference/row_parts.h"
+
+namespace candela {
+
+namespace {
+
+constexpr double kCodes = 255.0;
+constexpr double kPercentile = 0.999;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+template <typename T>
+T load(const std::byte* texels, size_t index) {
+  T value;
+  std::memcpy(&value, texels + index * sizeof value, sizeof value);
+  return value;
+}
+
+// The `count` largest of many values.
+class Largest {
+ public:
+  explicit Largest(uint64_t count) : count_(count) {}
+
+  void add(float value) {
+    if (values_.size() < count_) {
+      values_.push(value);
+    } else if (value > values_.top()) {
+      values_.pop();
+      values_.push(value);
+    }
+  }
+  void add(Largest other) {
+    for (; !other.values_.empty(); other.values_.pop()) add(other.values_.top());
+  }
+  float least() const { return values_.top(); }
+
+ private:
+  const uint64_t count_;
+  std::priority_queue<float, std::vector<float>, std::greater<>> values_;
+};
+
+// The errors of some rows.
+struct Tally {
+  Verification worst;  // its maxima, worst pixel and count of differing components
+  Largest largest;
+};
+
+// Adds the errors of row y to the tally, and to the map if there is one. Returns the sum of the row's errors.
+double compare_row(const ReferenceFrame& truth, const Picture& codes, const Picture& image, uint32_t y,
+                   Tally* tally, uint16_t* map) {
+  const auto row = truth.row(y);
+  const double largest = largest_code(image.format);
+  Verification& v = tally->worst;
+  double sum = 0.0;
+  for (uint32_t x = 0; x < row.size(); ++x) {
+    double worst = 0.0;
+    for (size_t k = 0; k < 3; ++k) {
+      double error = std::abs(codes.component(x, y, k) - row[x][k]) * kCodes;
+      if (std::isnan(error)) error = kInfinity;
+      worst = std::max(worst, error);
+      sum += error;
+      tally->largest.add(static_cast<float>(error));
+      const double off = std::abs(std::round(image.component(x, y, k) * largest) -
+                                  std::round(truth.code(row[x][k], largest, x, y, k)));
+      if (off != 0) ++v.differing;
+      v.max_difference = std::max(v.max_difference, off);
+    }
+    if (worst > v.max_codes) {
+      v.max_codes = worst;
+      v.worst_x = x;
+      v.worst_y = y;
+    }
+    if (map != nullptr) map[size_t{y} * row.size() + x] = imath_float_to_half(static_cast<float>(worst));
+  }
+  return sum;
+}
+
+Verification add_up(std::vector<Tally> tallies, const std::vector<double>& row_sums, uint64_t components,
+                    uint64_t beyond) {
+  Verification v;
+  Largest largest(beyond);
+  for (Tally& tally : tallies) {
+    if (tally.worst.max_codes > v.max_codes) {
+      v.max_codes = tally.worst.max_codes;
+      v.worst_x = tally.worst.worst_x;
+      v.worst_y = tally.worst.worst_y;
+    }
+    v.differing += tally.worst.differing;
+    v.max_difference = std::max(v.max_difference, tally.worst.max_difference);
+    largest.add(std::move(tally.largest));
+  }
+  v.components = components;
+  v.p999_codes = largest.least();
+  // Row by row, so that the sum does not depend on the number of threads.
+  for (double sum : row_sums) v.mean_codes += sum / static_cast<double>(components);
+  return v;
+}
+
+}  // namespace
+
+double Picture::component(uint32_t x, uint32_t y, size_t k) const {
+  const size_t index = (size_t{y} * pitch + x) * 4 + k;
+  if (format == shader::OUTPUT_RGBA8) return std::to_integer<int>(texels[index]) / 255.0;
+  if (format == shader::OUTPUT_FLOAT) return load<float>(texels, index);
+  const auto bits = load<uint16_t>(texels, index);
+  return format == shader::OUTPUT_RGBA16 ? bits / 65535.0 : imath_half_to_float(bits);
+}
+
+Verification compare(const ReferenceFrame& truth, const Picture& codes, const Picture& image, uint16_t* map) {
+  const uint32_t height = truth.height();
+  const uint64_t components = uint64_t{truth.width()} * height * 3;
+  // p99.9 is the least of the errors from this rank on.
+  const auto rank = static_cast<uint64_t>(static_cast<double>(components - 1) * kPercentile);
+  const uint64_t beyond = components - rank;
+  const uint32_t parts = row_parts(height);
+  std::vector<Tally> tallies(parts, {{}, Largest(beyond)});
+  std::vector<double> row_sums(height);
+  for_row_parts(height, parts, [&](uint32_t first, uint32_t last, uint32_t part) {
+    for (uint32_t y = first; y < last; ++y) {
+      row_sums[y] = compare_row(truth, codes, image, y, &tallies[part], map);
+    }
+  });
+  return add_up(std::move(tallies), row_sums, components, beyond);
+}
+
+}  // namespace candela

@@ -1,0 +1,83 @@
+#include "server/render/reference/reference_executor.h"
+
+#include <half.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+#include "server/render/reference/reference_frame.h"
+#include "server/render/reference/row_parts.h"
+
+namespace candela {
+
+namespace {
+
+template <typename T>
+void store(const Buffer& buffer, size_t index, T value) {
+  std::memcpy(buffer.mapped() + index * sizeof value, &value, sizeof value);
+}
+
+// Component k of texel (x, y), in the format of the output.
+void store_output(const FrameTextures& textures, const ReferenceFrame& frame, double value, uint32_t x,
+                  uint32_t y, size_t k) {
+  const FrameLayout& layout = textures.layout;
+  const Buffer& output = textures.host_output();
+  const size_t index = (size_t{y} * layout.pitch + x) * 4 + k;
+  const double largest = largest_code(static_cast<uint32_t>(layout.output_format));
+  if (largest == 0.0) {
+    store(output, index, imath_float_to_half(static_cast<float>(value)));
+    return;
+  }
+  const double code =
+      std::round(k < 3 ? frame.code(value, largest, x, y, k) : std::clamp(value, 0.0, 1.0) * largest);
+  if (layout.output_format == OutputFormat::kRgba8) {
+    store(output, index, static_cast<uint8_t>(code));
+  } else {
+    store(output, index, static_cast<uint16_t>(code));
+  }
+}
+
+void render_row(const FrameTextures& textures, const ReferenceFrame& frame, uint32_t y) {
+  const auto row = frame.row(y);
+  for (uint32_t x = 0; x < row.size(); ++x) {
+    for (size_t k = 0; k < 4; ++k) {
+      if (textures.exact) {
+        const size_t index = (size_t{y} * textures.layout.pitch + x) * 4 + k;
+        store(textures.host_exact(), index, static_cast<float>(row[x][k]));
+      }
+      store_output(textures, frame, row[x][k], x, y, k);
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+  absl::StatusOr<Metered> metered = device_.meter(memory, plan);
+  if (!metered.ok()) return metered;
+  FrameTextures& textures = memory.textures();
+  {
+    const HostStage stage(kReferenceStage, &metered->stages);
+    textures.metered_scene = meter_scene(textures, plan.matrix, plan.reference, reference::Rounding::kNone);
+  }
+  metered->stats.mean_log2_luminance = textures.metered_scene->meter.mean_log2_luminance;
+  return metered;
+}
+
+absl::Status ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) {
+  const HostStage stage(kReferenceStage, stages);
+  FrameTextures& textures = memory.textures();
+  std::optional<MeteredScene> scene = std::exchange(textures.metered_scene, std::nullopt);
+  const ReferenceFrame frame(*std::move(scene), plan, kWholeBloom);
+  const uint32_t height = frame.height();
+  for_row_parts(height, row_parts(height), [&](uint32_t first, uint32_t last, uint32_t) {
+    for (uint32_t y = first; y < last; ++y) render_row(textures, frame, y);
+  });
+  return absl::OkStatus();
+}
+
+}  // namespace candela

@@ -1,0 +1,74 @@
+#include "server/render/reference/reference_frame.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <utility>
+
+#include "server/render/color/aces.h"
+
+namespace candela {
+
+namespace {
+
+// aces-1 is computed by OpenColorIO itself, so that the error of the baked table counts. A client's own table
+// is exact by definition.
+std::function<reference::Rgb(const reference::Rgb&)> look_of(const Plan& plan) {
+  if (plan.reference.resolve.curve == shader::CURVE_TABLE) {
+    return [table = plan.table](const reference::Rgb& c) { return reference::look_up(*table, c); };
+  }
+  if (plan.reference.resolve.curve != shader::CURVE_ACES_1) return nullptr;
+  return [](const reference::Rgb& c) -> reference::Rgb {
+    std::array<float, 3> rgb = {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+    if (!aces_1(rgb).ok()) return {NAN, NAN, NAN};
+    return {rgb[0], rgb[1], rgb[2]};
+  };
+}
+
+}  // namespace
+
+double largest_code(uint32_t format) {
+  return format == shader::OUTPUT_RGBA8 ? 255.0 : format == shader::OUTPUT_RGBA16 ? 65535.0 : 0.0;
+}
+
+ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size)
+    : metered_(std::move(scene)),
+      resolve_(plan.reference.resolve),
+      dither_frame_(plan.reference.dither_frame) {
+  if (plan.reference.bloom) {
+    reference::BloomSpec bloom = *plan.reference.bloom;
+    bloom.level_size = level_size;
+    if (bloom.kind != shader::BLOOM_GAUSSIAN) resolve_.level_size = level_size;
+    bloom_ = reference::bloom(metered_.scene, bloom, metered_.meter.mean_log2_luminance, &levels_);
+  }
+  resolve_.look = look_of(plan);
+}
+
+reference::Rgb ReferenceFrame::bloom_light(uint32_t x, uint32_t y) const {
+  reference::Rgb light = bloom_.at(x, y);
+  for (double& component : light) component /= levels_;
+  return light;
+}
+
+std::vector<std::array<double, 4>> ReferenceFrame::row(uint32_t y) const {
+  return reference::resolve_row(metered_.scene, bloom_, levels_, resolve_, y);
+}
+
+double ReferenceFrame::code(double value, double largest, uint32_t x, uint32_t y, size_t k) const {
+  if (!dither_frame_) return value * largest;
+  return std::clamp(value * largest + reference::dither_noise(x, y, *dither_frame_, k), 0.0, largest);
+}
+
+MeteredScene meter_scene(const FrameTextures& textures, const std::optional<reference::Matrix>& matrix,
+                         const reference::MeterParams& params, reference::Rounding rounding) {
+  const FrameDesc& desc = textures.layout.desc;
+  const size_t stride = size_t{textures.layout.pitch} * bytes_per_pixel(desc.format);
+  MeteredScene metered;
+  metered.scene =
+      reference::ingest({textures.host_input().mapped(), stride * desc.height}, stride, desc.width,
+                        desc.height, static_cast<uint32_t>(desc.format), matrix, rounding, &metered.bad);
+  metered.meter = reference::meter(metered.scene, params);
+  return metered;
+}
+
+}  // namespace candela

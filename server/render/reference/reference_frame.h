@@ -1,0 +1,50 @@
+// A frame as the float64 reference makes it: the scene, its metering and its bloom, ready to be resolved.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "server/render/device/frame_textures.h"
+#include "server/render/plan/plan.h"
+#include "shaders/reference.h"
+
+namespace candela {
+
+// The largest value of a component of an OUTPUT_* format; 0 for formats that do not quantise.
+double largest_code(uint32_t format);
+
+class ReferenceFrame {
+ public:
+  // `level_size`: see FrameLayout; what a first level that does not leave any out has, or a tier's own.
+  ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size);
+
+  const MeteredScene& metered() const { return metered_; }
+  uint32_t width() const { return metered_.scene.width; }
+  uint32_t height() const { return metered_.scene.height; }
+  // The light that the bloom adds at an intensity of 1, at one texel of level 0; `bloom` may be empty.
+  const reference::Level& bloom() const { return bloom_; }
+  reference::Rgb bloom_light(uint32_t x, uint32_t y) const;
+
+  // The display values of row y, before dither and quantising. Any thread.
+  std::vector<std::array<double, 4>> row(uint32_t y) const;
+
+  // Component k (0 .. 2) of texel (x, y) in codes of an output that has codes 0 to `largest`, dithered but
+  // not rounded; `value` is its display value.
+  double code(double value, double largest, uint32_t x, uint32_t y, size_t k) const;
+
+ private:
+  MeteredScene metered_;
+  reference::Level bloom_;
+  uint32_t levels_ = 1;  // whose light `bloom_` is the sum of
+  reference::ResolveParams resolve_;
+  std::optional<uint32_t> dither_frame_;
+};
+
+// Makes the scene of the wire pixels and meters it.
+MeteredScene meter_scene(const FrameTextures& textures, const std::optional<reference::Matrix>& matrix,
+                         const reference::MeterParams& params, reference::Rounding rounding);
+
+}  // namespace candela

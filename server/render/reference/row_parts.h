@@ -1,0 +1,17 @@
+// Work on the rows of an image, on every core.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+namespace candela {
+
+// How many parts the rows are worth: one for each usable core, at most one for each row.
+uint32_t row_parts(uint32_t height);
+
+// Runs work(first, last, part) for each of `parts` parts of the rows, each on a thread of its own. Returns
+// when all are done.
+void for_row_parts(uint32_t height, uint32_t parts,
+                   const std::function<void(uint32_t first, uint32_t last, uint32_t part)>& work);
+
+}  // namespace candela
