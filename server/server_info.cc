@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "proto/candela/v1/settings.h"
 #include "server/render/settings/tiers.h"
 
 #ifndef CANDELA_VERSION
@@ -32,6 +33,8 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
     row.set_name(tier.name);
     row.set_summary(tier.summary);
   }
+  for (const v1::SettingField& setting : v1::setting_fields())
+    *info.add_settings() = v1::setting_info(setting);
   const FrameLimits limits = frame_limits(config, device);
   info.mutable_limits()->set_max_frame_bytes(limits.max_frame_bytes);
   info.mutable_limits()->set_max_dimension(limits.max_dimension);

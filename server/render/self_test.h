@@ -7,7 +7,7 @@
 namespace candela {
 
 // Most frames are of this format and have default settings; the self-test compiles their pipelines.
-inline constexpr PixelFormat kUsualFormat = PixelFormat::kRgba16f;
+inline constexpr v1::PixelFormat kUsualFormat = v1::PIXEL_FORMAT_RGBA16F;
 
 // INTERNAL naming the error if the device or its driver computes something else than the reference does; the
 // renderer's own error if it cannot render at all. Takes a few milliseconds once the pipelines are compiled.

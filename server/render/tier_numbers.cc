@@ -9,15 +9,12 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
-#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
+#include "proto/candela/v1/settings.h"
 #include "server/render/settings/tiers.h"
-#include "shaders/color_table.h"
 #include "shaders/pcg_hash.h"
 
 namespace candela {
@@ -54,7 +51,7 @@ Texel texel(const FrameDesc& desc, uint32_t x, uint32_t y) {
 void fill(const FrameDesc& desc, uint32_t y, std::byte* out) {
   for (uint32_t x = 0; x < desc.width; ++x, out += bytes_per_pixel(desc.format)) {
     const Texel t = texel(desc, x, y);
-    if (desc.format == PixelFormat::kRgb9e5) {
+    if (desc.format == v1::PIXEL_FORMAT_RGB9E5) {
       const uint32_t word = t.mantissa[0] | (t.mantissa[1] << 9) | (t.mantissa[2] << 18) | (t.exponent << 27);
       std::memcpy(out, &word, sizeof word);
       continue;
@@ -63,7 +60,7 @@ void fill(const FrameDesc& desc, uint32_t y, std::byte* out) {
     for (int i = 0; i < 3; ++i) {
       values[i] = std::ldexp(static_cast<float>(t.mantissa[i]), static_cast<int>(t.exponent) - 24);
     }
-    if (desc.format == PixelFormat::kRgba32f) {
+    if (desc.format == v1::PIXEL_FORMAT_RGBA32F) {
       std::memcpy(out, values, sizeof values);
       continue;
     }
@@ -87,28 +84,10 @@ double device_ms(const FrameReport& report) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-// Of a client's table, which may be as smooth or as steep as it likes.
-std::string words(const ColorTable& table) {
-  const std::string_view bytes(reinterpret_cast<const char*>(table.values.data()),
-                               table.values.size() * sizeof table.values[0]);
-  return absl::StrFormat("table %d %d %.9g %016x", table.size, table.axes, table.end,
-                         std::hash<std::string_view>()(bytes));
-}
-
 // Everything that a frame's time or error depends on.
-std::string key_of(const std::string& device, const FrameDesc& desc, const Settings& s) {
-  const ExposureSettings& e = s.exposure;
-  const BloomSettings& b = s.bloom;
-  return absl::StrFormat(
-      "%s|%dx%d %s|%s %.9g %s %s dither %d prescale %.17g|bloom %d %.9g %.9g %.9g %d %d|exposure %d %.17g "
-      "%.17g %.17g "
-      "%.17g %.17g|meter %d %.17g %.17g %d|%s|%s",
-      device, desc.width, desc.height, name(desc.format), name(s.curve), s.curve_white, name(s.transfer),
-      name(s.output_format), s.dither, s.prescale, b.kind, b.intensity, b.threshold, b.softness, b.levels,
-      b.firefly_weights, e.mode, e.manual_ev, e.compensation_ev, e.key, e.min_exposure, e.max_exposure,
-      e.metering.statistic, e.metering.percentile_low, e.metering.percentile_high, e.metering.weights,
-      s.input_chromaticities ? absl::StrJoin(s.input_chromaticities->xy, " ") : "",
-      s.table ? words(*s.table) : "");
+std::string key_of(const std::string& device, const FrameDesc& desc, const Settings& settings) {
+  return absl::StrFormat("%s|%dx%d %s|%s", device, desc.width, desc.height, v1::word_of(desc.format),
+                         settings.measurement_key());
 }
 
 }  // namespace
@@ -126,10 +105,9 @@ absl::StatusOr<std::vector<TierNumbers>> TierBenchmark::numbers(const FrameDesc&
   std::vector<TierNumbers> all;
   Settings asked = settings;
   // The picture's own, wherever the frame's spot lies.
-  asked.exposure.metering.spot = {0, 0, desc.width, desc.height};
+  asked.exposure.metering().spot = {0, 0, desc.width, desc.height};
   for (const Tier& tier : tiers()) {
-    asked.tier = tier.name;
-    absl::StatusOr<TierNumbers> measured = measure(desc, asked);
+    absl::StatusOr<TierNumbers> measured = measure(desc, settings.for_measuring(tier, desc));
     if (!measured.ok()) return measured.status();
     all.push_back(*std::move(measured));
   }
@@ -142,13 +120,13 @@ absl::StatusOr<std::vector<TierNumbers>> TierBenchmark::numbers(const FrameDesc&
 absl::StatusOr<TierChoice> TierBenchmark::choose(const FrameDesc& desc, const Settings& settings) {
   const absl::StatusOr<std::vector<TierNumbers>> measured = numbers(desc, settings);
   if (!measured.ok()) return measured.status();
-  return choose_tier(*measured, settings.promise);
+  return choose_tier(*measured, *settings);
 }
 
 absl::StatusOr<TierNumbers> TierBenchmark::measure(const FrameDesc& desc, const Settings& settings) {
   const std::shared_ptr<Renderer> renderer = renderer_();  // outlives its memory
   FrameDesc timed = desc;
-  const bool host = find_tier(settings.tier)->host_reference;
+  const bool host = settings.tier().host_reference;
   const uint64_t most = host ? kMaxHostPixels : kMaxTimedPixels;
   timed.height = static_cast<uint32_t>(std::clamp<uint64_t>(most / desc.width, 1, desc.height));
   absl::StatusOr<FrameMemory> memory = picture(*renderer, timed, settings);
@@ -168,9 +146,9 @@ absl::StatusOr<TierNumbers> TierBenchmark::measure(const FrameDesc& desc, const 
   const absl::StatusOr<FrameReport> report = renderer->render(*memory, settings);
   if (!report.ok()) return report.status();
   const double scale = static_cast<double>(desc.height) / timed.height;
-  return TierNumbers{settings.tier, times[kTimedFrames / 2] * scale,
-                     std::max(report->verification->rounded.max_codes * kErrorMargin,
-                              find_tier(settings.tier)->bound_codes)};
+  return TierNumbers{
+      settings.tier().name, times[kTimedFrames / 2] * scale,
+      std::max(report->verification->rounded.max_codes * kErrorMargin, settings.tier().bound_codes)};
 }
 
 void TierBenchmark::load() {

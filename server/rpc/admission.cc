@@ -50,7 +50,7 @@ void Admission::choose_tier() {
 void Admission::on_choice(absl::StatusOr<TierChoice> choice) {
   if (!done_ || retry_after(choice.status())) return;
   if (!choice.ok()) return complete(choice.status());
-  request_.settings.tier = choice->tier;
+  request_.settings = request_.settings.with_tier(choice->tier);
   choice_ = *std::move(choice);
   deadline_ = absl::Now() + request_.patience;
   allocate();

@@ -55,16 +55,14 @@ absl::Status RenderCall::take_start() {
   start_ = *std::move(start);
   if (work_ == Work::kMeter) {
     start_->verify = Verify::kNo;
-    start_->settings.promise = {};
-    start_->settings.bloom.intensity = 0.0f;
-    start_->settings.exposure.metering.histogram = true;
+    start_->settings = start_->settings.for_metering();
   }
   state_ = State::kAdmission;
   admission_.begin({.desc = start_->desc,
                     .sequence = start_->sequence,
                     .settings = start_->settings,
                     .verify = start_->verify,
-                    .choose_tier = start_->settings.promise.given()},
+                    .choose_tier = start_->settings.has_promise()},
                    [this](absl::StatusOr<Admission::Admitted> admitted)
                        ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
   return absl::OkStatus();
@@ -94,9 +92,8 @@ absl::Status RenderCall::enqueue() {
   if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
   FrameJob job{.frame = frame_, .work = work_, .flow = flow_};
   job.deadline = absl::FromChrono(context_.deadline());
-  job.decide = [exposure = frame_->settings.exposure, previous = start_->previous](const FrameStats& stats) {
-    return expose(exposure, previous, stats.mean_log2_luminance);
-  };
+  job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous](
+                   const FrameStats& stats) { return expose(exposure, previous, stats.mean_log2_luminance); };
   job.done = [self = self()](absl::StatusOr<RenderedFrame> rendered) {
     self->on_rendered(std::move(rendered));
   };

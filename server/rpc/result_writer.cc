@@ -61,7 +61,7 @@ void add_stages(const RenderedFrame& rendered, google::protobuf::RepeatedPtrFiel
 v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
                                  const std::optional<PreviousExposure>& previous) {
   const FrameStats& stats = metered.report.stats;
-  const Exposed exposed = expose(settings.exposure, previous, stats.mean_log2_luminance);
+  const Exposed exposed = expose(settings->exposure(), previous, stats.mean_log2_luminance);
   v1::MeterResponse response;
   *response.mutable_statistics() = statistics(stats);
   response.set_exposure(exposed.exposure);
@@ -79,14 +79,14 @@ v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered
   header.set_sequence(frame.sequence);
   header.set_width(frame.memory.desc().width);
   header.set_height(frame.memory.desc().height);
-  header.set_format(static_cast<v1::OutputFormat>(frame.settings.output_format));
+  header.set_format(frame.settings->output_format());
   *header.mutable_statistics() = statistics(report.stats);
   header.set_exposure(report.exposure);
   header.set_target(report.target);
-  header.set_prescale(frame.settings.prescale);
+  header.set_prescale(frame.settings->prescale());
   for (const std::string& line : report.plan.words) header.add_plan(line);
   add_stages(rendered, *header.mutable_stages());
-  header.set_tier(frame.settings.tier);
+  header.set_tier(frame.settings->tier());
   header.set_device(device);
   if (report.verification) {
     *header.mutable_verify() = verification(report.verification->rounded);
@@ -97,7 +97,7 @@ v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered
 
 ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header)
     : frame_(std::move(frame)),
-      row_bytes_(uint64_t{frame_->memory.desc().width} * bytes_per_pixel(frame_->settings.output_format)),
+      row_bytes_(uint64_t{frame_->memory.desc().width} * bytes_per_pixel(frame_->settings->output_format())),
       header_(std::move(header)) {}
 
 ResultWriter::ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header)

@@ -7,8 +7,8 @@
 
 namespace candela {
 
-StreamAnswers::StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch, Encoding encoding,
-                             std::string device)
+StreamAnswers::StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch,
+                             v1::Encoding encoding, std::string device)
     : keys_(keys),
       session_(std::move(session)),
       epoch_(epoch),
@@ -63,7 +63,7 @@ grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
   header.set_exposure_before(frame.exposure.before);
   header.set_cut(frame.exposure.cut);
   header.set_resume_token(token(frame, exposure));
-  header.set_encoding(static_cast<v1::Encoding>(encoding_));
+  header.set_encoding(encoding_);
   if (frame.file != nullptr) header.set_encoded_bytes(frame.file->size());
   return v1::pack(response);
 }

@@ -21,7 +21,7 @@ namespace candela {
 class StreamAnswers {
  public:
   // `keys` outlives this object. `device` is the name of the Vulkan device.
-  StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch, Encoding encoding,
+  StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch, v1::Encoding encoding,
                 std::string device);
 
   void notify(const v1::StreamResponse& notice);
@@ -41,7 +41,7 @@ class StreamAnswers {
   const TokenKeys& keys_;
   const std::string session_;
   const uint64_t epoch_;
-  const Encoding encoding_;
+  const v1::Encoding encoding_;
   const std::string device_;
   std::deque<grpc::ByteBuffer> notices_;
   std::optional<ResultWriter> writer_;  // of the first frame, while its result is sent

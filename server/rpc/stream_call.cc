@@ -120,7 +120,7 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   const SessionSettings& asked = settings.now();
   if (absl::Status status = check_settings_for(asked.settings, layout->desc); !status.ok()) return status;
   if (absl::Status status =
-          open_->frames.add(header, *layout, asked.settings.exposure, asked.hash, absl::Now());
+          open_->frames.add(header, *layout, asked.settings->exposure(), asked.hash, absl::Now());
       !status.ok()) {
     return status;
   }
@@ -232,7 +232,7 @@ void StreamCall::on_worked(const EntryPtr& entry, Work work, absl::StatusOr<Rend
 void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
   state_.metrics.frame_ended(absl::StatusCode::kOk);
   const StreamStart& start = open_->session.start;
-  const bool encode = start.encoding != Encoding::kRaw;
+  const bool encode = start.encoding != v1::ENCODING_RAW;
   SessionFrames::rendered(*entry, std::move(rendered), encode);
   if (!encode) return;
   state_.rendering.encoders.run(

@@ -25,21 +25,21 @@ bool alpha_varies(const PictureView& picture) {
   return false;
 }
 
-EncodedTransfer encoded_transfer(Transfer transfer) {
-  return transfer == Transfer::kSrgb      ? EncodedTransfer::kSrgb
-         : transfer == Transfer::kGamma22 ? EncodedTransfer::kGamma22
-                                          : EncodedTransfer::kLinear;
+EncodedTransfer encoded_transfer(v1::Transfer transfer) {
+  return transfer == v1::TRANSFER_SRGB      ? EncodedTransfer::kSrgb
+         : transfer == v1::TRANSFER_GAMMA22 ? EncodedTransfer::kGamma22
+                                            : EncodedTransfer::kLinear;
 }
 
 }  // namespace
 
 absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
-                                         Encoding encoding, int quality) {
+                                         v1::Encoding encoding, int quality) {
   const FrameDesc& desc = memory.desc();
   const std::byte* rows = memory.output_row(0).data();
   const PictureView picture{.width = desc.width,
                             .height = desc.height,
-                            .wide = settings.output_format == OutputFormat::kRgba16,
+                            .wide = settings->output_format() == v1::OUTPUT_FORMAT_RGBA16,
                             .rows = rows,
                             .row_stride_bytes = static_cast<size_t>(memory.output_row(1).data() - rows)};
   std::string file;
@@ -48,11 +48,11 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
     return true;
   };
   absl::Status status;
-  if (encoding == Encoding::kJpeg) {
+  if (encoding == v1::ENCODING_JPEG) {
     status = encode_jpeg(picture, quality, append);
   } else {
     const bool alpha = picture.wide ? alpha_varies<uint16_t>(picture) : alpha_varies<uint8_t>(picture);
-    status = encode_png(picture, {alpha, encoded_transfer(output_transfer(settings))}, append);
+    status = encode_png(picture, {alpha, encoded_transfer(output_transfer(*settings))}, append);
   }
   if (!status.ok()) return status;
   return file;

@@ -1,4 +1,4 @@
-// Encoding of rendered frames as image files, in memory.
+// Rendered frames as image files, in memory.
 #pragma once
 
 #include <string>
@@ -9,13 +9,10 @@
 
 namespace candela {
 
-// Values are those of candela.v1.Encoding.
-enum class Encoding { kRaw = 1, kPng = 2, kJpeg = 3 };
-
 // Encodes the image of `memory`, which was rendered with `settings`. `encoding` is not kRaw. A PNG has 8 or
 // 16 bits, chunks for its transfer function, and alpha unless alpha is constant. A JPEG has 8 bits, 4:4:4 and
 // no alpha; `quality` is 1 .. 100. Any thread. Takes tens of milliseconds for a large frame.
 absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
-                                         Encoding encoding, int quality);
+                                         v1::Encoding encoding, int quality);
 
 }  // namespace candela

@@ -16,7 +16,7 @@ ExposureTrack::ExposureTrack(uint32_t lookahead, double cut_threshold_ev, Exposu
       last_time_ns_(point_.media_time_ns) {}
 
 absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool cut,
-                                const ExposureSettings& settings) {
+                                const v1::Exposure& settings) {
   if (media_time_ns < v1::kMediaTimeNs.min || media_time_ns > v1::kMediaTimeNs.max) {
     return absl::InvalidArgumentError(
         absl::StrFormat("frame.media_time_ns is %d; it must be between %d and %d", media_time_ns,

@@ -51,7 +51,7 @@ class ExposureTrack {
   // Adds the next frame, before it is metered. Frames are added in order. A frame with the number of the
   // frame before repeats it: it gets the same exposure and does not affect later frames. INVALID_ARGUMENT for
   // a lower number or an earlier time.
-  absl::Status add(uint64_t sequence, int64_t media_time_ns, bool cut, const ExposureSettings& settings);
+  absl::Status add(uint64_t sequence, int64_t media_time_ns, bool cut, const v1::Exposure& settings);
 
   // Each frame that was added is metered or fails, once and in any order. A failed frame has no exposure. It
   // keeps its position in the look-ahead of other frames, with no weight, so that they do not wait for one
@@ -70,7 +70,7 @@ class ExposureTrack {
     uint64_t sequence;
     int64_t media_time_ns;
     bool cut;
-    ExposureSettings settings;
+    v1::Exposure settings;
     std::optional<FrameStats> stats = std::nullopt;
     bool failed = false;
   };

@@ -22,7 +22,7 @@ struct RenderStart {
   Verify verify = Verify::kNo;
 };
 
-// Checks everything that can be checked before the pixels arrive: check_frame, check_settings, the row stride
+// Checks everything that can be checked before the pixels arrive: check_frame, Settings::from, the row stride
 // and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED. Allocates no memory for the frame.
 absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits);
 
@@ -34,9 +34,5 @@ struct WireLayout {
 
 // check_frame, the row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED.
 absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits);
-
-// Absent fields take their defaults. INVALID_ARGUMENT for an enum value that this server does not know;
-// otherwise fails as check_settings does.
-absl::StatusOr<Settings> settings_from(const v1::Settings& message);
 
 }  // namespace candela

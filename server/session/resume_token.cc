@@ -1,7 +1,5 @@
 #include "server/session/resume_token.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <openssl/crypto.h>
 #include <openssl/evp.h>
 #include <openssl/rand.h>
@@ -15,6 +13,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/settings.h"
+#include "server/base/digest.h"
 #include "server/base/option_file.h"
 #include "server/session/resume_token.pb.h"
 
@@ -29,13 +29,6 @@ constexpr size_t kHeadBytes = 1 + kKeyIdBytes + 2;
 constexpr size_t kMacBytes = 32;
 constexpr size_t kSettingsHashBytes = 16;
 constexpr size_t kMaxKeyFileBytes = 64 << 10;
-
-std::string sha256(std::string_view bytes) {
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  size_t size = 0;
-  if (EVP_Q_digest(nullptr, "SHA256", nullptr, bytes.data(), bytes.size(), digest, &size) != 1) return {};
-  return std::string(reinterpret_cast<const char*>(digest), size);
-}
 
 // Empty if OpenSSL fails, which create() rules out.
 std::string hmac(const std::string& key, std::string_view bytes) {
@@ -210,14 +203,7 @@ absl::StatusOr<ResumePoint> TokenKeys::open(std::string_view token, const std::s
 }
 
 std::string settings_hash(const google::protobuf::Message& settings) {
-  std::string bytes;
-  {
-    google::protobuf::io::StringOutputStream stream(&bytes);
-    google::protobuf::io::CodedOutputStream out(&stream);
-    out.SetSerializationDeterministic(true);
-    settings.SerializePartialToCodedStream(&out);
-  }
-  return sha256(bytes).substr(0, kSettingsHashBytes);
+  return sha256(v1::deterministic_bytes(settings)).substr(0, kSettingsHashBytes);
 }
 
 }  // namespace candela

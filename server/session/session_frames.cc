@@ -28,7 +28,7 @@ bool SessionFrames::busy() const {
 }
 
 absl::Status SessionFrames::add(const v1::FrameHeader& header, const WireLayout& layout,
-                                const ExposureSettings& settings, std::string settings_hash, absl::Time now) {
+                                const v1::Exposure& settings, std::string settings_hash, absl::Time now) {
   if (absl::Status status = track_.add(header.sequence(), header.media_time_ns(), header.cut(), settings);
       !status.ok()) {
     return status;

@@ -74,7 +74,7 @@ class SessionFrames {
   bool busy() const;
 
   // Adds the next frame, whose deadline begins at `now`. Fails as ExposureTrack::add does.
-  absl::Status add(const v1::FrameHeader& header, const WireLayout& layout, const ExposureSettings& settings,
+  absl::Status add(const v1::FrameHeader& header, const WireLayout& layout, const v1::Exposure& settings,
                    std::string settings_hash, absl::Time now);
   // No more frames follow. Frames that waited for them may be decided now.
   void close() { track_.end(); }

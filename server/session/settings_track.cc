@@ -8,7 +8,7 @@
 
 namespace candela {
 
-SettingsTrack::SettingsTrack(SessionSettings opened, Encoding encoding)
+SettingsTrack::SettingsTrack(SessionSettings opened, v1::Encoding encoding)
     : now_(std::move(opened)), encoding_(encoding) {}
 
 void SettingsTrack::resume(uint64_t sequence, std::string tier) {
@@ -42,9 +42,7 @@ void SettingsTrack::advance(uint64_t sequence) {
 }
 
 Settings SettingsTrack::of_frame() const {
-  Settings settings = now_.settings;
-  if (choice_) settings.tier = choice_->tier;
-  return settings;
+  return choice_ ? now_.settings.with_tier(choice_->tier) : now_.settings;
 }
 
 }  // namespace candela

@@ -19,7 +19,7 @@ namespace candela {
 class SettingsTrack {
  public:
   // The settings before the first frame.
-  SettingsTrack(SessionSettings opened, Encoding encoding);
+  SettingsTrack(SessionSettings opened, v1::Encoding encoding);
 
   // Continues after frame `sequence` of another call. `tier` was chosen for it; "" if none was.
   void resume(uint64_t sequence, std::string tier);
@@ -32,7 +32,7 @@ class SettingsTrack {
   void advance(uint64_t sequence);
 
   // Whether a tier has to be chosen for the newest frame.
-  bool wants_tier() const { return now_.settings.promise.given() && !choice_; }
+  bool wants_tier() const { return now_.settings.has_promise() && !choice_; }
   void choose(TierChoice choice) { choice_ = std::move(choice); }
 
   // The settings as the client sent them.
@@ -45,7 +45,7 @@ class SettingsTrack {
 
  private:
   SessionSettings now_;
-  const Encoding encoding_;
+  const v1::Encoding encoding_;
   std::optional<TierChoice> choice_;
   std::optional<uint64_t> last_sequence_;
   std::map<uint64_t, SessionSettings> changes_;  // by the first frame that has them

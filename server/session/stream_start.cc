@@ -6,6 +6,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/settings.h"
 #include "server/session/render_start.h"
 #include "server/session/resume_token.h"
 
@@ -23,29 +24,29 @@ absl::Status check_name(const std::string& session) {
       session.size(), v1::kMaxSessionNameBytes));
 }
 
-absl::Status check_encoding(Encoding encoding, OutputFormat format) {
-  if (encoding == Encoding::kPng && format == OutputFormat::kRgba16f) {
+absl::Status check_encoding(v1::Encoding encoding, v1::OutputFormat format) {
+  if (encoding == v1::ENCODING_PNG && format == v1::OUTPUT_FORMAT_RGBA16F) {
     return absl::InvalidArgumentError(
         "output_format is RGBA16F and encoding is PNG; a PNG holds RGBA8 or RGBA16, so use one of them or "
-        "the "
-        "encoding RAW");
+        "the encoding RAW");
   }
-  if (encoding == Encoding::kJpeg && format != OutputFormat::kRgba8) {
+  if (encoding == v1::ENCODING_JPEG && format != v1::OUTPUT_FORMAT_RGBA8) {
     return absl::InvalidArgumentError(
         absl::StrFormat("output_format is %s and encoding is JPEG; a JPEG holds RGBA8, so use that format or "
                         "the encoding PNG or "
                         "RAW",
-                        name(format)));
+                        v1::word_of(format)));
   }
   return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, Encoding encoding) {
-  absl::StatusOr<Settings> settings = settings_from(message);
+absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, v1::Encoding encoding) {
+  absl::StatusOr<Settings> settings = Settings::from(message);
   if (!settings.ok()) return settings.status();
-  if (absl::Status status = check_encoding(encoding, settings->output_format); !status.ok()) return status;
+  if (absl::Status status = check_encoding(encoding, (*settings)->output_format()); !status.ok())
+    return status;
   return SessionSettings{*std::move(settings), settings_hash(message)};
 }
 
@@ -72,7 +73,7 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
         "open.encoding is %d, which this server does not know; it knows RAW (1), PNG (2) and JPEG (3)",
         static_cast<int>(open.encoding())));
   }
-  if (open.encoding() != v1::ENCODING_UNSPECIFIED) start.encoding = static_cast<Encoding>(open.encoding());
+  if (open.encoding() != v1::ENCODING_UNSPECIFIED) start.encoding = open.encoding();
   const uint32_t quality = open.jpeg_quality() == 0 ? v1::kDefaultJpegQuality : open.jpeg_quality();
   if (quality > v1::kJpegQuality.max) {
     return absl::InvalidArgumentError(absl::StrFormat("open.jpeg_quality is %d; it must be between %d and %d",

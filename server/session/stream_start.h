@@ -24,7 +24,7 @@ struct StreamStart {
   std::string resume_token;  // empty: a new session
   uint32_t lookahead = 0;
   double cut_threshold_ev = 0.0;  // 0: cuts are not detected
-  Encoding encoding = Encoding::kRaw;
+  v1::Encoding encoding = v1::ENCODING_RAW;
   int jpeg_quality = 90;
 };
 
@@ -32,6 +32,6 @@ struct StreamStart {
 absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open);
 
 // Fails as settings_from does, and with INVALID_ARGUMENT if the encoding cannot hold the output format.
-absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, Encoding encoding);
+absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, v1::Encoding encoding);
 
 }  // namespace candela

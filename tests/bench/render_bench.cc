@@ -114,19 +114,19 @@ int main_(int argc, char** argv) {
   for (const auto& [width, height] : kSizes) {
     for (const Tier& tier : tiers()) {
       Settings settings;
-      settings.tier = tier.name;
+      settings.set_tier(tier.name);
       add(width, height, std::string("bright/") + tier.name, kNatural, settings);
-      settings.bloom.threshold = kNothingBright;
+      settings.mutable_bloom()->set_threshold(kNothingBright);
       add(width, height, std::string("dim/") + tier.name, kNatural, settings);
     }
     Settings settings;
-    settings.bloom.threshold = kLightsOnly;
+    settings.mutable_bloom()->set_threshold(kLightsOnly);
     add(width, height, "tiles/" + settings.tier, testing::lit_tiles, settings);
   }
   for (const auto& [width, height] : kMoreSizes) {
     Settings settings;
     add(width, height, "bright/" + settings.tier, kNatural, settings);
-    settings.bloom.threshold = kNothingBright;
+    settings.mutable_bloom()->set_threshold(kNothingBright);
     add(width, height, "dim/" + settings.tier, kNatural, settings);
   }
   for (const auto& [what, change] : variants()) {

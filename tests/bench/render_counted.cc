@@ -85,9 +85,10 @@ absl::Status render_all() {
   const testing::WireFrame frame = testing::natural(kWidth, kHeight);
   // Larger: light has to end somewhere.
   const testing::WireFrame tiles = testing::lit_tiles(2 * kWidth, 2 * kHeight);
-  std::vector<Variant> kinds = {{"bright", [](Settings&) {}},
-                                {"dim", [](Settings& s) { s.bloom.threshold = kNothingBright; }},
-                                {"draft", [](Settings& s) { s.tier = "draft"; }}};
+  std::vector<Variant> kinds = {
+      {"bright", [](Settings&) {}},
+      {"dim", [](Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},
+      {"draft", [](Settings& s) { s.set_tier("draft"); }}};
   kinds.insert(kinds.end(), variants().begin(), variants().end());
   for (const bool count : {false, true}) {
     if (count) CALLGRIND_START_INSTRUMENTATION;
@@ -98,7 +99,7 @@ absl::Status render_all() {
         return status;
     }
     Settings settings;
-    settings.bloom.threshold = kLightsOnly;
+    settings.mutable_bloom()->set_threshold(kLightsOnly);
     if (absl::Status status = render(*bench, passes, tiles, "tiles", settings); !status.ok()) return status;
   }
   return absl::OkStatus();

@@ -8,18 +8,24 @@ namespace candela::bench {
 namespace {
 
 constexpr Variant kVariants[] = {
-    {"conserve", [](Settings& s) { s.bloom.kind = BloomKind::kConserve; }},
+    {"conserve", [](Settings& s) { s.mutable_bloom()->set_kind(v1::Bloom::KIND_CONSERVE); }},
     {"gaussian",
      [](Settings& s) {
-       s.bloom.kind = BloomKind::kGaussian;
-       s.bloom.threshold = 8.0f;
+       s.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+       s.mutable_bloom()->set_threshold(8.0f);
      }},
-    {"centre", [](Settings& s) { s.exposure.metering.weights = MeterWeights::kCenter; }},
-    {"percentile", [](Settings& s) { s.exposure.metering.statistic = MeterStatistic::kPercentile; }},
-    {"dither", [](Settings& s) { s.dither = true; }},
-    {"agx", [](Settings& s) { s.curve = ToneCurve::kAgx; }},
-    {"aces-1", [](Settings& s) { s.curve = ToneCurve::kAces1; }},
-    {"pbr-neutral", [](Settings& s) { s.curve = ToneCurve::kPbrNeutral; }},
+    {"centre",
+     [](Settings& s) {
+       s.mutable_exposure()->mutable_metering()->set_weights(v1::Metering::WEIGHTS_CENTER);
+     }},
+    {"percentile",
+     [](Settings& s) {
+       s.mutable_exposure()->mutable_metering()->set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+     }},
+    {"dither", [](Settings& s) { s.set_dither(true); }},
+    {"agx", [](Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
+    {"aces-1", [](Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
+    {"pbr-neutral", [](Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
 };
 
 }  // namespace

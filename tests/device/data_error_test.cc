@@ -46,8 +46,8 @@ TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
   for (const fs::path& path : files) {
     const absl::StatusOr<Image> image = read_image(path);
     ASSERT_TRUE(image.ok()) << image.status();
-    const PixelFormat format =
-        image->format == ImageFormat::kRgba16f ? PixelFormat::kRgba16f : PixelFormat::kRgba32f;
+    const v1::PixelFormat format =
+        image->format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
     const auto pixels = image->pixels.span();
     const WireFrame frame{{image->width, image->height, format}, {pixels.begin(), pixels.end()}};
     Settings settings;

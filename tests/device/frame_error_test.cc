@@ -34,14 +34,15 @@ TEST_F(FrameError, IsWithinItsBoundAt4K) {
 
 TEST_F(FrameError, IsWithinItsBoundForEveryFormatCurveAndTransfer) {
   print_header("format, curve, transfer at 333x129");
-  for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
-    for (ToneCurve curve : kCurves) {
-      for (Transfer transfer : {Transfer::kSrgb, Transfer::kGamma22, Transfer::kLinear}) {
+  for (v1::PixelFormat format :
+       {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
+    for (v1::ToneCurve curve : kCurves) {
+      for (Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
         Settings settings;
-        settings.curve = curve;
-        settings.transfer = transfer;
+        settings.set_curve(curve);
+        settings.set_transfer(transfer);
         // Near black, 1/2.2 is steep enough to show the cancellation in pbr-neutral's offset.
-        const bool steep = curve == ToneCurve::kPbrNeutral && transfer == Transfer::kGamma22;
+        const bool steep = curve == v1::TONE_CURVE_PBR_NEUTRAL && transfer == v1::TRANSFER_GAMMA22;
         check(natural(333, 129, format), settings,
               std::string(name(format)) + " " + name(curve) + " " + name(transfer),
               steep ? Bounds{.max = 0.006} : Bounds());
@@ -58,7 +59,7 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
         for (uint32_t levels : {1u, 2u, 16u}) {
           for (bool firefly : {false, true}) {
             Settings settings;
-            settings.bloom = {BloomKind::kMip, intensity, threshold, softness, levels, firefly};
+            settings.set_bloom({v1::Bloom::KIND_MIP, intensity, threshold, softness, levels, firefly});
             char what[80];
             std::snprintf(what, sizeof what, "i %g t %g s %g levels %u firefly %d", intensity, threshold,
                           softness, levels, firefly);
@@ -73,14 +74,17 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
 // Every pair of a kind of bloom and a way of metering: the Gaussian's threshold depends on what was metered.
 std::vector<std::pair<std::string, Settings>> bloom_and_metering() {
   std::vector<std::pair<std::string, Settings>> all;
-  for (BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
-    for (MeterStatistic statistic : {MeterStatistic::kLogAverage, MeterStatistic::kPercentile}) {
-      for (MeterWeights weights : {MeterWeights::kAverage, MeterWeights::kCenter, MeterWeights::kSpot}) {
+  for (v1::Bloom::Kind kind : {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
+    for (v1::Metering::Statistic statistic :
+         {v1::Metering::STATISTIC_LOG_AVERAGE, v1::Metering::STATISTIC_PERCENTILE}) {
+      for (v1::Metering::Weights weights :
+           {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER, v1::Metering::WEIGHTS_SPOT}) {
         Settings settings;
-        settings.bloom.kind = kind;
-        settings.bloom.intensity = 0.5f;
-        if (kind == BloomKind::kGaussian) settings.bloom.threshold = 8.0f;
-        settings.exposure.metering = {.statistic = statistic, .weights = weights, .spot = {0, 0, 40, 5000}};
+        settings.mutable_bloom()->set_kind(kind);
+        settings.mutable_bloom()->set_intensity(0.5f);
+        if (kind == v1::Bloom::KIND_GAUSSIAN) settings.mutable_bloom()->set_threshold(8.0f);
+        settings.mutable_exposure()->set_metering(
+            {.statistic = statistic, .weights = weights, .spot = {0, 0, 40, 5000}});
         char what[60];
         std::snprintf(what, sizeof what, "bloom %d statistic %d weights %d", static_cast<int>(kind),
                       static_cast<int>(statistic), static_cast<int>(weights));
@@ -104,7 +108,7 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCaseForEveryBloomKindAndMetering) 
   for (const HardCase& hard : hard_cases(67, 35)) {
     print_header(hard.name);
     for (const auto& [what, settings] : bloom_and_metering()) {
-      check(make_frame(67, 35, PixelFormat::kRgba16f, hard.texel), settings, what);
+      check(make_frame(67, 35, v1::PIXEL_FORMAT_RGBA16F, hard.texel), settings, what);
     }
   }
 }
@@ -113,7 +117,7 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCase) {
   print_header("hard cases");
   for (const Size& size : {Size{1, 1}, Size{1, 7}, Size{3, 5}, Size{130, 67}}) {
     for (const HardCase& hard : hard_cases(size.width, size.height)) {
-      for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f}) {
+      for (v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
         check(make_frame(size.width, size.height, format, hard.texel), {},
               hard.name + " " + std::to_string(size.width) + "x" + std::to_string(size.height) + " " +
                   name(format));
@@ -125,11 +129,13 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCase) {
 TEST_F(FrameError, IsWithinItsBoundWithOtherPrimaries) {
   print_header("input primaries at 333x129");
   const std::pair<const char*, Primaries> kinds[] = {
-      {"Rec.2020", Primaries::kRec2020}, {"P3-D65", Primaries::kP3D65}, {"ACES AP0", Primaries::kAcesAp0},
-      {"ACES AP1", Primaries::kAcesAp1}, {"CIE XYZ", Primaries::kXyz},
+      {"Rec.2020", v1::PRIMARIES_REC2020},  {"P3-D65", v1::PRIMARIES_P3_D65},
+      {"ACES AP0", v1::PRIMARIES_ACES_AP0}, {"ACES AP1", v1::PRIMARIES_ACES_AP1},
+      {"CIE XYZ", v1::PRIMARIES_XYZ},
   };
   for (const auto& [label, primaries] : kinds) {
-    for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
+    for (v1::PixelFormat format :
+         {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
       Settings settings;
       settings.input_chromaticities = chromaticities(primaries);
       check(natural(333, 129, format), settings, std::string(label) + " " + name(format));
@@ -137,7 +143,7 @@ TEST_F(FrameError, IsWithinItsBoundWithOtherPrimaries) {
     for (const HardCase& hard : hard_cases(67, 35)) {
       Settings settings;
       settings.input_chromaticities = chromaticities(primaries);
-      check(make_frame(67, 35, PixelFormat::kRgba16f, hard.texel), settings,
+      check(make_frame(67, 35, v1::PIXEL_FORMAT_RGBA16F, hard.texel), settings,
             std::string(label) + " " + hard.name);
     }
   }

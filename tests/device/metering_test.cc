@@ -10,31 +10,31 @@
 namespace candela::testing {
 namespace {
 
-MeteringSettings weighted(MeterWeights weights) {
-  MeteringSettings metering;
-  metering.weights = weights;
+v1::Metering weighted(v1::Metering::Weights weights) {
+  v1::Metering metering;
+  metering.set_weights(weights);
   return metering;
 }
 
-MeteringSettings spot(const Rectangle& rectangle) {
-  MeteringSettings metering = weighted(MeterWeights::kSpot);
-  metering.spot = rectangle;
+v1::Metering spot(const Rectangle& rectangle) {
+  v1::Metering metering = weighted(v1::Metering::WEIGHTS_SPOT);
+  metering.set_spot(rectangle);
   return metering;
 }
 
 class Metering : public DeviceTest {
  protected:
-  static FrameReport report(const WireFrame& frame, const MeteringSettings& metering) {
+  static FrameReport report(const WireFrame& frame, const v1::Metering& metering) {
     Settings settings;
-    settings.exposure.metering = metering;
-    settings.bloom.intensity = 0;
+    settings.mutable_exposure()->set_metering(metering);
+    settings.mutable_bloom()->set_intensity(0);
     auto rendered = render(frame, settings);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
     return rendered->report;
   }
 
-  static reference::MeterParams params(const MeteringSettings& m) {
-    return {m.statistic == MeterStatistic::kPercentile,
+  static reference::MeterParams params(const v1::Metering& m) {
+    return {m.statistic == v1::Metering::STATISTIC_PERCENTILE,
             m.percentile_low,
             m.percentile_high,
             static_cast<uint32_t>(m.weights),
@@ -43,7 +43,7 @@ class Metering : public DeviceTest {
 
   // The sum of all weights, and with texel (x, y)'s luminance of 2^4 among ones, the mean is 4 times its
   // share.
-  static void expect_weights(uint32_t width, uint32_t height, const MeteringSettings& metering) {
+  static void expect_weights(uint32_t width, uint32_t height, const v1::Metering& metering) {
     uint64_t total = 0;
     for (uint32_t y = 0; y < height; ++y) {
       for (uint32_t x = 0; x < width; ++x)
@@ -53,7 +53,7 @@ class Metering : public DeviceTest {
     if (width <= 67 && height <= 67) places.insert(places.end(), {{0, 0}, {width - 1, height - 1}});
     for (const auto& [x, y] : places) {
       const WireFrame frame =
-          make_frame(width, height, PixelFormat::kRgba16f, [=](uint32_t i, uint32_t j) -> Texel {
+          make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t i, uint32_t j) -> Texel {
             const float v = i == x && j == y ? 16.0f : 1.0f;
             return {v, v, v, 1};
           });
@@ -70,7 +70,7 @@ class Metering : public DeviceTest {
 TEST_F(Metering, WeightsSumExactlyAtEverySize) {
   for (uint32_t height = 1; height <= 67; ++height) {
     for (uint32_t width = 1; width <= 67; ++width) {
-      expect_weights(width, height, weighted(MeterWeights::kCenter));
+      expect_weights(width, height, weighted(v1::Metering::WEIGHTS_CENTER));
       expect_weights(width, height, spot({width / 3, height / 4, width / 3 + 9, height}));
     }
   }
@@ -79,13 +79,13 @@ TEST_F(Metering, WeightsSumExactlyAtEverySize) {
 TEST_F(Metering, WeightsSumExactlyAtLargeSizes) {
   for (const auto& [width, height] :
        {std::pair{1919u, 1081u}, {3840u, 2160u}, {7680u, 4320u}, {16384u, 3u}, {5u, 16384u}}) {
-    expect_weights(width, height, weighted(MeterWeights::kCenter));
+    expect_weights(width, height, weighted(v1::Metering::WEIGHTS_CENTER));
     expect_weights(width, height, spot({1, 1, width - 1, 1u << 30}));
   }
 }
 
 // The plain definition: all texels in rising luminance, a texel's weight a step along the way from 0 to 1.
-double sorted_percentile_mean(const reference::Scene& scene, const MeteringSettings& metering) {
+double sorted_percentile_mean(const reference::Scene& scene, const v1::Metering& metering) {
   std::vector<std::pair<double, double>> texels;  // log2 luminance, weight
   double total = 0.0;
   for (uint32_t y = 0; y < scene.height; ++y) {
@@ -122,10 +122,12 @@ TEST_F(Metering, PercentilesAreWithinHalfABinOfTheSortedDefinition) {
     const reference::Scene scene =
         reference::ingest(frame.pixels, frame.desc.row_bytes(), width, height, shader::PIXELS_RGBA16F,
                           std::nullopt, reference::Rounding::kHalf, &bad);
-    for (MeterWeights weights : {MeterWeights::kAverage, MeterWeights::kCenter, MeterWeights::kSpot}) {
+    for (v1::Metering::Weights weights :
+         {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER, v1::Metering::WEIGHTS_SPOT}) {
       for (const auto& [low, high] :
            {std::pair{10.0, 90.0}, {0.0, 100.0}, {50.0, 50.1}, {99.0, 100.0}, {0.0, 1.0}}) {
-        const MeteringSettings metering = {MeterStatistic::kPercentile, low, high, weights, {0, 0, 30, 20}};
+        const v1::Metering metering = {
+            v1::Metering::STATISTIC_PERCENTILE, low, high, weights, {0, 0, 30, 20}};
         EXPECT_NEAR(report(frame, metering).stats.mean_log2_luminance,
                     sorted_percentile_mean(scene, metering), 1.0 / 128)
             << width << "x" << height << " " << low << " .. " << high;
@@ -138,12 +140,13 @@ TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {
   double last = -100.0;
   for (int step = 0; step < 200; ++step) {
     const auto v = static_cast<float>(0.18 * std::exp2(step / 1000.0));
-    const WireFrame frame = make_frame(64, 64, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
-      const float c = v * (0.5f + noise(x, y, 0));
-      return {c, c, c, 1};
-    });
-    MeteringSettings percentile;
-    percentile.statistic = MeterStatistic::kPercentile;
+    const WireFrame frame =
+        make_frame(64, 64, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
+          const float c = v * (0.5f + noise(x, y, 0));
+          return {c, c, c, 1};
+        });
+    v1::Metering percentile;
+    percentile.statistic = v1::Metering::STATISTIC_PERCENTILE;
     const double mean = report(frame, percentile).stats.mean_log2_luminance;
     // A step of the fade is 1/1000 EV; halves round each texel, which the mean of thousands hides.
     if (step > 0) {
@@ -155,13 +158,13 @@ TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {
 
 TEST_F(Metering, ASpotBesideTheFrameIsRefused) {
   Settings settings;
-  settings.exposure.metering.weights = MeterWeights::kSpot;
-  settings.exposure.metering.spot = {64, 0, 65, 1};
+  settings.mutable_exposure()->mutable_metering()->set_weights(v1::Metering::WEIGHTS_SPOT);
+  settings.mutable_exposure()->mutable_metering()->set_spot({64, 0, 65, 1});
   EXPECT_TRUE(check_settings(settings).ok());
-  EXPECT_TRUE(check_settings_for(settings, {65, 1, PixelFormat::kRgba16f}).ok());
-  EXPECT_EQ(check_settings_for(settings, {64, 64, PixelFormat::kRgba16f}).message(),
+  EXPECT_TRUE(check_settings_for(settings, {65, 1, v1::PIXEL_FORMAT_RGBA16F}).ok());
+  EXPECT_EQ(check_settings_for(settings, {64, 64, v1::PIXEL_FORMAT_RGBA16F}).message(),
             "exposure.metering.spot begins at x 64, y 0, beside the frame of 64x64 pixels");
-  settings.exposure.metering.spot = {3, 3, 3, 9};
+  settings.mutable_exposure()->mutable_metering()->set_spot({3, 3, 3, 9});
   EXPECT_EQ(check_settings(settings).code(), absl::StatusCode::kInvalidArgument);
 }
 

@@ -121,9 +121,9 @@ TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {
   TexturePool small(device(), 1 << 20);
   auto renderer = Renderer::create(device(), small);
   ASSERT_TRUE(renderer.ok());
-  ASSERT_TRUE((*renderer)->allocate({100, 100, PixelFormat::kRgba16f}, {}).ok());
+  ASSERT_TRUE((*renderer)->allocate({100, 100, v1::PIXEL_FORMAT_RGBA16F}, {}).ok());
   const PoolCounters before = small.counters();
-  const auto memory = (*renderer)->allocate({1920, 1080, PixelFormat::kRgba16f}, {});
+  const auto memory = (*renderer)->allocate({1920, 1080, v1::PIXEL_FORMAT_RGBA16F}, {});
   EXPECT_EQ(memory.status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_NE(std::string(memory.status().message()).find("the memory budget is 1048576"), std::string::npos)
       << memory.status();

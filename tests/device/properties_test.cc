@@ -34,7 +34,7 @@ TEST_F(Properties, MeterCountsEveryTexelOnceAtEverySize) {
         const float v = x == 0 && y == 0 ? 1024.0f : 0.25f;
         return {v, v, v, 1};
       };
-      const Rendered r = must_render(make_frame(width, height, PixelFormat::kRgba16f, texel));
+      const Rendered r = must_render(make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, texel));
       const double mean = -2.0 + 12.0 / (width * height);
       ASSERT_NEAR(r.report.stats.mean_log2_luminance, mean, 2e-5) << width << "x" << height;
       ASSERT_FLOAT_EQ(r.report.stats.min_luminance, width * height == 1 ? 1024.0f : 0.25f);
@@ -54,10 +54,11 @@ TEST_F(Properties, MeterDoesNotOverflowOnLargeUniformFrames) {
 
 TEST_F(Properties, MeterSeesTheLastColumnsAndRows) {
   // floor(W / 8) tiles would miss these.
-  const WireFrame frame = make_frame(1921, 1081, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
-    const float v = x == 1920 || y == 1080 ? 8.0f : 0.125f;
-    return {v, v, v, 1};
-  });
+  const WireFrame frame =
+      make_frame(1921, 1081, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
+        const float v = x == 1920 || y == 1080 ? 8.0f : 0.125f;
+        return {v, v, v, 1};
+      });
   const double edge = 1921.0 + 1081.0 - 1.0;
   const double expected = -3.0 + 6.0 * edge / (1921.0 * 1081.0);
   EXPECT_NEAR(must_render(frame).report.stats.mean_log2_luminance, expected, 2e-5);
@@ -65,12 +66,12 @@ TEST_F(Properties, MeterSeesTheLastColumnsAndRows) {
 
 TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
   Settings settings;
-  settings.bloom.intensity = 0.5f;
-  settings.output_format = OutputFormat::kRgba16;
-  for (BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
-    settings.bloom.kind = kind;
-    if (kind == BloomKind::kGaussian)
-      settings.bloom.threshold = 0.5f;  // of the mean, so that all of it blooms
+  settings.mutable_bloom()->set_intensity(0.5f);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
+  for (v1::Bloom::Kind kind : {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
+    settings.mutable_bloom()->set_kind(kind);
+    if (kind == v1::Bloom::KIND_GAUSSIAN)
+      settings.mutable_bloom()->set_threshold(0.5f);  // of the mean, so that all of it blooms
     for (uint32_t height = 1; height <= 67; ++height) {
       for (uint32_t width = 1; width <= 67; ++width) {
         const Rendered r = must_render(flat(width, height, {3, 2, 1.5f, 1}), settings);
@@ -96,11 +97,11 @@ TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
 // Conserving bloom moves light and makes none: a flat field keeps its value.
 TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
   Settings settings;
-  settings.curve = ToneCurve::kLinear;
-  settings.exposure.mode = ExposureMode::kManual;
-  settings.output_format = OutputFormat::kRgba16f;
-  settings.bloom.kind = BloomKind::kConserve;
-  settings.bloom.intensity = 0.75f;
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  settings.mutable_bloom()->set_kind(v1::Bloom::KIND_CONSERVE);
+  settings.mutable_bloom()->set_intensity(0.75f);
   const Rendered r = must_render(flat(67, 41, {0.25f, 0.5f, 0.75f, 1}), settings);
   const auto texel = r.memory.output_row(20).subspan(8 * 30, 8);
   for (size_t k = 0; k < 3; ++k) {
@@ -112,14 +113,14 @@ TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
 
 TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
   Settings settings;
-  settings.exposure.mode = ExposureMode::kManual;
-  settings.bloom.intensity = 0;
-  settings.curve = ToneCurve::kLinear;
-  settings.transfer = Transfer::kLinear;
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.set_transfer(v1::TRANSFER_LINEAR);
   const float value = 100.25f / 255.0f;  // between two codes: a quarter of the way
-  const WireFrame frame = flat(512, 512, {value, value, value, 1}, PixelFormat::kRgba32f);
+  const WireFrame frame = flat(512, 512, {value, value, value, 1}, v1::PIXEL_FORMAT_RGBA32F);
   const double exact = imath_half_to_float(imath_float_to_half(value)) * 255.0;
-  settings.dither = true;
+  settings.set_dither(true);
   std::vector<std::byte> images[2];
   for (uint64_t sequence : {0u, 1u}) {
     auto rendered = render(frame, settings, {sequence, std::nullopt});
@@ -156,19 +157,19 @@ TEST_F(Properties, AMovingHighlightFlickersByAtMostTheStatedNumber) {
     for (int step = 0; step < 16; ++step) {
       const double x0 = 100.0 + step / 8.0;
       const WireFrame frame =
-          make_frame(256, 256, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
+          make_frame(256, 256, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
             const double cover = std::clamp(std::min(x + 1.0, x0 + 1.5) - std::max<double>(x, x0), 0.0, 1.0);
             const float v = y == 101 ? static_cast<float>(1000.0 * cover) : 0.0f;
             return {v, v, v, 1};
           });
       Settings settings;
-      settings.exposure.mode = ExposureMode::kManual;
-      settings.exposure.manual_ev = -14;
-      settings.curve = ToneCurve::kLinear;
-      settings.output_format = OutputFormat::kRgba16;
-      settings.transfer = Transfer::kLinear;
-      settings.bloom.intensity = 1;
-      settings.bloom.firefly_weights = firefly;
+      settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+      settings.mutable_exposure()->set_manual_ev(-14);
+      settings.set_curve(v1::TONE_CURVE_LINEAR);
+      settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
+      settings.set_transfer(v1::TRANSFER_LINEAR);
+      settings.mutable_bloom()->set_intensity(1);
+      settings.mutable_bloom()->set_firefly_weights(firefly);
       auto rendered = render(frame, settings);
       if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
       const double n = static_cast<double>(rendered->memory.textures().levels.size());
@@ -206,15 +207,15 @@ TEST_F(Properties, SameInputGivesTheSameBits) {
 TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
   // Everything is below the threshold and its knee, so the dense run adds zeros. The last texel decides.
   const auto scene = [](float last) {
-    return make_frame(333, 257, PixelFormat::kRgba16f, [=](uint32_t x, uint32_t y) -> Texel {
+    return make_frame(333, 257, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
       const float v = x == 332 && y == 256 ? last : 0.4f * noise(x, y, 0);
       return {v, v, 0.5f * v, 1};
     });
   };
   Settings with;
-  with.exposure.mode = ExposureMode::kManual;
+  with.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   Settings without = with;
-  without.bloom.intensity = 0;
+  without.mutable_bloom()->set_intensity(0);
   const Rendered skipped = must_render(scene(0.1f), with);
   EXPECT_FALSE(skipped.report.plan.bloom());
   EXPECT_EQ(image(skipped.memory), image(must_render(scene(0.1f), without).memory));
@@ -223,10 +224,10 @@ TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
 
 TEST_F(Properties, OneBadPixelChangesNoOtherPixelsIngest) {
   Settings settings;
-  settings.exposure.mode = ExposureMode::kManual;
-  settings.bloom.intensity = 0;
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
   const auto scene = [](float bad) {
-    return make_frame(131, 67, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
+    return make_frame(131, 67, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
       if (x == 70 && y == 33) return {bad, bad, bad, 1};
       return {noise(x, y, 0), noise(x, y, 1), noise(x, y, 2), 1};
     });
@@ -251,7 +252,7 @@ TEST_F(Properties, NaNNeverReachesTheNextFrame) {
 
 TEST_F(Properties, ABadPixelCountsAsBlackOrBrightest) {
   const auto scene = [](float v) {
-    return make_frame(40, 30, PixelFormat::kRgba32f, [=](uint32_t x, uint32_t y) -> Texel {
+    return make_frame(40, 30, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
       const float c = x == 3 && y == 29 ? v : 0.5f;
       return {c, c, c, 1};
     });
@@ -263,8 +264,8 @@ TEST_F(Properties, ABadPixelCountsAsBlackOrBrightest) {
 
 TEST_F(Properties, RejectNamesTheFirstBadPixel) {
   Settings settings;
-  settings.bad_values = BadValues::kReject;
-  const WireFrame frame = make_frame(200, 150, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
+  settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  const WireFrame frame = make_frame(200, 150, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
     const bool bad = (x == 199 && y == 70) || (x == 0 && y == 71) || (x == 64 && y == 149);
     return {1, bad ? INFINITY : 1, bad ? NAN : 1, 1};
   });
@@ -277,13 +278,14 @@ TEST_F(Properties, RejectNamesTheFirstBadPixel) {
 
 TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
   Settings settings;
-  settings.bad_values = BadValues::kReject;
-  EXPECT_TRUE(render(flat(9, 9, {1e30f, -1e30f, 1, NAN}, PixelFormat::kRgba32f), settings).ok());
+  settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  EXPECT_TRUE(render(flat(9, 9, {1e30f, -1e30f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings).ok());
 }
 
 TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
-  for (PixelFormat in : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
-    for (OutputFormat out : {OutputFormat::kRgba8, OutputFormat::kRgba16, OutputFormat::kRgba16f}) {
+  for (v1::PixelFormat in : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
+    for (v1::OutputFormat out :
+         {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
       // Halves, and two that the unorm formats clamp.
       const auto alpha = [](uint32_t x) {
         return x == 256 ? 2.0f : x == 255 ? -1.0f : static_cast<float>(x) / 256;
@@ -292,16 +294,16 @@ TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
         return {100, 0, 1, alpha(x)};
       });
       Settings settings;
-      settings.output_format = out;
+      settings.set_output_format(out);
       const Rendered r = must_render(frame, settings);
       for (uint32_t x = 0; x < 257; ++x) {
-        const float expected = in == PixelFormat::kRgb9e5 ? 1.0f : alpha(x);
+        const float expected = in == v1::PIXEL_FORMAT_RGB9E5 ? 1.0f : alpha(x);
         const std::byte* texel = &r.memory.output_row(1)[x * bytes_per_pixel(out)];
         uint16_t word;
         std::memcpy(&word, texel + 6 % (bytes_per_pixel(out) - 1), 2);
-        if (out == OutputFormat::kRgba8) {
+        if (out == v1::OUTPUT_FORMAT_RGBA8) {
           EXPECT_EQ(std::to_integer<int>(texel[3]), std::lround(255 * std::clamp(expected, 0.0f, 1.0f))) << x;
-        } else if (out == OutputFormat::kRgba16) {
+        } else if (out == v1::OUTPUT_FORMAT_RGBA16) {
           EXPECT_EQ(word, std::lround(65535 * std::clamp(expected, 0.0f, 1.0f))) << x;
         } else {
           EXPECT_EQ(imath_half_to_float(word), expected) << x;
@@ -314,27 +316,27 @@ TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
 TEST_F(Properties, PrescaleIsExposureByAnotherName) {
   const WireFrame frame = natural(67, 35);
   Settings prescaled;
-  prescaled.exposure.mode = ExposureMode::kManual;
-  prescaled.prescale = 2;
+  prescaled.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  prescaled.set_prescale(2);
   Settings exposed;
-  exposed.exposure.mode = ExposureMode::kManual;
-  exposed.exposure.manual_ev = 1;
+  exposed.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  exposed.mutable_exposure()->set_manual_ev(1);
   EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
 }
 
 // More is written than can be bound at once on every device.
 TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
   constexpr uint32_t kWidth = 8192, kHeight = 2200;
-  const WireFrame tile = natural(kWidth, 64, PixelFormat::kRgb9e5);
-  WireFrame frame = {{kWidth, kHeight, PixelFormat::kRgb9e5}, {}};
+  const WireFrame tile = natural(kWidth, 64, v1::PIXEL_FORMAT_RGB9E5);
+  WireFrame frame = {{kWidth, kHeight, v1::PIXEL_FORMAT_RGB9E5}, {}};
   for (uint32_t y = 0; y < kHeight; ++y) {
     const auto row = tile.pixels.begin() + static_cast<std::ptrdiff_t>(y % 64 * tile.desc.row_bytes());
     frame.pixels.insert(frame.pixels.end(), row, row + static_cast<std::ptrdiff_t>(tile.desc.row_bytes()));
   }
   Settings settings;
-  settings.exposure.mode = ExposureMode::kManual;
-  settings.bloom.intensity = 0;
-  settings.output_format = OutputFormat::kRgba16;
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
   const Rendered small = must_render(tile, settings);
   const Rendered large = must_render(frame, settings);
   for (uint32_t y = 0; y < kHeight; ++y) {
@@ -346,7 +348,7 @@ TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
 
 TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {
   // Widths of 129 to 132 share their textures, and 132 fills the columns that are padding for 129.
-  for (PixelFormat format : {PixelFormat::kRgba16f, PixelFormat::kRgba32f}) {
+  for (v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
     for (float bad : {NAN, INFINITY, -INFINITY, -0.0f}) {
       must_render(flat(132, 67, {bad, bad, bad, bad}, format));
       const FrameReport report = must_render(flat(129, 67, {0.25f, 0.25f, 0.25f, 1}, format)).report;
@@ -381,7 +383,7 @@ TEST_F(Properties, StagingCopiesChangeNoBit) {
   auto own = Renderer::create(**staged, own_pool);
   ASSERT_TRUE(own.ok()) << own.status();
   for (const WireFrame& frame :
-       {natural(131, 67), natural(64, 64, PixelFormat::kRgba32f), flat(3, 5, {NAN, 1, 2, 1})}) {
+       {natural(131, 67), natural(64, 64, v1::PIXEL_FORMAT_RGBA32F), flat(3, 5, {NAN, 1, 2, 1})}) {
     for (int run = 0; run < 2; ++run) {
       auto there = render_on(**own, frame, {});
       ASSERT_TRUE(there.ok()) << there.status();
@@ -395,13 +397,13 @@ TEST_F(Properties, StagingCopiesChangeNoBit) {
 
 TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
   Settings settings;
-  settings.exposure.mode = ExposureMode::kManual;
-  settings.bloom.intensity = 0;
-  settings.curve = ToneCurve::kLinear;
-  settings.output_format = OutputFormat::kRgba16f;
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
   // Every half in [0, 1], subnormal ones among them, must come back as it is: ingest is exact.
   const uint32_t count = 0x3c00 + 1;
-  WireFrame frame{{count, 1, PixelFormat::kRgba16f}, {}};
+  WireFrame frame{{count, 1, v1::PIXEL_FORMAT_RGBA16F}, {}};
   frame.pixels.resize(frame.desc.bytes());
   for (uint32_t i = 0; i < count; ++i) {
     const std::array<uint16_t, 4> texel = {static_cast<uint16_t>(i), static_cast<uint16_t>(i),
@@ -414,7 +416,7 @@ TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
 TEST_F(Properties, Frame8KPasses) {
   const WireFrame frame = flat(7680, 4320, {0.18f, 0.18f, 0.18f, 1});
   Settings settings;
-  settings.bloom.threshold = 0.01f;  // all of it is bright
+  settings.mutable_bloom()->set_threshold(0.01f);  // all of it is bright
   const Rendered r = must_render(frame, settings);
   EXPECT_TRUE(r.report.plan.bloom());
   EXPECT_NEAR(r.report.stats.mean_log2_luminance, std::log2(imath_half_to_float(imath_float_to_half(0.18f))),
@@ -428,14 +430,14 @@ TEST_F(Properties, Frame8KPasses) {
 }
 
 TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
-  for (ToneCurve curve : kCurves) {
+  for (v1::ToneCurve curve : kCurves) {
     Settings settings;
-    settings.exposure.mode = ExposureMode::kManual;
-    settings.exposure.manual_ev = 40;
-    settings.prescale = 0x1p40;
-    settings.bloom.intensity = 10;
-    settings.curve = curve;
-    settings.output_format = OutputFormat::kRgba16;
+    settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+    settings.mutable_exposure()->set_manual_ev(40);
+    settings.set_prescale(0x1p40);
+    settings.mutable_bloom()->set_intensity(10);
+    settings.set_curve(curve);
+    settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
     const Rendered r = must_render(flat(35, 19, {65504, 65504, 65504, 1}), settings);
     const reference::Rgb limit =
         reference::tone_curve(static_cast<uint32_t>(curve), {0x1p60, 0x1p60, 0x1p60});
@@ -451,15 +453,15 @@ TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
 TEST_F(Properties, EveryHardCaseIsFiniteUpToTheLargestExposure) {
   for (const HardCase& hard : hard_cases(67, 35)) {
     for (double ev : {-40.0, 0.0, 40.0}) {
-      for (ToneCurve curve : kCurves) {
+      for (v1::ToneCurve curve : kCurves) {
         Settings settings;
-        settings.exposure.mode = ExposureMode::kManual;
-        settings.exposure.manual_ev = ev;
-        settings.prescale = ev > 0 ? 0x1p40 : 1.0;
-        settings.bloom.intensity = 10;
-        settings.curve = curve;
-        settings.output_format = OutputFormat::kRgba16f;
-        const Rendered r = must_render(make_frame(67, 35, PixelFormat::kRgba32f, hard.texel), settings);
+        settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+        settings.mutable_exposure()->set_manual_ev(ev);
+        settings.set_prescale(ev > 0 ? 0x1p40 : 1.0);
+        settings.mutable_bloom()->set_intensity(10);
+        settings.set_curve(curve);
+        settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+        const Rendered r = must_render(make_frame(67, 35, v1::PIXEL_FORMAT_RGBA32F, hard.texel), settings);
         for (uint32_t y = 0; y < 35; ++y) {
           const auto row = r.memory.output_row(y);
           for (size_t i = 0; i < 67 * 4; ++i) {

@@ -42,7 +42,7 @@ class SparseBloom : public DeviceTest {
 
 // A dim picture, negative components among it, and lights of `size` texels.
 WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
-                 uint32_t size, Texel light, PixelFormat format = PixelFormat::kRgba16f) {
+                 uint32_t size, Texel light, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F) {
   return make_frame(width, height, format, [&](uint32_t x, uint32_t y) -> Texel {
     for (const auto& [cx, cy] : at) {
       if (x - cx < size && y - cy < size) return light;
@@ -53,17 +53,19 @@ WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<ui
 
 TEST_F(SparseBloom, IsTheDenseOneWhateverTheKindAndTheTier) {
   const Texel white = {900, 700, 400, 1};
-  for (const BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
+  for (const v1::Bloom::Kind kind :
+       {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
     for (const char* tier : {"standard", "draft"}) {
       for (const uint32_t levels : {1u, 2u, 5u, 9u}) {
         Settings settings;
-        settings.tier = tier;
-        settings.bloom.kind = kind;
-        settings.bloom.levels = levels;
-        if (kind == BloomKind::kGaussian) settings.bloom.threshold = 8;
+        settings.set_tier(tier);
+        settings.mutable_bloom()->set_kind(kind);
+        settings.mutable_bloom()->set_levels(levels);
+        if (kind == v1::Bloom::KIND_GAUSSIAN) settings.mutable_bloom()->set_threshold(8);
         const std::string what = std::string(tier) + ", " + std::to_string(levels) + " levels of kind " +
                                  std::to_string(static_cast<int>(kind));
-        expect_same(lights(1500, 1100, {{700, 500}}, 3, white), settings, kind != BloomKind::kConserve, what);
+        expect_same(lights(1500, 1100, {{700, 500}}, 3, white), settings, kind != v1::Bloom::KIND_CONSERVE,
+                    what);
       }
     }
   }
@@ -96,18 +98,18 @@ TEST_F(SparseBloom, IsTheDenseOneAtTheThreshold) {
   for (const float softness : {0.0f, 0.5f, 1.0f}) {
     for (const float light : {0.499f, 0.5f, 0.501f, 0.9995f, 1.0f, 1.0005f}) {
       Settings settings;
-      settings.bloom.softness = softness;
+      settings.mutable_bloom()->set_softness(softness);
       const WireFrame frame = lights(700, 500, {{333, 222}}, 40, {light, light, light, 1});
       EXPECT_EQ(image(render(frame, settings)->memory), dense(frame, settings)) << softness << " " << light;
     }
   }
   const std::vector<std::pair<uint32_t, uint32_t>> at = {{333, 222}};
   expect_same(lights(700, 500, at, 9, {-300, -50, 900, 1}), {}, true, "negative components");
-  expect_same(lights(700, 500, at, 9, {-300, -50, 900, 1}, PixelFormat::kRgba32f), {}, true, "in floats");
-  expect_same(lights(700, 500, at, 9, {0, 50, 900, 1}, PixelFormat::kRgb9e5), {}, true,
+  expect_same(lights(700, 500, at, 9, {-300, -50, 900, 1}, v1::PIXEL_FORMAT_RGBA32F), {}, true, "in floats");
+  expect_same(lights(700, 500, at, 9, {0, 50, 900, 1}, v1::PIXEL_FORMAT_RGB9E5), {}, true,
               "in shared exponents");
   Settings wide;
-  wide.input_chromaticities = chromaticities(Primaries::kRec2020);
+  wide.input_chromaticities = chromaticities(v1::PRIMARIES_REC2020);
   expect_same(lights(700, 500, at, 9, {0, 30, 0, 1}), wide, true, "wide primaries");
   expect_same(lights(700, 500, at, 9, {std::numeric_limits<float>::infinity(), 0, 0, 1}), {}, true,
               "infinite");

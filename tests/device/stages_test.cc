@@ -62,7 +62,8 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
           reference::bright_pass(scene, {.threshold = 0.02, .firefly_weights = firefly})};
       for (uint32_t levels = 1; levels <= 6; ++levels) {
         Settings settings;
-        settings.bloom = {.intensity = 1, .threshold = 0.02f, .levels = levels, .firefly_weights = firefly};
+        settings.set_bloom(
+            {.intensity = 1, .threshold = 0.02f, .levels = levels, .firefly_weights = firefly});
         auto rendered = render(frame, settings);
         ASSERT_TRUE(rendered.ok()) << rendered.status();
         const size_t count = rendered->memory.textures().levels.size();
@@ -82,13 +83,13 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
 
 TEST_F(Stages, BloomOfOneBrightTexelSumsToTheStatedGain) {
   // Far from every edge each filter keeps the sum: each of n levels adds D_0's sum times 4 at level 0.
-  const WireFrame frame = make_frame(512, 512, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
+  const WireFrame frame = make_frame(512, 512, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
     const float v = (x | 1) == 257 && (y | 1) == 257 ? 1000.0f : 0.0f;
     return {v, v, v, 1};
   });
   for (uint32_t levels = 1; levels <= 5; ++levels) {
     Settings settings;
-    settings.bloom = {.intensity = 1, .threshold = 1, .softness = 0, .levels = levels};
+    settings.set_bloom({.intensity = 1, .threshold = 1, .softness = 0, .levels = levels});
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
     const std::byte* texels = rendered->memory.textures().levels[0].buffer().mapped();

@@ -39,14 +39,14 @@ class Table : public DeviceTest {
     std::printf("%-44s %9s %9s %9s\n", what, "max", "p99.9", "mean");
   }
 
-  static Settings with(ToneCurve curve) {
+  static Settings with(v1::ToneCurve curve) {
     Settings settings;
-    settings.curve = curve;
+    settings.set_curve(curve);
     return settings;
   }
 
   static Settings with_table(uint32_t size) {
-    Settings settings = with(ToneCurve::kTable);
+    Settings settings = with(v1::TONE_CURVE_TABLE);
     settings.table = *aces_1_table(size);
     return settings;
   }
@@ -61,14 +61,14 @@ TEST_F(Table, Aces1IsWithinItsPublishedBoundOfOpenColorIO) {
   print_header("aces-1, codes against OpenColorIO");
   for (const Size& size : {Size{1, 1}, Size{3, 5}, Size{67, 67}, Size{333, 517}, Size{641, 359}}) {
     const std::string what = std::to_string(size.width) + "x" + std::to_string(size.height);
-    const Verification d = difference(natural(size.width, size.height), with(ToneCurve::kAces1), what);
+    const Verification d = difference(natural(size.width, size.height), with(v1::TONE_CURVE_ACES_1), what);
     EXPECT_LE(d.max_codes, 1.4) << what;
     EXPECT_LE(d.p999_codes, 0.7) << what;
     EXPECT_LE(d.mean_codes, 0.08) << what;
   }
   for (const HardCase& hard : hard_cases(130, 67)) {
-    const Verification d = difference(make_frame(130, 67, PixelFormat::kRgba16f, hard.texel),
-                                      with(ToneCurve::kAces1), hard.name);
+    const Verification d = difference(make_frame(130, 67, v1::PIXEL_FORMAT_RGBA16F, hard.texel),
+                                      with(v1::TONE_CURVE_ACES_1), hard.name);
     EXPECT_LE(d.max_codes, 1.4) << hard.name;
   }
 }
@@ -84,7 +84,7 @@ TEST_F(Table, OfAClientIsItsFloat64LookUp) {
     }
     for (const HardCase& hard : hard_cases(130, 67)) {
       const std::string what = std::to_string(size) + "^3, " + hard.name;
-      EXPECT_LE(difference(make_frame(130, 67, PixelFormat::kRgba32f, hard.texel), with_table(size), what)
+      EXPECT_LE(difference(make_frame(130, 67, v1::PIXEL_FORMAT_RGBA32F, hard.texel), with_table(size), what)
                     .max_codes,
                 0.01)
           << what;
@@ -98,7 +98,7 @@ TEST_F(Table, WithNoiseInEveryPointIsItsFloat64LookUp) {
     auto table = std::make_shared<ColorTable>(ColorTable{9, axes, 8.0f, {}});
     for (uint32_t i = 0; i < 9 * 9 * 9 * 3; ++i)
       table->values.push_back(static_cast<uint16_t>(65535.0f * noise(i, 0, 0)));
-    Settings settings = with(ToneCurve::kTable);
+    Settings settings = with(v1::TONE_CURVE_TABLE);
     settings.table = table;
     EXPECT_LE(difference(natural(333, 129), settings, "9^3, axes " + std::to_string(axes)).max_codes, 0.1);
   }
@@ -106,19 +106,19 @@ TEST_F(Table, WithNoiseInEveryPointIsItsFloat64LookUp) {
 
 TEST_F(Table, TransferAndFormatApplyToAces1ButNotToATable) {
   const WireFrame frame = natural(67, 33);
-  for (Transfer transfer : {Transfer::kSrgb, Transfer::kGamma22, Transfer::kLinear}) {
-    for (OutputFormat format : {OutputFormat::kRgba16, OutputFormat::kRgba16f}) {
-      Settings settings = with(ToneCurve::kAces1);
-      settings.transfer = transfer;
-      settings.output_format = format;
+  for (Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
+    for (v1::OutputFormat format : {v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
+      Settings settings = with(v1::TONE_CURVE_ACES_1);
+      settings.set_transfer(transfer);
+      settings.set_output_format(format);
       const std::string what = std::string(name(transfer)) + " " + name(format);
       EXPECT_LE(difference(frame, settings, what).max_codes, 2.0) << what;
 
       Settings view = with_table(65);
-      view.output_format = format;
+      view.set_output_format(format);
       auto plain = render(frame, view);
       ASSERT_TRUE(plain.ok()) << plain.status();
-      view.transfer = transfer;
+      view.set_transfer(transfer);
       auto other = render(frame, view);
       ASSERT_TRUE(other.ok()) << other.status();
       EXPECT_EQ(image(plain->memory), image(other->memory)) << what;
@@ -149,8 +149,8 @@ TEST_F(Table, IsTheSameThroughStagingCopies) {
   ASSERT_TRUE(staged.ok()) << staged.status();
   const WireFrame frame = natural(67, 33);
   for (int round = 0; round < 2; ++round) {
-    auto here = render(frame, with(ToneCurve::kAces1));
-    auto there = render_on(**staged, frame, with(ToneCurve::kAces1));
+    auto here = render(frame, with(v1::TONE_CURVE_ACES_1));
+    auto there = render_on(**staged, frame, with(v1::TONE_CURVE_ACES_1));
     ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
     EXPECT_EQ(image(here->memory), image(there->memory));
   }
@@ -217,13 +217,13 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     const bool halves = input->format == ImageFormat::kRgba16f;
     const auto pixels = input->pixels.span();
     const WireFrame frame{
-        {input->width, input->height, halves ? PixelFormat::kRgba16f : PixelFormat::kRgba32f},
+        {input->width, input->height, halves ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
         {pixels.begin(), pixels.end()}};
-    Settings settings = with(ToneCurve::kAces1);
-    settings.exposure.mode = ExposureMode::kManual;
-    settings.bloom.intensity = 0;
-    settings.output_format = OutputFormat::kRgba16;
-    if (c.ap0) settings.input_chromaticities = chromaticities(Primaries::kAcesAp0);
+    Settings settings = with(v1::TONE_CURVE_ACES_1);
+    settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+    settings.mutable_bloom()->set_intensity(0);
+    settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
+    if (c.ap0) settings.input_chromaticities = chromaticities(v1::PRIMARIES_ACES_AP0);
     if (input->chromaticities) {
       settings.input_chromaticities.emplace();
       std::copy(input->chromaticities->begin(), input->chromaticities->end(),

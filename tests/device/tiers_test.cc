@@ -36,7 +36,7 @@ class Tiers : public DeviceTest {
 
 TEST_F(Tiers, ShadersAreTheTwinsOfTheirNumbersAtEverySizeAndKindOfBloom) {
   for (const Tier& tier : tiers()) {
-    for (BloomKind kind : {BloomKind::kMip, BloomKind::kConserve, BloomKind::kGaussian}) {
+    for (v1::Bloom::Kind kind : {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
       for (uint32_t levels : {1u, 2u, 5u}) {
         for (const auto& [width, height] : {std::pair{1u, 1u},
                                             {1u, 7u},
@@ -48,10 +48,10 @@ TEST_F(Tiers, ShadersAreTheTwinsOfTheirNumbersAtEverySizeAndKindOfBloom) {
                                             {130u, 66u},
                                             {333u, 517u}}) {
           Settings settings;
-          settings.tier = tier.name;
-          settings.bloom.kind = kind;
-          settings.bloom.intensity = 0.8f;
-          settings.bloom.levels = levels;
+          settings.set_tier(tier.name);
+          settings.mutable_bloom()->set_kind(kind);
+          settings.mutable_bloom()->set_intensity(0.8f);
+          settings.mutable_bloom()->set_levels(levels);
           const Verification difference = against(natural(width, height), settings, tier.bloom_level_size);
           EXPECT_LE(difference.max_codes, transfer_bound(tier) + kRestBound)
               << tier.name << " " << width << "x" << height << " bloom " << static_cast<int>(kind)
@@ -66,7 +66,7 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
   std::printf("%-12s %-28s %9s %9s %9s\n", "tier", "codes against the reference", "max", "p99.9", "mean");
   for (const Tier& tier : tiers()) {
     Settings settings;
-    settings.tier = tier.name;
+    settings.set_tier(tier.name);
     const auto show = [&](const char* what, const WireFrame& frame, double bound) {
       const Verification d = against(frame, settings, 2);
       std::printf("%-12s %-28s %9.4f %9.4f %9.5f\n", tier.name, what, d.max_codes, d.p999_codes,
@@ -77,10 +77,10 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
     const double plain = transfer_bound(tier) + kRestBound;
     show("natural 641x359", natural(641, 359), full_bloom ? plain : 110.0);
     for (const HardCase& hard : hard_cases(131, 67)) {
-      show(hard.name.c_str(), make_frame(131, 67, PixelFormat::kRgba16f, hard.texel),
+      show(hard.name.c_str(), make_frame(131, 67, v1::PIXEL_FORMAT_RGBA16F, hard.texel),
            full_bloom ? plain : 110.0);
     }
-    settings.bloom.intensity = 0;
+    settings.mutable_bloom()->set_intensity(0);
     show("natural, no bloom", natural(641, 359), plain);
   }
 }
@@ -90,9 +90,9 @@ TEST_F(Tiers, NumbersOfATableAreItsOwn) {
   TierBenchmark benchmark(shared_renderer, "a device", "");
   const auto error_of_draft = [&benchmark](const ColorTable& table) {
     Settings settings;
-    settings.curve = ToneCurve::kTable;
+    settings.set_curve(v1::TONE_CURVE_TABLE);
     settings.table = std::make_shared<const ColorTable>(table);
-    const auto numbers = benchmark.numbers({64, 48, PixelFormat::kRgba16f}, settings);
+    const auto numbers = benchmark.numbers({64, 48, v1::PIXEL_FORMAT_RGBA16F}, settings);
     EXPECT_TRUE(numbers.ok()) << numbers.status();
     return numbers.ok() && numbers->front().tier == "draft" ? numbers->front().max_error_codes : -1.0;
   };
@@ -108,7 +108,7 @@ TEST_F(Tiers, NumbersThatCannotBeReadAreMeasured) {
   write_file(folder.path("damaged"), "{\"a\": [1, ");
   for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path(".")}) {
     TierBenchmark benchmark(shared_renderer, "a device", file);
-    EXPECT_TRUE(benchmark.numbers({8, 8, PixelFormat::kRgba16f}, Settings()).ok()) << file;
+    EXPECT_TRUE(benchmark.numbers({8, 8, v1::PIXEL_FORMAT_RGBA16F}, Settings()).ok()) << file;
   }
 }
 

@@ -49,9 +49,10 @@ class Verified : public DeviceTest {
 };
 
 TEST_F(Verified, ARightImageIsRight) {
-  for (OutputFormat format : {OutputFormat::kRgba8, OutputFormat::kRgba16, OutputFormat::kRgba16f}) {
+  for (v1::OutputFormat format :
+       {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
     Settings settings;
-    settings.output_format = format;
+    settings.set_output_format(format);
     const Rendered rendered = must_render(natural(67, 35), settings);
     ASSERT_TRUE(rendered.report.verification);
     const Verification& error = rendered.report.verification->rounded;
@@ -129,17 +130,17 @@ TEST_F(Verified, DifferingComponentsAreTheFinishedImages) {
 }
 
 TEST_F(Verified, DitherIsNoDifference) {
-  for (OutputFormat format : {OutputFormat::kRgba8, OutputFormat::kRgba16}) {
+  for (v1::OutputFormat format : {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16}) {
     Settings settings;
-    settings.output_format = format;
-    settings.dither = true;
+    settings.set_output_format(format);
+    settings.set_dither(true);
     auto rendered =
         render(natural(333, 129), settings, {.sequence = 7, .previous = std::nullopt}, Verify::kYes);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
     const Verification& error = rendered->report.verification->rounded;
     EXPECT_LE(error.max_codes, 4e-4);
     EXPECT_LE(error.max_difference, 1);
-    EXPECT_LE(static_cast<double>(error.differing), format == OutputFormat::kRgba8 ? 130 : 12000);
+    EXPECT_LE(static_cast<double>(error.differing), format == v1::OUTPUT_FORMAT_RGBA8 ? 130 : 12000);
     // Another frame's noise is a difference.
     Plan next = rendered->report.plan;
     next.reference.dither_frame = 8;
@@ -163,9 +164,9 @@ TEST_F(Verified, WrongMeteringAndWrongBloomAreSeen) {
 
 TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
   Settings settings;
-  settings.tier = "draft";
+  settings.set_tier("draft");
   // A smooth light: what is left out hardly shows.
-  const WireFrame frame = make_frame(256, 200, PixelFormat::kRgba16f, [](uint32_t x, uint32_t y) -> Texel {
+  const WireFrame frame = make_frame(256, 200, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
     const float dx = static_cast<float>(x) - 128.0f, dy = static_cast<float>(y) - 100.0f;
     const float v = 30.0f * std::exp(-(dx * dx + dy * dy) / 1500.0f);
     return {v, v, v, 1};
@@ -181,7 +182,7 @@ TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
 }
 
 TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
-  const FrameReport floats = must_render(natural(67, 35, PixelFormat::kRgba32f)).report;
+  const FrameReport floats = must_render(natural(67, 35, v1::PIXEL_FORMAT_RGBA32F)).report;
   EXPECT_GT(floats.verification->unrounded.max_codes, 10 * floats.verification->rounded.max_codes);
   EXPECT_LT(floats.verification->unrounded.max_codes, 0.5);
   const FrameReport halves = must_render(natural(67, 35)).report;
@@ -198,7 +199,7 @@ TEST_F(Verified, StagingCopiesChangeNoNumber) {
   TexturePool own_pool(**staged, uint64_t{1} << 30);
   auto own = Renderer::create(**staged, own_pool);
   ASSERT_TRUE(own.ok()) << own.status();
-  for (const WireFrame& frame : {natural(131, 67), natural(130, 35, PixelFormat::kRgba32f)}) {
+  for (const WireFrame& frame : {natural(131, 67), natural(130, 35, v1::PIXEL_FORMAT_RGBA32F)}) {
     const auto there = render_on(**own, frame, {}, {}, Verify::kWithMap);
     ASSERT_TRUE(there.ok()) << there.status();
     const Rendered here = must_render(frame);
@@ -214,7 +215,7 @@ TEST_F(Verified, StagingCopiesChangeNoNumber) {
 }
 
 TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
-  const FrameDesc desc = {640, 480, PixelFormat::kRgba16f};
+  const FrameDesc desc = {640, 480, v1::PIXEL_FORMAT_RGBA16F};
   constexpr uint64_t kPixels = 640 * 480;
   // Frame, image and levels are 18 bytes a pixel, verification 44 more.
   TexturePool small(device(), 40 * kPixels);

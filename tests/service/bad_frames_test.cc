@@ -116,7 +116,7 @@ TEST_P(BadFrames, AFrameBeyondTheLimitsIsRefusedByItsHeaderBeforeAnyMemory) {
 
 // 56 MB in 27 bands: what was refused by its header must not be sent to its end.
 TEST_P(BadFrames, TheClientHearsARefusalBeforeItHasSentTheFrame) {
-  const FrameDesc desc{16384, 430, PixelFormat::kRgba16f};
+  const FrameDesc desc{16384, 430, v1::PIXEL_FORMAT_RGBA16F};
   const std::vector<std::byte> pixels(desc.bytes());
   v1::Settings settings;
   settings.set_tier("splendid");
@@ -142,7 +142,7 @@ TEST_P(BadFrames, UnknownEnumsAndNonFiniteSettingsAreRefusedByName) {
 
 TEST_P(BadFrames, AFrameThatTheMemoryBudgetCannotHoldNowIsToldToTryAgain) {
   WireFrame large;
-  large.desc = {4096, 1000, PixelFormat::kRgba32f};  // within 64 MiB; five at once are not within 256
+  large.desc = {4096, 1000, v1::PIXEL_FORMAT_RGBA32F};  // within 64 MiB; five at once are not within 256
   std::vector<std::unique_ptr<RawCall>> held;
   for (int i = 0; i < 6; ++i) {
     auto call = std::make_unique<RawCall>(channel(), "/candela.v1.RenderService/Render",

@@ -31,7 +31,7 @@ TEST_P(HardCases, GiveAFinitePictureWithAStatedErrorInEveryTier) {
         v1::Settings settings;
         settings.set_tier(tier.name());
         settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-        const WireFrame frame = make_frame(width, height, PixelFormat::kRgba32f, hard.texel);
+        const WireFrame frame = make_frame(width, height, v1::PIXEL_FORMAT_RGBA32F, hard.texel);
         FrameView asked = view(frame);
         asked.verify = true;
         const absl::StatusOr<RenderResult> result = connection().render(settings, asked);

@@ -90,7 +90,7 @@ TEST_P(Render, OddSizesEvenSizesAndManyBandsComeBackWhole) {
 }
 
 TEST_P(Render, EveryFormatInAndOut) {
-  for (PixelFormat in : {PixelFormat::kRgba16f, PixelFormat::kRgba32f, PixelFormat::kRgb9e5}) {
+  for (v1::PixelFormat in : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
     const WireFrame frame = natural(37, 21, in);
     for (v1::OutputFormat out :
          {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
@@ -106,7 +106,7 @@ TEST_P(Render, EveryFormatInAndOut) {
 
 TEST_P(Render, AVerifiedFrameComesWithItsErrorAndItsMap) {
   // Several bands of image and of map, and a width that is no multiple of the texel group.
-  const WireFrame frame = natural(1023, 1100, PixelFormat::kRgba32f);
+  const WireFrame frame = natural(1023, 1100, v1::PIXEL_FORMAT_RGBA32F);
   FrameView plain = view(frame), verified = view(frame), mapped = view(frame);
   verified.verify = mapped.verify = mapped.error_map = true;
   const absl::StatusOr<RenderResult> a = connection().render({}, plain);

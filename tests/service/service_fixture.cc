@@ -35,7 +35,7 @@ std::unique_ptr<Server> start_server(const Config& config) {
   return server.ok() ? *std::move(server) : nullptr;
 }
 
-v1::PixelFormat wire_format(PixelFormat format) { return static_cast<v1::PixelFormat>(format); }
+v1::PixelFormat wire_format(v1::PixelFormat format) { return static_cast<v1::PixelFormat>(format); }
 
 FrameView view(const WireFrame& frame, uint64_t sequence) {
   return {.width = frame.desc.width,

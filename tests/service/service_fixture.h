@@ -20,7 +20,7 @@ Config test_config();
 std::unique_ptr<Server> start_server(const Config& config);
 
 // What a test asks of a frame's wire form.
-v1::PixelFormat wire_format(PixelFormat format);
+v1::PixelFormat wire_format(v1::PixelFormat format);
 FrameView view(const WireFrame& frame, uint64_t sequence = 0);
 v1::RenderRequest start_of(const WireFrame& frame);
 v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t rows);

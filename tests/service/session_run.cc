@@ -16,7 +16,7 @@ Film make_film(size_t frames, uint32_t width, uint32_t height) {
   for (size_t i = 0; i < frames; ++i) {
     const auto number = static_cast<uint32_t>(i);
     const float light = std::exp2(4 * std::sin(0.7f * static_cast<float>(i)));
-    film->push_back(make_frame(width, height, PixelFormat::kRgba16f, [=](uint32_t x, uint32_t y) -> Texel {
+    film->push_back(make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
       return {light * noise(x, y, 3 * number), light * noise(x, y, 3 * number + 1),
               light * noise(x, y, 3 * number + 2), 1};
     }));

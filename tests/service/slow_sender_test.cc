@@ -125,7 +125,7 @@ TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
   auto bystander = std::make_unique<Bystander>(address_);
   WireCutter wire(address_);
   StreamClient client(own_channel(wire.address()));
-  WireFrame frame = natural(1, 100, PixelFormat::kRgb9e5);
+  WireFrame frame = natural(1, 100, v1::PIXEL_FORMAT_RGB9E5);
   ASSERT_TRUE(client.open("slow"));
   ASSERT_TRUE(client.send_header(frame, 0, 0));
   ASSERT_TRUE(wait_until(witness_, [](const auto& info) { return info.sessions() == 2; }));

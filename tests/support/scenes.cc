@@ -25,16 +25,16 @@ uint32_t pack_rgb9e5(const Texel& c) {
 
 }  // namespace
 
-WireFrame make_frame(uint32_t width, uint32_t height, PixelFormat format, const TexelFunction& texel) {
+WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, const TexelFunction& texel) {
   WireFrame frame{{width, height, format}, {}};
   frame.pixels.resize(frame.desc.bytes());
   std::byte* out = frame.pixels.data();
   for (uint32_t y = 0; y < height; ++y) {
     for (uint32_t x = 0; x < width; ++x, out += bytes_per_pixel(format)) {
       const Texel c = texel(x, y);
-      if (format == PixelFormat::kRgba32f) {
+      if (format == v1::PIXEL_FORMAT_RGBA32F) {
         std::memcpy(out, c.data(), 16);
-      } else if (format == PixelFormat::kRgba16f) {
+      } else if (format == v1::PIXEL_FORMAT_RGBA16F) {
         std::array<uint16_t, 4> half;
         for (size_t k = 0; k < 4; ++k) half[k] = imath_float_to_half(c[k]);
         std::memcpy(out, half.data(), 8);
@@ -47,15 +47,15 @@ WireFrame make_frame(uint32_t width, uint32_t height, PixelFormat format, const 
   return frame;
 }
 
-WireFrame natural(uint32_t width, uint32_t height, PixelFormat format) {
+WireFrame natural(uint32_t width, uint32_t height, v1::PixelFormat format) {
   return make_frame(width, height, format, scenes::natural(width, height));
 }
 
 WireFrame lit_tiles(uint32_t width, uint32_t height) {
-  return make_frame(width, height, PixelFormat::kRgba16f, scenes::lit_tiles(width, height));
+  return make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, scenes::lit_tiles(width, height));
 }
 
-WireFrame flat(uint32_t width, uint32_t height, Texel value, PixelFormat format) {
+WireFrame flat(uint32_t width, uint32_t height, Texel value, v1::PixelFormat format) {
   return make_frame(width, height, format, [=](uint32_t, uint32_t) { return value; });
 }
 

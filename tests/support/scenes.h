@@ -9,9 +9,10 @@
 
 namespace candela::testing {
 
-inline constexpr ToneCurve kCurves[] = {
-    ToneCurve::kLinear,           ToneCurve::kReinhard, ToneCurve::kAcesNarkowicz, ToneCurve::kAcesHill,
-    ToneCurve::kReinhardExtended, ToneCurve::kHable,    ToneCurve::kAgx,           ToneCurve::kPbrNeutral};
+inline constexpr v1::ToneCurve kCurves[] = {
+    v1::TONE_CURVE_LINEAR,    v1::TONE_CURVE_REINHARD,          v1::TONE_CURVE_ACES_NARKOWICZ,
+    v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_REINHARD_EXTENDED, v1::TONE_CURVE_HABLE,
+    v1::TONE_CURVE_AGX,       v1::TONE_CURVE_PBR_NEUTRAL};
 
 using scenes::HardCase;
 using scenes::noise;
@@ -24,14 +25,15 @@ struct WireFrame {
 };
 
 // Encodes the scene in `format`. RGB9E5 loses negative values and alpha.
-WireFrame make_frame(uint32_t width, uint32_t height, PixelFormat format, const TexelFunction& texel);
+WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, const TexelFunction& texel);
 
 // scenes::natural().
-WireFrame natural(uint32_t width, uint32_t height, PixelFormat format = PixelFormat::kRgba16f);
+WireFrame natural(uint32_t width, uint32_t height, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
 // scenes::lit_tiles().
 WireFrame lit_tiles(uint32_t width, uint32_t height);
 // The same value in every texel.
-WireFrame flat(uint32_t width, uint32_t height, Texel value, PixelFormat format = PixelFormat::kRgba16f);
+WireFrame flat(uint32_t width, uint32_t height, Texel value,
+               v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
 
 // scenes::hard_cases() and two more with large negative values.
 std::vector<HardCase> hard_cases(uint32_t width, uint32_t height);

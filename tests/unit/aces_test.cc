@@ -81,9 +81,9 @@ TEST(Aces1, AgreesWithPublishedPoints) {
 TEST(Aces1, AgreesWithOpenColorIOsOwnTests) {
   const std::optional<nlohmann::json> expected = data("ocio_expected.json");
   if (!expected) GTEST_SKIP() << "no test data; set CANDELA_DATA";
-  const auto ap0_to_rec709 = *matrix_to_rec709(chromaticities(Primaries::kAcesAp0));
-  const auto ap1_to_rec709 = *matrix_to_rec709(chromaticities(Primaries::kAcesAp1));
-  const auto xyz_to_rec709 = *matrix_to_rec709(chromaticities(Primaries::kXyz));
+  const auto ap0_to_rec709 = *matrix_to_rec709(chromaticities(v1::PRIMARIES_ACES_AP0));
+  const auto ap1_to_rec709 = *matrix_to_rec709(chromaticities(v1::PRIMARIES_ACES_AP1));
+  const auto xyz_to_rec709 = *matrix_to_rec709(chromaticities(v1::PRIMARIES_XYZ));
   ASSERT_TRUE(ap0_to_rec709 && ap1_to_rec709 && xyz_to_rec709);
   int checked = 0;
   for (const auto& item : (*expected)["cases"]) {
@@ -118,9 +118,9 @@ TEST(Aces1, AgreesWithOpenColorIOsOwnTests) {
 
 TEST(Aces1, PrimariesAreOpenColorIOs) {
   const std::pair<const char*, Primaries> cases[] = {
-      {"UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD", Primaries::kAcesAp0},
-      {"UTILITY - ACES-AP1_to_CIE-XYZ-D65_BFD", Primaries::kAcesAp1}};
-  const auto xyz_to_rec709 = *matrix_to_rec709(chromaticities(Primaries::kXyz));
+      {"UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD", v1::PRIMARIES_ACES_AP0},
+      {"UTILITY - ACES-AP1_to_CIE-XYZ-D65_BFD", v1::PRIMARIES_ACES_AP1}};
+  const auto xyz_to_rec709 = *matrix_to_rec709(chromaticities(v1::PRIMARIES_XYZ));
   for (const auto& [style, primaries] : cases) {
     const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
     builtin->setStyle(style);

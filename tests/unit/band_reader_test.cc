@@ -13,7 +13,7 @@ namespace {
 // A frame of 3 x 5 RGB9E5 pixels, rows of 12 bytes, held as a server would.
 class BandReaderTest : public ::testing::Test {
  protected:
-  static constexpr FrameDesc kDesc{3, 5, PixelFormat::kRgb9e5};
+  static constexpr FrameDesc kDesc{3, 5, v1::PIXEL_FORMAT_RGB9E5};
   static constexpr uint64_t kStride = 16;
 
   absl::Status read(uint32_t first_row, const std::string& pixels) {

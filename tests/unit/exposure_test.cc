@@ -8,32 +8,33 @@
 namespace candela {
 namespace {
 
-constexpr AdaptationDomain kDomains[] = {AdaptationDomain::kLinear, AdaptationDomain::kLog};
+constexpr v1::Adaptation::Domain kDomains[] = {v1::Adaptation::DOMAIN_LINEAR, v1::Adaptation::DOMAIN_LOG};
 
 TEST(Adaptation, AFirstFrameTakesItsTarget) {
-  for (AdaptationDomain domain : kDomains) EXPECT_EQ(adapt_exposure({domain, 3, 1}, std::nullopt, 0.7), 0.7);
+  for (v1::Adaptation::Domain domain : kDomains)
+    EXPECT_EQ(adapt_exposure({domain, 3, 1}, std::nullopt, 0.7), 0.7);
 }
 
 TEST(Adaptation, FollowsItsFormula) {
   const double up = 1 - std::exp(-0.25 * 3.0);
   const double down = 1 - std::exp(-0.25 * 1.0);
-  const auto step = [](AdaptationDomain domain, double from, double to) {
+  const auto step = [](v1::Adaptation::Domain domain, double from, double to) {
     return adapt_exposure({domain, 3.0, 1.0}, PreviousExposure{from, 0.25}, to);
   };
-  EXPECT_NEAR(step(AdaptationDomain::kLinear, 1, 5), 1 + 4 * up, 1e-14);
-  EXPECT_NEAR(step(AdaptationDomain::kLinear, 5, 1), 5 - 4 * down, 1e-14);
-  EXPECT_NEAR(step(AdaptationDomain::kLog, 1, 16), std::exp2(4 * up), 1e-13);
-  EXPECT_NEAR(step(AdaptationDomain::kLog, 16, 1), 16 * std::exp2(-4 * down), 1e-13);
+  EXPECT_NEAR(step(v1::Adaptation::DOMAIN_LINEAR, 1, 5), 1 + 4 * up, 1e-14);
+  EXPECT_NEAR(step(v1::Adaptation::DOMAIN_LINEAR, 5, 1), 5 - 4 * down, 1e-14);
+  EXPECT_NEAR(step(v1::Adaptation::DOMAIN_LOG, 1, 16), std::exp2(4 * up), 1e-13);
+  EXPECT_NEAR(step(v1::Adaptation::DOMAIN_LOG, 16, 1), 16 * std::exp2(-4 * down), 1e-13);
 }
 
 TEST(Adaptation, TwoStepsAreOneOfTheirTime) {
-  for (AdaptationDomain domain : kDomains) {
+  for (v1::Adaptation::Domain domain : kDomains) {
     for (double speed : {1e-9, 0.3, 3.0, 1000.0}) {
       for (double from : {0x1p-40, 0.015625, 1.0, 64.0, 0x1p40}) {
         for (double to : {0x1p-40, 0.18, 1.0, 0x1p40}) {
           for (double a : {0.0, 1e-9, 1.0 / 24, 10.0, 1e9}) {
             for (double b : {1e-9, 1.0 / 60, 3.0}) {
-              const AdaptationSettings settings = {domain, speed, speed};
+              const v1::Adaptation settings = {domain, speed, speed};
               const double half = adapt_exposure(settings, PreviousExposure{from, a}, to);
               const double twice = adapt_exposure(settings, PreviousExposure{half, b}, to);
               const double once = adapt_exposure(settings, PreviousExposure{from, a + b}, to);
@@ -50,7 +51,7 @@ TEST(Adaptation, TwoStepsAreOneOfTheirTime) {
 }
 
 TEST(Adaptation, NoTimeChangesNothingAndAllTimeArrives) {
-  for (AdaptationDomain domain : kDomains) {
+  for (v1::Adaptation::Domain domain : kDomains) {
     EXPECT_EQ(adapt_exposure({domain, 1000, 1000}, PreviousExposure{0.3, 0.0}, 50.0), 0.3);
     EXPECT_EQ(adapt_exposure({domain, 0, 0}, PreviousExposure{0.3, 1e9}, 50.0), 0.3);
     EXPECT_EQ(adapt_exposure({domain, 3, 1}, PreviousExposure{0.3, 1e9}, 50.0), 50.0);

@@ -38,7 +38,7 @@ struct Film {
     return all;
   }
 
-  ExposureSettings settings;
+  v1::Exposure settings;
   ExposureTrack track;
 };
 
@@ -222,7 +222,7 @@ TEST(ExposureTrack, DetectsACutByThePictureAndNotByItsBrightness) {
 
 TEST(ExposureTrack, ManualExposureDoesNotAdapt) {
   Film film;
-  film.settings.mode = ExposureMode::kManual;
+  film.settings.mode = v1::Exposure::MODE_MANUAL;
   film.settings.manual_ev = 2.0;
   film.show(0, 0.0);
   EXPECT_EQ(film.show(1, 9.0).at(0).point.exposed, (Exposed{4.0, 4.0}));

@@ -38,13 +38,13 @@ TEST(RenderStart, AbsentSettingsTakeTheDefaults) {
   EXPECT_EQ(start->desc.width, 5u);
   EXPECT_EQ(start->desc.height, 3u);
   EXPECT_EQ(start->row_stride_bytes, 40u);
-  EXPECT_EQ(start->settings.exposure.mode, ExposureMode::kAuto);
+  EXPECT_EQ(start->settings.exposure.mode, v1::Exposure::MODE_AUTO);
   EXPECT_EQ(start->settings.exposure.key, 0.18);
   EXPECT_EQ(start->settings.bloom.intensity, 0.05f);
   EXPECT_EQ(start->settings.bloom.levels, 5u);
   EXPECT_TRUE(start->settings.bloom.firefly_weights);
-  EXPECT_EQ(start->settings.curve, ToneCurve::kAcesHill);
-  EXPECT_EQ(start->settings.output_format, OutputFormat::kRgba8);
+  EXPECT_EQ(start->settings.curve, v1::TONE_CURVE_ACES_HILL);
+  EXPECT_EQ(start->settings.output_format, v1::OUTPUT_FORMAT_RGBA8);
   EXPECT_EQ(start->settings.tier, "standard");
   EXPECT_FALSE(start->settings.input_chromaticities);
 }
@@ -63,14 +63,14 @@ TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
   settings.set_prescale(1.5);
   const absl::StatusOr<RenderStart> start = read(message);
   ASSERT_TRUE(start.ok()) << start.status();
-  EXPECT_EQ(start->settings.exposure.mode, ExposureMode::kManual);
+  EXPECT_EQ(start->settings.exposure.mode, v1::Exposure::MODE_MANUAL);
   EXPECT_EQ(start->settings.exposure.manual_ev, -2.5);
   EXPECT_EQ(start->settings.bloom.intensity, 0.0f);
   EXPECT_FALSE(start->settings.bloom.firefly_weights);
-  EXPECT_EQ(start->settings.curve, ToneCurve::kReinhard);
-  EXPECT_EQ(start->settings.transfer, Transfer::kLinear);
-  EXPECT_EQ(start->settings.output_format, OutputFormat::kRgba16f);
-  EXPECT_EQ(start->settings.bad_values, BadValues::kReject);
+  EXPECT_EQ(start->settings.curve, v1::TONE_CURVE_REINHARD);
+  EXPECT_EQ(start->settings.transfer, v1::TRANSFER_LINEAR);
+  EXPECT_EQ(start->settings.output_format, v1::OUTPUT_FORMAT_RGBA16F);
+  EXPECT_EQ(start->settings.bad_values, v1::BAD_VALUES_REJECT);
   EXPECT_EQ(start->settings.prescale, 1.5);
 }
 

@@ -14,14 +14,14 @@ namespace {
 
 TEST(Frame, IsRefusedBeyondTheLimitsWithoutOverflow) {
   const FrameLimits limits = {16384, uint64_t{1} << 29};
-  EXPECT_TRUE(check_frame({7680, 4320, PixelFormat::kRgba16f}, limits).ok());
-  EXPECT_EQ(check_frame({0, 5, PixelFormat::kRgba16f}, limits).code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(check_frame({16385, 1, PixelFormat::kRgba16f}, limits).code(),
+  EXPECT_TRUE(check_frame({7680, 4320, v1::PIXEL_FORMAT_RGBA16F}, limits).ok());
+  EXPECT_EQ(check_frame({0, 5, v1::PIXEL_FORMAT_RGBA16F}, limits).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(check_frame({16385, 1, v1::PIXEL_FORMAT_RGBA16F}, limits).code(),
             absl::StatusCode::kResourceExhausted);
-  EXPECT_EQ(check_frame({16384, 16384, PixelFormat::kRgba32f}, limits).code(),
+  EXPECT_EQ(check_frame({16384, 16384, v1::PIXEL_FORMAT_RGBA32F}, limits).code(),
             absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(
-      check_frame({UINT32_MAX, UINT32_MAX, PixelFormat::kRgba32f}, {UINT32_MAX, uint64_t{1} << 40}).code(),
+      check_frame({UINT32_MAX, UINT32_MAX, v1::PIXEL_FORMAT_RGBA32F}, {UINT32_MAX, uint64_t{1} << 40}).code(),
       absl::StatusCode::kResourceExhausted);
 }
 
@@ -45,15 +45,15 @@ TEST(Settings, NameTheFieldItsValueAndItsRange) {
     return std::string(check_settings(settings).message());
   };
   EXPECT_TRUE(check_settings({}).ok());
-  EXPECT_EQ(message([](Settings& s) { s.bloom.intensity = 11; }),
+  EXPECT_EQ(message([](Settings& s) { s.mutable_bloom()->set_intensity(11); }),
             "bloom.intensity is 11; it must be between 0 and 10");
-  EXPECT_EQ(message([](Settings& s) { s.bloom.levels = 0; }),
+  EXPECT_EQ(message([](Settings& s) { s.mutable_bloom()->set_levels(0); }),
             "bloom.levels is 0; it must be between 1 and 16");
-  EXPECT_NE(message([](Settings& s) { s.exposure.key = NAN; }), "");
-  EXPECT_NE(message([](Settings& s) { s.prescale = INFINITY; }), "");
-  EXPECT_NE(message([](Settings& s) { s.exposure.min_exposure = 0; }), "");
-  EXPECT_NE(message([](Settings& s) { s.exposure.min_exposure = 65; }), "");
-  EXPECT_NE(message([](Settings& s) { s.tier = "best"; }).find("standard"), std::string::npos);
+  EXPECT_NE(message([](Settings& s) { s.mutable_exposure()->set_key(NAN); }), "");
+  EXPECT_NE(message([](Settings& s) { s.set_prescale(INFINITY); }), "");
+  EXPECT_NE(message([](Settings& s) { s.mutable_exposure()->set_min_exposure(0); }), "");
+  EXPECT_NE(message([](Settings& s) { s.mutable_exposure()->set_min_exposure(65); }), "");
+  EXPECT_NE(message([](Settings& s) { s.set_tier("best"); }).find("standard"), std::string::npos);
   EXPECT_NE(message([](Settings& s) { s.input_chromaticities = Chromaticities{}; }), "");
 }
 
@@ -91,19 +91,19 @@ TEST(Primaries, OfRec709NeedNoMatrixAndSingularOnesAreRefused) {
 }
 
 TEST(Exposure, FollowsTheKeyWithinItsLimits) {
-  ExposureSettings settings;
+  v1::Exposure settings;
   EXPECT_DOUBLE_EQ(exposure_target(settings, std::log2(0.18)), 1.0);
   settings.compensation_ev = 1;
   EXPECT_DOUBLE_EQ(exposure_target(settings, std::log2(0.18)), 2.0);
   EXPECT_DOUBLE_EQ(exposure_target(settings, -100), 64.0);
   EXPECT_DOUBLE_EQ(exposure_target(settings, 100), 1.0 / 64);
-  settings.mode = ExposureMode::kManual;
+  settings.mode = v1::Exposure::MODE_MANUAL;
   settings.manual_ev = 10;
   EXPECT_DOUBLE_EQ(exposure_target(settings, 3), 1024.0);
 }
 
 TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
-  const FrameDesc desc = {1920, 1080, PixelFormat::kRgba16f};
+  const FrameDesc desc = {1920, 1080, v1::PIXEL_FORMAT_RGBA16F};
   FrameStats stats;
   stats.max_luminance = 0.5f;
   stats.tile_light.assign(30 * 17, 0.25f);
@@ -115,7 +115,7 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
 
   stats.tile_light[31] = 3.0f;
   Settings settings;
-  settings.bloom.levels = 3;
+  settings.mutable_bloom()->set_levels(3);
   const std::vector<std::pair<Pass, uint32_t>> bright = {{Pass::kBrightPass, 0},
                                                          {Pass::kBloomDown, 1},
                                                          {Pass::kBloomDown, 2},
@@ -128,7 +128,7 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
   EXPECT_EQ(plan.lit, (std::vector<Box>{{64, 64, 128, 128}}));
   EXPECT_EQ(plan.words[1],
             "bloom over 3 levels from 960x540 to 240x135: light in 0.2 % of the frame's tiles");
-  settings.bloom.intensity = 0;
+  settings.mutable_bloom()->set_intensity(0);
   EXPECT_FALSE(plan_of(settings).bloom());
   EXPECT_EQ(plan_of(settings, false).resolve.inputs.constants.scrub, 0u);
   EXPECT_EQ(plan_of(settings, true).resolve.inputs.constants.scrub, 1u);
@@ -136,7 +136,7 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
 
 // The table of docs/pipeline.md section 5, published by the curves' authors or computed from their
 // definitions.
-TEST(ToneCurve, HasItsPublishedValueAtOne) {
+TEST(v1::ToneCurve, HasItsPublishedValueAtOne) {
   const auto at_one = [](uint32_t curve) { return reference::tone_curve(curve, {1, 1, 1})[1]; };
   EXPECT_DOUBLE_EQ(at_one(shader::CURVE_LINEAR), 1.0);
   EXPECT_DOUBLE_EQ(at_one(shader::CURVE_REINHARD), 0.5);

@@ -37,7 +37,7 @@ class Line {
     header.set_media_time_ns(static_cast<int64_t>(sequence) * 1'000'000'000);
     header.set_cut(cut);
     header.set_timeout_ms(timeout_ms);
-    EXPECT_TRUE(frames.add(header, {{2, 2, PixelFormat::kRgba16f}, 16}, settings, "hash", now).ok());
+    EXPECT_TRUE(frames.add(header, {{2, 2, v1::PIXEL_FORMAT_RGBA16F}, 16}, settings, "hash", now).ok());
     return frames.newest();
   }
   // Receives a frame and submits its first job.
@@ -62,7 +62,7 @@ class Line {
   }
 
   const absl::Time now = absl::UnixEpoch();
-  const ExposureSettings settings;
+  const v1::Exposure settings;
   SessionFrames frames;
 
  private:

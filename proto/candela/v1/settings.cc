@@ -1,5 +1,8 @@
 #include "proto/candela/v1/settings.h"
 
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
 #include <cmath>
 
 #include "absl/strings/ascii.h"
@@ -215,6 +218,16 @@ std::string enum_word(const EnumDescriptor& type, int value) {
   // TONE_CURVE_ of TONE_CURVE_UNSPECIFIED is what all names begin with.
   const size_t prefix = type.FindValueByNumber(0)->name().rfind('_') + 1;
   return absl::StrReplaceAll(absl::AsciiStrToLower(known->name().substr(prefix)), {{"_", "-"}});
+}
+
+std::string deterministic_bytes(const Message& message) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream out(&stream);
+  out.SetSerializationDeterministic(true);
+  message.SerializePartialToCodedStream(&out);
+  out.Trim();
+  return bytes;
 }
 
 std::string format_number(double value) {

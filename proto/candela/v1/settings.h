@@ -49,6 +49,9 @@ std::string word_of(Enum value) {
   return enum_word(*google::protobuf::GetEnumDescriptor<Enum>(), value);
 }
 
+// The message's deterministic serialisation: equal messages give the same bytes in one version of protobuf.
+std::string deterministic_bytes(const google::protobuf::Message& message);
+
 // A number as people write it: "64", "0.18", "2^40".
 std::string format_number(double value);
 std::string format_range(double min, double max);  // "0 .. 10"

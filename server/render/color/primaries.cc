@@ -62,30 +62,35 @@ absl::Status unusable(const Chromaticities& chromaticities) {
 
 }  // namespace
 
-Chromaticities chromaticities(Primaries primaries) {
+Chromaticities chromaticities(v1::Primaries primaries) {
   constexpr double kD65[2] = {0.3127, 0.3290};
   constexpr double kAcesWhite[2] = {0.32168, 0.33767};
   switch (primaries) {
-    case Primaries::kRec709:
+    case v1::PRIMARIES_REC709:
       return {{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, kD65[0], kD65[1]}};
-    case Primaries::kRec2020:
+    case v1::PRIMARIES_REC2020:
       return {{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, kD65[0], kD65[1]}};
-    case Primaries::kP3D65:
+    case v1::PRIMARIES_P3_D65:
       return {{0.680, 0.320, 0.265, 0.690, 0.150, 0.060, kD65[0], kD65[1]}};
-    case Primaries::kAcesAp0:
+    case v1::PRIMARIES_ACES_AP0:
       return {{0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, kAcesWhite[0], kAcesWhite[1]}};
-    case Primaries::kAcesAp1:
+    case v1::PRIMARIES_ACES_AP1:
       return {{0.713, 0.293, 0.165, 0.830, 0.128, 0.044, kAcesWhite[0], kAcesWhite[1]}};
-    case Primaries::kXyz:
+    case v1::PRIMARIES_XYZ:
       return {{1, 0, 0, 1, 0, 0, 1.0 / 3, 1.0 / 3}};
+    default:
+      return {};
   }
-  return {};
+}
+
+Chromaticities chromaticities(const v1::Chromaticities& m) {
+  return {{m.red_x(), m.red_y(), m.green_x(), m.green_y(), m.blue_x(), m.blue_y(), m.white_x(), m.white_y()}};
 }
 
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from) {
   const auto& c = from.xy;
-  const auto rec709 = chromaticities(Primaries::kRec709);
-  const bool plain_xyz = close(from, chromaticities(Primaries::kXyz), 0, 1e-4);
+  const auto rec709 = chromaticities(v1::PRIMARIES_REC709);
+  const bool plain_xyz = close(from, chromaticities(v1::PRIMARIES_XYZ), 0, 1e-4);
   M33d m = plain_xyz ? M33d() : to_xyz(c);
   if (!usable(m)) return unusable(from);
   if (!plain_xyz && !close(from, rec709, 6, 1e-5)) {

@@ -6,18 +6,9 @@
 #include <optional>
 
 #include "absl/status/statusor.h"
+#include "candela/v1/render.pb.h"
 
 namespace candela {
-
-// Values are those of candela.v1.Primaries.
-enum class Primaries : uint32_t {
-  kRec709 = 1,
-  kRec2020 = 2,
-  kP3D65 = 3,
-  kAcesAp0 = 4,
-  kAcesAp1 = 5,
-  kXyz = 6
-};
 
 // CIE 1931 xy of the red, green and blue primaries and of white.
 struct Chromaticities {
@@ -26,7 +17,8 @@ struct Chromaticities {
 
 // The chromaticities of named primaries, from SMPTE ST 2065-1 and S-2014-004 (ACES), ITU-R BT.709 and
 // BT.2020, SMPTE EG 432-1 (P3-D65) and CIE 15 (XYZ).
-Chromaticities chromaticities(Primaries primaries);
+Chromaticities chromaticities(v1::Primaries primaries);
+Chromaticities chromaticities(const v1::Chromaticities& message);
 
 // The 3x3 matrix, row by row, that takes linear RGB of these primaries to linear Rec.709 with a D65 white;
 // nothing where it is within 1e-5 of the identity. White is adapted by Bradford where it differs, but plain

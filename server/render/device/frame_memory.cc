@@ -75,11 +75,11 @@ absl::Status check_sizes(const FrameDesc& desc, const std::vector<Wanted>& wante
                          bool by_reference, uint64_t max_allocation_bytes, uint64_t budget_bytes) {
   for (const Wanted& w : wanted) {
     if (w.key.bytes() > max_allocation_bytes) {
-      return absl::ResourceExhaustedError(
-          absl::StrFormat("a %dx%d %s frame needs a texture of %d bytes and this device allocates at most %d "
-                          "at once; send fewer "
-                          "pixels",
-                          desc.width, desc.height, name(desc.format), w.key.bytes(), max_allocation_bytes));
+      return absl::ResourceExhaustedError(absl::StrFormat(
+          "a %dx%d %s frame needs a texture of %d bytes and this device allocates at most %d "
+          "at once; send fewer "
+          "pixels",
+          desc.width, desc.height, v1::word_of(desc.format), w.key.bytes(), max_allocation_bytes));
     }
   }
   if (bytes <= budget_bytes) return absl::OkStatus();
@@ -87,12 +87,12 @@ absl::Status check_sizes(const FrameDesc& desc, const std::vector<Wanted>& wante
     return absl::ResourceExhaustedError(absl::StrFormat(
         "a %dx%d %s frame needs %d bytes to be rendered and verified and the memory budget is %d; "
         "send fewer pixels, do without verification or raise --memory-budget",
-        desc.width, desc.height, name(desc.format), bytes, budget_bytes));
+        desc.width, desc.height, v1::word_of(desc.format), bytes, budget_bytes));
   }
   return absl::ResourceExhaustedError(absl::StrFormat(
       "a %dx%d %s frame needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
       "--memory-budget",
-      desc.width, desc.height, name(desc.format), bytes, budget_bytes));
+      desc.width, desc.height, v1::word_of(desc.format), bytes, budget_bytes));
 }
 
 absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint64_t reference_bytes,

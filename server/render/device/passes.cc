@@ -172,7 +172,7 @@ absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, 
 
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
                             PipelineCache& pipelines, Recorder& recorder) {
-  const OutputFormat format = textures.layout.output_format;
+  const v1::OutputFormat format = textures.layout.output_format;
   return record_resolve(step, table, textures, pipelines, recorder, textures.output.buffer(),
                         static_cast<uint32_t>(format), bytes_per_pixel(format));
 }

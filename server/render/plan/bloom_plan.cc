@@ -18,9 +18,9 @@ constexpr float kMinKnee = 1e-15f;
 constexpr float kRoundings = 0x1p-20f;
 
 // If no light of the frame is above this, no texel of bloom level 0 gets any.
-float bright_bound(const BloomSettings& bloom, float threshold) {
-  if (bloom.kind == BloomKind::kConserve) return -1.0f;  // conserving bloom takes light from everywhere
-  const float knee = bloom.kind == BloomKind::kMip ? bloom.softness * threshold : 0.0f;
+float bright_bound(const v1::Bloom& bloom, float threshold) {
+  if (bloom.kind() == v1::Bloom::KIND_CONSERVE) return -1.0f;  // conserving bloom takes light from everywhere
+  const float knee = bloom.kind() == v1::Bloom::KIND_MIP ? bloom.softness() * threshold : 0.0f;
   return threshold - knee - kRoundings * threshold;
 }
 
@@ -70,19 +70,19 @@ BloomStep step_of(Pass pass, uint32_t level, const FrameLayout& layout, std::spa
   return step;
 }
 
-BloomStep bright_pass(const FrameLayout& layout, const BloomSettings& bloom, float threshold, bool scrub,
+BloomStep bright_pass(const FrameLayout& layout, const v1::Bloom& bloom, float threshold, bool scrub,
                       const std::optional<reference::Matrix>& matrix, std::span<const Box> lit) {
   constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::BRIGHT_GROUP_X * shader::BRIGHT_STEPS;
   constexpr uint32_t kHeight = shader::BRIGHT_ROWS * shader::BRIGHT_GROUP_Y;
   const uint32_t size = layout.level_size;
   BloomStep step = step_of(Pass::kBrightPass, 0, layout, lit, kWidth / size, kHeight / size);
-  const float knee = bloom.softness * bloom.threshold;
+  const float knee = bloom.softness() * bloom.threshold();
   step.inputs = ShaderInputs<shader::BrightPassConstants, shader::BrightPassParams>{
       .constants = {.pixels = static_cast<uint32_t>(layout.desc.format),
                     .matrix = matrix.has_value(),
                     .scrub = scrub,
-                    .bloom = static_cast<uint32_t>(bloom.kind),
-                    .firefly_weights = bloom.firefly_weights,
+                    .bloom = static_cast<uint32_t>(bloom.kind()),
+                    .firefly_weights = bloom.firefly_weights(),
                     .level_size = size,
                     .whole = layout.desc.width % shader::GROUP_TEXELS == 0},
       .params = {.frame = input_params(layout, matrix),
@@ -134,23 +134,23 @@ BloomStep gaussian(const FrameLayout& layout, uint32_t level, std::span<const Bo
   return step;
 }
 
-std::string gaussian_words(const FrameLayout& layout, const BloomSettings& bloom, float threshold,
+std::string gaussian_words(const FrameLayout& layout, const v1::Bloom& bloom, float threshold,
                            const std::vector<Box>& lit) {
   const LevelSize& size = layout.level_sizes[0];
   return absl::StrFormat("gaussian bloom at %dx%d: threshold %g, %g times the mean; %s", size.width,
-                         size.height, threshold, bloom.threshold, light_words(layout.desc, lit));
+                         size.height, threshold, bloom.threshold(), light_words(layout.desc, lit));
 }
 
-std::string mip_words(const FrameLayout& layout, const BloomSettings& bloom, const std::vector<Box>& lit) {
+std::string mip_words(const FrameLayout& layout, const v1::Bloom& bloom, const std::vector<Box>& lit) {
   const std::vector<LevelSize>& sizes = layout.level_sizes;
   const auto count = static_cast<uint32_t>(sizes.size());
-  const bool left_out = layout.level_size != kWholeBloom && bloom.levels > 1;
+  const bool left_out = layout.level_size != kWholeBloom && bloom.levels() > 1;
   return absl::StrFormat("bloom over %d level%s from %dx%d to %dx%d: %s%s", count, count == 1 ? "" : "s",
                          sizes.front().width, sizes.front().height, sizes.back().width, sizes.back().height,
-                         bloom.kind == BloomKind::kConserve
-                             ? absl::StrFormat("%g of the scene's light", bloom.intensity)
+                         bloom.kind() == v1::Bloom::KIND_CONSERVE
+                             ? absl::StrFormat("%g of the scene's light", bloom.intensity())
                              : light_words(layout.desc, lit),
-                         count + left_out < bloom.levels ? "; the frame is too small for more levels" : "");
+                         count + left_out < bloom.levels() ? "; the frame is too small for more levels" : "");
 }
 
 }  // namespace
@@ -171,26 +171,26 @@ shader::InputParams input_params(const FrameLayout& layout, const std::optional<
           .m22 = m[8]};
 }
 
-float bright_threshold(const BloomSettings& bloom, const FrameStats& stats) {
-  if (bloom.kind != BloomKind::kGaussian) return bloom.threshold;
-  return static_cast<float>(bloom.threshold * std::exp2(stats.mean_log2_luminance));
+float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats) {
+  if (bloom.kind() != v1::Bloom::KIND_GAUSSIAN) return bloom.threshold();
+  return static_cast<float>(bloom.threshold() * std::exp2(stats.mean_log2_luminance));
 }
 
-void plan_bloom(const FrameLayout& layout, const Metered& metered, const BloomSettings& bloom,
+void plan_bloom(const FrameLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan) {
-  if (bloom.intensity == 0) {
+  if (bloom.intensity() == 0) {
     plan.words.push_back("no bloom: its intensity is 0");
     return;
   }
   const FrameStats& stats = metered.stats;
-  const bool blurs = bloom.kind == BloomKind::kGaussian;
+  const bool blurs = bloom.kind() == v1::Bloom::KIND_GAUSSIAN;
   const float threshold = bright_threshold(bloom, stats);
   plan.lit =
       lit_area(stats.tile_light, layout.desc.width, layout.desc.height, bright_bound(bloom, threshold));
   if (plan.lit.empty()) {
     plan.words.push_back(absl::StrFormat(
         "no bloom: nothing passes the threshold %g%s (the brightest is %g)", threshold,
-        blurs ? absl::StrFormat(", %g times the mean", bloom.threshold) : "", stats.max_luminance));
+        blurs ? absl::StrFormat(", %g times the mean", bloom.threshold()) : "", stats.max_luminance));
     return;
   }
   plan.bloom_steps.push_back(bright_pass(layout, bloom, threshold, metered.scrubbed, matrix, plan.lit));

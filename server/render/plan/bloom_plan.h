@@ -10,9 +10,9 @@ namespace candela {
 shader::InputParams input_params(const FrameLayout& layout, const std::optional<reference::Matrix>& matrix);
 
 // Scene luminance above which there is bloom: the settings' threshold, or kGaussian's multiple of the mean.
-float bright_threshold(const BloomSettings& bloom, const FrameStats& stats);
+float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats);
 
-void plan_bloom(const FrameLayout& layout, const Metered& metered, const BloomSettings& bloom,
+void plan_bloom(const FrameLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan);
 
 // The frame's texels that the finished bloom reaches.

@@ -7,10 +7,10 @@
 
 namespace candela {
 
-double exposure_target(const ExposureSettings& settings, double mean_log2_luminance) {
-  if (settings.mode == ExposureMode::kManual) return std::exp2(settings.manual_ev);
-  const double wanted = settings.key * std::exp2(settings.compensation_ev - mean_log2_luminance);
-  return std::clamp(wanted, settings.min_exposure, settings.max_exposure);
+double exposure_target(const v1::Exposure& settings, double mean_log2_luminance) {
+  if (settings.mode() == v1::Exposure::MODE_MANUAL) return std::exp2(settings.manual_ev());
+  const double wanted = settings.key() * std::exp2(settings.compensation_ev() - mean_log2_luminance);
+  return std::clamp(wanted, settings.min_exposure(), settings.max_exposure());
 }
 
 absl::Status check_previous(const PreviousExposure& previous) {
@@ -29,13 +29,13 @@ absl::Status check_previous(const PreviousExposure& previous) {
   return absl::OkStatus();
 }
 
-double adapt_exposure(const AdaptationSettings& settings, const std::optional<PreviousExposure>& previous,
+double adapt_exposure(const v1::Adaptation& settings, const std::optional<PreviousExposure>& previous,
                       double target) {
   if (!previous) return target;
   const double from = previous->exposure;
-  const double speed = target > from ? settings.speed_up : settings.speed_down;
+  const double speed = target > from ? settings.speed_up() : settings.speed_down();
   const double x = -previous->elapsed_seconds * speed;
-  const bool linear = settings.domain == AdaptationDomain::kLinear;
+  const bool linear = settings.domain() == v1::Adaptation::DOMAIN_LINEAR;
   // Written from the nearer end, so that a short step keeps the digits of where it began and a long one
   // arrives.
   if (x > -0.5) {
@@ -46,11 +46,11 @@ double adapt_exposure(const AdaptationSettings& settings, const std::optional<Pr
   return linear ? target + (from - target) * left : target * std::exp2(std::log2(from / target) * left);
 }
 
-Exposed expose(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous,
+Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
                double mean_log2_luminance) {
   const double target = exposure_target(settings, mean_log2_luminance);
-  if (settings.mode == ExposureMode::kManual) return {target, target};
-  return {adapt_exposure(settings.adaptation, previous, target), target};
+  if (settings.mode() == v1::Exposure::MODE_MANUAL) return {target, target};
+  return {adapt_exposure(settings.adaptation(), previous, target), target};
 }
 
 }  // namespace candela

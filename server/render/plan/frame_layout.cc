@@ -11,15 +11,15 @@ namespace candela {
 namespace {
 
 // The sizes that the settings' bloom has if its first level is of `level_size`.
-std::vector<LevelSize> level_sizes(const FrameDesc& desc, const BloomSettings& bloom, uint32_t level_size) {
-  if (bloom.intensity == 0) return {};
-  return bloom.kind == BloomKind::kGaussian
+std::vector<LevelSize> level_sizes(const FrameDesc& desc, const v1::Bloom& bloom, uint32_t level_size) {
+  if (bloom.intensity() == 0) return {};
+  return bloom.kind() == v1::Bloom::KIND_GAUSSIAN
              ? gaussian_level_sizes(desc.width, desc.height)
-             : bloom_level_sizes(desc.width, desc.height, bloom.levels, level_size);
+             : bloom_level_sizes(desc.width, desc.height, bloom.levels(), level_size);
 }
 
 // About 26 bytes a pixel.
-uint64_t reference_bytes(const FrameDesc& desc, const BloomSettings& bloom) {
+uint64_t reference_bytes(const FrameDesc& desc, const v1::Bloom& bloom) {
   const uint64_t pixels = uint64_t{desc.width} * desc.height;
   uint64_t texels = 0;
   for (const LevelSize& level : level_sizes(desc, bloom, kWholeBloom)) {
@@ -51,21 +51,21 @@ std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
 }
 
 FrameLayout layout_frame(const FrameDesc& desc, const Settings& settings) {
-  const MeteringSettings& metering = settings.exposure.metering;
-  const BloomSettings& bloom = settings.bloom;
-  const Tier& tier = *find_tier(settings.tier);
+  const v1::Metering& metering = settings->exposure().metering();
+  const v1::Bloom& bloom = settings->bloom();
+  const Tier& tier = settings.tier();
   FrameLayout layout;
   layout.desc = desc;
-  layout.output_format = settings.output_format;
+  layout.output_format = settings->output_format();
   layout.pitch = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
   layout.tiles_x = groups(desc.width, shader::TILE_TEXELS);
   layout.tiles_y = groups(desc.height, shader::TILE_TEXELS);
-  if (metering.statistic == MeterStatistic::kPercentile || metering.histogram) {
+  if (metering.statistic() == v1::Metering::STATISTIC_PERCENTILE || settings.wants_histogram()) {
     layout.histogram_copies = groups(layout.tiles_x * layout.tiles_y, shader::HISTOGRAM_TILES);
   }
-  layout.center_weights = metering.weights == MeterWeights::kCenter;
+  layout.center_weights = metering.weights() == v1::Metering::WEIGHTS_CENTER;
   layout.level_sizes = level_sizes(desc, bloom, tier.bloom_level_size);
-  const bool gaussian = bloom.kind == BloomKind::kGaussian;
+  const bool gaussian = bloom.kind() == v1::Bloom::KIND_GAUSSIAN;
   layout.level_size = gaussian ? 4 : tier.bloom_level_size;
   layout.first_level_twice =
       !gaussian && tier.bloom_level_size != kWholeBloom && layout.level_sizes.size() > 1;

@@ -32,7 +32,7 @@ std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 // Sizes are in texels.
 struct FrameLayout {
   FrameDesc desc;
-  OutputFormat output_format = OutputFormat::kRgba8;
+  v1::OutputFormat output_format = v1::OUTPUT_FORMAT_RGBA8;
   uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
   uint32_t tiles_x = 0;
   uint32_t tiles_y = 0;

@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
 #include "server/render/color/aces.h"
-#include "server/render/color/primaries.h"
 #include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/lit_area.h"
 #include "server/render/settings/tiers.h"
@@ -15,67 +15,59 @@ namespace candela {
 
 namespace {
 
-std::string metering_words(const MeteringSettings& metering) {
+std::string metering_words(const v1::Metering& metering) {
   std::string words;
-  if (metering.statistic == MeterStatistic::kPercentile) {
-    absl::StrAppendFormat(&words, " between %g %% and %g %%", metering.percentile_low,
-                          metering.percentile_high);
+  if (metering.statistic() == v1::Metering::STATISTIC_PERCENTILE) {
+    absl::StrAppendFormat(&words, " between %g %% and %g %%", metering.percentile_low(),
+                          metering.percentile_high());
   }
-  if (metering.weights == MeterWeights::kCenter) words += " around the centre";
-  if (metering.weights == MeterWeights::kSpot) {
-    absl::StrAppendFormat(&words, " in x %d .. %d, y %d .. %d", metering.spot.x0, metering.spot.x1,
-                          metering.spot.y0, metering.spot.y1);
+  if (metering.weights() == v1::Metering::WEIGHTS_CENTER) words += " around the centre";
+  if (metering.weights() == v1::Metering::WEIGHTS_SPOT) {
+    absl::StrAppendFormat(&words, " in x %d .. %d, y %d .. %d", metering.spot().x0(), metering.spot().x1(),
+                          metering.spot().y0(), metering.spot().y1());
   }
   return words;
 }
 
-// The matrix from the input's primaries to the scene's; absent if it would change nothing.
-std::optional<reference::Matrix> matrix_of(const Settings& settings) {
-  if (!settings.input_chromaticities) return std::nullopt;
-  // check_settings has checked that there is one.
-  const auto matrix = matrix_to_rec709(*settings.input_chromaticities);
-  return matrix.ok() ? *matrix : std::nullopt;
-}
-
-reference::MeterParams reference_meter(const MeteringSettings& metering) {
-  return {.percentile = metering.statistic == MeterStatistic::kPercentile,
-          .percentile_low = metering.percentile_low,
-          .percentile_high = metering.percentile_high,
-          .weights = static_cast<uint32_t>(metering.weights),
-          .spot = {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}};
+reference::MeterParams reference_meter(const v1::Metering& metering) {
+  return {.percentile = metering.statistic() == v1::Metering::STATISTIC_PERCENTILE,
+          .percentile_low = metering.percentile_low(),
+          .percentile_high = metering.percentile_high(),
+          .weights = static_cast<uint32_t>(metering.weights()),
+          .spot = {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()}};
 }
 
 // The factor that exposes the scene. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
 double exposure_factor(const Settings& settings, const FrameDecisions& decisions) {
-  return std::min<double>(decisions.exposure * settings.prescale, shader::MAX_EXPOSURE);
+  return std::min<double>(decisions.exposure * settings->prescale(), shader::MAX_EXPOSURE);
 }
 
 bool dithers(const Settings& settings) {
-  return settings.dither && settings.output_format != OutputFormat::kRgba16f;
+  return settings->dither() && settings->output_format() != v1::OUTPUT_FORMAT_RGBA16F;
 }
 
 ReferencePlan plan_reference(const FrameLayout& layout, const Settings& settings,
                              const FrameDecisions& decisions,
                              const std::optional<reference::Matrix>& matrix) {
-  const BloomSettings& bloom = settings.bloom;
+  const v1::Bloom& bloom = settings->bloom();
   ReferencePlan plan;
   plan.matrix = matrix;
-  plan.meter = reference_meter(settings.exposure.metering);
-  if (bloom.intensity > 0) {
-    plan.bloom = {.kind = static_cast<uint32_t>(bloom.kind),
-                  .threshold = bloom.threshold,
-                  .softness = bloom.softness,
-                  .levels = bloom.levels,
-                  .firefly_weights = bloom.firefly_weights,
+  plan.meter = reference_meter(settings->exposure().metering());
+  if (bloom.intensity() > 0) {
+    plan.bloom = {.kind = static_cast<uint32_t>(bloom.kind()),
+                  .threshold = bloom.threshold(),
+                  .softness = bloom.softness(),
+                  .levels = bloom.levels(),
+                  .firefly_weights = bloom.firefly_weights(),
                   .level_size = kWholeBloom};
     plan.resolve.bloom = plan.bloom->kind;
   }
   plan.resolve.exposure = exposure_factor(settings, decisions);
-  plan.resolve.level_size = bloom.kind == BloomKind::kGaussian ? layout.level_size : kWholeBloom;
-  plan.resolve.bloom_intensity = bloom.intensity;
-  plan.resolve.curve = static_cast<uint32_t>(settings.curve);
-  plan.resolve.curve_white = settings.curve_white;
-  plan.resolve.transfer = static_cast<uint32_t>(output_transfer(settings));
+  plan.resolve.level_size = bloom.kind() == v1::Bloom::KIND_GAUSSIAN ? layout.level_size : kWholeBloom;
+  plan.resolve.bloom_intensity = bloom.intensity();
+  plan.resolve.curve = static_cast<uint32_t>(settings->curve());
+  plan.resolve.curve_white = settings->curve_white();
+  plan.resolve.transfer = static_cast<uint32_t>(output_transfer(*settings));
   if (dithers(settings)) plan.dither_frame = static_cast<uint32_t>(decisions.sequence);
   return plan;
 }
@@ -86,13 +78,13 @@ shader::ResolveConstants resolve_constants(const FrameLayout& layout, bool scrub
   return {.pixels = static_cast<uint32_t>(layout.desc.format),
           .matrix = matrix,
           .scrub = scrub,
-          .bloom = static_cast<uint32_t>(settings.bloom.kind),
-          .curve = rec709_table ? shader::CURVE_TABLE_REC709 : static_cast<uint32_t>(settings.curve),
-          .transfer = static_cast<uint32_t>(output_transfer(settings)),
-          .output_format = static_cast<uint32_t>(settings.output_format),
+          .bloom = static_cast<uint32_t>(settings->bloom().kind()),
+          .curve = rec709_table ? shader::CURVE_TABLE_REC709 : static_cast<uint32_t>(settings->curve()),
+          .transfer = static_cast<uint32_t>(output_transfer(*settings)),
+          .output_format = static_cast<uint32_t>(settings->output_format()),
           .dither = dithers(settings),
           .level_size = layout.level_size,
-          .transfer_terms = find_tier(settings.tier)->transfer_terms};
+          .transfer_terms = settings.tier().transfer_terms};
 }
 
 shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& settings,
@@ -102,7 +94,7 @@ shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& 
   params.frame = input_params(layout, matrix);
   params.output_pitch = layout.pitch;
   params.exposure = static_cast<float>(exposure_factor(settings, decisions));
-  params.curve_white = settings.curve_white;
+  params.curve_white = settings->curve_white();
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
   if (const ColorTable* table = decisions.table.get()) {
     params.table_size = table->size;
@@ -112,7 +104,7 @@ shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& 
   if (bloom) {
     params.level_width = layout.level_sizes[0].width;
     params.level_height = layout.level_sizes[0].height;
-    const float intensity = settings.bloom.intensity;
+    const float intensity = settings->bloom().intensity();
     params.bloom_scale = intensity / static_cast<float>(layout.summed_levels);
     params.scene_scale = 1.0f - intensity;
   }
@@ -152,43 +144,44 @@ const char* name(Pass pass) {
 }
 
 IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings) {
-  const MeteringSettings& metering = settings.exposure.metering;
+  const v1::Metering& metering = settings->exposure().metering();
   IngestPlan plan;
-  plan.matrix = matrix_of(settings);
+  plan.matrix = settings.to_scene();
   plan.inputs.constants = {.pixels = static_cast<uint32_t>(layout.desc.format),
                            .matrix = plan.matrix.has_value(),
                            .scrub = false,
                            .light = !layout.level_sizes.empty(),
-                           .weights = static_cast<uint32_t>(metering.weights),
+                           .weights = static_cast<uint32_t>(metering.weights()),
                            .histogram = layout.histogram_copies > 0,
                            .whole = layout.desc.width % shader::GROUP_TEXELS == 0};
   plan.inputs.params.frame = input_params(layout, plan.matrix);
   plan.inputs.params.tiles_x = layout.tiles_x;
-  plan.inputs.params.spot_x0 = metering.spot.x0;
-  plan.inputs.params.spot_y0 = metering.spot.y0;
-  plan.inputs.params.spot_x1 = metering.spot.x1;
-  plan.inputs.params.spot_y1 = metering.spot.y1;
-  if (metering.statistic == MeterStatistic::kPercentile) {
-    plan.percentiles = {metering.percentile_low, metering.percentile_high};
+  plan.inputs.params.spot_x0 = metering.spot().x0();
+  plan.inputs.params.spot_y0 = metering.spot().y0();
+  plan.inputs.params.spot_x1 = metering.spot().x1();
+  plan.inputs.params.spot_y1 = metering.spot().y1();
+  if (metering.statistic() == v1::Metering::STATISTIC_PERCENTILE) {
+    plan.percentiles = {metering.percentile_low(), metering.percentile_high()};
   }
-  plan.wants_histogram = metering.histogram;
-  plan.rejects_bad_values = settings.bad_values == BadValues::kReject;
+  plan.wants_histogram = settings.wants_histogram();
+  plan.rejects_bad_values = settings->bad_values() == v1::BAD_VALUES_REJECT;
   plan.reference = reference_meter(metering);
   return plan;
 }
 
 Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Settings& settings,
                 const FrameDecisions& decisions) {
-  const std::optional<reference::Matrix> matrix = matrix_of(settings);
+  const std::optional<reference::Matrix> matrix = settings.to_scene();
   const FrameDesc& desc = layout.desc;
   Plan plan;
   plan.table = decisions.table;
-  plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height, name(desc.format),
-                                       metering_words(settings.exposure.metering)));
+  plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height,
+                                       v1::word_of(desc.format),
+                                       metering_words(settings->exposure().metering())));
   if (metered.scrubbed) {
     plan.words.push_back("ingest again with the scrub: some components are not finite or beyond +-65504");
   }
-  plan_bloom(layout, metered, settings.bloom, matrix, plan);
+  plan_bloom(layout, metered, settings->bloom(), matrix, plan);
   const bool bloom = plan.bloom();
   plan.resolve.inputs.constants =
       resolve_constants(layout, metered.scrubbed, settings, plan.table.get(), matrix.has_value());
@@ -197,16 +190,18 @@ Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Setting
   plan.resolve.bloom_groups = std::move(work.groups);
   plan.resolve.plain_groups = std::move(work.rest);
   plan.words.push_back(absl::StrFormat(
-      "resolve%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "", name(settings.curve),
-      settings.output_format == OutputFormat::kRgba16f ? "display-linear" : name(settings.transfer),
-      absl::StrCat(name(settings.output_format), settings.dither ? " dithered" : ""), settings.tier));
+      "resolve%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "", v1::word_of(settings->curve()),
+      settings->output_format() == v1::OUTPUT_FORMAT_RGBA16F ? "display-linear"
+                                                             : v1::word_of(settings->transfer()),
+      absl::StrCat(v1::word_of(settings->output_format()), settings->dither() ? " dithered" : ""),
+      settings->tier()));
   plan.reference = plan_reference(layout, settings, decisions, matrix);
   return plan;
 }
 
 absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings) {
-  const uint32_t points = find_tier(settings.tier)->table_size;
-  if (settings.curve != ToneCurve::kAces1 || points == 0) return settings.table;
+  const uint32_t points = settings.tier().table_size;
+  if (settings->curve() != v1::TONE_CURVE_ACES_1 || points == 0) return settings.table();
   return aces_1_table(points);
 }
 

@@ -34,7 +34,7 @@ void store_output(const FrameTextures& textures, const ReferenceFrame& frame, do
   }
   const double code =
       std::round(k < 3 ? frame.code(value, largest, x, y, k) : std::clamp(value, 0.0, 1.0) * largest);
-  if (layout.output_format == OutputFormat::kRgba8) {
+  if (layout.output_format == v1::OUTPUT_FORMAT_RGBA8) {
     store(output, index, static_cast<uint8_t>(code));
   } else {
     store(output, index, static_cast<uint16_t>(code));

@@ -56,7 +56,7 @@ FrameVerification verify_frame(FrameMemory& memory, const Plan& plan, const Fram
                                       stats, bloom_level_size, map, &verification.truth);
   // Without a matrix, the scenes of other formats are halves already.
   const bool rounds = !layout.by_reference &&
-                      (layout.desc.format == PixelFormat::kRgba32f || plan.reference.matrix.has_value());
+                      (layout.desc.format == v1::PIXEL_FORMAT_RGBA32F || plan.reference.matrix.has_value());
   verification.unrounded =
       rounds ? compare_with(Rounding::kNone, textures, plan, stats, bloom_level_size, nullptr, nullptr)
              : verification.rounded;

@@ -4,30 +4,6 @@
 
 namespace candela {
 
-const char* name(PixelFormat format) {
-  switch (format) {
-    case PixelFormat::kRgba16f:
-      return "rgba16f";
-    case PixelFormat::kRgba32f:
-      return "rgba32f";
-    case PixelFormat::kRgb9e5:
-      return "rgb9e5";
-  }
-  return "unknown";
-}
-
-const char* name(OutputFormat format) {
-  switch (format) {
-    case OutputFormat::kRgba8:
-      return "rgba8";
-    case OutputFormat::kRgba16:
-      return "rgba16";
-    case OutputFormat::kRgba16f:
-      return "rgba16f";
-  }
-  return "unknown";
-}
-
 absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits) {
   if (desc.width == 0 || desc.height == 0) {
     return absl::InvalidArgumentError(
@@ -42,7 +18,7 @@ absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits) {
   if (desc.row_bytes() > limits.max_frame_bytes / desc.height) {
     return absl::ResourceExhaustedError(absl::StrFormat(
         "frame is %d bytes (%dx%d %s) and this server takes at most %d; send half floats or fewer pixels",
-        desc.bytes(), desc.width, desc.height, name(desc.format), limits.max_frame_bytes));
+        desc.bytes(), desc.width, desc.height, v1::word_of(desc.format), limits.max_frame_bytes));
   }
   return absl::OkStatus();
 }

@@ -1,161 +1,184 @@
 #include "server/render/settings/settings.h"
 
-#include <cmath>
+#include <cstring>
+#include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/settings.h"
+#include "server/base/digest.h"
 #include "server/render/color/primaries.h"
-#include "server/render/settings/tiers.h"
 
 namespace candela {
-
 namespace {
 
-// Also refuses NaN.
-template <typename T, typename R>
-absl::Status in_range(const char* field, T value, const v1::Range<R>& range) {
-  if (value >= range.min && value <= range.max) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s is %g; it must be between %g and %g", field, static_cast<double>(value),
-                      static_cast<double>(range.min), static_cast<double>(range.max)));
-}
-
-absl::Status check_table(const Settings& settings) {
-  if (settings.curve == ToneCurve::kTable && !settings.table) {
-    return absl::InvalidArgumentError(
-        "curve is TABLE and there is no table; send one, or choose another curve");
-  }
-  if (!settings.table) return absl::OkStatus();
-  if (settings.curve != ToneCurve::kTable) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("there is a table and curve is %s; set curve to TABLE, or leave the table out",
-                        name(settings.curve)));
-  }
-  const ColorTable& table = *settings.table;
-  absl::Status status = in_range("table.size", table.size, v1::kTableSize);
-  if (table.axes != shader::AXES_ACES && table.axes != shader::AXES_REC709) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("table.axes is %d; it must be ACES (1) or REC709 (2)", table.axes));
-  }
-  status.Update(in_range("table.end", table.end, v1::kTableEnd));
-  const uint64_t values = uint64_t{table.size} * table.size * table.size * 3;
-  if (status.ok() && table.values.size() != values) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("table.values is %d bytes; %d^3 points of 6 bytes are %d",
-                        table.values.size() * sizeof(uint16_t), table.size, values * sizeof(uint16_t)));
-  }
-  return status;
-}
-
-}  // namespace
-
-const char* name(ToneCurve curve) {
-  switch (curve) {
-    case ToneCurve::kLinear:
-      return "linear";
-    case ToneCurve::kReinhard:
-      return "reinhard";
-    case ToneCurve::kAcesNarkowicz:
-      return "aces-narkowicz";
-    case ToneCurve::kAcesHill:
-      return "aces-hill";
-    case ToneCurve::kReinhardExtended:
-      return "reinhard-extended";
-    case ToneCurve::kHable:
-      return "hable";
-    case ToneCurve::kAgx:
-      return "agx";
-    case ToneCurve::kPbrNeutral:
-      return "pbr-neutral";
-    case ToneCurve::kAces1:
-      return "aces-1";
-    case ToneCurve::kTable:
-      return "table";
-  }
-  return "unknown";
-}
-
-const char* name(Transfer transfer) {
-  switch (transfer) {
-    case Transfer::kSrgb:
-      return "srgb";
-    case Transfer::kGamma22:
-      return "gamma22";
-    case Transfer::kLinear:
-      return "linear";
-  }
-  return "unknown";
-}
-
-Transfer output_transfer(const Settings& settings) {
-  if (settings.curve == ToneCurve::kTable) return Transfer::kSrgb;
-  return settings.output_format == OutputFormat::kRgba16f ? Transfer::kLinear : settings.transfer;
-}
-
-absl::Status check_settings(const Settings& settings) {
-  const ExposureSettings& exposure = settings.exposure;
-  const MeteringSettings& metering = exposure.metering;
-  const BloomSettings& bloom = settings.bloom;
-  for (const absl::Status& status : {
-           in_range("exposure.manual_ev", exposure.manual_ev, v1::kManualEv),
-           in_range("exposure.compensation_ev", exposure.compensation_ev, v1::kCompensationEv),
-           in_range("exposure.key", exposure.key, v1::kKey),
-           in_range("exposure.min_exposure", exposure.min_exposure, v1::kExposureLimit),
-           in_range("exposure.max_exposure", exposure.max_exposure, v1::kExposureLimit),
-           in_range("exposure.metering.percentile_low", metering.percentile_low, v1::kPercentile),
-           in_range("exposure.metering.percentile_high", metering.percentile_high, v1::kPercentile),
-           in_range("exposure.adaptation.speed_up", exposure.adaptation.speed_up, v1::kAdaptationSpeed),
-           in_range("exposure.adaptation.speed_down", exposure.adaptation.speed_down, v1::kAdaptationSpeed),
-           in_range("bloom.intensity", bloom.intensity,
-                    bloom.kind == BloomKind::kConserve ? v1::kConserveIntensity : v1::kBloomIntensity),
-           in_range("bloom.threshold", bloom.threshold, v1::kBloomThreshold),
-           in_range("bloom.softness", bloom.softness, v1::kBloomSoftness),
-           in_range("bloom.levels", bloom.levels, v1::kBloomLevels),
-           in_range("max_error_codes", settings.promise.max_error_codes.value_or(0), v1::kMaxErrorCodes),
-           in_range("max_ms", settings.promise.max_ms.value_or(1), v1::kMaxMs),
-           in_range("prescale", settings.prescale, v1::kPrescale),
-           in_range("curve_white", settings.curve_white, v1::kCurveWhite),
-       }) {
-    if (!status.ok()) return status;
-  }
-  if (exposure.min_exposure > exposure.max_exposure) {
+absl::Status check_exposure(const v1::Exposure& exposure) {
+  if (exposure.min_exposure() > exposure.max_exposure()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "exposure.min_exposure is %g and exposure.max_exposure is %g; the minimum must not be larger",
-        exposure.min_exposure, exposure.max_exposure));
+        exposure.min_exposure(), exposure.max_exposure()));
   }
-  if (metering.percentile_high - metering.percentile_low < v1::kLeastPercentileRange) {
+  const v1::Metering& metering = exposure.metering();
+  if (metering.percentile_high() - metering.percentile_low() < v1::kLeastPercentileRange) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "exposure.metering.percentile_low is %g and percentile_high is %g; the low one must be smaller by %g "
         "or more",
-        metering.percentile_low, metering.percentile_high, v1::kLeastPercentileRange));
+        metering.percentile_low(), metering.percentile_high(), v1::kLeastPercentileRange));
   }
-  if (const Rectangle& spot = metering.spot;
-      metering.weights == MeterWeights::kSpot && (spot.x0 >= spot.x1 || spot.y0 >= spot.y1)) {
+  if (const v1::Rectangle& spot = metering.spot(); metering.weights() == v1::Metering::WEIGHTS_SPOT &&
+                                                   (spot.x0() >= spot.x1() || spot.y0() >= spot.y1())) {
     return absl::InvalidArgumentError(
         absl::StrFormat("exposure.metering.spot is x %d .. %d, y %d .. %d and holds no pixel; x0 must be "
                         "below x1 and y0 below y1",
-                        spot.x0, spot.x1, spot.y0, spot.y1));
-  }
-  if (find_tier(settings.tier) == nullptr) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "tier is \"%s\"; there are: %s", settings.tier,
-        absl::StrJoin(tiers(), ", ", [](std::string* out, const Tier& tier) { out->append(tier.name); })));
-  }
-  if (absl::Status status = check_table(settings); !status.ok()) return status;
-  if (settings.input_chromaticities) {
-    return matrix_to_rec709(*settings.input_chromaticities).status();
+                        spot.x0(), spot.x1(), spot.y0(), spot.y1()));
   }
   return absl::OkStatus();
 }
 
+absl::StatusOr<const Tier*> find_known_tier(const v1::Settings& message) {
+  if (const Tier* tier = find_tier(message.tier()); tier != nullptr) return tier;
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "tier is \"%s\"; there are: %s", message.tier(),
+      absl::StrJoin(tiers(), ", ", [](std::string* out, const Tier& tier) { out->append(tier.name); })));
+}
+
+absl::Status check_table_fields(const v1::ColorTable& table) {
+  if (!(table.size() >= v1::kTableSize.min && table.size() <= v1::kTableSize.max)) {
+    return absl::InvalidArgumentError(absl::StrFormat("table.size is %d; it must be between %d and %d",
+                                                      table.size(), v1::kTableSize.min, v1::kTableSize.max));
+  }
+  if (!v1::ColorTable::Axes_IsValid(table.axes())) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("table.axes is %d; it must be ACES (1) or REC709 (2)", table.axes()));
+  }
+  if (table.has_end() && !(table.end() >= v1::kTableEnd.min && table.end() <= v1::kTableEnd.max)) {
+    return absl::InvalidArgumentError(absl::StrFormat("table.end is %g; it must be between %g and %g",
+                                                      table.end(), v1::kTableEnd.min, v1::kTableEnd.max));
+  }
+  const uint64_t points = uint64_t{table.size()} * table.size() * table.size();
+  if (table.values().size() != points * 3 * sizeof(uint16_t)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("table.values is %d bytes; %d^3 points of 6 bytes are %d", table.values().size(),
+                        table.size(), points * 3 * sizeof(uint16_t)));
+  }
+  return absl::OkStatus();
+}
+
+// The message's table as the shaders' code knows it, checked; null if there is none.
+absl::StatusOr<std::shared_ptr<const ColorTable>> table_from(const v1::Settings& message) {
+  const bool wanted = message.curve() == v1::TONE_CURVE_TABLE;
+  if (wanted && !message.has_table()) {
+    return absl::InvalidArgumentError(
+        "curve is TABLE and there is no table; send one, or choose another curve");
+  }
+  if (!message.has_table()) return nullptr;
+  if (!wanted) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("there is a table and curve is %s; set curve to TABLE, or leave the table out",
+                        v1::word_of(message.curve())));
+  }
+  if (absl::Status status = check_table_fields(message.table()); !status.ok()) return status;
+  const std::string& bytes = message.table().values();
+  auto table = std::make_shared<ColorTable>();
+  table->size = message.table().size();
+  if (message.table().axes() != v1::ColorTable::AXES_UNSPECIFIED) {
+    table->axes = static_cast<uint32_t>(message.table().axes());
+  }
+  table->end = message.table().has_end() ? message.table().end() : v1::kDefaultTableEnd;
+  table->values.resize(bytes.size() / sizeof(uint16_t));
+  std::memcpy(table->values.data(), bytes.data(), bytes.size());
+  return table;
+}
+
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_from(const v1::Settings& message) {
+  const bool named = message.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
+  if (named && message.has_input_chromaticities()) {
+    return absl::InvalidArgumentError(
+        "both input_primaries and input_chromaticities are given; a frame has one of them");
+  }
+  if (named) return matrix_to_rec709(chromaticities(message.input_primaries()));
+  if (!message.has_input_chromaticities()) return std::nullopt;
+  return matrix_to_rec709(chromaticities(message.input_chromaticities()));
+}
+
+}  // namespace
+
+Settings::Settings() : Settings(*from({})) {}
+
+absl::StatusOr<Settings> Settings::from(v1::Settings message) {
+  if ((message.has_max_error_codes() || message.has_max_ms()) && !message.tier().empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("tier is \"%s\" and there is a promise, max_error_codes or max_ms; the one chooses "
+                        "what the other names",
+                        message.tier()));
+  }
+  if (absl::Status status = v1::complete_settings(message); !status.ok()) return status;
+  if (absl::Status status = check_exposure(message.exposure()); !status.ok()) return status;
+  const absl::StatusOr<const Tier*> tier = find_known_tier(message);
+  if (!tier.ok()) return tier.status();
+  absl::StatusOr<std::shared_ptr<const ColorTable>> table = table_from(message);
+  if (!table.ok()) return table.status();
+  const auto matrix = matrix_from(message);
+  if (!matrix.ok()) return matrix.status();
+  if (message.has_table()) message.mutable_table()->clear_values();
+  return Settings(
+      std::make_shared<State>(State{std::move(message), *tier, *std::move(table), *matrix, false}));
+}
+
+Settings Settings::with_tier(const std::string& name) const {
+  auto state = std::make_shared<State>(*state_);
+  state->message.set_tier(name);
+  state->tier = find_tier(name);
+  return Settings(std::move(state));
+}
+
+Settings Settings::for_measuring(const Tier& tier, const FrameDesc& desc) const {
+  auto state = std::make_shared<State>(*state_);
+  state->message.set_tier(tier.name);
+  state->tier = &tier;
+  v1::Rectangle& spot = *state->message.mutable_exposure()->mutable_metering()->mutable_spot();
+  spot = {};
+  spot.set_x1(desc.width);
+  spot.set_y1(desc.height);
+  return Settings(std::move(state));
+}
+
+Settings Settings::for_metering() const {
+  auto state = std::make_shared<State>(*state_);
+  state->message.clear_max_error_codes();
+  state->message.clear_max_ms();
+  state->message.mutable_bloom()->set_intensity(0);
+  state->wants_histogram = true;
+  return Settings(std::move(state));
+}
+
+std::string Settings::measurement_key() const {
+  v1::Settings measured = state_->message;
+  for (const v1::SettingField& setting : v1::setting_fields()) {
+    google::protobuf::Message& holder = setting.holder(measured);
+    if (setting.declaration().not_measured()) holder.GetReflection()->ClearField(&holder, setting.field);
+  }
+  std::string bytes = v1::deterministic_bytes(measured);
+  if (state_->table) {
+    bytes.append(reinterpret_cast<const char*>(state_->table->values.data()),
+                 state_->table->values.size() * sizeof state_->table->values[0]);
+  }
+  return sha256_hex(bytes);
+}
+
+v1::Transfer output_transfer(const v1::Settings& settings) {
+  if (settings.curve() == v1::TONE_CURVE_TABLE) return v1::TRANSFER_SRGB;
+  return settings.output_format() == v1::OUTPUT_FORMAT_RGBA16F ? v1::TRANSFER_LINEAR : settings.transfer();
+}
+
 absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc) {
-  const MeteringSettings& metering = settings.exposure.metering;
-  if (metering.weights == MeterWeights::kSpot &&
-      (metering.spot.x0 >= desc.width || metering.spot.y0 >= desc.height)) {
+  const v1::Metering& metering = settings->exposure().metering();
+  if (metering.weights() == v1::Metering::WEIGHTS_SPOT &&
+      (metering.spot().x0() >= desc.width || metering.spot().y0() >= desc.height)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("exposure.metering.spot begins at x %d, y %d, beside the frame of %dx%d pixels",
-                        metering.spot.x0, metering.spot.y0, desc.width, desc.height));
+                        metering.spot().x0(), metering.spot().y0(), desc.width, desc.height));
   }
   return absl::OkStatus();
 }

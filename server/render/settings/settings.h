@@ -1,120 +1,73 @@
-// How a frame is to be rendered. Ranges and defaults are in proto/candela/v1/limits.h.
+// How a frame is rendered: the contract's settings, complete and checked.
 #pragma once
 
-#include <cstdint>
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "absl/status/status.h"
-#include "proto/candela/v1/limits.h"
-#include "server/render/color/primaries.h"
+#include "absl/status/statusor.h"
+#include "candela/v1/render.pb.h"
 #include "server/render/settings/frame.h"
+#include "server/render/settings/tiers.h"
 #include "shaders/color_table.h"
 
 namespace candela {
 
-// Values are those of the enums of the same name in candela.v1.
-enum class ExposureMode : uint32_t { kAuto = 1, kManual = 2 };
-enum class MeterStatistic : uint32_t { kLogAverage = 1, kPercentile = 2 };
-enum class MeterWeights : uint32_t { kAverage = 1, kCenter = 2, kSpot = 3 };
-enum class AdaptationDomain : uint32_t { kLinear = 1, kLog = 2 };
-enum class BloomKind : uint32_t { kMip = 1, kConserve = 2, kGaussian = 3 };
-enum class ToneCurve : uint32_t {
-  kLinear = 1,
-  kReinhard = 2,
-  kAcesNarkowicz = 3,
-  kAcesHill = 4,
-  kReinhardExtended = 5,
-  kHable = 6,
-  kAgx = 7,
-  kPbrNeutral = 8,
-  kAces1 = 9,
-  kTable = 10
-};
-enum class Transfer : uint32_t { kSrgb = 1, kGamma22 = 2, kLinear = 3 };
-enum class BadValues : uint32_t { kScrub = 1, kReject = 2 };
+// Immutable and cheap to copy. Any thread. Ranges and defaults stand at the fields of candela.v1.Settings;
+// every number, choice and text has a value here, except those that the contract leaves absent.
+class Settings {
+ public:
+  Settings();  // every default
 
-const char* name(ToneCurve curve);    // "aces-hill"
-const char* name(Transfer transfer);  // "srgb"
+  // Gives absent settings their defaults and checks them all. INVALID_ARGUMENT names the field, its value and
+  // what it may be; for an unknown tier it lists those there are.
+  static absl::StatusOr<Settings> from(v1::Settings message);
 
-// Pixels with x0 <= x < x1 and y0 <= y < y1.
-struct Rectangle {
-  uint32_t x0 = 0;
-  uint32_t y0 = 0;
-  uint32_t x1 = 0;
-  uint32_t y1 = 0;
-};
+  // The completed message, without the values of its table.
+  const v1::Settings* operator->() const { return &state_->message; }
+  const v1::Settings& operator*() const { return state_->message; }
 
-struct MeteringSettings {
-  MeterStatistic statistic = MeterStatistic::kLogAverage;
-  double percentile_low = v1::kDefaultPercentileLow;    // percent
-  double percentile_high = v1::kDefaultPercentileHigh;  // percent
-  MeterWeights weights = MeterWeights::kAverage;
-  Rectangle spot;          // of kSpot
-  bool histogram = false;  // wanted among the frame's statistics
-};
+  const Tier& tier() const { return *state_->tier; }
+  // The settings' own table, for the curve TABLE alone.
+  const std::shared_ptr<const ColorTable>& table() const { return state_->table; }
+  // Row by row, from the wire's linear RGB to the scene's linear Rec.709; absent if it would change nothing.
+  const std::optional<std::array<float, 9>>& to_scene() const { return state_->to_scene; }
+  // The frame's statistics are to hold a histogram.
+  bool wants_histogram() const { return state_->wants_histogram; }
+  // The tier is to be chosen by a promise; see choose_tier().
+  bool has_promise() const { return state_->message.has_max_error_codes() || state_->message.has_max_ms(); }
 
-struct AdaptationSettings {
-  AdaptationDomain domain = AdaptationDomain::kLog;
-  double speed_up = v1::kDefaultSpeedUp;      // per second, while exposure rises
-  double speed_down = v1::kDefaultSpeedDown;  // per second, while it falls
-};
-struct Settings;
+  // A copy that renders with another tier, which exists.
+  Settings with_tier(const std::string& name) const;
+  // The same for a frame of the server's own that stands for the client's: its spot is the whole frame.
+  Settings for_measuring(const Tier& tier, const FrameDesc& desc) const;
+  // A copy for a frame that is only metered: with a histogram, without bloom and promises.
+  Settings for_metering() const;
 
-// What resolve encodes with: none for display-linear output, and for a client's own table always the curve by
-// which its values became light.
-Transfer output_transfer(const Settings& settings);
+  // Tells apart settings whose frames differ in time or error: the SHA-256, in hex, of every setting that the
+  // contract does not mark `not_measured`.
+  std::string measurement_key() const;
 
-struct ExposureSettings {
-  ExposureMode mode = ExposureMode::kAuto;
-  double manual_ev = v1::kDefaultManualEv;
-  double compensation_ev = v1::kDefaultCompensationEv;
-  double key = v1::kDefaultKey;
-  double min_exposure = v1::kDefaultMinExposure;
-  double max_exposure = v1::kDefaultMaxExposure;
-  MeteringSettings metering;
-  AdaptationSettings adaptation;
+ private:
+  struct State {
+    v1::Settings message;
+    const Tier* tier = nullptr;
+    std::shared_ptr<const ColorTable> table;
+    std::optional<std::array<float, 9>> to_scene;
+    bool wants_histogram = false;
+  };
+  explicit Settings(std::shared_ptr<const State> state) : state_(std::move(state)) {}
+
+  std::shared_ptr<const State> state_;
 };
 
-struct BloomSettings {
-  BloomKind kind = BloomKind::kMip;
-  float intensity = v1::kDefaultBloomIntensity;  // 0 is no bloom
-  float threshold = v1::kDefaultBloomThreshold;  // scene luminance; of kGaussian times 2^(metered mean)
-  float softness = v1::kDefaultBloomSoftness;    // knee as a fraction of the threshold
-  uint32_t levels = v1::kDefaultBloomLevels;
-  bool firefly_weights = v1::kDefaultFireflyWeights;
-};
+// The transfer that resolve encodes with: none for display-linear output; for a client's own table the curve
+// by which its values became light.
+v1::Transfer output_transfer(const v1::Settings& settings);
 
-// What a tier has to keep; with neither, the settings' own tier is taken.
-struct Promise {
-  std::optional<double> max_error_codes;
-  std::optional<double> max_ms;
-
-  bool given() const { return max_error_codes || max_ms; }
-};
-
-struct Settings {
-  ExposureSettings exposure;
-  BloomSettings bloom;
-  ToneCurve curve = ToneCurve::kAcesHill;
-  float curve_white = v1::kDefaultCurveWhite;  // exposed luminance that reinhard-extended maps to 1
-  double prescale = v1::kDefaultPrescale;
-  Transfer transfer = Transfer::kSrgb;
-  OutputFormat output_format = OutputFormat::kRgba8;
-  BadValues bad_values = BadValues::kScrub;
-  std::string tier = v1::kDefaultTier;
-  Promise promise;  // chooses the tier, see tier_choice.h
-  bool dither = false;
-  std::optional<Chromaticities> input_chromaticities;  // absent: Rec.709, D65
-  std::shared_ptr<const ColorTable> table;             // of kTable, and only there
-};
-
-// INVALID_ARGUMENT naming the field, its value and its range; also for an unknown tier, listing those there
-// are.
-absl::Status check_settings(const Settings& settings);
-
-// INVALID_ARGUMENT where the settings do not fit this frame: a spot that lies beside it.
+// INVALID_ARGUMENT if the settings do not fit this frame: a spot that lies beside it.
 absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc);
 
 }  // namespace candela

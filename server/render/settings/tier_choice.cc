@@ -15,11 +15,11 @@ std::string words(const TierNumbers& n) {
                          n.max_error_codes);
 }
 
-std::string words(const Promise& promise) {
+std::string words(const v1::Settings& settings) {
   std::vector<std::string> parts;
-  if (promise.max_error_codes)
-    parts.push_back(absl::StrFormat("max_error_codes %g", *promise.max_error_codes));
-  if (promise.max_ms) parts.push_back(absl::StrFormat("max_ms %g", *promise.max_ms));
+  if (settings.has_max_error_codes())
+    parts.push_back(absl::StrFormat("max_error_codes %g", settings.max_error_codes()));
+  if (settings.has_max_ms()) parts.push_back(absl::StrFormat("max_ms %g", settings.max_ms()));
   return absl::StrJoin(parts, " with ");
 }
 
@@ -30,13 +30,13 @@ bool more_accurate(const TierNumbers& a, const TierNumbers& b) {
 
 }  // namespace
 
-absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const Promise& promise) {
+absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const v1::Settings& settings) {
   std::vector<TierNumbers> accurate;  // enough
   std::vector<TierNumbers> keeping;   // everything
   for (const TierNumbers& n : numbers) {
-    if (promise.max_error_codes && n.max_error_codes > *promise.max_error_codes) continue;
+    if (settings.has_max_error_codes() && n.max_error_codes > settings.max_error_codes()) continue;
     accurate.push_back(n);
-    if (!promise.max_ms || n.ms <= *promise.max_ms) keeping.push_back(n);
+    if (!settings.has_max_ms() || n.ms <= settings.max_ms()) keeping.push_back(n);
   }
   if (keeping.empty()) {
     // The nearest: the fastest of those that are accurate enough, or the most accurate of all.
@@ -46,9 +46,9 @@ absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, con
     return absl::FailedPreconditionError(absl::StrFormat(
         "no tier keeps %s for frames of this size and these settings on this device; the nearest that is "
         "possible: %s",
-        words(promise), words(nearest)));
+        words(settings), words(nearest)));
   }
-  const TierNumbers& chosen = promise.max_error_codes
+  const TierNumbers& chosen = settings.has_max_error_codes()
                                   ? *std::min_element(keeping.begin(), keeping.end(), faster)
                                   : *std::min_element(keeping.begin(), keeping.end(), more_accurate);
   std::vector<std::string> others;
@@ -56,7 +56,7 @@ absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, con
     if (n.tier != chosen.tier) others.push_back(words(n));
   }
   return TierChoice{chosen.tier,
-                    absl::StrFormat("%s, as measured here; it keeps %s%s%s", words(chosen), words(promise),
+                    absl::StrFormat("%s, as measured here; it keeps %s%s%s", words(chosen), words(settings),
                                     others.empty() ? "" : "; ", absl::StrJoin(others, ", "))};
 }
 

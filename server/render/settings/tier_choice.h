@@ -24,6 +24,6 @@ struct TierChoice {
 // With max_error_codes the fastest tier that keeps it, and max_ms where that is given too; with max_ms alone
 // the most accurate one that keeps it. FAILED_PRECONDITION naming the nearest that is possible. `numbers` is
 // not empty.
-absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const Promise& promise);
+absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const v1::Settings& settings);
 
 }  // namespace candela
