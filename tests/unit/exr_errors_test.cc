@@ -6,6 +6,7 @@
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfPreviewImage.h>
+#include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfTileDescription.h>
 #include <gtest/gtest.h>
 
@@ -13,7 +14,6 @@
 #include <random>
 
 #include "tests/unit/exr_reader_fixture.h"
-#include "tests/unit/image_support.h"
 
 namespace candela {
 namespace {
