@@ -12,29 +12,12 @@
 #include <cmath>
 
 #include "tests/unit/exr_reader_fixture.h"
-#include "tests/unit/image_support.h"
 
 namespace candela {
 namespace {
 
 using Imath::Box2i;
 using Imath::V2i;
-
-// Every pixel of `display` is the test picture inside `data`, and nothing with no alpha elsewhere.
-void expect_picture(const Image& image, const Box2i& display, const Box2i& data, float tolerance = 0) {
-  ASSERT_EQ(image.width, static_cast<uint32_t>(display.max.x - display.min.x + 1));
-  ASSERT_EQ(image.height, static_cast<uint32_t>(display.max.y - display.min.y + 1));
-  for (int y = display.min.y; y <= display.max.y; ++y) {
-    for (int x = display.min.x; x <= display.max.x; ++x) {
-      const bool inside = data.intersects(V2i(x, y));
-      for (int c = 0; c < 4; ++c) {
-        const double expected = !inside ? 0 : c == 3 ? 1 : rgb_value(x, y, c);
-        ASSERT_NEAR(component(image, x - display.min.x, y - display.min.y, c), expected, tolerance)
-            << "pixel " << x << ", " << y << " component " << c;
-      }
-    }
-  }
-}
 
 TEST_F(ExrReader, TakesHalvesBitForBit) {
   // Every half there is, NaNs with their payload, infinities and the negative zero included.

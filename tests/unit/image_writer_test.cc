@@ -247,9 +247,10 @@ TEST_F(ImageWriter, NamesThePathAndTheReasonOfAnUnwritableOne) {
   EXPECT_NE(error(folder_.path("folder.png")).find("Is a directory"), std::string::npos);
   ASSERT_EQ(mkfifo(folder_.path("pipe.png").c_str(), 0600), 0);
   EXPECT_EQ(error(folder_.path("pipe.png")),
-            folder_.path("pipe.png") + ": cannot write: is a FIFO; name a plain file");
+            folder_.path("pipe.png") + ": cannot write: this is a FIFO; name a plain file");
   ASSERT_EQ(symlink("/dev/null", folder_.path("null.png").c_str()), 0);
-  EXPECT_NE(error(folder_.path("null.png")).find("null.png: cannot write: is a device"), std::string::npos);
+  EXPECT_NE(error(folder_.path("null.png")).find("null.png: cannot write: this is a device"),
+            std::string::npos);
   ASSERT_EQ(symlink("nowhere/out.png", folder_.path("dangling.png").c_str()), 0);
   EXPECT_NE(error(folder_.path("dangling.png")).find("No such file or directory"), std::string::npos);
   if (geteuid() != 0) {  // root may write anywhere
