@@ -42,9 +42,9 @@ void expect_page_holds(const std::string& page, const json& report) {
 
 TEST(MeasurementReport, WritesAWholePageAndItsData) {
   const TemporaryFolder folder;
-  const std::string at = folder.path("report"), image = folder.path("a<b>.exr");
-  write_small_exr(image);
-  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", image});
+  const std::string at = folder.path("report"), odd_name = folder.path("a<b>.exr");
+  write_small_exr(odd_name);
+  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
 

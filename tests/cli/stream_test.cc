@@ -240,7 +240,7 @@ TEST_F(Stream, TheExposurePlotIsDrawn) {
 }
 
 TEST_F(Stream, WithoutAWorkingGnuplotThePlotIsRefusedBeforeTheWork) {
-  make_frames(1);
+  make_frames(2);
   const std::string bin = folder_.path("bin"), path = std::getenv("PATH");
   std::filesystem::create_directory(bin);
   const auto plot = [&] {

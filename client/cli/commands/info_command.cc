@@ -50,12 +50,12 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   line("curves", absl::StrJoin(words.curves, ", "));
   line("transfers", absl::StrJoin(words.transfers, ", "));
   for (const v1::Tier& tier : info.tiers()) line("tier", tier.name() + ": " + tier.summary());
-  line("limits", absl::StrFormat("%d pixels a side, %s a frame, %s a band, %s for textures",
+  line("limits", absl::StrFormat("%d pixels per side, %s per frame, %s per band, %s for textures",
                                  limits.max_dimension(), mib(limits.max_frame_bytes()),
                                  mib(limits.max_band_bytes()), mib(limits.memory_budget_bytes())));
-  line("textures",
-       absl::StrFormat("%d reused, %d allocated; %s in use, %s idle, %s at most", pool.hits(), pool.misses(),
-                       mib(pool.bytes_in_use()), mib(pool.bytes_idle()), mib(pool.bytes_peak())));
+  line("textures", absl::StrFormat("%d reused, %d allocated; %s in use, %s idle, %s at the peak", pool.hits(),
+                                   pool.misses(), mib(pool.bytes_in_use()), mib(pool.bytes_idle()),
+                                   mib(pool.bytes_peak())));
   line("work", absl::StrFormat("%d frames in %d s", info.frames_rendered(), info.uptime_seconds()));
   return text;
 }
