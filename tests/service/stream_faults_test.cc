@@ -362,7 +362,7 @@ TEST_P(StreamLimits, ASessionPastTheCapIsToldToComeBack) {
   }
   StreamClient late(channel());
   late.open("late");
-  EXPECT_REFUSED(late.finish(), grpc::UNAVAILABLE, "sessions, as many as it takes at once");
+  EXPECT_REFUSED(late.finish(), grpc::UNAVAILABLE, "sessions, which is its limit");
   clients.pop_back();
   const absl::Time limit = absl::Now() + absl::Seconds(5);
   grpc::Status status;

@@ -228,6 +228,24 @@ TEST(SessionFrames, EndingWithLookAheadDropsWhatIsUndecided) {
   EXPECT_EQ(numbers(line.frames.drop_all()), std::vector<uint64_t>{0});
 }
 
+TEST(SessionFrames, EndingWithLookAheadDropsFramesThatAreNotMeteredYet) {
+  Line line(1);
+  line.queue(0);
+  line.queue(1);
+  EXPECT_EQ(numbers(line.frames.end_after_received()), (std::vector<uint64_t>{0, 1}));
+}
+
+TEST(SessionFrames, ARepeatedFrameIsDecidedAfterTheFrameThatItRepeats) {
+  Line line(1);
+  const auto first = line.queue(0);
+  const auto repeat = line.queue(0);
+  const auto next = line.queue(1);
+  for (const auto& entry : {first, repeat, next}) line.frames.metered(*entry, rendered_frame());
+  ASSERT_EQ(line.frames.next_decided(), first);
+  SessionFrames::submitted(*first, Work::kDraw, 9);
+  EXPECT_EQ(line.frames.next_decided(), repeat);
+}
+
 TEST(SessionFrames, ThereIsRoomForTheLookAheadToo) {
   Line line(2);
   for (uint64_t i = 0; i < 6; ++i) {
