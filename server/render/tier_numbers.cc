@@ -26,12 +26,12 @@ namespace {
 constexpr int kTimedFrames = 3;
 constexpr uint64_t kMaxTimedPixels = uint64_t{8} << 20;
 constexpr uint64_t kMaxHostPixels = uint64_t{1}
-                                    << 17;  // of the reference, which takes a thousand times as long
+                                    << 17;  // for the reference, which takes a thousand times as long
 constexpr double kErrorMargin = 1.5;
 // Odd on both sides, several tiles.
 constexpr uint32_t kErrorWidth = 257;
 constexpr uint32_t kErrorHeight = 131;
-// A client may choose the settings that numbers are kept for.
+// Clients choose the settings, so the number of kept entries is limited.
 constexpr size_t kMaxKept = 1024;
 
 uint32_t hash(uint32_t v) {
@@ -93,7 +93,7 @@ double device_ms(const FrameReport& report) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-// Of a client's table, which may be as smooth or as steep as it likes.
+// Identifies a client's table, which may be smooth or steep.
 std::string words(const ColorTable& table) {
   const std::string_view bytes(reinterpret_cast<const char*>(table.values.data()),
                                table.values.size() * sizeof table.values[0]);
@@ -131,7 +131,7 @@ absl::StatusOr<std::vector<TierNumbers>> TierBenchmark::numbers(const FrameDesc&
   if (const auto found = known_.find(key); found != known_.end()) return found->second;
   std::vector<TierNumbers> all;
   Settings asked = settings;
-  // The picture's own, wherever the frame's spot lies.
+  // The whole test picture, wherever the frame's spot lies.
   asked.exposure.metering.spot = {0, 0, desc.width, desc.height};
   for (const Tier& tier : tiers()) {
     asked.tier = tier.name;
@@ -192,8 +192,8 @@ void TierBenchmark::load() {
                      [](const TierNumbers& n, const Tier& tier) { return n.tier == tier.name; });
       if (complete && known_.size() < kMaxKept) known_[key] = std::move(all);
     }
-  } catch (const std::exception&) {  // nlohmann's, or of a read that fails, as a folder's does
-    known_.clear();                  // not ours, or an older one's
+  } catch (const std::exception&) {  // from nlohmann, or from a failed read, as of a folder
+    known_.clear();                  // not our file, or an older version's
   }
 }
 
