@@ -1,4 +1,4 @@
-// What is known about a frame after it was rendered; its image is in its FrameMemory.
+// Everything that is known about a rendered frame, except its image, which is in its FrameMemory.
 #pragma once
 
 #include <optional>

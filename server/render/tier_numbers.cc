@@ -15,7 +15,6 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
 #include "server/render/settings/tiers.h"
-#include "shaders/pcg_hash.h"
 
 namespace candela {
 
@@ -24,13 +23,20 @@ namespace {
 constexpr int kTimedFrames = 3;
 constexpr uint64_t kMaxTimedPixels = uint64_t{8} << 20;
 constexpr uint64_t kMaxHostPixels = uint64_t{1}
-                                    << 17;  // of the reference, which takes a thousand times as long
+                                    << 17;  // for the reference, which takes a thousand times as long
 constexpr double kErrorMargin = 1.5;
 // Odd on both sides, several tiles.
 constexpr uint32_t kErrorWidth = 257;
 constexpr uint32_t kErrorHeight = 131;
-// A client may choose the settings that numbers are kept for.
+// Clients choose the settings, so the number of kept entries is limited.
 constexpr size_t kMaxKept = 1024;
+
+uint32_t hash(uint32_t v) {
+  // PCG: M. Jarzynski and M. Olano, "Hash Functions for GPU Rendering", 2020.
+  v = v * 747796405u + 2891336453u;
+  v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
+  return (v >> 22) ^ v;
+}
 
 // A ramp from 2^-9 to 2^5 with noise, and lights up to 1000 on a hundredth of it. Every texel is one of
 // RGB9E5, so that all formats hold the same picture.
@@ -40,8 +46,8 @@ struct Texel {
 };
 
 Texel texel(const FrameDesc& desc, uint32_t x, uint32_t y) {
-  const uint32_t noise = pcg_hash(x + 16411u * y);
-  const uint32_t block = pcg_hash(x / 5 + 32771u * (y / 5));
+  const uint32_t noise = hash(x + 16411u * y);
+  const uint32_t block = hash(x / 5 + 32771u * (y / 5));
   const bool light = block % 100 == 0;
   const uint32_t ramp = 6 + 14 * x / desc.width;
   return {light ? 25 : ramp,
@@ -103,9 +109,6 @@ absl::StatusOr<std::vector<TierNumbers>> TierBenchmark::numbers(const FrameDesc&
   const std::string key = key_of(device_, desc, settings);
   if (const auto found = known_.find(key); found != known_.end()) return found->second;
   std::vector<TierNumbers> all;
-  Settings asked = settings;
-  // The picture's own, wherever the frame's spot lies.
-  asked.exposure.metering().spot = {0, 0, desc.width, desc.height};
   for (const Tier& tier : tiers()) {
     absl::StatusOr<TierNumbers> measured = measure(desc, settings.for_measuring(tier, desc));
     if (!measured.ok()) return measured.status();
@@ -164,8 +167,8 @@ void TierBenchmark::load() {
                      [](const TierNumbers& n, const Tier& tier) { return n.tier == tier.name; });
       if (complete && known_.size() < kMaxKept) known_[key] = std::move(all);
     }
-  } catch (const std::exception&) {  // nlohmann's, or of a read that fails, as a folder's does
-    known_.clear();                  // not ours, or an older one's
+  } catch (const std::exception&) {  // from nlohmann, or from a failed read, as of a folder
+    known_.clear();                  // not our file, or an older version's
   }
 }
 

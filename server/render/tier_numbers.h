@@ -1,4 +1,4 @@
-// What each tier costs on this device, measured when it is first asked for.
+// Measures the time and error of each tier on this device, when they are first needed.
 #pragma once
 
 #include <functional>
@@ -16,20 +16,20 @@ namespace candela {
 // One thread at a time, the renderer's.
 class TierBenchmark {
  public:
-  // `renderer` gives the one to measure with. `device`: what tells devices and drivers apart. `cache_file`
-  // keeps the numbers for the next start; empty: none. A file that cannot be read or written only costs the
-  // time to measure again.
+  // `renderer` returns the renderer to measure with. `device` identifies the device and its driver.
+  // `cache_file` keeps the numbers for the next start; empty: none. If the file cannot be read or written,
+  // the tiers are measured again.
   TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
                 std::string cache_file);
 
-  // The numbers of all tiers for frames like this one: the median device time of some frames of this size
-  // (those beyond 8 megapixels are reckoned from one of 8), and the largest error of small ones that are full
-  // of lights, half as much again, but never less than the tier's own bound. Takes a second or so the first
-  // time, no time after that. Fails as the renderer does.
+  // The numbers of all tiers for frames like this one. The time is the median device time of a few frames of
+  // this size; for frames beyond 8 megapixels it is extrapolated from one of 8. The error is 1.5 times the
+  // largest error of a small frame full of lights, but at least the tier's own bound. Takes about a second
+  // the first time, and no time after that. Fails as the renderer does.
   absl::StatusOr<std::vector<TierNumbers>> numbers(const FrameDesc& desc, const Settings& settings);
 
-  // The tier by which the settings' promise is kept for frames like this one; fails as numbers() and
-  // choose_tier() do.
+  // The tier that keeps the settings' promise for frames like this one. Fails as numbers() and choose_tier()
+  // do.
   absl::StatusOr<TierChoice> choose(const FrameDesc& desc, const Settings& settings);
 
  private:

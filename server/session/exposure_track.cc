@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 

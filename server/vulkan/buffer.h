@@ -1,5 +1,5 @@
-// A buffer with its memory: shaders write it as a storage buffer or by its address, and read it as a texel
-// buffer.
+// A Vulkan buffer with its memory. Shaders write it as a storage buffer or by its address, and read it as a
+// texel buffer.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -15,7 +15,7 @@ namespace candela {
 // Movable; frees its memory. Use from one thread at a time. The device outlives it.
 class Buffer {
  public:
-  // RESOURCE_EXHAUSTED when the device has no memory for it. `bytes` is at least 16.
+  // RESOURCE_EXHAUSTED if the device has no memory for it. `bytes` is at least 16.
   static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use);
 
   Buffer() = default;
@@ -28,7 +28,7 @@ class Buffer {
   // The texel buffer of kDevice memory, four 32-bit words a texel.
   VkBufferView view() const { return view_; }
   uint64_t bytes() const { return bytes_; }
-  // Host view, or null where the memory cannot be mapped: kDevice on a device without unified memory.
+  // The memory as the host sees it. Null if it cannot be mapped: kDevice on a device without unified memory.
   std::byte* mapped() const { return mapped_; }
 
  private:

@@ -14,12 +14,12 @@
 namespace candela {
 
 struct DeviceOptions {
-  // Empty: a discrete GPU, else an integrated one, else a virtual one, else the CPU. Otherwise an index of
-  // list_devices() or a part of a device's name, in any case of letters.
+  // Empty: the first discrete GPU, integrated GPU, virtual GPU or CPU, in this order. Otherwise an index in
+  // list_devices(), or part of a device's name; case does not matter.
   std::string selector;
   // Validation and synchronisation validation; their messages are counted and printed to stderr.
   bool validation = false;
-  // Treat unified memory as if it were not, so that tests reach the staging copies without a GPU.
+  // Do not use unified memory, so that tests cover the staging copies without a GPU.
   bool staging = false;
 };
 
@@ -31,23 +31,23 @@ struct DeviceSummary {
   std::string api_version;            // "1.3.230"
   bool unified_memory = false;        // device memory is mapped and cached: no staging copies
   uint64_t max_allocation_bytes = 0;  // of one texture
-  std::string unusable;               // why it cannot render; empty when it can
+  std::string unusable;               // why it cannot render; empty if it can
 };
 
-// FAILED_PRECONDITION when there is no Vulkan driver, naming the package and the variable that are wanted.
+// FAILED_PRECONDITION if there is no Vulkan driver, naming the package to install and the variable to set.
 absl::StatusOr<std::vector<DeviceSummary>> list_devices();
 
 // Where a buffer's memory must lie.
 enum class MemoryUse : uint32_t {
-  kDevice,    // fastest for shaders; mapped too where memory is unified
+  kDevice,    // fastest for shaders; also mapped if memory is unified
   kUpload,    // written by the host, read by copies
   kReadback,  // written by copies or shaders, read by the host: cached
 };
 
-// Thread-safe but for the queue, which one thread at a time may use.
+// Thread-safe, except that only one thread at a time may use the queue.
 class Device {
  public:
-  // NOT_FOUND when nothing matches the selector, listing what there is; else as list_devices().
+  // NOT_FOUND, listing the devices, if none matches the selector; otherwise fails as list_devices() does.
   static absl::StatusOr<std::unique_ptr<Device>> create(const DeviceOptions& options);
   ~Device();
   Device(const Device&) = delete;
@@ -60,15 +60,15 @@ class Device {
   VkQueue queue() const { return queue_; }
   uint32_t queue_family() const { return queue_family_; }
   double timestamp_period_ns() const { return timestamp_period_ns_; }
-  // Valid bits of a timestamp, as a mask; 0 where the queue has no timestamps.
+  // Valid bits of a timestamp, as a mask; 0 if the queue has no timestamps.
   uint64_t timestamp_mask() const { return timestamp_mask_; }
   PFN_vkCmdPushDescriptorSetKHR push_descriptors() const { return push_descriptors_; }
   // Index of a memory type for `use` among `allowed`, a mask as VkMemoryRequirements has it.
   absl::StatusOr<uint32_t> memory_type(MemoryUse use, uint32_t allowed) const;
 
-  // A device that is lost stays so: every submission fails as with VK_ERROR_DEVICE_LOST. Any thread.
+  // A lost device stays lost: every submission fails with VK_ERROR_DEVICE_LOST. Any thread.
   bool lost() const { return lost_; }
-  // The driver said so, or a test.
+  // Called when the driver reports the loss, and by tests.
   void lose() const { lost_ = true; }
 
   // Warnings and errors that the validation layers have reported so far.

@@ -1,4 +1,4 @@
-// What a physical device is and whether it can render. Internal to server/vulkan.
+// The physical devices of a machine, and whether each can render. Internal to server/vulkan.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -21,18 +21,18 @@ struct PhysicalDevice {
   DeviceSummary summary;
 };
 
-// An instance of Vulkan 1.2, with validation where asked for.
+// Creates an instance of Vulkan 1.2, with validation if it is wanted.
 absl::StatusOr<VkInstance> create_instance(bool validation);
 
 // Every device of the instance, in the driver's order, usable or not.
 absl::StatusOr<std::vector<PhysicalDevice>> physical_devices(VkInstance instance);
 
-// A memory type for `use` among `allowed`; nothing where there is none. `unified`: every use takes memory
-// that is device-local, mapped and cached at once.
+// Finds a memory type for `use` among `allowed`, if there is one. `unified`: every use takes memory that is
+// device-local, mapped and cached at once.
 std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties& memory, MemoryUse use,
                                          bool unified, uint32_t allowed);
 
-// The one that `selector` means (DeviceOptions::selector).
+// The device that DeviceOptions::selector names. Fails as Device::create does.
 absl::StatusOr<PhysicalDevice> select_device(const std::vector<PhysicalDevice>& devices,
                                              const std::string& selector);
 

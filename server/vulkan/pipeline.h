@@ -1,4 +1,4 @@
-// Compute pipelines of one device, made when they are first asked for.
+// A cache of one device's compute pipelines, which are compiled when they are first needed.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -17,14 +17,14 @@ namespace candela {
 // The specialisation constants of a shader, in the order of their ids from 0.
 using Constants = std::vector<uint32_t>;
 
-// One thread at a time. The device outlives it. All shaders have one layout: push constants of at most
-// kPushBytes, up to kReads texel buffers to read, as bindings 0.. of set 0, and a storage buffer to write, as
-// binding kReads; these are pushed as well. What is added to from many sides is written by address.
+// All shaders share one layout: push constants of at most kPushBytes, up to kReads texel buffers to read, as
+// bindings 0.. of set 0, and a storage buffer to write, as binding kReads. Descriptors are pushed, too.
+// Buffers that many invocations add to are written by address. One thread at a time. The device outlives it.
 class PipelineCache {
  public:
   static constexpr uint32_t kPushBytes = 128;
   static constexpr uint32_t kReads = 3;
-  // What can be bound for writing at once on every device, and where it may begin.
+  // The most that every device can bind for writing at once, and the alignment of where it begins.
   static constexpr uint64_t kMaxWriteBytes = uint64_t{1} << 27;
   static constexpr uint64_t kWriteAlignment = 256;
 
@@ -33,10 +33,10 @@ class PipelineCache {
   PipelineCache& operator=(PipelineCache&&) = delete;
   ~PipelineCache();
 
-  // The pipeline of this SPIR-V, which must stay where it is, with these constants.
+  // The pipeline of this SPIR-V with these constants. The SPIR-V must keep its address.
   absl::StatusOr<VkPipeline> get(std::span<const uint32_t> spirv, const Constants& constants);
 
-  // Destroys all pipelines once there are more than `limit`. Call while the device is idle.
+  // Destroys all pipelines if there are more than `limit`. Call while the device is idle.
   void trim(size_t limit);
 
   size_t size() const { return pipelines_.size(); }

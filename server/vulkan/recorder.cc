@@ -12,7 +12,8 @@ namespace candela {
 namespace {
 
 constexpr uint64_t kTimeoutNs = 60'000'000'000;
-// A process that was stopped for a while finds its first wait over when it goes on; the second one counts.
+// If the process was stopped for a while, its first wait may have timed out when it continues; only the
+// second counts.
 constexpr int kWaits = 2;
 
 }  // namespace

@@ -30,31 +30,33 @@ class Recorder {
 
   absl::Status begin();
 
-  // What is recorded from here to the next mark or the end counts as `name`, a string that lives on.
+  // Everything recorded from here to the next mark, or to the end, is timed as `name`. The string outlives
+  // the recorder.
   void mark(const char* name);
 
-  // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads; `groups` the work groups
-  // that run, in no order.
+  // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads. `groups` are the work
+  // groups to run, in no order.
   void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
                 const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
                 std::span<const Box> groups);
   void fill_zero(const Buffer& buffer);
-  // Copies `bytes`, a multiple of 4 and at most 65536, out of `data` now and into the buffer later.
+  // Copies `bytes` from `data` now, and into the buffer when the commands run. A multiple of 4, at most
+  // 65536.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
 
-  // All that was recorded before is finished and visible to all that comes after, on the device. The software
-  // device runs in order and synchronisation validation does not follow writes by address, so only a GPU can
-  // show a missing one.
+  // Everything recorded before is finished and visible, on the device, to everything recorded after. Only a
+  // GPU can reveal a missing barrier: the software device runs in order, and synchronisation validation does
+  // not follow writes by address.
   void barrier();
-  // The same for the host, once the submission has finished.
+  // The same for the host, after the submission has finished.
   void barrier_to_host();
 
-  // Blocks until the device is done. UNAVAILABLE when the device is lost. A device that hangs ends the
-  // process: it may still write to memory that could otherwise not be told from free.
+  // Blocks until the device is done. UNAVAILABLE if the device is lost. If the device hangs, this ends the
+  // process: the device may still write to memory that would otherwise be reused or freed.
   absl::Status submit_and_wait();
 
-  // Of the last submission, in order. Empty where the device has no timestamps.
+  // The times of the last submission, in order. Empty if the device has no timestamps.
   std::vector<Timing> timings() const;
 
  private:

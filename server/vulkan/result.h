@@ -1,4 +1,4 @@
-// VkResult as absl::Status.
+// Converts VkResult to absl::Status.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -7,8 +7,8 @@
 
 namespace candela {
 
-// OK for VK_SUCCESS; RESOURCE_EXHAUSTED when memory ran out; UNAVAILABLE when the device is lost; else
-// INTERNAL. `what` names the call, as "vkQueueSubmit".
+// OK for VK_SUCCESS, RESOURCE_EXHAUSTED if memory ran out, UNAVAILABLE if the device is lost, INTERNAL
+// otherwise. `what` names the call, such as "vkQueueSubmit".
 absl::Status vulkan_status(VkResult result, const char* what);
 
 }  // namespace candela

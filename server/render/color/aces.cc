@@ -18,7 +18,7 @@ namespace ocio = OCIO_NAMESPACE;
 // Exposed light beyond this maps to white, whatever its colour, and would leave a float's range in the
 // transform.
 constexpr float kMaxLight = 0x1p40f;
-// Where the axes of the table end: the tone curve is flat from 16.3 on; what is left is hue.
+// The end of the table's axes. The tone curve is flat from 16.3 on; beyond that only the hue changes.
 constexpr float kTableEnd = 32.0f;
 
 void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::TransformDirection direction) {
@@ -36,7 +36,7 @@ absl::StatusOr<ocio::ConstCPUProcessorRcPtr> make_processor() {
     append(group, "ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0", ocio::TRANSFORM_DIR_FORWARD);
     append(group, "UTILITY - ACES-AP1_to_CIE-XYZ-D65_BFD", ocio::TRANSFORM_DIR_INVERSE);
     append(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_FORWARD);
-    // No approximations of logarithms and powers.
+    // Lossless: logarithms and powers are not approximated.
     return ocio::Config::CreateRaw()->getProcessor(group)->getOptimizedCPUProcessor(
         ocio::OPTIMIZATION_LOSSLESS);
   } catch (const std::exception& error) {

@@ -1,4 +1,4 @@
-// Colour primaries: from a frame's own to the scene's Rec.709.
+// Colour primaries, and the matrix from a frame's own to the scene's Rec.709.
 #pragma once
 
 #include <array>
@@ -20,10 +20,10 @@ struct Chromaticities {
 Chromaticities chromaticities(v1::Primaries primaries);
 Chromaticities chromaticities(const v1::Chromaticities& message);
 
-// The 3x3 matrix, row by row, that takes linear RGB of these primaries to linear Rec.709 with a D65 white;
-// nothing where it is within 1e-5 of the identity. White is adapted by Bradford where it differs, but plain
-// CIE XYZ (primaries (1,0) (0,1) (0,0), equal-energy white) is taken as it is. INVALID_ARGUMENT for
-// chromaticities that are not finite or span no volume. Source: SMPTE RP 177-1993; Bradford: Lam 1985, as in
+// The 3x3 matrix, row by row, that converts linear RGB of these primaries to linear Rec.709 with a D65 white;
+// absent if it is within 1e-5 of the identity. A white that is not D65 is adapted by Bradford, except that
+// plain CIE XYZ (primaries (1,0) (0,1) (0,0), equal-energy white) is not adapted. INVALID_ARGUMENT if the
+// chromaticities are not finite or span no volume. Source: SMPTE RP 177-1993; Bradford: Lam 1985, as in
 // ICC.1:2010 annex E.
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from);
 

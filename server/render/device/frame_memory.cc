@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
 #include "server/render/device/frame_textures.h"
 #include "server/vulkan/device.h"
 #include "shaders/params.h"

@@ -39,7 +39,7 @@ Constants words_of(const T& constants) {
   }
 }
 
-// What a pass writes, one row of work groups after another. Rows are whole words of 16 bytes.
+// The buffer that a pass writes, one row of work groups after another. Rows are whole words of 16 bytes.
 struct Target {
   const Buffer& buffer;
   uint64_t row_bytes;

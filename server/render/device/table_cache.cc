@@ -11,8 +11,8 @@ namespace {
 
 using Texel = std::array<uint32_t, 4>;
 
-// Each point beside its neighbour along the cube's diagonal, as table.glsl has it. Points of the upper faces
-// have no such neighbour and are never asked for it.
+// Writes each point beside its neighbour along the cube's diagonal, as table.glsl reads them. Points of the
+// upper faces have no such neighbour, and no shader reads it.
 void write_points(const ColorTable& table, std::byte* to) {
   const size_t points = table.values.size() / 3;
   const size_t diagonal = size_t{table.size} * table.size + table.size + 1;

@@ -1,4 +1,4 @@
-// Colour tables on the device, as resolve reads them. Internal to server/render.
+// A cache of colour tables on the device, in the form that resolve reads. Internal to server/render.
 #pragma once
 
 #include <cstddef>
@@ -12,17 +12,17 @@
 
 namespace candela {
 
-// Keeps the tables that were used last, kTables at most, each under 5 MB and beside the memory budget. One
-// thread at a time. The device outlives it.
+// Keeps the kTables tables that were used last. Each is under 5 MB and does not count towards the memory
+// budget. One thread at a time. The device outlives it.
 class TableCache {
  public:
   static constexpr size_t kTables = 4;
 
   explicit TableCache(Device& device) : device_(device) {}
 
-  // The device's copy of an equal table; valid until the next call. Where it is new and the device's memory
-  // is not mapped, uploads it in a submission of its own. RESOURCE_EXHAUSTED when the device has no memory
-  // for it, or as Recorder::submit_and_wait.
+  // The device's copy of an equal table; valid until the next call. If the table is new and the device's
+  // memory is not mapped, this uploads it in a submission of its own. RESOURCE_EXHAUSTED if the device has no
+  // memory for it; otherwise fails as Recorder::submit_and_wait does.
   absl::StatusOr<const Buffer*> get(const std::shared_ptr<const ColorTable>& table, Recorder& recorder);
 
  private:
@@ -32,7 +32,7 @@ class TableCache {
   };
 
   Device& device_;
-  std::vector<Entry> entries_;  // the latest used last
+  std::vector<Entry> entries_;  // the most recently used last
 };
 
 }  // namespace candela

@@ -11,7 +11,7 @@ namespace candela {
 struct TexturePool::Entry {
   TextureKey key;
   uint64_t bytes = 0;
-  Buffer buffer;  // none: a reservation
+  Buffer buffer;  // empty for a reservation
   std::chrono::steady_clock::time_point idle_since{};
 };
 
@@ -30,7 +30,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   {
     const std::lock_guard lock(mutex_);
-    // The latest first: its pages are the likeliest to be warm.
+    // The most recent first: its pages are most likely to be warm.
     const auto found =
         std::find_if(idle_.rbegin(), idle_.rend(), [&](const auto& e) { return e->key == key; });
     if (found != idle_.rend()) {

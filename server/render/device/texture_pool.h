@@ -1,7 +1,8 @@
-// The HDR, bloom-mip and output textures of all frames, reused from frame to frame.
+// A pool of the textures of all frames, within a memory budget.
 //
-// A texture here is a row-linear block of texels in a buffer: on the software device that is far cheaper to
-// read and write than an image, and on a device with unified memory the buffer is the wire's own.
+// A texture here is a row-linear block of texels in a buffer. On the software device that is far cheaper to
+// read and write than an image, and on a device with unified memory the wire pixels are received into the
+// buffer itself.
 #pragma once
 
 #include <chrono>
@@ -19,7 +20,7 @@
 
 namespace candela {
 
-// What tells one texture from another: size in texels, bytes a texel, and where its memory must lie.
+// The kind of a texture: its size in texels, its bytes a texel, and where its memory must lie.
 struct TextureKey {
   uint32_t width = 0;
   uint32_t height = 0;
@@ -38,9 +39,9 @@ struct PoolCounters {
   uint64_t bytes_peak = 0;
 };
 
-// Thread-safe. Holds no more than the budget; idle textures are given up, oldest first, to make room (they
-// are freed beside the lock, so that for a moment the device may hold both), and when another one is given
-// back after nobody took them for `keep`.
+// Thread-safe. Holds no more than the budget. Idle textures are freed, oldest first, to make room. They are
+// also freed when another texture is given back and they have been idle for longer than `keep`. Textures are
+// freed outside the lock, so the device may briefly hold both the old and the new ones.
 class TexturePool {
  public:
   static constexpr std::chrono::seconds kKeep{30};
@@ -50,12 +51,12 @@ class TexturePool {
 
   class Lease;
 
-  // UNAVAILABLE when the budget does not hold the texture beside those in use; RESOURCE_EXHAUSTED when the
-  // device has no memory for it.
+  // UNAVAILABLE if the budget does not hold the texture beside those in use; RESOURCE_EXHAUSTED if the device
+  // has no memory for it.
   absl::StatusOr<Lease> take(const TextureKey& key);
 
-  // A part of the budget for memory that its holder allocates elsewhere: a lease without a texture. As
-  // take().
+  // Reserves a part of the budget for memory that is allocated elsewhere: a lease without a texture. Fails as
+  // take() does.
   absl::StatusOr<Lease> reserve(uint64_t bytes);
 
   PoolCounters counters() const;
@@ -65,8 +66,8 @@ class TexturePool {
   struct Entry;
   // Moves the oldest idle texture to `given_up`. With mutex_ held.
   void give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up);
-  // Counts `bytes` as in use and moves the idle textures that have to go for them to `given_up`, to be freed
-  // outside the lock. `what` needs them, for the message. With mutex_ held.
+  // Counts `bytes` as in use, and moves the idle textures that no longer fit to `given_up`, to be freed
+  // outside the lock. `what` is what needs the bytes, for the error message. With mutex_ held.
   absl::Status make_room(uint64_t bytes, const std::string& what,
                          std::vector<std::unique_ptr<Entry>>* given_up);
   void give_back(std::unique_ptr<Entry> entry);
@@ -80,7 +81,7 @@ class TexturePool {
   PoolCounters counters_;
 };
 
-// One texture, or a reservation, while a frame has it; gives it back on destruction. Movable.
+// A frame's hold on one texture or reservation, which is given back on destruction. Movable.
 class TexturePool::Lease {
  public:
   Lease();

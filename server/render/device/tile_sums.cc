@@ -41,7 +41,7 @@ double log2_of(uint64_t fixed_log2, uint64_t weight) {
          shader::LOG2_BIAS;
 }
 
-// The picture of the frame by which scenes are told apart. A cell takes at least one tile each way.
+// The coarse picture of the frame. A cell takes at least one tile each way.
 ScenePrint print_of(const FrameTextures& textures, bool weighted) {
   constexpr uint32_t kCells = 8;
   const FrameLayout& layout = textures.layout;
@@ -69,7 +69,7 @@ ScenePrint print_of(const FrameTextures& textures, bool weighted) {
   return print;
 }
 
-// What all tiles add up to, in the shader's own numbers.
+// The sums of all tiles, in the shader's own numbers.
 struct Totals {
   // At 16384 x 16384: 2^28 texels of 25 bits, and with weights of 8 bits, 2^61 at most.
   uint64_t fixed_log2 = 0;

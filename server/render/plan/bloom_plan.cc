@@ -30,7 +30,7 @@ uint64_t texels_of(const std::vector<Box>& boxes) {
   return texels;
 }
 
-// Where the light is, for people.
+// Tells people where the light is.
 std::string light_words(const FrameDesc& desc, const std::vector<Box>& lit) {
   const double part = static_cast<double>(texels_of(lit)) / (static_cast<double>(desc.width) * desc.height);
   return part < 1 ? absl::StrFormat("light in %.2g %% of the frame's tiles", 100 * part)

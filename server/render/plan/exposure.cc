@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 
@@ -14,7 +15,7 @@ double exposure_target(const v1::Exposure& settings, double mean_log2_luminance)
 }
 
 absl::Status check_previous(const PreviousExposure& previous) {
-  // Written so that NaN fails.
+  // In this form NaN fails.
   if (!(previous.exposure >= v1::kExposureLimit.min && previous.exposure <= v1::kExposureLimit.max)) {
     return absl::InvalidArgumentError(absl::StrFormat("previous.exposure is %g; it must be between %g and %g",
                                                       previous.exposure, v1::kExposureLimit.min,
@@ -36,8 +37,8 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
   const double speed = target > from ? settings.speed_up() : settings.speed_down();
   const double x = -previous->elapsed_seconds * speed;
   const bool linear = settings.domain() == v1::Adaptation::DOMAIN_LINEAR;
-  // Written from the nearer end, so that a short step keeps the digits of where it began and a long one
-  // arrives.
+  // Computed from the nearer end, so that a short step keeps the digits of `previous` and a long one reaches
+  // the target.
   if (x > -0.5) {
     const double alpha = -std::expm1(x);
     return linear ? from + (target - from) * alpha : from * std::exp2(std::log2(target / from) * alpha);

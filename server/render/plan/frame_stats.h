@@ -1,4 +1,4 @@
-// What metering knows about a frame.
+// The statistics of a frame, and the result of metering it.
 #pragma once
 
 #include <cstdint>

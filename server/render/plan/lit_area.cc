@@ -8,7 +8,7 @@ namespace candela {
 
 namespace {
 
-// More dispatches than this, or a larger part of the groups, cost more than what they leave out.
+// With more boxes, or a larger part of the groups, leaving out the rest costs more than it saves.
 constexpr size_t kMostBoxes = 32;
 constexpr double kMostGroups = 0.75;
 
@@ -25,7 +25,7 @@ class Mask {
   }
   size_t count() const { return static_cast<size_t>(std::count(cells_.begin(), cells_.end(), true)); }
 
-  // What is `value`, as disjoint boxes: runs of a row, joined with the row before where that has the same.
+  // The cells equal to `value`, as disjoint boxes: runs of a row, joined with equal runs of the row before.
   std::vector<Box> boxes(bool value) const {
     std::vector<Box> all;
     std::vector<size_t> above;  // of the row before
@@ -61,7 +61,7 @@ class Mask {
   std::vector<bool> cells_;
 };
 
-// [begin, end), cut to [0, size).
+// [begin, end), clamped to [0, size).
 struct Span {
   uint32_t begin;
   uint32_t end;
@@ -71,7 +71,7 @@ Span cut(int64_t begin, int64_t end, uint32_t size) {
           static_cast<uint32_t>(std::clamp<int64_t>(end, 0, size))};
 }
 
-// `along` maps [begin, end) of an axis, and the size it is cut to.
+// Maps both axes of each box by along(begin, end, size), which clamps to the size.
 template <typename Along>
 Area each_axis(const Area& area, uint32_t width, uint32_t height, const Along& along) {
   Area mapped;

@@ -1,8 +1,8 @@
-// Where in a frame's bloom levels light can be: whatever is outside of it is exactly 0, so that no pass has
-// to make it.
+// The parts of a frame's bloom levels that light can reach. Everything outside them is exactly 0, so no pass
+// has to compute it.
 //
-// An area is a set of boxes, which may overlap, in texels of one level. Each function gives the texels that
-// are not 0 for certain after a pass, from those before it; docs/pipeline.md section 4 has the filters.
+// An area is a set of boxes in texels of one level; they may overlap. Each function computes the texels that
+// may be other than 0 after a pass from those before it. The filters are in docs/pipeline.md section 4.
 #pragma once
 
 #include <span>
@@ -15,28 +15,28 @@ namespace candela {
 
 using Area = std::vector<Box>;
 
-// The frame's texels in tiles whose light is above `bound`. `tile_light`: of every tile, row by row.
+// The texels of the tiles with light above `bound`. `tile_light` has every tile's light, row by row.
 Area lit_area(std::span<const float> tile_light, uint32_t width, uint32_t height, float bound);
 
-// In a level of one texel for `level_size` squared of the frame's, from the frame's texels; and back, as
-// resolve samples a level.
+// From the frame's texels to those of a level with one texel for `level_size` squared of the frame's; and
+// back, as resolve samples the level.
 Area in_level(const Area& frame, uint32_t level_size);
 Area in_frame(const Area& level, uint32_t level_size, uint32_t width, uint32_t height);
-// D_{n+1} of D_n, and B_n of B_{n+1}; `to` is the size of the level made.
+// From D_n to D_{n+1}, and from B_{n+1} to B_n; `to` is the size of the level that is written.
 Area after_bloom_down(const Area& from, LevelSize to);
 Area after_bloom_up(const Area& from, LevelSize to);
-// One pass of kGaussian; `reach` texels along one axis.
+// One pass of kGaussian: it reaches that many texels along one axis, 0 along the other.
 Area after_gaussian(const Area& from, LevelSize size, uint32_t reach_x, uint32_t reach_y);
 
-// The work groups that make an area.
+// The work groups that compute an area.
 struct Cover {
   std::vector<Box> groups;  // disjoint
   std::vector<Box> rest;    // all others
   bool whole() const { return rest.empty(); }
 };
 
-// `group_width` x `group_height` texels make a group, of which there are `groups_x` x `groups_y`. Whole where
-// the rest would not be worth its dispatches.
+// A group is `group_width` x `group_height` texels, and there are `groups_x` x `groups_y` groups. The cover
+// is whole if leaving out the rest would not be worth the extra dispatches.
 Cover cover(const Area& area, uint32_t group_width, uint32_t group_height, uint32_t groups_x,
             uint32_t groups_y);
 

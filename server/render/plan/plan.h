@@ -95,7 +95,7 @@ struct Plan {
 // Pure.
 IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings);
 
-// What is decided about a frame between its two phases.
+// The decisions about a frame between its two phases.
 struct FrameDecisions {
   double exposure = 1.0;                    // the factor E
   uint64_t sequence = 0;                    // the dither depends on its low 32 bits

@@ -1,4 +1,4 @@
-// How long each stage of a frame took.
+// The time that each stage of a frame took.
 #pragma once
 
 #include <chrono>

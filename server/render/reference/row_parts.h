@@ -6,7 +6,7 @@
 
 namespace candela {
 
-// How many parts the rows are worth: one for each usable core, at most one for each row.
+// The number of parts to split the rows into: one for each usable core, at most one for each row.
 uint32_t row_parts(uint32_t height);
 
 // Runs work(first, last, part) for each of `parts` parts of the rows, each on a thread of its own. Returns

@@ -1,4 +1,4 @@
-// How far a rendered frame is from the float64 reference.
+// The error of a rendered frame against the float64 reference.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,7 @@
 #include "server/render/settings/frame.h"
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 
