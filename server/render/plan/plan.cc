@@ -54,7 +54,7 @@ bool dithers(const Settings& settings) {
   return settings.dither && settings.output_format != OutputFormat::kRgba16f;
 }
 
-ReferencePlan plan_reference(const FrameLayout& layout, const Settings& settings,
+ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settings,
                              const FrameDecisions& decisions,
                              const std::optional<reference::Matrix>& matrix) {
   const BloomSettings& bloom = settings.bloom;
@@ -80,7 +80,7 @@ ReferencePlan plan_reference(const FrameLayout& layout, const Settings& settings
   return plan;
 }
 
-shader::ResolveConstants resolve_constants(const FrameLayout& layout, bool scrub, const Settings& settings,
+shader::ResolveConstants resolve_constants(const TextureLayout& layout, bool scrub, const Settings& settings,
                                            const ColorTable* table, bool matrix) {
   const bool rec709_table = table != nullptr && table->axes == shader::AXES_REC709;
   return {.pixels = static_cast<uint32_t>(layout.desc.format),
@@ -95,7 +95,7 @@ shader::ResolveConstants resolve_constants(const FrameLayout& layout, bool scrub
           .transfer_terms = find_tier(settings.tier)->transfer_terms};
 }
 
-shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& settings,
+shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings& settings,
                                      const FrameDecisions& decisions, bool bloom,
                                      const std::optional<reference::Matrix>& matrix) {
   shader::ResolveParams params{};
@@ -121,7 +121,7 @@ shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& 
 
 // Splits the frame into the rows of groups that bloom reaches and the rest. Whole rows: a shorter walk along
 // them costs more than it saves.
-Cover resolve_groups(const FrameLayout& layout, const Area& reached) {
+Cover resolve_groups(const TextureLayout& layout, const Area& reached) {
   constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS;
   const FrameDesc& desc = layout.desc;
   Cover rows = cover(reached, desc.width, kResolveGroupRows, 1, groups(desc.height, kResolveGroupRows));
@@ -151,7 +151,7 @@ const char* name(Pass pass) {
   return "unknown";
 }
 
-IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings) {
+IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {
   const MeteringSettings& metering = settings.exposure.metering;
   IngestPlan plan;
   plan.matrix = matrix_of(settings);
@@ -177,7 +177,7 @@ IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings) {
   return plan;
 }
 
-Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Settings& settings,
+Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Settings& settings,
                 const FrameDecisions& decisions) {
   const std::optional<reference::Matrix> matrix = matrix_of(settings);
   const FrameDesc& desc = layout.desc;
