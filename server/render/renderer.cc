@@ -4,7 +4,7 @@
 
 #include "server/render/device/device_executor.h"
 #include "server/render/device/frame_textures.h"
-#include "server/render/plan/frame_layout.h"
+#include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
 #include "server/render/reference/verify.h"
 
@@ -26,7 +26,7 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, Textu
 
 absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings,
                                                Verify verify) {
-  return FrameMemory::take(pool_, device_.summary(), layout_frame(desc, settings), verify);
+  return FrameMemory::take(pool_, device_.summary(), layout_textures(desc, settings), verify);
 }
 
 Executor& Renderer::executor_of(const FrameMemory& memory) const {

@@ -108,7 +108,7 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
   stats.max_luminance = 0.5f;
   stats.tile_light.assign(30 * 17, 0.25f);
   const auto plan_of = [&](const Settings& settings, bool scrubbed = false) {
-    return plan_frame(layout_frame(desc, settings), {stats, scrubbed}, settings, {});
+    return plan_frame(layout_textures(desc, settings), {stats, scrubbed}, settings, {});
   };
   EXPECT_FALSE(plan_of({}).bloom());
   EXPECT_EQ(plan_of({}).words[1], "no bloom: nothing passes the threshold 1 (the brightest is 0.5)");

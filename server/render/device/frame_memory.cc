@@ -35,7 +35,7 @@ TextureKey level_key(const LevelSize& size, MemoryUse use) {
 }
 
 void want_for_rendering(const DeviceSummary& device, FrameTextures& t, std::vector<Wanted>* wanted) {
-  const FrameLayout& layout = t.layout;
+  const TextureLayout& layout = t.layout;
   const FrameDesc& desc = layout.desc;
   want({layout.pitch, desc.height, bytes_per_pixel(desc.format)}, &t.input, &t.upload, MemoryUse::kUpload,
        device, wanted);
@@ -59,7 +59,7 @@ void want_for_rendering(const DeviceSummary& device, FrameTextures& t, std::vect
 void want_for_verification(const DeviceSummary& device, Verify verify, FrameTextures& t,
                            std::vector<Wanted>* wanted) {
   if (verify == Verify::kNo) return;
-  const FrameLayout& layout = t.layout;
+  const TextureLayout& layout = t.layout;
   want({layout.pitch, layout.desc.height, 4 * sizeof(float)}, &t.exact, &t.exact_readback,
        MemoryUse::kReadback, device, wanted);
   if (!device.unified_memory && !t.levels.empty()) {
@@ -113,7 +113,7 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
 }  // namespace
 
 absl::StatusOr<FrameMemory> FrameMemory::take(TexturePool& pool, const DeviceSummary& device,
-                                              const FrameLayout& layout, Verify verify) {
+                                              const TextureLayout& layout, Verify verify) {
   auto textures = std::make_unique<FrameTextures>();
   textures->layout = layout;
   std::vector<Wanted> wanted;
@@ -142,13 +142,13 @@ const FrameDesc& FrameMemory::desc() const { return textures_->layout.desc; }
 uint64_t FrameMemory::bytes() const { return textures_->bytes; }
 
 std::span<std::byte> FrameMemory::input_row(uint32_t y) {
-  const FrameLayout& layout = textures_->layout;
+  const TextureLayout& layout = textures_->layout;
   const uint64_t pitch_bytes = uint64_t{layout.pitch} * bytes_per_pixel(layout.desc.format);
   return {textures_->host_input().mapped() + y * pitch_bytes, layout.desc.row_bytes()};
 }
 
 std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
-  const FrameLayout& layout = textures_->layout;
+  const TextureLayout& layout = textures_->layout;
   const uint64_t texel_bytes = bytes_per_pixel(layout.output_format);
   return {textures_->host_output().mapped() + y * layout.pitch * texel_bytes,
           layout.desc.width * texel_bytes};

@@ -13,7 +13,7 @@ namespace candela {
 
 class TexturePool;
 struct DeviceSummary;
-struct FrameLayout;
+struct TextureLayout;
 struct FrameTextures;
 
 // Whether a frame is compared with the float64 reference, and whether a map of its error is kept.
@@ -24,7 +24,7 @@ class FrameMemory {
  public:
   // Takes everything or nothing; fails as Renderer::allocate does. `pool` outlives the memory.
   static absl::StatusOr<FrameMemory> take(TexturePool& pool, const DeviceSummary& device,
-                                          const FrameLayout& layout, Verify verify);
+                                          const TextureLayout& layout, Verify verify);
 
   FrameMemory();  // none
   FrameMemory(FrameMemory&&) noexcept;

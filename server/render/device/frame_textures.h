@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "server/render/device/texture_pool.h"
-#include "server/render/plan/frame_layout.h"
+#include "server/render/plan/texture_layout.h"
 #include "shaders/reference.h"
 
 namespace candela {
@@ -18,7 +18,7 @@ struct MeteredScene {
 };
 
 struct FrameTextures {
-  FrameLayout layout;
+  TextureLayout layout;
   uint64_t bytes = 0;  // of the pool's budget, for all that follows
 
   TexturePool::Lease input;

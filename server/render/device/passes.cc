@@ -108,7 +108,7 @@ std::array<VkBufferView, 2> reads_of(const BloomStep& step, const FrameTextures&
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
                             PipelineCache& pipelines, Recorder& recorder, const Buffer& output,
                             uint32_t format, uint64_t texel_bytes) {
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   const VkBufferView frame = textures.input.buffer().view();
   // A binding that the shader does not use still has to hold something.
   const VkBufferView table_view = table == nullptr ? frame : table->view();
@@ -133,7 +133,7 @@ absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const 
 
 absl::Status record_ingest(const IngestPlan& plan, bool scrub, const FrameTextures& textures,
                            PipelineCache& pipelines, Recorder& recorder) {
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   const VkDeviceAddress tiles = textures.tiles.buffer().address();
   const VkDeviceAddress histogram = textures.histogram ? textures.histogram.buffer().address() : 0;
   auto [constants, params] = plan.inputs;

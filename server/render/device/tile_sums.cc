@@ -44,7 +44,7 @@ double log2_of(uint64_t fixed_log2, uint64_t weight) {
 // The coarse picture of the frame. A cell takes at least one tile each way.
 ScenePrint print_of(const FrameTextures& textures, bool weighted) {
   constexpr uint32_t kCells = 8;
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   ScenePrint print;
   const auto first = [](uint32_t cell, uint32_t tiles) { return cell * tiles / kCells; };
   const auto last = [&](uint32_t cell, uint32_t tiles) {
@@ -80,7 +80,7 @@ struct Totals {
 };
 
 Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   FrameStats& stats = sums.stats;
   Totals totals;
   for (size_t i = 0; i < size_t{layout.tiles_x} * layout.tiles_y; ++i) {

@@ -38,7 +38,7 @@ std::string light_words(const FrameDesc& desc, const std::vector<Box>& lit) {
 }
 
 // The texels of the level that a pass writes where light may be after it.
-Area lit_after(Pass pass, uint32_t written, const FrameLayout& layout, std::span<const Box> lit) {
+Area lit_after(Pass pass, uint32_t written, const TextureLayout& layout, std::span<const Box> lit) {
   const std::vector<LevelSize>& sizes = layout.level_sizes;
   Area area = in_level({lit.begin(), lit.end()}, layout.level_size);
   if (pass == Pass::kBrightPass) return area;
@@ -55,7 +55,7 @@ Area lit_after(Pass pass, uint32_t written, const FrameLayout& layout, std::span
 
 // A step whose work groups write `width` x `height` texels each. If they are not the whole level, a pass that
 // does not work in place clears it first.
-BloomStep step_of(Pass pass, uint32_t level, const FrameLayout& layout, std::span<const Box> lit,
+BloomStep step_of(Pass pass, uint32_t level, const TextureLayout& layout, std::span<const Box> lit,
                   uint32_t width, uint32_t height) {
   const LevelSize& size = layout.level_sizes[level];
   Cover work = cover(lit_after(pass, level, layout, lit), width, height, groups(size.width, width),
@@ -70,7 +70,7 @@ BloomStep step_of(Pass pass, uint32_t level, const FrameLayout& layout, std::spa
   return step;
 }
 
-BloomStep bright_pass(const FrameLayout& layout, const v1::Bloom& bloom, float threshold, bool scrub,
+BloomStep bright_pass(const TextureLayout& layout, const v1::Bloom& bloom, float threshold, bool scrub,
                       const std::optional<reference::Matrix>& matrix, std::span<const Box> lit) {
   constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::BRIGHT_GROUP_X * shader::BRIGHT_STEPS;
   constexpr uint32_t kHeight = shader::BRIGHT_ROWS * shader::BRIGHT_GROUP_Y;
@@ -93,7 +93,7 @@ BloomStep bright_pass(const FrameLayout& layout, const v1::Bloom& bloom, float t
   return step;
 }
 
-shader::BloomLevelParams level_params(const FrameLayout& layout, uint32_t from, uint32_t to) {
+shader::BloomLevelParams level_params(const TextureLayout& layout, uint32_t from, uint32_t to) {
   const std::vector<LevelSize>& sizes = layout.level_sizes;
   return {.first_row = 0,
           .from_width = sizes[from].width,
@@ -103,7 +103,7 @@ shader::BloomLevelParams level_params(const FrameLayout& layout, uint32_t from, 
 }
 
 // An invocation of these writes 1 and 2 columns.
-BloomStep bloom_down(const FrameLayout& layout, uint32_t level, std::span<const Box> lit) {
+BloomStep bloom_down(const TextureLayout& layout, uint32_t level, std::span<const Box> lit) {
   BloomStep step = step_of(Pass::kBloomDown, level, layout, lit, shader::BLOOM_GROUP_X,
                            shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y);
   step.from_level = level - 1;
@@ -112,7 +112,7 @@ BloomStep bloom_down(const FrameLayout& layout, uint32_t level, std::span<const 
   return step;
 }
 
-BloomStep bloom_up(const FrameLayout& layout, uint32_t level, std::span<const Box> lit) {
+BloomStep bloom_up(const TextureLayout& layout, uint32_t level, std::span<const Box> lit) {
   BloomStep step = step_of(Pass::kBloomUp, level, layout, lit, 2 * shader::BLOOM_GROUP_X,
                            2 * shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y);
   step.from_level = level + 1;
@@ -123,7 +123,7 @@ BloomStep bloom_up(const FrameLayout& layout, uint32_t level, std::span<const Bo
 }
 
 // To level 1: vertical, from level 0. To level 0: horizontal, from level 1.
-BloomStep gaussian(const FrameLayout& layout, uint32_t level, std::span<const Box> lit) {
+BloomStep gaussian(const TextureLayout& layout, uint32_t level, std::span<const Box> lit) {
   BloomStep step = step_of(Pass::kGaussian, level, layout, lit, shader::BLOOM_GROUP_X,
                            shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y);
   step.from_level = 1 - level;
@@ -134,14 +134,14 @@ BloomStep gaussian(const FrameLayout& layout, uint32_t level, std::span<const Bo
   return step;
 }
 
-std::string gaussian_words(const FrameLayout& layout, const v1::Bloom& bloom, float threshold,
+std::string gaussian_words(const TextureLayout& layout, const v1::Bloom& bloom, float threshold,
                            const std::vector<Box>& lit) {
   const LevelSize& size = layout.level_sizes[0];
   return absl::StrFormat("gaussian bloom at %dx%d: threshold %g, %g times the mean; %s", size.width,
                          size.height, threshold, bloom.threshold(), light_words(layout.desc, lit));
 }
 
-std::string mip_words(const FrameLayout& layout, const v1::Bloom& bloom, const std::vector<Box>& lit) {
+std::string mip_words(const TextureLayout& layout, const v1::Bloom& bloom, const std::vector<Box>& lit) {
   const std::vector<LevelSize>& sizes = layout.level_sizes;
   const auto count = static_cast<uint32_t>(sizes.size());
   const bool left_out = layout.level_size != kWholeBloom && bloom.levels() > 1;
@@ -155,7 +155,8 @@ std::string mip_words(const FrameLayout& layout, const v1::Bloom& bloom, const s
 
 }  // namespace
 
-shader::InputParams input_params(const FrameLayout& layout, const std::optional<reference::Matrix>& matrix) {
+shader::InputParams input_params(const TextureLayout& layout,
+                                 const std::optional<reference::Matrix>& matrix) {
   const reference::Matrix m = matrix.value_or(reference::Matrix{1, 0, 0, 0, 1, 0, 0, 0, 1});
   return {.width = layout.desc.width,
           .height = layout.desc.height,
@@ -176,7 +177,7 @@ float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats) {
   return static_cast<float>(bloom.threshold() * std::exp2(stats.mean_log2_luminance));
 }
 
-void plan_bloom(const FrameLayout& layout, const Metered& metered, const v1::Bloom& bloom,
+void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan) {
   if (bloom.intensity() == 0) {
     plan.words.push_back("no bloom: its intensity is 0");
@@ -210,7 +211,7 @@ void plan_bloom(const FrameLayout& layout, const Metered& metered, const v1::Blo
   plan.words.push_back(mip_words(layout, bloom, plan.lit));
 }
 
-Area bloom_reach(const FrameLayout& layout, const Plan& plan) {
+Area bloom_reach(const TextureLayout& layout, const Plan& plan) {
   if (!plan.bloom()) return {};
   const FrameDesc& desc = layout.desc;
   const Pass last = plan.bloom_steps.back().pass == Pass::kGaussian ? Pass::kGaussian : Pass::kBloomUp;

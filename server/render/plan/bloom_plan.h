@@ -7,15 +7,15 @@
 namespace candela {
 
 // The shader inputs that all passes share that read the frame.
-shader::InputParams input_params(const FrameLayout& layout, const std::optional<reference::Matrix>& matrix);
+shader::InputParams input_params(const TextureLayout& layout, const std::optional<reference::Matrix>& matrix);
 
 // Scene luminance above which there is bloom: the settings' threshold, or kGaussian's multiple of the mean.
 float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats);
 
-void plan_bloom(const FrameLayout& layout, const Metered& metered, const v1::Bloom& bloom,
+void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan);
 
 // The frame's texels that the finished bloom reaches.
-Area bloom_reach(const FrameLayout& layout, const Plan& plan);
+Area bloom_reach(const TextureLayout& layout, const Plan& plan);
 
 }  // namespace candela

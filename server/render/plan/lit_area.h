@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "server/render/plan/frame_layout.h"
+#include "server/render/plan/texture_layout.h"
 #include "server/vulkan/box.h"
 
 namespace candela {

@@ -46,7 +46,7 @@ bool dithers(const Settings& settings) {
   return settings->dither() && settings->output_format() != v1::OUTPUT_FORMAT_RGBA16F;
 }
 
-ReferencePlan plan_reference(const FrameLayout& layout, const Settings& settings,
+ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settings,
                              const FrameDecisions& decisions,
                              const std::optional<reference::Matrix>& matrix) {
   const v1::Bloom& bloom = settings->bloom();
@@ -72,7 +72,7 @@ ReferencePlan plan_reference(const FrameLayout& layout, const Settings& settings
   return plan;
 }
 
-shader::ResolveConstants resolve_constants(const FrameLayout& layout, bool scrub, const Settings& settings,
+shader::ResolveConstants resolve_constants(const TextureLayout& layout, bool scrub, const Settings& settings,
                                            const ColorTable* table, bool matrix) {
   const bool rec709_table = table != nullptr && table->axes == shader::AXES_REC709;
   return {.pixels = static_cast<uint32_t>(layout.desc.format),
@@ -87,7 +87,7 @@ shader::ResolveConstants resolve_constants(const FrameLayout& layout, bool scrub
           .transfer_terms = settings.tier().transfer_terms};
 }
 
-shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& settings,
+shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings& settings,
                                      const FrameDecisions& decisions, bool bloom,
                                      const std::optional<reference::Matrix>& matrix) {
   shader::ResolveParams params{};
@@ -113,7 +113,7 @@ shader::ResolveParams resolve_params(const FrameLayout& layout, const Settings& 
 
 // Splits the frame into the rows of groups that bloom reaches and the rest. Whole rows: a shorter walk along
 // them costs more than it saves.
-Cover resolve_groups(const FrameLayout& layout, const Area& reached) {
+Cover resolve_groups(const TextureLayout& layout, const Area& reached) {
   constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS;
   const FrameDesc& desc = layout.desc;
   Cover rows = cover(reached, desc.width, kResolveGroupRows, 1, groups(desc.height, kResolveGroupRows));
@@ -143,7 +143,7 @@ const char* name(Pass pass) {
   return "unknown";
 }
 
-IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings) {
+IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {
   const v1::Metering& metering = settings->exposure().metering();
   IngestPlan plan;
   plan.matrix = settings.to_scene();
@@ -169,7 +169,7 @@ IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings) {
   return plan;
 }
 
-Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Settings& settings,
+Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Settings& settings,
                 const FrameDecisions& decisions) {
   const std::optional<reference::Matrix> matrix = settings.to_scene();
   const FrameDesc& desc = layout.desc;

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "server/render/plan/exposure.h"
-#include "server/render/plan/frame_layout.h"
 #include "server/render/plan/frame_stats.h"
+#include "server/render/plan/texture_layout.h"
 #include "server/render/settings/settings.h"
 #include "server/vulkan/box.h"
 #include "shaders/color_table.h"
@@ -93,7 +93,7 @@ struct Plan {
 };
 
 // Pure.
-IngestPlan plan_ingest(const FrameLayout& layout, const Settings& settings);
+IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings);
 
 // The decisions about a frame between its two phases.
 struct FrameDecisions {
@@ -103,7 +103,7 @@ struct FrameDecisions {
 };
 
 // Pure: the same arguments give the same plan.
-Plan plan_frame(const FrameLayout& layout, const Metered& metered, const Settings& settings,
+Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Settings& settings,
                 const FrameDecisions& decisions);
 
 // The table that resolve looks colours up in: the settings' own, or the one that is baked for aces-1; null

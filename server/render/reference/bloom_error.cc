@@ -31,7 +31,7 @@ struct DeviceLevel {
 }  // namespace
 
 double bloom_error(const ReferenceFrame& truth, const FrameTextures& textures, bool rendered) {
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   if (layout.level_sizes.empty()) return 0.0;
   const DeviceLevel device = {layout.level_sizes[0], rendered ? textures.host_level().mapped() : nullptr,
                               1.0 / layout.summed_levels};

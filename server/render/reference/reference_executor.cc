@@ -24,7 +24,7 @@ void store(const Buffer& buffer, size_t index, T value) {
 // Component k of texel (x, y), in the format of the output.
 void store_output(const FrameTextures& textures, const ReferenceFrame& frame, double value, uint32_t x,
                   uint32_t y, size_t k) {
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   const Buffer& output = textures.host_output();
   const size_t index = (size_t{y} * layout.pitch + x) * 4 + k;
   const double largest = largest_code(static_cast<uint32_t>(layout.output_format));

@@ -38,7 +38,7 @@ ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t le
   if (plan.reference.bloom) {
     reference::BloomSpec bloom = *plan.reference.bloom;
     bloom.level_size = level_size;
-    if (bloom.kind() != shader::BLOOM_GAUSSIAN) resolve_.level_size = level_size;
+    if (bloom.kind != shader::BLOOM_GAUSSIAN) resolve_.level_size = level_size;
     bloom_ = reference::bloom(metered_.scene, bloom, metered_.meter.mean_log2_luminance, &levels_);
   }
   resolve_.look = look_of(plan);

@@ -18,7 +18,7 @@ double largest_code(uint32_t format);
 
 class ReferenceFrame {
  public:
-  // `level_size` is FrameLayout::level_size: kWholeBloom, or a tier's own.
+  // `level_size` is TextureLayout::level_size: kWholeBloom, or a tier's own.
   ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size);
 
   const MeteredScene& metered() const { return metered_; }

@@ -25,7 +25,7 @@ FrameStats stats_of(const MeteredScene& metered) {
 // `truth`, if not null, receives the reference's statistics.
 Verification compare_with(reference::Rounding rounding, const FrameTextures& textures, const Plan& plan,
                           const FrameStats& stats, uint32_t level_size, uint16_t* map, FrameStats* truth) {
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   const ReferencePlan& p = plan.reference;
   const ReferenceFrame reference(meter_scene(textures, p.matrix, p.meter, rounding), plan, level_size);
   const Picture image = {textures.host_output().mapped(), layout.pitch,
@@ -48,7 +48,7 @@ FrameVerification verify_frame(FrameMemory& memory, const Plan& plan, const Fram
                                uint32_t bloom_level_size) {
   using reference::Rounding;
   const FrameTextures& textures = memory.textures();
-  const FrameLayout& layout = textures.layout;
+  const TextureLayout& layout = textures.layout;
   auto* map =
       textures.error_map ? reinterpret_cast<uint16_t*>(textures.error_map.buffer().mapped()) : nullptr;
   FrameVerification verification;

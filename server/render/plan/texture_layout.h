@@ -30,7 +30,7 @@ std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32
 std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 
 // Sizes are in texels.
-struct FrameLayout {
+struct TextureLayout {
   FrameDesc desc;
   v1::OutputFormat output_format = v1::OUTPUT_FORMAT_RGBA8;
   uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
@@ -48,6 +48,6 @@ struct FrameLayout {
 };
 
 // Pure.
-FrameLayout layout_frame(const FrameDesc& desc, const Settings& settings);
+TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings);
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-#include "server/render/plan/frame_layout.h"
+#include "server/render/plan/texture_layout.h"
 
 #include <algorithm>
 
@@ -50,11 +50,11 @@ std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
   return {2, {(width + 3) / 4, (height + 3) / 4}};
 }
 
-FrameLayout layout_frame(const FrameDesc& desc, const Settings& settings) {
+TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings) {
   const v1::Metering& metering = settings->exposure().metering();
   const v1::Bloom& bloom = settings->bloom();
   const Tier& tier = settings.tier();
-  FrameLayout layout;
+  TextureLayout layout;
   layout.desc = desc;
   layout.output_format = settings->output_format();
   layout.pitch = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
