@@ -22,6 +22,7 @@
 
 #include "server/render/settings/tiers.h"
 #include "tests/bench/workbench.h"
+#include "tests/support/settings.h"
 
 namespace candela::bench {
 namespace {
@@ -103,34 +104,35 @@ int main_(int argc, char** argv) {
   constexpr Scene kNatural = [](uint32_t width, uint32_t height) { return testing::natural(width, height); };
   const auto add = [renderer = bench->renderer.get()](uint32_t width, uint32_t height,
                                                       const std::string& what, Scene scene,
-                                                      const Settings& settings) {
-    benchmark::RegisterBenchmark(
-        (std::to_string(width) + "x" + std::to_string(height) + "/" + what).c_str(),
-        [=](benchmark::State& state) { run(state, *renderer, scene(width, height), settings); })
+                                                      const v1::Settings& settings) {
+    benchmark::RegisterBenchmark((std::to_string(width) + "x" + std::to_string(height) + "/" + what).c_str(),
+                                 [=](benchmark::State& state) {
+                                   run(state, *renderer, scene(width, height), testing::checked(settings));
+                                 })
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond)
         ->MinTime(1.0);
   };
   for (const auto& [width, height] : kSizes) {
     for (const Tier& tier : tiers()) {
-      Settings settings;
+      v1::Settings settings;
       settings.set_tier(tier.name);
       add(width, height, std::string("bright/") + tier.name, kNatural, settings);
       settings.mutable_bloom()->set_threshold(kNothingBright);
       add(width, height, std::string("dim/") + tier.name, kNatural, settings);
     }
-    Settings settings;
+    v1::Settings settings;
     settings.mutable_bloom()->set_threshold(kLightsOnly);
-    add(width, height, "tiles/" + settings.tier, testing::lit_tiles, settings);
+    add(width, height, std::string("tiles/") + Settings().tier().name, testing::lit_tiles, settings);
   }
   for (const auto& [width, height] : kMoreSizes) {
-    Settings settings;
-    add(width, height, "bright/" + settings.tier, kNatural, settings);
+    v1::Settings settings;
+    add(width, height, std::string("bright/") + Settings().tier().name, kNatural, settings);
     settings.mutable_bloom()->set_threshold(kNothingBright);
-    add(width, height, "dim/" + settings.tier, kNatural, settings);
+    add(width, height, std::string("dim/") + Settings().tier().name, kNatural, settings);
   }
   for (const auto& [what, change] : variants()) {
-    Settings settings;
+    v1::Settings settings;
     change(settings);
     add(1920, 1080, what, kNatural, settings);
   }

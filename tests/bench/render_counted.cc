@@ -16,6 +16,7 @@
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "tests/bench/workbench.h"
+#include "tests/support/settings.h"
 
 namespace candela::bench {
 namespace {
@@ -86,21 +87,24 @@ absl::Status render_all() {
   // Larger: light has to end somewhere.
   const testing::WireFrame tiles = testing::lit_tiles(2 * kWidth, 2 * kHeight);
   std::vector<Variant> kinds = {
-      {"bright", [](Settings&) {}},
-      {"dim", [](Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},
-      {"draft", [](Settings& s) { s.set_tier("draft"); }}};
+      {"bright", [](v1::Settings&) {}},
+      {"dim", [](v1::Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},
+      {"draft", [](v1::Settings& s) { s.set_tier("draft"); }}};
   kinds.insert(kinds.end(), variants().begin(), variants().end());
   for (const bool count : {false, true}) {
     if (count) CALLGRIND_START_INSTRUMENTATION;
     for (const Variant& kind : kinds) {
-      Settings settings;
+      v1::Settings settings;
       kind.change(settings);
-      if (absl::Status status = render(*bench, passes, frame, kind.name, settings); !status.ok())
+      if (absl::Status status = render(*bench, passes, frame, kind.name, testing::checked(settings));
+          !status.ok())
         return status;
     }
-    Settings settings;
+    v1::Settings settings;
     settings.mutable_bloom()->set_threshold(kLightsOnly);
-    if (absl::Status status = render(*bench, passes, tiles, "tiles", settings); !status.ok()) return status;
+    if (absl::Status status = render(*bench, passes, tiles, "tiles", testing::checked(settings));
+        !status.ok())
+      return status;
   }
   return absl::OkStatus();
 }

@@ -8,24 +8,24 @@ namespace candela::bench {
 namespace {
 
 constexpr Variant kVariants[] = {
-    {"conserve", [](Settings& s) { s.mutable_bloom()->set_kind(v1::Bloom::KIND_CONSERVE); }},
+    {"conserve", [](v1::Settings& s) { s.mutable_bloom()->set_kind(v1::Bloom::KIND_CONSERVE); }},
     {"gaussian",
-     [](Settings& s) {
+     [](v1::Settings& s) {
        s.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
        s.mutable_bloom()->set_threshold(8.0f);
      }},
     {"centre",
-     [](Settings& s) {
+     [](v1::Settings& s) {
        s.mutable_exposure()->mutable_metering()->set_weights(v1::Metering::WEIGHTS_CENTER);
      }},
     {"percentile",
-     [](Settings& s) {
+     [](v1::Settings& s) {
        s.mutable_exposure()->mutable_metering()->set_statistic(v1::Metering::STATISTIC_PERCENTILE);
      }},
-    {"dither", [](Settings& s) { s.set_dither(true); }},
-    {"agx", [](Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
-    {"aces-1", [](Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
-    {"pbr-neutral", [](Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
+    {"dither", [](v1::Settings& s) { s.set_dither(true); }},
+    {"agx", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
+    {"aces-1", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
+    {"pbr-neutral", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
 };
 
 }  // namespace

@@ -31,7 +31,7 @@ inline constexpr float kLightsOnly = 8192.0f;
 // One setting that differs from the default ones.
 struct Variant {
   const char* name;
-  void (*change)(Settings&);
+  void (*change)(v1::Settings&);
 };
 std::span<const Variant> variants();
 

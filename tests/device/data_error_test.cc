@@ -10,6 +10,7 @@
 
 #include "client/image/image.h"
 #include "tests/support/frame_error.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
@@ -50,11 +51,11 @@ TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
         image->format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
     const auto pixels = image->pixels.span();
     const WireFrame frame{{image->width, image->height, format}, {pixels.begin(), pixels.end()}};
-    Settings settings;
+    v1::Settings settings;
     if (image->chromaticities) {
-      settings.input_chromaticities.emplace();
-      std::copy(image->chromaticities->begin(), image->chromaticities->end(),
-                settings.input_chromaticities->xy.begin());
+      Chromaticities chromaticities;
+      std::copy(image->chromaticities->begin(), image->chromaticities->end(), chromaticities.xy.begin());
+      *settings.mutable_input_chromaticities() = to_message(chromaticities);
     }
     // Every half there is, side by side: components of +-65504 cancel in the curve's matrix.
     const bool every_half = path.filename() == "AllHalfValues.exr";

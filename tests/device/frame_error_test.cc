@@ -5,6 +5,9 @@
 
 #include <cstdio>
 
+#include "proto/candela/v1/settings.h"
+#include "tests/support/settings.h"
+
 namespace candela::testing {
 namespace {
 
@@ -37,14 +40,14 @@ TEST_F(FrameError, IsWithinItsBoundForEveryFormatCurveAndTransfer) {
   for (v1::PixelFormat format :
        {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
     for (v1::ToneCurve curve : kCurves) {
-      for (Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
-        Settings settings;
+      for (v1::Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
+        v1::Settings settings;
         settings.set_curve(curve);
         settings.set_transfer(transfer);
         // Near black, 1/2.2 is steep enough to show the cancellation in pbr-neutral's offset.
         const bool steep = curve == v1::TONE_CURVE_PBR_NEUTRAL && transfer == v1::TRANSFER_GAMMA22;
         check(natural(333, 129, format), settings,
-              std::string(name(format)) + " " + name(curve) + " " + name(transfer),
+              v1::word_of(format) + " " + v1::word_of(curve) + " " + v1::word_of(transfer),
               steep ? Bounds{.max = 0.006} : Bounds());
       }
     }
@@ -58,8 +61,9 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
       for (float softness : {0.0f, 1.0f}) {
         for (uint32_t levels : {1u, 2u, 16u}) {
           for (bool firefly : {false, true}) {
-            Settings settings;
-            settings.set_bloom({v1::Bloom::KIND_MIP, intensity, threshold, softness, levels, firefly});
+            v1::Settings settings;
+            *settings.mutable_bloom() =
+                bloom(v1::Bloom::KIND_MIP, intensity, threshold, softness, levels, firefly);
             char what[80];
             std::snprintf(what, sizeof what, "i %g t %g s %g levels %u firefly %d", intensity, threshold,
                           softness, levels, firefly);
@@ -72,19 +76,21 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
 }
 
 // Every pair of a kind of bloom and a way of metering: the Gaussian's threshold depends on what was metered.
-std::vector<std::pair<std::string, Settings>> bloom_and_metering() {
-  std::vector<std::pair<std::string, Settings>> all;
+std::vector<std::pair<std::string, v1::Settings>> bloom_and_metering() {
+  std::vector<std::pair<std::string, v1::Settings>> all;
   for (v1::Bloom::Kind kind : {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
     for (v1::Metering::Statistic statistic :
          {v1::Metering::STATISTIC_LOG_AVERAGE, v1::Metering::STATISTIC_PERCENTILE}) {
       for (v1::Metering::Weights weights :
            {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER, v1::Metering::WEIGHTS_SPOT}) {
-        Settings settings;
+        v1::Settings settings;
         settings.mutable_bloom()->set_kind(kind);
         settings.mutable_bloom()->set_intensity(0.5f);
         if (kind == v1::Bloom::KIND_GAUSSIAN) settings.mutable_bloom()->set_threshold(8.0f);
-        settings.mutable_exposure()->set_metering(
-            {.statistic = statistic, .weights = weights, .spot = {0, 0, 40, 5000}});
+        v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
+        metering.set_statistic(statistic);
+        metering.set_weights(weights);
+        *metering.mutable_spot() = rectangle(0, 0, 40, 5000);
         char what[60];
         std::snprintf(what, sizeof what, "bloom %d statistic %d weights %d", static_cast<int>(kind),
                       static_cast<int>(statistic), static_cast<int>(weights));
@@ -120,7 +126,7 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCase) {
       for (v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
         check(make_frame(size.width, size.height, format, hard.texel), {},
               hard.name + " " + std::to_string(size.width) + "x" + std::to_string(size.height) + " " +
-                  name(format));
+                  v1::word_of(format));
       }
     }
   }
@@ -128,7 +134,7 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCase) {
 
 TEST_F(FrameError, IsWithinItsBoundWithOtherPrimaries) {
   print_header("input primaries at 333x129");
-  const std::pair<const char*, Primaries> kinds[] = {
+  const std::pair<const char*, v1::Primaries> kinds[] = {
       {"Rec.2020", v1::PRIMARIES_REC2020},  {"P3-D65", v1::PRIMARIES_P3_D65},
       {"ACES AP0", v1::PRIMARIES_ACES_AP0}, {"ACES AP1", v1::PRIMARIES_ACES_AP1},
       {"CIE XYZ", v1::PRIMARIES_XYZ},
@@ -136,13 +142,13 @@ TEST_F(FrameError, IsWithinItsBoundWithOtherPrimaries) {
   for (const auto& [label, primaries] : kinds) {
     for (v1::PixelFormat format :
          {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
-      Settings settings;
-      settings.input_chromaticities = chromaticities(primaries);
-      check(natural(333, 129, format), settings, std::string(label) + " " + name(format));
+      v1::Settings settings;
+      settings.set_input_primaries(primaries);
+      check(natural(333, 129, format), settings, std::string(label) + " " + v1::word_of(format));
     }
     for (const HardCase& hard : hard_cases(67, 35)) {
-      Settings settings;
-      settings.input_chromaticities = chromaticities(primaries);
+      v1::Settings settings;
+      settings.set_input_primaries(primaries);
       check(make_frame(67, 35, v1::PIXEL_FORMAT_RGBA16F, hard.texel), settings,
             std::string(label) + " " + hard.name);
     }

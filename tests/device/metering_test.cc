@@ -6,6 +6,7 @@
 
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
@@ -16,29 +17,32 @@ v1::Metering weighted(v1::Metering::Weights weights) {
   return metering;
 }
 
-v1::Metering spot(const Rectangle& rectangle) {
+v1::Metering spot(const v1::Rectangle& rectangle) {
   v1::Metering metering = weighted(v1::Metering::WEIGHTS_SPOT);
-  metering.set_spot(rectangle);
+  *metering.mutable_spot() = rectangle;
   return metering;
 }
 
 class Metering : public DeviceTest {
  protected:
   static FrameReport report(const WireFrame& frame, const v1::Metering& metering) {
-    Settings settings;
-    settings.mutable_exposure()->set_metering(metering);
+    v1::Settings settings;
+    *settings.mutable_exposure()->mutable_metering() = metering;
     settings.mutable_bloom()->set_intensity(0);
     auto rendered = render(frame, settings);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
     return rendered->report;
   }
 
-  static reference::MeterParams params(const v1::Metering& m) {
-    return {m.statistic == v1::Metering::STATISTIC_PERCENTILE,
-            m.percentile_low,
-            m.percentile_high,
-            static_cast<uint32_t>(m.weights),
-            {m.spot.x0, m.spot.y0, m.spot.x1, m.spot.y1}};
+  static reference::MeterParams params(const v1::Metering& asked) {
+    v1::Settings settings;
+    *settings.mutable_exposure()->mutable_metering() = asked;
+    const v1::Metering m = checked(settings)->exposure().metering();
+    return {m.statistic() == v1::Metering::STATISTIC_PERCENTILE,
+            m.percentile_low(),
+            m.percentile_high(),
+            static_cast<uint32_t>(m.weights()),
+            {m.spot().x0(), m.spot().y0(), m.spot().x1(), m.spot().y1()}};
   }
 
   // The sum of all weights, and with texel (x, y)'s luminance of 2^4 among ones, the mean is 4 times its
@@ -71,7 +75,7 @@ TEST_F(Metering, WeightsSumExactlyAtEverySize) {
   for (uint32_t height = 1; height <= 67; ++height) {
     for (uint32_t width = 1; width <= 67; ++width) {
       expect_weights(width, height, weighted(v1::Metering::WEIGHTS_CENTER));
-      expect_weights(width, height, spot({width / 3, height / 4, width / 3 + 9, height}));
+      expect_weights(width, height, spot(rectangle(width / 3, height / 4, width / 3 + 9, height)));
     }
   }
 }
@@ -80,7 +84,7 @@ TEST_F(Metering, WeightsSumExactlyAtLargeSizes) {
   for (const auto& [width, height] :
        {std::pair{1919u, 1081u}, {3840u, 2160u}, {7680u, 4320u}, {16384u, 3u}, {5u, 16384u}}) {
     expect_weights(width, height, weighted(v1::Metering::WEIGHTS_CENTER));
-    expect_weights(width, height, spot({1, 1, width - 1, 1u << 30}));
+    expect_weights(width, height, spot(rectangle(1, 1, width - 1, 1u << 30)));
   }
 }
 
@@ -92,20 +96,20 @@ double sorted_percentile_mean(const reference::Scene& scene, const v1::Metering&
     for (uint32_t x = 0; x < scene.width; ++x) {
       const auto& c = scene.at(x, y);
       const double l = 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-      const double weight =
-          reference::meter_weight(x, y, scene.width, scene.height,
-                                  {false,
-                                   0,
-                                   0,
-                                   static_cast<uint32_t>(metering.weights),
-                                   {metering.spot.x0, metering.spot.y0, metering.spot.x1, metering.spot.y1}});
+      const double weight = reference::meter_weight(
+          x, y, scene.width, scene.height,
+          {false,
+           0,
+           0,
+           static_cast<uint32_t>(metering.weights()),
+           {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()}});
       texels.emplace_back(std::log2(std::max(l, 1e-4)), weight);
       total += weight;
     }
   }
   std::sort(texels.begin(), texels.end());
-  const double low = metering.percentile_low / 100 * total;
-  const double high = metering.percentile_high / 100 * total;
+  const double low = metering.percentile_low() / 100 * total;
+  const double high = metering.percentile_high() / 100 * total;
   double below = 0.0;
   double sum = 0.0;
   for (const auto& [value, weight] : texels) {
@@ -126,8 +130,11 @@ TEST_F(Metering, PercentilesAreWithinHalfABinOfTheSortedDefinition) {
          {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER, v1::Metering::WEIGHTS_SPOT}) {
       for (const auto& [low, high] :
            {std::pair{10.0, 90.0}, {0.0, 100.0}, {50.0, 50.1}, {99.0, 100.0}, {0.0, 1.0}}) {
-        const v1::Metering metering = {
-            v1::Metering::STATISTIC_PERCENTILE, low, high, weights, {0, 0, 30, 20}};
+        v1::Metering metering = weighted(weights);
+        metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+        metering.set_percentile_low(low);
+        metering.set_percentile_high(high);
+        *metering.mutable_spot() = rectangle(0, 0, 30, 20);
         EXPECT_NEAR(report(frame, metering).stats.mean_log2_luminance,
                     sorted_percentile_mean(scene, metering), 1.0 / 128)
             << width << "x" << height << " " << low << " .. " << high;
@@ -146,7 +153,7 @@ TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {
           return {c, c, c, 1};
         });
     v1::Metering percentile;
-    percentile.statistic = v1::Metering::STATISTIC_PERCENTILE;
+    percentile.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
     const double mean = report(frame, percentile).stats.mean_log2_luminance;
     // A step of the fade is 1/1000 EV; halves round each texel, which the mean of thousands hides.
     if (step > 0) {
@@ -157,15 +164,15 @@ TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {
 }
 
 TEST_F(Metering, ASpotBesideTheFrameIsRefused) {
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_exposure()->mutable_metering()->set_weights(v1::Metering::WEIGHTS_SPOT);
-  settings.mutable_exposure()->mutable_metering()->set_spot({64, 0, 65, 1});
-  EXPECT_TRUE(check_settings(settings).ok());
-  EXPECT_TRUE(check_settings_for(settings, {65, 1, v1::PIXEL_FORMAT_RGBA16F}).ok());
-  EXPECT_EQ(check_settings_for(settings, {64, 64, v1::PIXEL_FORMAT_RGBA16F}).message(),
+  *settings.mutable_exposure()->mutable_metering()->mutable_spot() = rectangle(64, 0, 65, 1);
+  EXPECT_TRUE(Settings::from(settings).ok());
+  EXPECT_TRUE(check_settings_for(checked(settings), {65, 1, v1::PIXEL_FORMAT_RGBA16F}).ok());
+  EXPECT_EQ(check_settings_for(checked(settings), {64, 64, v1::PIXEL_FORMAT_RGBA16F}).message(),
             "exposure.metering.spot begins at x 64, y 0, beside the frame of 64x64 pixels");
-  settings.mutable_exposure()->mutable_metering()->set_spot({3, 3, 3, 9});
-  EXPECT_EQ(check_settings(settings).code(), absl::StatusCode::kInvalidArgument);
+  *settings.mutable_exposure()->mutable_metering()->mutable_spot() = rectangle(3, 3, 3, 9);
+  EXPECT_EQ(Settings::from(settings).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 }  // namespace

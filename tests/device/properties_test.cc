@@ -7,6 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "proto/candela/v1/settings.h"
 #include "server/render/device/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
@@ -17,7 +18,7 @@ namespace {
 class Properties : public DeviceTest {
  protected:
   // Throws where it cannot render, which fails this test and no other.
-  static Rendered must_render(const WireFrame& frame, const Settings& settings = {}) {
+  static Rendered must_render(const WireFrame& frame, const v1::Settings& settings = {}) {
     auto rendered = render(frame, settings);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
     return *std::move(rendered);
@@ -65,7 +66,7 @@ TEST_F(Properties, MeterSeesTheLastColumnsAndRows) {
 }
 
 TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_bloom()->set_intensity(0.5f);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
   for (v1::Bloom::Kind kind : {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
@@ -96,7 +97,7 @@ TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
 
 // Conserving bloom moves light and makes none: a flat field keeps its value.
 TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
-  Settings settings;
+  v1::Settings settings;
   settings.set_curve(v1::TONE_CURVE_LINEAR);
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
@@ -112,7 +113,7 @@ TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
 }
 
 TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_bloom()->set_intensity(0);
   settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -162,7 +163,7 @@ TEST_F(Properties, AMovingHighlightFlickersByAtMostTheStatedNumber) {
             const float v = y == 101 ? static_cast<float>(1000.0 * cover) : 0.0f;
             return {v, v, v, 1};
           });
-      Settings settings;
+      v1::Settings settings;
       settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
       settings.mutable_exposure()->set_manual_ev(-14);
       settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -212,9 +213,9 @@ TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
       return {v, v, 0.5f * v, 1};
     });
   };
-  Settings with;
+  v1::Settings with;
   with.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  Settings without = with;
+  v1::Settings without = with;
   without.mutable_bloom()->set_intensity(0);
   const Rendered skipped = must_render(scene(0.1f), with);
   EXPECT_FALSE(skipped.report.plan.bloom());
@@ -223,7 +224,7 @@ TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
 }
 
 TEST_F(Properties, OneBadPixelChangesNoOtherPixelsIngest) {
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_bloom()->set_intensity(0);
   const auto scene = [](float bad) {
@@ -263,7 +264,7 @@ TEST_F(Properties, ABadPixelCountsAsBlackOrBrightest) {
 }
 
 TEST_F(Properties, RejectNamesTheFirstBadPixel) {
-  Settings settings;
+  v1::Settings settings;
   settings.set_bad_values(v1::BAD_VALUES_REJECT);
   const WireFrame frame = make_frame(200, 150, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
     const bool bad = (x == 199 && y == 70) || (x == 0 && y == 71) || (x == 64 && y == 149);
@@ -277,7 +278,7 @@ TEST_F(Properties, RejectNamesTheFirstBadPixel) {
 }
 
 TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
-  Settings settings;
+  v1::Settings settings;
   settings.set_bad_values(v1::BAD_VALUES_REJECT);
   EXPECT_TRUE(render(flat(9, 9, {1e30f, -1e30f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings).ok());
 }
@@ -293,7 +294,7 @@ TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
       const WireFrame frame = make_frame(257, 3, in, [&](uint32_t x, uint32_t) -> Texel {
         return {100, 0, 1, alpha(x)};
       });
-      Settings settings;
+      v1::Settings settings;
       settings.set_output_format(out);
       const Rendered r = must_render(frame, settings);
       for (uint32_t x = 0; x < 257; ++x) {
@@ -315,10 +316,10 @@ TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
 
 TEST_F(Properties, PrescaleIsExposureByAnotherName) {
   const WireFrame frame = natural(67, 35);
-  Settings prescaled;
+  v1::Settings prescaled;
   prescaled.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   prescaled.set_prescale(2);
-  Settings exposed;
+  v1::Settings exposed;
   exposed.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   exposed.mutable_exposure()->set_manual_ev(1);
   EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
@@ -333,7 +334,7 @@ TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
     const auto row = tile.pixels.begin() + static_cast<std::ptrdiff_t>(y % 64 * tile.desc.row_bytes());
     frame.pixels.insert(frame.pixels.end(), row, row + static_cast<std::ptrdiff_t>(tile.desc.row_bytes()));
   }
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_bloom()->set_intensity(0);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
@@ -397,7 +398,7 @@ TEST_F(Properties, StagingCopiesChangeNoBit) {
 }
 
 TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_bloom()->set_intensity(0);
   settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -416,7 +417,7 @@ TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
 
 TEST_F(Properties, Frame8KPasses) {
   const WireFrame frame = flat(7680, 4320, {0.18f, 0.18f, 0.18f, 1});
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_bloom()->set_threshold(0.01f);  // all of it is bright
   const Rendered r = must_render(frame, settings);
   EXPECT_TRUE(r.report.plan.bloom());
@@ -432,7 +433,7 @@ TEST_F(Properties, Frame8KPasses) {
 
 TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
   for (v1::ToneCurve curve : kCurves) {
-    Settings settings;
+    v1::Settings settings;
     settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
     settings.mutable_exposure()->set_manual_ev(40);
     settings.set_prescale(0x1p40);
@@ -446,7 +447,7 @@ TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
       uint16_t code;
       std::memcpy(&code, &r.memory.output_row(9)[17 * 8 + 2 * k], 2);
       const double expected = reference::transfer(shader::TRANSFER_SRGB, limit[k]);
-      EXPECT_NEAR(code / 65535.0, expected, 1e-4) << name(curve);
+      EXPECT_NEAR(code / 65535.0, expected, 1e-4) << v1::word_of(curve);
     }
   }
 }
@@ -455,7 +456,7 @@ TEST_F(Properties, EveryHardCaseIsFiniteUpToTheLargestExposure) {
   for (const HardCase& hard : hard_cases(67, 35)) {
     for (double ev : {-40.0, 0.0, 40.0}) {
       for (v1::ToneCurve curve : kCurves) {
-        Settings settings;
+        v1::Settings settings;
         settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
         settings.mutable_exposure()->set_manual_ev(ev);
         settings.set_prescale(ev > 0 ? 0x1p40 : 1.0);

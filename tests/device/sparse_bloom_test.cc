@@ -5,6 +5,7 @@
 #include <random>
 
 #include "tests/support/device_fixture.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
@@ -12,24 +13,25 @@ namespace {
 class SparseBloom : public DeviceTest {
  protected:
   // The image where every tile counts as lit, so that every pass makes all of its level.
-  static std::vector<std::byte> dense(const WireFrame& frame, const Settings& settings) {
-    absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, settings);
+  static std::vector<std::byte> dense(const WireFrame& frame, const v1::Settings& settings) {
+    absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, checked(settings));
     EXPECT_TRUE(memory.ok()) << memory.status();
     for (uint32_t y = 0; y < frame.desc.height; ++y) {
       std::copy_n(frame.pixels.begin() + static_cast<std::ptrdiff_t>(y * frame.desc.row_bytes()),
                   frame.desc.row_bytes(), memory->input_row(y).begin());
     }
-    absl::StatusOr<Metered> metered = renderer().meter(*memory, settings);
+    absl::StatusOr<Metered> metered = renderer().meter(*memory, checked(settings));
     EXPECT_TRUE(metered.ok()) << metered.status();
     for (float& light : metered->stats.tile_light) light = std::numeric_limits<float>::infinity();
-    const Exposed exposed = expose(settings.exposure, std::nullopt, metered->stats.mean_log2_luminance);
-    const auto report = renderer().draw(*memory, settings, 0, *metered, exposed);
+    const Exposed exposed =
+        expose(checked(settings)->exposure(), std::nullopt, metered->stats.mean_log2_luminance);
+    const auto report = renderer().draw(*memory, checked(settings), 0, *metered, exposed);
     EXPECT_TRUE(report.ok()) << report.status();
     return image(*memory);
   }
 
   // Also that part of the frame was left out, where `sparse`.
-  static void expect_same(const WireFrame& frame, const Settings& settings, bool sparse,
+  static void expect_same(const WireFrame& frame, const v1::Settings& settings, bool sparse,
                           const std::string& what) {
     const auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
@@ -57,7 +59,7 @@ TEST_F(SparseBloom, IsTheDenseOneWhateverTheKindAndTheTier) {
        {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {
     for (const char* tier : {"standard", "draft"}) {
       for (const uint32_t levels : {1u, 2u, 5u, 9u}) {
-        Settings settings;
+        v1::Settings settings;
         settings.set_tier(tier);
         settings.mutable_bloom()->set_kind(kind);
         settings.mutable_bloom()->set_levels(levels);
@@ -97,7 +99,7 @@ TEST_F(SparseBloom, IsTheDenseOneWhereverTheLightsAre) {
 TEST_F(SparseBloom, IsTheDenseOneAtTheThreshold) {
   for (const float softness : {0.0f, 0.5f, 1.0f}) {
     for (const float light : {0.499f, 0.5f, 0.501f, 0.9995f, 1.0f, 1.0005f}) {
-      Settings settings;
+      v1::Settings settings;
       settings.mutable_bloom()->set_softness(softness);
       const WireFrame frame = lights(700, 500, {{333, 222}}, 40, {light, light, light, 1});
       EXPECT_EQ(image(render(frame, settings)->memory), dense(frame, settings)) << softness << " " << light;
@@ -108,8 +110,8 @@ TEST_F(SparseBloom, IsTheDenseOneAtTheThreshold) {
   expect_same(lights(700, 500, at, 9, {-300, -50, 900, 1}, v1::PIXEL_FORMAT_RGBA32F), {}, true, "in floats");
   expect_same(lights(700, 500, at, 9, {0, 50, 900, 1}, v1::PIXEL_FORMAT_RGB9E5), {}, true,
               "in shared exponents");
-  Settings wide;
-  wide.input_chromaticities = chromaticities(v1::PRIMARIES_REC2020);
+  v1::Settings wide;
+  wide.set_input_primaries(v1::PRIMARIES_REC2020);
   expect_same(lights(700, 500, at, 9, {0, 30, 0, 1}), wide, true, "wide primaries");
   expect_same(lights(700, 500, at, 9, {std::numeric_limits<float>::infinity(), 0, 0, 1}), {}, true,
               "infinite");

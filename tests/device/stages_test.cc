@@ -8,6 +8,7 @@
 #include "server/render/device/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
@@ -61,9 +62,8 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
       std::vector<reference::Level> d = {
           reference::bright_pass(scene, {.threshold = 0.02, .firefly_weights = firefly})};
       for (uint32_t levels = 1; levels <= 6; ++levels) {
-        Settings settings;
-        settings.set_bloom(
-            {.intensity = 1, .threshold = 0.02f, .levels = levels, .firefly_weights = firefly});
+        v1::Settings settings;
+        *settings.mutable_bloom() = bloom(v1::Bloom::KIND_MIP, 1, 0.02f, 0.5f, levels, firefly);
         auto rendered = render(frame, settings);
         ASSERT_TRUE(rendered.ok()) << rendered.status();
         const size_t count = rendered->memory.textures().levels.size();
@@ -88,8 +88,8 @@ TEST_F(Stages, BloomOfOneBrightTexelSumsToTheStatedGain) {
     return {v, v, v, 1};
   });
   for (uint32_t levels = 1; levels <= 5; ++levels) {
-    Settings settings;
-    settings.set_bloom({.intensity = 1, .threshold = 1, .softness = 0, .levels = levels});
+    v1::Settings settings;
+    *settings.mutable_bloom() = bloom(v1::Bloom::KIND_MIP, 1, 1, 0, levels, true);
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
     const std::byte* texels = rendered->memory.textures().levels[0].buffer().mapped();

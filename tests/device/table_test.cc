@@ -13,11 +13,13 @@
 #include <vector>
 
 #include "client/image/image.h"
+#include "proto/candela/v1/settings.h"
 #include "server/render/color/aces.h"
 #include "server/render/color/primaries.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
@@ -26,7 +28,8 @@ namespace fs = std::filesystem;
 
 class Table : public DeviceTest {
  protected:
-  static Verification difference(const WireFrame& frame, const Settings& settings, const std::string& what) {
+  static Verification difference(const WireFrame& frame, const v1::Settings& settings,
+                                 const std::string& what) {
     const auto rendered = render(frame, settings, {}, Verify::kYes);
     EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
     if (!rendered.ok()) return {};
@@ -39,15 +42,15 @@ class Table : public DeviceTest {
     std::printf("%-44s %9s %9s %9s\n", what, "max", "p99.9", "mean");
   }
 
-  static Settings with(v1::ToneCurve curve) {
-    Settings settings;
+  static v1::Settings with(v1::ToneCurve curve) {
+    v1::Settings settings;
     settings.set_curve(curve);
     return settings;
   }
 
-  static Settings with_table(uint32_t size) {
-    Settings settings = with(v1::TONE_CURVE_TABLE);
-    settings.table = *aces_1_table(size);
+  static v1::Settings with_table(uint32_t size) {
+    v1::Settings settings = with(v1::TONE_CURVE_TABLE);
+    *settings.mutable_table() = to_message(**aces_1_table(size));
     return settings;
   }
 };
@@ -98,23 +101,23 @@ TEST_F(Table, WithNoiseInEveryPointIsItsFloat64LookUp) {
     auto table = std::make_shared<ColorTable>(ColorTable{9, axes, 8.0f, {}});
     for (uint32_t i = 0; i < 9 * 9 * 9 * 3; ++i)
       table->values.push_back(static_cast<uint16_t>(65535.0f * noise(i, 0, 0)));
-    Settings settings = with(v1::TONE_CURVE_TABLE);
-    settings.table = table;
+    v1::Settings settings = with(v1::TONE_CURVE_TABLE);
+    *settings.mutable_table() = to_message(*table);
     EXPECT_LE(difference(natural(333, 129), settings, "9^3, axes " + std::to_string(axes)).max_codes, 0.1);
   }
 }
 
 TEST_F(Table, TransferAndFormatApplyToAces1ButNotToATable) {
   const WireFrame frame = natural(67, 33);
-  for (Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
+  for (v1::Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
     for (v1::OutputFormat format : {v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
-      Settings settings = with(v1::TONE_CURVE_ACES_1);
+      v1::Settings settings = with(v1::TONE_CURVE_ACES_1);
       settings.set_transfer(transfer);
       settings.set_output_format(format);
-      const std::string what = std::string(name(transfer)) + " " + name(format);
+      const std::string what = v1::word_of(transfer) + " " + v1::word_of(format);
       EXPECT_LE(difference(frame, settings, what).max_codes, 2.0) << what;
 
-      Settings view = with_table(65);
+      v1::Settings view = with_table(65);
       view.set_output_format(format);
       auto plain = render(frame, view);
       ASSERT_TRUE(plain.ok()) << plain.status();
@@ -219,21 +222,21 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     const WireFrame frame{
         {input->width, input->height, halves ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
         {pixels.begin(), pixels.end()}};
-    Settings settings = with(v1::TONE_CURVE_ACES_1);
+    v1::Settings settings = with(v1::TONE_CURVE_ACES_1);
     settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
     settings.mutable_bloom()->set_intensity(0);
     settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
-    if (c.ap0) settings.input_chromaticities = chromaticities(v1::PRIMARIES_ACES_AP0);
+    if (c.ap0) settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
     if (input->chromaticities) {
-      settings.input_chromaticities.emplace();
-      std::copy(input->chromaticities->begin(), input->chromaticities->end(),
-                settings.input_chromaticities->xy.begin());
+      Chromaticities own;
+      std::copy(input->chromaticities->begin(), input->chromaticities->end(), own.xy.begin());
+      settings.clear_input_primaries();
+      *settings.mutable_input_chromaticities() = to_message(own);
     }
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
     // Scene light, to leave negative components out.
-    std::optional<reference::Matrix> matrix;
-    if (settings.input_chromaticities) matrix = *matrix_to_rec709(*settings.input_chromaticities);
+    const std::optional<reference::Matrix> matrix = checked(settings).to_scene();
     reference::BadCounts bad;
     const reference::Scene scene =
         reference::ingest(frame.pixels, frame.desc.row_bytes(), frame.desc.width, frame.desc.height,

@@ -12,6 +12,7 @@
 #include "server/render/tier_numbers.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
@@ -26,7 +27,8 @@ class Tiers : public DeviceTest {
   static std::shared_ptr<Renderer> shared_renderer() {
     return {&renderer(), [](Renderer*) {}};
   }
-  static Verification against(const WireFrame& frame, const Settings& settings, uint32_t bloom_level_size) {
+  static Verification against(const WireFrame& frame, const v1::Settings& settings,
+                              uint32_t bloom_level_size) {
     auto rendered = render(frame, settings, {}, Verify::kYes);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
     return verify_frame(rendered->memory, rendered->report.plan, rendered->report.stats, bloom_level_size)
@@ -47,7 +49,7 @@ TEST_F(Tiers, ShadersAreTheTwinsOfTheirNumbersAtEverySizeAndKindOfBloom) {
                                             {67u, 35u},
                                             {130u, 66u},
                                             {333u, 517u}}) {
-          Settings settings;
+          v1::Settings settings;
           settings.set_tier(tier.name);
           settings.mutable_bloom()->set_kind(kind);
           settings.mutable_bloom()->set_intensity(0.8f);
@@ -65,7 +67,7 @@ TEST_F(Tiers, ShadersAreTheTwinsOfTheirNumbersAtEverySizeAndKindOfBloom) {
 TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
   std::printf("%-12s %-28s %9s %9s %9s\n", "tier", "codes against the reference", "max", "p99.9", "mean");
   for (const Tier& tier : tiers()) {
-    Settings settings;
+    v1::Settings settings;
     settings.set_tier(tier.name);
     const auto show = [&](const char* what, const WireFrame& frame, double bound) {
       const Verification d = against(frame, settings, 2);
@@ -89,10 +91,10 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
 TEST_F(Tiers, NumbersOfATableAreItsOwn) {
   TierBenchmark benchmark(shared_renderer, "a device", "");
   const auto error_of_draft = [&benchmark](const ColorTable& table) {
-    Settings settings;
+    v1::Settings settings;
     settings.set_curve(v1::TONE_CURVE_TABLE);
-    settings.table = std::make_shared<const ColorTable>(table);
-    const auto numbers = benchmark.numbers({64, 48, v1::PIXEL_FORMAT_RGBA16F}, settings);
+    *settings.mutable_table() = to_message(table);
+    const auto numbers = benchmark.numbers({64, 48, v1::PIXEL_FORMAT_RGBA16F}, checked(settings));
     EXPECT_TRUE(numbers.ok()) << numbers.status();
     return numbers.ok() && numbers->front().tier == "draft" ? numbers->front().max_error_codes : -1.0;
   };
@@ -108,7 +110,7 @@ TEST_F(Tiers, NumbersThatCannotBeReadAreMeasured) {
   write_file(folder.path("damaged"), "{\"a\": [1, ");
   for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path(".")}) {
     TierBenchmark benchmark(shared_renderer, "a device", file);
-    EXPECT_TRUE(benchmark.numbers({8, 8, v1::PIXEL_FORMAT_RGBA16F}, Settings()).ok()) << file;
+    EXPECT_TRUE(benchmark.numbers({8, 8, v1::PIXEL_FORMAT_RGBA16F}, {}).ok()) << file;
   }
 }
 

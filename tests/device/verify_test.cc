@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "proto/candela/v1/settings.h"
 #include "server/render/device/frame_textures.h"
 #include "tests/support/device_fixture.h"
 
@@ -20,7 +21,7 @@ class Verified : public DeviceTest {
     if (!device().unified_memory()) GTEST_SKIP() << "textures cannot be broken without unified memory";
   }
 
-  static Rendered must_render(const WireFrame& frame, const Settings& settings = {}) {
+  static Rendered must_render(const WireFrame& frame, const v1::Settings& settings = {}) {
     absl::StatusOr<Rendered> rendered = render(frame, settings, {}, Verify::kWithMap);
     EXPECT_TRUE(rendered.ok()) << rendered.status();
     return *std::move(rendered);
@@ -51,12 +52,12 @@ class Verified : public DeviceTest {
 TEST_F(Verified, ARightImageIsRight) {
   for (v1::OutputFormat format :
        {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
-    Settings settings;
+    v1::Settings settings;
     settings.set_output_format(format);
     const Rendered rendered = must_render(natural(67, 35), settings);
     ASSERT_TRUE(rendered.report.verification);
     const Verification& error = rendered.report.verification->rounded;
-    EXPECT_LE(error.max_codes, 4e-4) << name(format);
+    EXPECT_LE(error.max_codes, 4e-4) << v1::word_of(format);
     EXPECT_LE(error.p999_codes, error.max_codes);
     EXPECT_LE(error.mean_codes, error.p999_codes);
     EXPECT_EQ(error.components, 67u * 35u * 3u);
@@ -131,7 +132,7 @@ TEST_F(Verified, DifferingComponentsAreTheFinishedImages) {
 
 TEST_F(Verified, DitherIsNoDifference) {
   for (v1::OutputFormat format : {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16}) {
-    Settings settings;
+    v1::Settings settings;
     settings.set_output_format(format);
     settings.set_dither(true);
     auto rendered =
@@ -163,7 +164,7 @@ TEST_F(Verified, WrongMeteringAndWrongBloomAreSeen) {
 }
 
 TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
-  Settings settings;
+  v1::Settings settings;
   settings.set_tier("draft");
   // A smooth light: what is left out hardly shows.
   const WireFrame frame = make_frame(256, 200, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
@@ -187,8 +188,8 @@ TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
   EXPECT_LT(floats.verification->unrounded.max_codes, 0.5);
   const FrameReport halves = must_render(natural(67, 35)).report;
   EXPECT_EQ(halves.verification->unrounded.max_codes, halves.verification->rounded.max_codes);
-  Settings settings;  // a matrix makes other numbers of halves
-  settings.input_chromaticities = {{0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290}};
+  v1::Settings settings;  // a matrix makes other numbers of halves
+  settings.set_input_primaries(v1::PRIMARIES_REC2020);
   const FrameReport converted = must_render(natural(67, 35), settings).report;
   EXPECT_GT(converted.verification->unrounded.max_codes, 10 * converted.verification->rounded.max_codes);
 }

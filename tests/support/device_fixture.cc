@@ -50,7 +50,7 @@ Device& DeviceTest::device() { return *shared().device; }
 TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
 
-absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const Settings& settings,
+absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const v1::Settings& settings,
                                                         const FrameMoment& moment, Verify verify) {
   return render_on(renderer(), frame, settings, moment, verify);
 }
@@ -65,16 +65,17 @@ std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
 }
 
 absl::StatusOr<DeviceTest::Rendered> DeviceTest::render_on(Renderer& renderer, const WireFrame& frame,
-                                                           const Settings& settings,
+                                                           const v1::Settings& settings,
                                                            const FrameMoment& moment, Verify verify) {
-  if (absl::Status status = check_settings(settings); !status.ok()) return status;
-  absl::StatusOr<FrameMemory> memory = renderer.allocate(frame.desc, settings, verify);
+  const absl::StatusOr<Settings> checked = Settings::from(settings);
+  if (!checked.ok()) return checked.status();
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(frame.desc, *checked, verify);
   if (!memory.ok()) return memory.status();
   for (uint32_t y = 0; y < frame.desc.height; ++y) {
     std::memcpy(memory->input_row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
                 frame.desc.row_bytes());
   }
-  absl::StatusOr<FrameReport> report = renderer.render(*memory, settings, moment);
+  absl::StatusOr<FrameReport> report = renderer.render(*memory, *checked, moment);
   if (!report.ok()) return report.status();
   return Rendered{*std::move(memory), *std::move(report)};
 }

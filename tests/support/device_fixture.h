@@ -27,10 +27,10 @@ class DeviceTest : public ::testing::Test {
     FrameReport report;
   };
   // Checks the settings, uploads the frame and renders it, on the shared renderer or on another one.
-  static absl::StatusOr<Rendered> render(const WireFrame& frame, const Settings& settings,
+  static absl::StatusOr<Rendered> render(const WireFrame& frame, const v1::Settings& settings,
                                          const FrameMoment& moment = {}, Verify verify = Verify::kNo);
   static absl::StatusOr<Rendered> render_on(Renderer& renderer, const WireFrame& frame,
-                                            const Settings& settings, const FrameMoment& moment = {},
+                                            const v1::Settings& settings, const FrameMoment& moment = {},
                                             Verify verify = Verify::kNo);
   // The finished image without padding.
   static std::vector<std::byte> image(const FrameMemory& memory);

@@ -17,7 +17,7 @@ void FrameErrorTest::print_header(const std::string& what) {
               "bloom", "unrounded");
 }
 
-void FrameErrorTest::check(const WireFrame& frame, const Settings& settings, const std::string& what,
+void FrameErrorTest::check(const WireFrame& frame, const v1::Settings& settings, const std::string& what,
                            Bounds bounds) {
   const auto rendered = render(frame, settings, {}, Verify::kYes);
   ASSERT_TRUE(rendered.ok()) << what << ": " << rendered.status();

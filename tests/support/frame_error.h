@@ -20,8 +20,9 @@ class FrameErrorTest : public DeviceTest {
   };
 
   // Renders and verifies a frame in the settings' own format.
-  static void check(const WireFrame& frame, const Settings& settings, const std::string& what, Bounds bounds);
-  static void check(const WireFrame& frame, const Settings& settings, const std::string& what) {
+  static void check(const WireFrame& frame, const v1::Settings& settings, const std::string& what,
+                    Bounds bounds);
+  static void check(const WireFrame& frame, const v1::Settings& settings, const std::string& what) {
     check(frame, settings, what, Bounds());
   }
 };

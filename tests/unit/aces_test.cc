@@ -117,7 +117,7 @@ TEST(Aces1, AgreesWithOpenColorIOsOwnTests) {
 }
 
 TEST(Aces1, PrimariesAreOpenColorIOs) {
-  const std::pair<const char*, Primaries> cases[] = {
+  const std::pair<const char*, v1::Primaries> cases[] = {
       {"UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD", v1::PRIMARIES_ACES_AP0},
       {"UTILITY - ACES-AP1_to_CIE-XYZ-D65_BFD", v1::PRIMARIES_ACES_AP1}};
   const auto xyz_to_rec709 = *matrix_to_rec709(chromaticities(v1::PRIMARIES_XYZ));

@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "tests/support/settings.h"
+
 namespace candela {
 namespace {
 
@@ -12,14 +14,14 @@ constexpr v1::Adaptation::Domain kDomains[] = {v1::Adaptation::DOMAIN_LINEAR, v1
 
 TEST(Adaptation, AFirstFrameTakesItsTarget) {
   for (v1::Adaptation::Domain domain : kDomains)
-    EXPECT_EQ(adapt_exposure({domain, 3, 1}, std::nullopt, 0.7), 0.7);
+    EXPECT_EQ(adapt_exposure(testing::adaptation(domain, 3, 1), std::nullopt, 0.7), 0.7);
 }
 
 TEST(Adaptation, FollowsItsFormula) {
   const double up = 1 - std::exp(-0.25 * 3.0);
   const double down = 1 - std::exp(-0.25 * 1.0);
   const auto step = [](v1::Adaptation::Domain domain, double from, double to) {
-    return adapt_exposure({domain, 3.0, 1.0}, PreviousExposure{from, 0.25}, to);
+    return adapt_exposure(testing::adaptation(domain, 3.0, 1.0), PreviousExposure{from, 0.25}, to);
   };
   EXPECT_NEAR(step(v1::Adaptation::DOMAIN_LINEAR, 1, 5), 1 + 4 * up, 1e-14);
   EXPECT_NEAR(step(v1::Adaptation::DOMAIN_LINEAR, 5, 1), 5 - 4 * down, 1e-14);
@@ -34,7 +36,7 @@ TEST(Adaptation, TwoStepsAreOneOfTheirTime) {
         for (double to : {0x1p-40, 0.18, 1.0, 0x1p40}) {
           for (double a : {0.0, 1e-9, 1.0 / 24, 10.0, 1e9}) {
             for (double b : {1e-9, 1.0 / 60, 3.0}) {
-              const v1::Adaptation settings = {domain, speed, speed};
+              const v1::Adaptation settings = testing::adaptation(domain, speed, speed);
               const double half = adapt_exposure(settings, PreviousExposure{from, a}, to);
               const double twice = adapt_exposure(settings, PreviousExposure{half, b}, to);
               const double once = adapt_exposure(settings, PreviousExposure{from, a + b}, to);
@@ -52,10 +54,10 @@ TEST(Adaptation, TwoStepsAreOneOfTheirTime) {
 
 TEST(Adaptation, NoTimeChangesNothingAndAllTimeArrives) {
   for (v1::Adaptation::Domain domain : kDomains) {
-    EXPECT_EQ(adapt_exposure({domain, 1000, 1000}, PreviousExposure{0.3, 0.0}, 50.0), 0.3);
-    EXPECT_EQ(adapt_exposure({domain, 0, 0}, PreviousExposure{0.3, 1e9}, 50.0), 0.3);
-    EXPECT_EQ(adapt_exposure({domain, 3, 1}, PreviousExposure{0.3, 1e9}, 50.0), 50.0);
-    EXPECT_EQ(adapt_exposure({domain, 3, 1}, PreviousExposure{0.3, 1e9}, 0.3), 0.3);
+    EXPECT_EQ(adapt_exposure(testing::adaptation(domain, 1000, 1000), PreviousExposure{0.3, 0.0}, 50.0), 0.3);
+    EXPECT_EQ(adapt_exposure(testing::adaptation(domain, 0, 0), PreviousExposure{0.3, 1e9}, 50.0), 0.3);
+    EXPECT_EQ(adapt_exposure(testing::adaptation(domain, 3, 1), PreviousExposure{0.3, 1e9}, 50.0), 50.0);
+    EXPECT_EQ(adapt_exposure(testing::adaptation(domain, 3, 1), PreviousExposure{0.3, 1e9}, 0.3), 0.3);
   }
 }
 

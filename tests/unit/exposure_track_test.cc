@@ -38,11 +38,11 @@ struct Film {
     return all;
   }
 
-  v1::Exposure settings;
+  v1::Exposure settings = Settings()->exposure();
   ExposureTrack track;
 };
 
-double target(double mean) { return exposure_target(ExposureSettings(), mean); }
+double target(double mean) { return exposure_target(Settings()->exposure(), mean); }
 
 TEST(ExposureTrack, FirstFrameTakesItsTarget) {
   Film film;
@@ -222,8 +222,8 @@ TEST(ExposureTrack, DetectsACutByThePictureAndNotByItsBrightness) {
 
 TEST(ExposureTrack, ManualExposureDoesNotAdapt) {
   Film film;
-  film.settings.mode = v1::Exposure::MODE_MANUAL;
-  film.settings.manual_ev = 2.0;
+  film.settings.set_mode(v1::Exposure::MODE_MANUAL);
+  film.settings.set_manual_ev(2.0);
   film.show(0, 0.0);
   EXPECT_EQ(film.show(1, 9.0).at(0).point.exposed, (Exposed{4.0, 4.0}));
 }

@@ -38,15 +38,15 @@ TEST(RenderStart, AbsentSettingsTakeTheDefaults) {
   EXPECT_EQ(start->desc.width, 5u);
   EXPECT_EQ(start->desc.height, 3u);
   EXPECT_EQ(start->row_stride_bytes, 40u);
-  EXPECT_EQ(start->settings.exposure.mode, v1::Exposure::MODE_AUTO);
-  EXPECT_EQ(start->settings.exposure.key, 0.18);
-  EXPECT_EQ(start->settings.bloom.intensity, 0.05f);
-  EXPECT_EQ(start->settings.bloom.levels, 5u);
-  EXPECT_TRUE(start->settings.bloom.firefly_weights);
-  EXPECT_EQ(start->settings.curve, v1::TONE_CURVE_ACES_HILL);
-  EXPECT_EQ(start->settings.output_format, v1::OUTPUT_FORMAT_RGBA8);
-  EXPECT_EQ(start->settings.tier, "standard");
-  EXPECT_FALSE(start->settings.input_chromaticities);
+  EXPECT_EQ(start->settings->exposure().mode(), v1::Exposure::MODE_AUTO);
+  EXPECT_EQ(start->settings->exposure().key(), 0.18);
+  EXPECT_EQ(start->settings->bloom().intensity(), 0.05f);
+  EXPECT_EQ(start->settings->bloom().levels(), 5u);
+  EXPECT_TRUE(start->settings->bloom().firefly_weights());
+  EXPECT_EQ(start->settings->curve(), v1::TONE_CURVE_ACES_HILL);
+  EXPECT_EQ(start->settings->output_format(), v1::OUTPUT_FORMAT_RGBA8);
+  EXPECT_EQ(start->settings->tier(), "standard");
+  EXPECT_FALSE(start->settings.to_scene());
 }
 
 TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
@@ -63,15 +63,15 @@ TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
   settings.set_prescale(1.5);
   const absl::StatusOr<RenderStart> start = read(message);
   ASSERT_TRUE(start.ok()) << start.status();
-  EXPECT_EQ(start->settings.exposure.mode, v1::Exposure::MODE_MANUAL);
-  EXPECT_EQ(start->settings.exposure.manual_ev, -2.5);
-  EXPECT_EQ(start->settings.bloom.intensity, 0.0f);
-  EXPECT_FALSE(start->settings.bloom.firefly_weights);
-  EXPECT_EQ(start->settings.curve, v1::TONE_CURVE_REINHARD);
-  EXPECT_EQ(start->settings.transfer, v1::TRANSFER_LINEAR);
-  EXPECT_EQ(start->settings.output_format, v1::OUTPUT_FORMAT_RGBA16F);
-  EXPECT_EQ(start->settings.bad_values, v1::BAD_VALUES_REJECT);
-  EXPECT_EQ(start->settings.prescale, 1.5);
+  EXPECT_EQ(start->settings->exposure().mode(), v1::Exposure::MODE_MANUAL);
+  EXPECT_EQ(start->settings->exposure().manual_ev(), -2.5);
+  EXPECT_EQ(start->settings->bloom().intensity(), 0.0f);
+  EXPECT_FALSE(start->settings->bloom().firefly_weights());
+  EXPECT_EQ(start->settings->curve(), v1::TONE_CURVE_REINHARD);
+  EXPECT_EQ(start->settings->transfer(), v1::TRANSFER_LINEAR);
+  EXPECT_EQ(start->settings->output_format(), v1::OUTPUT_FORMAT_RGBA16F);
+  EXPECT_EQ(start->settings->bad_values(), v1::BAD_VALUES_REJECT);
+  EXPECT_EQ(start->settings->prescale(), 1.5);
 }
 
 TEST(RenderStart, VerificationIsReadAndAMapNeedsIt) {
@@ -102,16 +102,16 @@ TEST(RenderStart, ATableArrivesAsItIs) {
   (*table.mutable_values())[2] = '\2';
   const absl::StatusOr<RenderStart> start = read(message);
   ASSERT_TRUE(start.ok()) << start.status();
-  ASSERT_NE(start->settings.table, nullptr);
-  EXPECT_EQ(start->settings.table->size, 2u);
-  EXPECT_EQ(start->settings.table->axes, shader::AXES_ACES);
-  EXPECT_EQ(start->settings.table->end, 32.0f);
-  EXPECT_EQ(start->settings.table->values[0], 0x0101);
-  EXPECT_EQ(start->settings.table->values[1], 0x0102);
+  ASSERT_NE(start->settings.table(), nullptr);
+  EXPECT_EQ(start->settings.table()->size, 2u);
+  EXPECT_EQ(start->settings.table()->axes, shader::AXES_ACES);
+  EXPECT_EQ(start->settings.table()->end, 32.0f);
+  EXPECT_EQ(start->settings.table()->values[0], 0x0101);
+  EXPECT_EQ(start->settings.table()->values[1], 0x0102);
   table.set_axes(v1::ColorTable::AXES_REC709);
   table.set_end(100.0f);
-  EXPECT_EQ(read(message)->settings.table->axes, shader::AXES_REC709);
-  EXPECT_EQ(read(message)->settings.table->end, 100.0f);
+  EXPECT_EQ(read(message)->settings.table()->axes, shader::AXES_REC709);
+  EXPECT_EQ(read(message)->settings.table()->end, 100.0f);
 }
 
 TEST(RenderStart, TheLargestTableFits) {

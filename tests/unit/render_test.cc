@@ -8,6 +8,7 @@
 #include "server/render/plan/plan.h"
 #include "server/render/settings/settings.h"
 #include "shaders/reference.h"
+#include "tests/support/settings.h"
 
 namespace candela {
 namespace {
@@ -40,21 +41,21 @@ TEST(Bloom, LevelsEndBeforeTheShortSideIsUnderTwo) {
 
 TEST(Settings, NameTheFieldItsValueAndItsRange) {
   const auto message = [](auto change) {
-    Settings settings;
+    v1::Settings settings;
     change(settings);
-    return std::string(check_settings(settings).message());
+    return std::string(Settings::from(settings).status().message());
   };
-  EXPECT_TRUE(check_settings({}).ok());
-  EXPECT_EQ(message([](Settings& s) { s.mutable_bloom()->set_intensity(11); }),
+  EXPECT_TRUE(Settings::from({}).ok());
+  EXPECT_EQ(message([](v1::Settings& s) { s.mutable_bloom()->set_intensity(11); }),
             "bloom.intensity is 11; it must be between 0 and 10");
-  EXPECT_EQ(message([](Settings& s) { s.mutable_bloom()->set_levels(0); }),
+  EXPECT_EQ(message([](v1::Settings& s) { s.mutable_bloom()->set_levels(0); }),
             "bloom.levels is 0; it must be between 1 and 16");
-  EXPECT_NE(message([](Settings& s) { s.mutable_exposure()->set_key(NAN); }), "");
-  EXPECT_NE(message([](Settings& s) { s.set_prescale(INFINITY); }), "");
-  EXPECT_NE(message([](Settings& s) { s.mutable_exposure()->set_min_exposure(0); }), "");
-  EXPECT_NE(message([](Settings& s) { s.mutable_exposure()->set_min_exposure(65); }), "");
-  EXPECT_NE(message([](Settings& s) { s.set_tier("best"); }).find("standard"), std::string::npos);
-  EXPECT_NE(message([](Settings& s) { s.input_chromaticities = Chromaticities{}; }), "");
+  EXPECT_NE(message([](v1::Settings& s) { s.mutable_exposure()->set_key(NAN); }), "");
+  EXPECT_NE(message([](v1::Settings& s) { s.set_prescale(INFINITY); }), "");
+  EXPECT_NE(message([](v1::Settings& s) { s.mutable_exposure()->set_min_exposure(0); }), "");
+  EXPECT_NE(message([](v1::Settings& s) { s.mutable_exposure()->set_min_exposure(65); }), "");
+  EXPECT_NE(message([](v1::Settings& s) { s.set_tier("best"); }).find("standard"), std::string::npos);
+  EXPECT_NE(message([](v1::Settings& s) { s.mutable_input_chromaticities(); }), "");
 }
 
 TEST(Primaries, MatchThePublishedMatrices) {
@@ -91,14 +92,14 @@ TEST(Primaries, OfRec709NeedNoMatrixAndSingularOnesAreRefused) {
 }
 
 TEST(Exposure, FollowsTheKeyWithinItsLimits) {
-  v1::Exposure settings;
+  v1::Exposure settings = Settings()->exposure();
   EXPECT_DOUBLE_EQ(exposure_target(settings, std::log2(0.18)), 1.0);
-  settings.compensation_ev = 1;
+  settings.set_compensation_ev(1);
   EXPECT_DOUBLE_EQ(exposure_target(settings, std::log2(0.18)), 2.0);
   EXPECT_DOUBLE_EQ(exposure_target(settings, -100), 64.0);
   EXPECT_DOUBLE_EQ(exposure_target(settings, 100), 1.0 / 64);
-  settings.mode = v1::Exposure::MODE_MANUAL;
-  settings.manual_ev = 10;
+  settings.set_mode(v1::Exposure::MODE_MANUAL);
+  settings.set_manual_ev(10);
   EXPECT_DOUBLE_EQ(exposure_target(settings, 3), 1024.0);
 }
 
@@ -107,14 +108,15 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
   FrameStats stats;
   stats.max_luminance = 0.5f;
   stats.tile_light.assign(30 * 17, 0.25f);
-  const auto plan_of = [&](const Settings& settings, bool scrubbed = false) {
-    return plan_frame(layout_textures(desc, settings), {stats, scrubbed}, settings, {});
+  const auto plan_of = [&](const v1::Settings& settings, bool scrubbed = false) {
+    const Settings complete = testing::checked(settings);
+    return plan_frame(layout_textures(desc, complete), {stats, scrubbed}, complete, {});
   };
   EXPECT_FALSE(plan_of({}).bloom());
   EXPECT_EQ(plan_of({}).words[1], "no bloom: nothing passes the threshold 1 (the brightest is 0.5)");
 
   stats.tile_light[31] = 3.0f;
-  Settings settings;
+  v1::Settings settings;
   settings.mutable_bloom()->set_levels(3);
   const std::vector<std::pair<Pass, uint32_t>> bright = {{Pass::kBrightPass, 0},
                                                          {Pass::kBloomDown, 1},
@@ -136,7 +138,7 @@ TEST(Plan, HoldsOnlyWhatTheFrameNeeds) {
 
 // The table of docs/pipeline.md section 5, published by the curves' authors or computed from their
 // definitions.
-TEST(v1::ToneCurve, HasItsPublishedValueAtOne) {
+TEST(ToneCurve, HasItsPublishedValueAtOne) {
   const auto at_one = [](uint32_t curve) { return reference::tone_curve(curve, {1, 1, 1})[1]; };
   EXPECT_DOUBLE_EQ(at_one(shader::CURVE_LINEAR), 1.0);
   EXPECT_DOUBLE_EQ(at_one(shader::CURVE_REINHARD), 0.5);

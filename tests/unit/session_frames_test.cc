@@ -62,7 +62,7 @@ class Line {
   }
 
   const absl::Time now = absl::UnixEpoch();
-  const v1::Exposure settings;
+  const v1::Exposure settings = Settings()->exposure();
   SessionFrames frames;
 
  private:

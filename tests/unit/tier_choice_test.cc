@@ -8,8 +8,12 @@ namespace {
 
 const TierNumbers kNumbers[] = {{"draft", 15, 4}, {"standard", 20, 0.01}, {"reference", 3000, 0}};
 
-absl::StatusOr<TierChoice> choose(std::optional<double> codes, std::optional<double> ms) {
-  return choose_tier(kNumbers, {codes, ms});
+absl::StatusOr<TierChoice> choose(std::optional<double> codes, std::optional<double> ms,
+                                  std::span<const TierNumbers> numbers = kNumbers) {
+  v1::Settings settings;
+  if (codes) settings.set_max_error_codes(*codes);
+  if (ms) settings.set_max_ms(*ms);
+  return choose_tier(numbers, settings);
 }
 
 TEST(TierChoice, TakesTheFastestThatIsAccurateEnough) {
@@ -50,7 +54,7 @@ TEST(TierChoice, RefusesTheImpossibleWithTheNearest) {
   EXPECT_NE(both.message().find("max_error_codes 0.5 with max_ms 18"), std::string::npos) << both;
   EXPECT_NE(both.message().find("standard takes 20 ms"), std::string::npos) << both;
   const TierNumbers rough[] = {kNumbers[0], kNumbers[1]};
-  EXPECT_NE(choose_tier(rough, {0.001, std::nullopt}).status().message().find("standard takes 20 ms"),
+  EXPECT_NE(choose(0.001, std::nullopt, rough).status().message().find("standard takes 20 ms"),
             std::string::npos);
 }
 

@@ -1,0 +1,68 @@
+// Settings for tests, and messages of them from the values that tests have.
+#pragma once
+
+#include <cstdint>
+
+#include "server/render/color/primaries.h"
+#include "server/render/settings/settings.h"
+#include "shaders/color_table.h"
+
+namespace candela::testing {
+
+// Complete settings from a message that is known to be good; ends the program if it is refused.
+inline Settings checked(const v1::Settings& message) { return Settings::from(message).value(); }
+
+inline v1::Chromaticities to_message(const Chromaticities& chromaticities) {
+  const std::array<double, 8>& xy = chromaticities.xy;
+  v1::Chromaticities message;
+  message.set_red_x(static_cast<float>(xy[0]));
+  message.set_red_y(static_cast<float>(xy[1]));
+  message.set_green_x(static_cast<float>(xy[2]));
+  message.set_green_y(static_cast<float>(xy[3]));
+  message.set_blue_x(static_cast<float>(xy[4]));
+  message.set_blue_y(static_cast<float>(xy[5]));
+  message.set_white_x(static_cast<float>(xy[6]));
+  message.set_white_y(static_cast<float>(xy[7]));
+  return message;
+}
+
+inline v1::ColorTable to_message(const ColorTable& table) {
+  v1::ColorTable message;
+  message.set_size(table.size);
+  message.set_axes(static_cast<v1::ColorTable::Axes>(table.axes));
+  message.set_end(table.end);
+  message.set_values(table.values.data(), table.values.size() * sizeof table.values[0]);
+  return message;
+}
+
+// Pixels with x0 <= x < x1 and y0 <= y < y1.
+inline v1::Rectangle rectangle(uint32_t x0, uint32_t y0, uint32_t x1, uint32_t y1) {
+  v1::Rectangle message;
+  message.set_x0(x0);
+  message.set_y0(y0);
+  message.set_x1(x1);
+  message.set_y1(y1);
+  return message;
+}
+
+inline v1::Bloom bloom(v1::Bloom::Kind kind, float intensity, float threshold, float softness,
+                       uint32_t levels, bool firefly_weights) {
+  v1::Bloom message;
+  message.set_kind(kind);
+  message.set_intensity(intensity);
+  message.set_threshold(threshold);
+  message.set_softness(softness);
+  message.set_levels(levels);
+  message.set_firefly_weights(firefly_weights);
+  return message;
+}
+
+inline v1::Adaptation adaptation(v1::Adaptation::Domain domain, double speed_up, double speed_down) {
+  v1::Adaptation message;
+  message.set_domain(domain);
+  message.set_speed_up(speed_up);
+  message.set_speed_down(speed_down);
+  return message;
+}
+
+}  // namespace candela::testing
