@@ -119,7 +119,7 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
            {file("magic.exr", whole.substr(0, 4)), "OpenEXR"},
            {file("damaged.exr", damaged), "damaged"},
            {file("cut.pfm", "PF\n10 10\n-1.0\nabc"), "cut.pfm"},
-           {file("huge.pfm", "PF\n20000 20000\n-1.0\n"), "at most 16384"}}) {
+           {file("huge.pfm", "PF\n20000 20000\n-1.0\n"), "the limit is 16384 on a side"}}) {
     SCOPED_TRACE(path);
     const Outcome outcome = candela({"render", path, out_});
     expect_error(outcome, 1, words);

@@ -111,7 +111,7 @@ TEST(ForeignServer, ACallThatItEndsMayHaveBeenIdle) {
     context.TryCancel();
     return grpc::Status::CANCELLED;
   });
-  EXPECT_NE(words.find("ended the call: it is stopping, or this side read nothing for longer than its "
+  EXPECT_NE(words.find("ended the call: it is stopping, or the client read nothing for longer than its "
                        "--idle-timeout; try again"),
             std::string::npos)
       << words;

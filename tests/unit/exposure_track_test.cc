@@ -60,7 +60,8 @@ TEST(ExposureTrack, LaterFramesFollowTheRecursion) {
     const double mean = std::sin(static_cast<double>(i));
     const auto decided = film.show(i, mean);
     ASSERT_EQ(decided.size(), 1u);
-    const double next = adapt_exposure({}, PreviousExposure{exposure, kFrameNs * 1e-9}, target(mean));
+    const double next = adapt_exposure(Settings()->exposure().adaptation(),
+                                       PreviousExposure{exposure, kFrameNs * 1e-9}, target(mean));
     EXPECT_EQ(decided[0].point.exposed.exposure, next);
     EXPECT_EQ(decided[0].point.before, exposure);
     EXPECT_EQ(decided[0].point.exposed.target, target(mean));

@@ -127,10 +127,11 @@ TEST(RenderStart, RefusesBadTables) {
   refused("table.size is 0", table_request(0, 0));
   refused("table.size is 1", table_request(1, 6));
   refused("table.size is 66", table_request(66, 6));
-  refused("table.size is 4.29497e+09", table_request(0xffffffffu, 6));
+  refused("table.size is 4294967295", table_request(0xffffffffu, 6));
   refused("table.values is 0 bytes", table_request(2, 0));
   refused("table.values is 46 bytes", table_request(2, 46));
-  refused("table.values is 50 bytes", table_request(2, 49));
+  refused("table.values is 47 bytes", table_request(2, 47));
+  refused("table.values is 49 bytes", table_request(2, 49));
   refused("table.values is 54 bytes", table_request(2, 54));
   for (float end : {0.0f, -1.0f, 65505.0f, NAN}) {
     v1::RenderRequest message = table_request(2, 48);
