@@ -1,4 +1,4 @@
-#include "server/rpc/access.h"
+#include "server/access/access.h"
 
 #include <grpc/grpc.h>
 #include <grpc/grpc_security.h>
