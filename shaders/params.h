@@ -65,7 +65,7 @@ CANDELA_CONST(uint) RESOLVE_STEPS = 16u;
 CANDELA_CONST(uint) RESOLVE_GROUP_X = 8u;
 CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
 
-// The smallest luminance that is metered; darker texels count as this. It is also the smallest divisor in bloom.
+// The smallest luminance that is metered, and the smallest divisor in bloom. Darker texels count as this.
 CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
 // Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, never negative.
 CANDELA_CONST(uint) LOG2_BIAS = 14u;

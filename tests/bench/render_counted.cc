@@ -1,8 +1,8 @@
 // Renders a few kinds of frames, pass by pass, for a tool that counts instructions:
 // tests/bench/instructions.py runs it under callgrind. Prints the device in one line.
 //
-// Everything is rendered twice and counted the second time, so that the driver's compiler is not counted. Every
-// pass is submitted separately, and its count is dumped as "KIND/PASS", once for each of its levels.
+// Everything is rendered twice and counted the second time, so that the driver's compiler is not counted.
+// Every pass is submitted separately, and its count is dumped as "KIND/PASS", once for each of its levels.
 #include <valgrind/callgrind.h>
 
 #include <cstdio>

@@ -56,7 +56,7 @@ INSTANTIATE_TEST_SUITE_P(In, EveryGoodFile,
 
 TEST_F(Data, EveryDamagedFileIsRefusedByName) {
   for (const std::string& path : data_files("bad")) {
-    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // it holds a whole picture, and readers differ on it
+    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // a whole picture, on which readers differ
     expect_refused(path, "");
   }
   EXPECT_TRUE(folder_.list().empty());

@@ -1,5 +1,5 @@
-// Wrong uses and failures: each ends with its exit code and one line that says what is wrong and how to correct
-// it, and leaves no file behind.
+// Wrong uses and failures: each ends with its exit code and one line that says what is wrong and how to
+// correct it, and leaves no file behind.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,7 +1,5 @@
 // Writes the fuzzers' seeds: `fuzz_seeds FOLDER` makes FOLDER/image and FOLDER/wire.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfDeepFrameBuffer.h>
-#include <OpenEXR/ImfDeepScanLineOutputFile.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
@@ -51,23 +49,6 @@ void write_parts(const std::string& path, const std::vector<ExrChannel>& channel
     part.setFrameBuffer(pixels[i].frame());
     part.writePixels(6);
   }
-}
-
-// A deep file without samples.
-void write_deep(const std::string& path) {
-  Imf::Header header(4, 4);
-  header.channels().insert("R", Imf::Channel(Imf::HALF));
-  header.setType(Imf::DEEPSCANLINE);
-  header.compression() = Imf::ZIPS_COMPRESSION;
-  std::vector<unsigned> counts(16, 0);
-  std::vector<void*> samples(16, nullptr);
-  Imf::DeepFrameBuffer frame;
-  frame.insertSampleCountSlice(Imf::Slice::Make(Imf::UINT, counts.data(), header.dataWindow()));
-  frame.insert("R", Imf::DeepSlice(Imf::HALF, reinterpret_cast<char*>(samples.data()), sizeof(void*),
-                                   sizeof(void*) * 4, sizeof(uint16_t)));
-  Imf::DeepScanLineOutputFile file(path.c_str(), header);
-  file.setFrameBuffer(frame);
-  file.writePixels(4);
 }
 
 void write_open_exr(const std::string& folder) {

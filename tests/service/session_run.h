@@ -26,8 +26,8 @@ struct SessionRun {
   SessionStats stats;
 };
 
-// Streams `film` as fast as the session accepts it, and takes the results. Calls `on_result` after each result
-// with the number of results so far.
+// Streams `film` as fast as the session accepts it, and takes the results. Calls `on_result` after each
+// result with the number of results so far.
 SessionRun run_session(absl::StatusOr<Session> session, const Film& film,
                        const std::function<void(size_t)>& on_result = {});
 

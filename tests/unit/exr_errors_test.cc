@@ -1,7 +1,5 @@
 // OpenEXR files that are refused: deep, without colour, beyond the limits, cut or damaged.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfDeepFrameBuffer.h>
-#include <OpenEXR/ImfDeepScanLineOutputFile.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
@@ -22,21 +20,7 @@ using Imath::Box2i;
 using Imath::V2i;
 
 TEST_F(ExrReader, RefusesDeepImagesByName) {
-  Imf::Header header(4, 4);
-  header.channels().insert("R", Imf::Channel(Imf::HALF));
-  header.setType(Imf::DEEPSCANLINE);
-  header.compression() = Imf::ZIPS_COMPRESSION;
-  std::vector<unsigned> counts(16, 0);
-  std::vector<void*> samples(16, nullptr);
-  Imf::DeepFrameBuffer frame;
-  frame.insertSampleCountSlice(Imf::Slice::Make(Imf::UINT, counts.data(), header.dataWindow()));
-  frame.insert("R", Imf::DeepSlice(Imf::HALF, reinterpret_cast<char*>(samples.data()), sizeof(void*),
-                                   sizeof(void*) * 4, sizeof(uint16_t)));
-  {
-    Imf::DeepScanLineOutputFile file(path_.c_str(), header);
-    file.setFrameBuffer(frame);
-    file.writePixels(4);
-  }
+  write_deep(path_);
   EXPECT_NE(error().find("deep image"), std::string::npos) << error();
 }
 

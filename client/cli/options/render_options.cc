@@ -48,7 +48,8 @@ absl::Status check_error_map(const RenderOptions& options) {
     return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", options.error_map));
   }
   if (options.error_map == options.output) {
-    return usage_error(absl::StrFormat("--error-map %s: OUT is the same file; give another name", options.error_map));
+    return usage_error(
+        absl::StrFormat("--error-map %s: OUT is the same file; give another name", options.error_map));
   }
   return absl::OkStatus();
 }

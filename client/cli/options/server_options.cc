@@ -73,7 +73,8 @@ void add_security_options(CLI::App& app, const std::string& section, ClientSecur
 
 absl::Status check_server_options(const ServerChoice& choice) {
   if (choice.address.empty() || choice.device.empty()) return absl::OkStatus();
-  return usage_error("--device chooses the built-in server's device and has no effect with --server; give one of them");
+  return usage_error(
+      "--device chooses the built-in server's device and has no effect with --server; give one of them");
 }
 
 }  // namespace candela

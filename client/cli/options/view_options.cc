@@ -30,8 +30,8 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
     for (const auto& [name, value] : {std::pair("--display", view.display), std::pair("--view", view.view),
                                       std::pair("--ocio-input", view.input)}) {
       if (!value.empty()) {
-        return usage_error(absl::StrFormat(
-            "%s is part of an OpenColorIO configuration; name the configuration with --ocio CONFIG", name));
+        return usage_error(
+            absl::StrFormat("%s is part of an OpenColorIO configuration; name one with --ocio CONFIG", name));
       }
     }
     return absl::OkStatus();

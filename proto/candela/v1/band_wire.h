@@ -1,5 +1,5 @@
-// Reads and writes band messages without the generated classes, which would copy every pixel. The bytes on the
-// wire are exactly those of render.proto.
+// Reads and writes band messages without the generated classes, which would copy every pixel. The bytes on
+// the wire are exactly those of render.proto.
 #pragma once
 
 #include <google/protobuf/io/coded_stream.h>
@@ -13,7 +13,7 @@
 
 namespace candela::v1 {
 
-// A band's place in its message: the field in the oneof, and the oneof's number of members (fields 1, 2, ...).
+// A band's place in its message: its field, and the number of members of the oneof (fields 1, 2, ...).
 struct BandKind {
   uint32_t field;
   uint32_t members;

@@ -1,5 +1,5 @@
-// The limits of the wire contract, except those of settings: a setting's range and default are declared at its
-// field in render.proto. Units are in the names. Ranges are inclusive.
+// The limits of the wire contract, except those of settings: a setting's range and default are declared at
+// its field in render.proto. Units are in the names. Ranges are inclusive.
 #pragma once
 
 #include <cstdint>

@@ -48,8 +48,8 @@ class Settings {
   // A copy for a frame that is only metered: with a histogram, and without bloom and promises.
   Settings for_metering() const;
 
-  // A key for measured times and errors: the SHA-256, in hex, of every setting that can change them, which are
-  // all that the contract does not mark `not_measured`.
+  // A key for measured times and errors: the SHA-256, in hex, of every setting that the contract does not
+  // mark `not_measured`.
   std::string measurement_key() const;
 
  private:
