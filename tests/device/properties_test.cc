@@ -1,4 +1,4 @@
-// What must hold of every frame, whatever is in it.
+// Properties that hold for every frame, whatever it contains.
 #include <gtest/gtest.h>
 #include <half.h>
 
@@ -17,7 +17,7 @@ namespace {
 
 class Properties : public DeviceTest {
  protected:
-  // Throws where it cannot render, which fails this test and no other.
+  // Throws if it cannot render, which fails only this test.
   static Rendered must_render(const WireFrame& frame, const v1::Settings& settings = {}) {
     auto rendered = render(frame, settings);
     if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
@@ -25,12 +25,12 @@ class Properties : public DeviceTest {
   }
 };
 
-// A uniform frame's mean is its one value's logarithm, however many texels are summed: a texel lost, doubled
-// or taken from the padding would show, and so would a sum that overflows.
+// A uniform frame's mean is the logarithm of its value, however many texels are summed. So this test notices a
+// texel that is lost, counted twice or read from the padding, and a sum that overflows.
 TEST_F(Properties, MeterCountsEveryTexelOnceAtEverySize) {
   for (uint32_t height = 1; height <= 67; ++height) {
     for (uint32_t width = 1; width <= 67; ++width) {
-      // Texel (0, 0) differs, so that its weight shows as well.
+      // Texel (0, 0) differs, so that its weight is also checked.
       const auto texel = [](uint32_t x, uint32_t y) -> Texel {
         const float v = x == 0 && y == 0 ? 1024.0f : 0.25f;
         return {v, v, v, 1};
@@ -47,7 +47,7 @@ TEST_F(Properties, MeterCountsEveryTexelOnceAtEverySize) {
 TEST_F(Properties, MeterDoesNotOverflowOnLargeUniformFrames) {
   for (float v : {0.0f, 0.18f, 65504.0f}) {
     const Rendered r = must_render(flat(1920, 1080, {v, v, v, 1}));
-    // The wire carries halves; black is metered at the floor.
+    // The wire carries halves. Black is metered at the floor.
     const double half = imath_half_to_float(imath_float_to_half(v));
     EXPECT_NEAR(r.report.stats.mean_log2_luminance, std::log2(std::max(half, 1e-4)), 2e-5) << v;
   }
@@ -95,7 +95,7 @@ TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
   }
 }
 
-// Conserving bloom moves light and makes none: a flat field keeps its value.
+// Conserving bloom moves light without adding any, so a flat field keeps its value.
 TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
   v1::Settings settings;
   settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -141,14 +141,14 @@ TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
     }
     const double count = 512.0 * 512.0 * 3.0;
     EXPECT_NEAR(sum / count, 0.0, 0.003);
-    // A triangle's 1/6 and the rounding's 1/12: the noise does not depend on what is below a code.
+    // The triangle's variance of 1/6 plus the rounding's 1/12: the noise does not depend on the fraction of a code.
     EXPECT_NEAR(squares / count, 0.25, 0.005);
   }
   EXPECT_NE(images[0], images[1]);
   EXPECT_EQ(images[0], image(render(frame, settings)->memory));
 }
 
-// A small light that moves by eighths of a pixel: how much does the picture's light vary? The number is
+// Measures how much the picture's light varies while a small light moves by eighths of a pixel. The number is
 // stated in docs/pipeline.md.
 TEST_F(Properties, AMovingHighlightFlickersByAtMostTheStatedNumber) {
   const auto flicker = [](bool firefly) {
@@ -206,7 +206,8 @@ TEST_F(Properties, SameInputGivesTheSameBits) {
 }
 
 TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
-  // Everything is below the threshold and its knee, so the dense run adds zeros. The last texel decides.
+  // Everything is below the threshold and its knee, so the dense run adds zeros. Only the last
+  // texel may bloom.
   const auto scene = [](float last) {
     return make_frame(333, 257, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
       const float v = x == 332 && y == 256 ? last : 0.4f * noise(x, y, 0);
@@ -287,7 +288,7 @@ TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
   for (v1::PixelFormat in : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
     for (v1::OutputFormat out :
          {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
-      // Halves, and two that the unorm formats clamp.
+      // Halves, two of which the unorm formats clamp.
       const auto alpha = [](uint32_t x) {
         return x == 256 ? 2.0f : x == 255 ? -1.0f : static_cast<float>(x) / 256;
       };
@@ -325,7 +326,7 @@ TEST_F(Properties, PrescaleIsExposureByAnotherName) {
   EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
 }
 
-// More is written than can be bound at once on every device.
+// The image is larger than some devices can bind at once.
 TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
   constexpr uint32_t kWidth = 8192, kHeight = 2200;
   const WireFrame tile = natural(kWidth, 64, v1::PIXEL_FORMAT_RGB9E5);
@@ -403,7 +404,7 @@ TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
   settings.mutable_bloom()->set_intensity(0);
   settings.set_curve(v1::TONE_CURVE_LINEAR);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-  // Every half in [0, 1], subnormal ones among them, must come back as it is: ingest is exact.
+  // Every half in [0, 1], including subnormal ones, must come back unchanged, because ingest is exact.
   const uint32_t count = 0x3c00 + 1;
   WireFrame frame{{count, 1, v1::PIXEL_FORMAT_RGBA16F}, {}};
   frame.pixels.resize(frame.desc.bytes());

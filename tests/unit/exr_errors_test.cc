@@ -33,7 +33,7 @@ TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
 }
 
 TEST_F(ExrReader, NamesOfAFileCannotBreakALineOrCommandATerminal) {
-  // A layer that is shown, and one whose red is subsampled.
+  // A layer that is shown, and a layer with a subsampled red channel.
   write_scan_lines(path_, Imf::Header(2, 2), rgb_channels(Imf::HALF, "a\n\x1b[2J\xff."));
   EXPECT_EQ(read().notes, std::vector<std::string>{"layer a\\x0a\\x1b[2J\\xff is shown"});
 
@@ -127,8 +127,8 @@ TEST_F(ExrReader, TakesNoMemoryForAttributesThatAreNotThere) {
   const std::string whole = read_file(path_);
   expect_picture(read(), header.displayWindow(), header.dataWindow());
 
-  // Byte `at` after the text `after`, which ends with an attribute's type, set to 0x5b: a gigabyte and a half
-  // when it is the highest one of a size.
+  // Sets byte `at` after the text `after`, which ends with an attribute's type, to 0x5b. As the highest byte of
+  // a size, that means 1.5 GB.
   const auto refused = [&](const std::string& after, size_t at) {
     std::string bytes = whole;
     bytes[bytes.find(after) + after.size() + at] = 0x5b;

@@ -1,4 +1,4 @@
-// Which tier keeps a promise. No device.
+// The choice of a tier that keeps a promise. No device.
 #include "server/render/settings/tier_choice.h"
 
 #include <gtest/gtest.h>
