@@ -147,11 +147,13 @@ TEST(ForeignServer, AnErrorMapIsTakenAsTheImageIs) {
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, 62), send_map_band(s, 1, kMap - 62); },
             ""},
            {[](Wire& s) { send_band(s, 0, kImage); }, "before the error map was whole"},
-           {[](Wire& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); }, "no band where one is due"},
+           {[](Wire& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); },
+            "no band, but a band is due"},
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 1, kMap); }, "out of order"},
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap + 2); }, "more than"},
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, 0); }, "an empty band"},
-           {[](Wire& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); }, "no band where one is due"}}) {
+           {[](Wire& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); },
+            "no band, but a band is due"}}) {
     const std::string words = words_for(
         [&c](grpc::ServerContext&, Wire& stream) {
           send_verified_header(stream);

@@ -45,8 +45,8 @@ class Metering : public DeviceTest {
             {m.spot().x0(), m.spot().y0(), m.spot().x1(), m.spot().y1()}};
   }
 
-  // If texel (x, y) has luminance 2^4 and all others have 1, the mean is 4 times the texel's share of the sum of
-  // all weights.
+  // If texel (x, y) has luminance 2^4 and all others have 1, the mean is 4 times the texel's share of the sum
+  // of all weights.
   static void expect_weights(uint32_t width, uint32_t height, const v1::Metering& metering) {
     uint64_t total = 0;
     for (uint32_t y = 0; y < height; ++y) {
@@ -88,8 +88,8 @@ TEST_F(Metering, WeightsSumExactlyAtLargeSizes) {
   }
 }
 
-// The definition, literally: all texels in order of luminance, and each texel's weight is a step on the way from
-// 0 to 1.
+// The definition, literally: all texels in order of luminance, and each texel's weight is a step on the way
+// from 0 to 1.
 double sorted_percentile_mean(const reference::Scene& scene, const v1::Metering& metering) {
   std::vector<std::pair<double, double>> texels;  // log2 luminance, weight
   double total = 0.0;

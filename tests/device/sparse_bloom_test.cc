@@ -94,8 +94,8 @@ TEST_F(SparseBloom, IsTheDenseOneWhereverTheLightsAre) {
 }
 
 // A tile counts as dark by its brightest texel, and then no pass may find light in it. This holds at the
-// threshold, if a negative component makes the luminance small, if the primaries make components negative, and
-// in each format.
+// threshold, if a negative component makes the luminance small, if the primaries make components negative,
+// and in each format.
 TEST_F(SparseBloom, IsTheDenseOneAtTheThreshold) {
   for (const float softness : {0.0f, 0.5f, 1.0f}) {
     for (const float light : {0.499f, 0.5f, 0.501f, 0.9995f, 1.0f, 1.0005f}) {

@@ -188,7 +188,7 @@ TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
   EXPECT_LT(floats.verification->unrounded.max_codes, 0.5);
   const FrameReport halves = must_render(natural(67, 35)).report;
   EXPECT_EQ(halves.verification->unrounded.max_codes, halves.verification->rounded.max_codes);
-  v1::Settings settings;  // a matrix makes other numbers of halves
+  v1::Settings settings;  // with a matrix, scene values are no longer halves
   settings.set_input_primaries(v1::PRIMARIES_REC2020);
   const FrameReport converted = must_render(natural(67, 35), settings).report;
   EXPECT_GT(converted.verification->unrounded.max_codes, 10 * converted.verification->rounded.max_codes);

@@ -127,8 +127,8 @@ TEST_F(ExrReader, TakesNoMemoryForAttributesThatAreNotThere) {
   const std::string whole = read_file(path_);
   expect_picture(read(), header.displayWindow(), header.dataWindow());
 
-  // Sets byte `at` after the text `after`, which ends with an attribute's type, to 0x5b. As the highest byte of
-  // a size, that means 1.5 GB.
+  // Sets byte `at` after the text `after`, which ends with an attribute's type, to 0x5b. As the highest byte
+  // of a size, that means 1.5 GB.
   const auto refused = [&](const std::string& after, size_t at) {
     std::string bytes = whole;
     bytes[bytes.find(after) + after.size() + at] = 0x5b;

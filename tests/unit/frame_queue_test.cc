@@ -16,8 +16,8 @@ FrameJob job_of(Flow flow) {
   return job;
 }
 
-// Serves `frames` frames from flows that always have a frame waiting, with these costs. Returns the device time
-// of each flow.
+// Serves `frames` frames from flows that always have a frame waiting, with these costs. Returns the device
+// time of each flow.
 std::map<Flow, absl::Duration> serve(FrameQueue& queue, const std::map<Flow, absl::Duration>& costs,
                                      int frames) {
   std::map<Flow, absl::Duration> used;

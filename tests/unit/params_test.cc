@@ -28,8 +28,8 @@ std::string text(std::span<const uint32_t> words) {
   return bytes.c_str();
 }
 
-// Maps the names of the structs that SPIR-V decorates to their offsets. Several types can have one name; those
-// without offsets are copies inside functions.
+// Maps the names of the structs that SPIR-V decorates to their offsets. Several types can have one name;
+// those without offsets are copies inside functions.
 std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
   constexpr uint32_t kOpName = 5;
   constexpr uint32_t kOpMemberName = 6;

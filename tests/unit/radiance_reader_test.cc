@@ -45,8 +45,8 @@ std::string bytes(std::initializer_list<int> values) {
   return text;
 }
 
-// A pixel that encodes its position. The mantissas are x + 1 and y + 1 at exponent 136, so that the values are
-// these numbers.
+// A pixel that encodes its position. The mantissas are x + 1 and y + 1 at exponent 136, so that the values
+// are these numbers.
 Rgbe marked(int x, int y) { return {static_cast<uint8_t>(x + 1), static_cast<uint8_t>(y + 1), 77, 136}; }
 
 std::string flat(std::span<const Rgbe> pixels) {

@@ -104,7 +104,7 @@ absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, Tak
     if (!WireFormatLite::SkipField(&input, field)) return malformed();
   }
   if (!input.ConsumedEntireMessage()) return malformed();
-  if (!is_band) return absl::InvalidArgumentError("message holds no band where one is due");
+  if (!is_band) return absl::InvalidArgumentError("message holds no band, but a band is due");
   return first_row;
 }
 

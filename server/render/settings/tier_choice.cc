@@ -44,8 +44,7 @@ absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, con
                                      ? *std::min_element(numbers.begin(), numbers.end(), more_accurate)
                                      : *std::min_element(accurate.begin(), accurate.end(), faster);
     return absl::FailedPreconditionError(absl::StrFormat(
-        "no tier keeps %s for frames of this size and these settings on this device; the nearest that is "
-        "possible: %s",
+        "no tier keeps %s for frames of this size with these settings on this device; closest: %s",
         words(settings), words(nearest)));
   }
   const TierNumbers& chosen = settings.has_max_error_codes()
