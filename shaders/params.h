@@ -90,8 +90,7 @@ CANDELA_CONST(float) TABLE_MAX_ROOT = 1.25f;
 // The primaries of a table's axes and of its values: those of the two matrices below, or Rec.709 unchanged.
 CANDELA_CONST(uint) AXES_ACES = 1u;
 CANDELA_CONST(uint) AXES_REC709 = 2u;
-// Fraction bits of a position along an axis. More would not fit into one word beside the step, which is below
-// 2^15.
+// Fraction bits of a position along an axis. The step, below 2^15, shares the word and leaves no more bits.
 CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
 // Rec.709 to the primaries in which the ACES 1.x tone curve works (AP1, desaturated as the RRT does), and
 // from those of its output (AP1, before the ODT's desaturation) to Rec.709; row by row. Source: S. Hill's fit

@@ -16,8 +16,7 @@ struct PngFacts {
 };
 PngFacts png_facts(const std::string& path);
 
-// Writes an OpenEXR file of 31 x 17 halves with highlights, optionally with alpha and pixels twice as wide as
-// high.
+// Writes an OpenEXR file of 31 x 17 halves with highlights, optionally with alpha and wide pixels.
 void write_small_exr(const std::string& path, bool alpha_and_aspect = false);
 
 }  // namespace candela

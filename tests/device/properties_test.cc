@@ -130,8 +130,7 @@ TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
     }
     const double count = 512.0 * 512.0 * 3.0;
     EXPECT_NEAR(sum / count, 0.0, 0.003);
-    // The triangle's variance of 1/6 plus the rounding's 1/12: the noise does not depend on the fraction of a
-    // code.
+    // The triangle's variance of 1/6 plus the rounding's 1/12. It does not depend on the fraction of a code.
     EXPECT_NEAR(squares / count, 0.25, 0.005);
   }
   EXPECT_NE(images[0], images[1]);

@@ -196,8 +196,8 @@ void serve(const WireInput& input) {
     const std::optional<v1::Band> band = check_codec(v1::kFrameBand, message, input.slice_bytes);
     if (!status.ok()) {
       expect(absl::IsInvalidArgument(status), "a band is refused as an invalid argument", status.ToString());
-      // The message may have contained a field that a later one replaced. Otherwise a band that fits is
-      // accepted.
+      // The message may have contained a field that a later one replaced. Otherwise a band that fits
+      // is accepted.
       if (!band || band->first_row() != next_row || !fits(*band, *start, next_row)) return;
       buffer = v1::make_band(v1::kFrameBand, band->first_row(), grpc::Slice(band->pixels()));
       expect(reader.read(buffer, row).ok(), "a band that fits is taken");

@@ -1,4 +1,4 @@
-// Certificate and token files that change while candelad serves, and a session over TLS that loses its
+// Certificate and token files that change while candelad serves, and a TLS session that loses its
 // server.
 #include <csignal>
 

@@ -21,8 +21,7 @@ class TestCa {
   explicit TestCa(const std::string& name);
 
   const std::string& cert() const { return cert_; }  // PEM
-  // Issues a certificate for 127.0.0.1 and localhost that expires after `life`. If `life` is negative, it has
-  // already expired.
+  // Issues a certificate for 127.0.0.1 and localhost. It expires after `life`, which may be negative.
   Issued issue(const std::string& name, absl::Duration life = absl::Hours(24),
                const std::string& names = "IP:127.0.0.1,DNS:localhost") const;
 

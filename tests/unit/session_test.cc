@@ -1,5 +1,4 @@
-// The client's session against servers that fail on demand. Every result arrives once and in order, whatever
-// fails.
+// The client's session against servers that fail on demand. Every result arrives once, in order.
 #include "client/session.h"
 
 #include <gtest/gtest.h>

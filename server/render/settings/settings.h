@@ -16,7 +16,7 @@
 namespace candela {
 
 // Immutable and cheap to copy. Any thread. Ranges and defaults are declared at the fields of
-// candela.v1.Settings. Here every number, choice and text has a value, except those that the contract leaves
+// candela.v1.Settings. Every number, choice and text has a value, except those that the contract leaves
 // absent.
 class Settings {
  public:
@@ -33,8 +33,7 @@ class Settings {
   const Tier& tier() const { return *state_->tier; }
   // The client's table; null unless the curve is TABLE.
   const std::shared_ptr<const ColorTable>& table() const { return state_->table; }
-  // The matrix from the wire's linear RGB to the scene's linear Rec.709, row by row; absent if it is the
-  // identity.
+  // The matrix from the wire's linear RGB to the scene's linear Rec.709, row by row; absent if not needed.
   const std::optional<std::array<float, 9>>& to_scene() const { return state_->to_scene; }
   // Whether metering needs a histogram.
   bool wants_histogram() const { return state_->wants_histogram; }

@@ -19,8 +19,7 @@ struct Tier {
   // Bloom and resolve run in the float64 reference on the host, and the scene is not rounded to halves. A
   // large frame takes seconds.
   bool host_reference;
-  // The largest error in codes that the tests allow the tier on any frame, apart from that of bloom and of
-  // tables.
+  // The largest error in codes that the tests allow on any frame, apart from the errors of bloom and tables.
   double bound_codes;
 };
 
