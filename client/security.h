@@ -1,4 +1,4 @@
-// How a client checks the identity of a server, and proves its own.
+// A client's TLS and token options.
 #pragma once
 
 #include <string>

@@ -102,7 +102,7 @@ struct SessionStats {
 };
 
 // Any thread may call the members; usually one thread submits while another takes results. The session has a
-// thread of its own that talks to the server. Movable.
+// separate thread that talks to the server. Movable.
 class Session {
  public:
   // Waits until a server has opened the session. Returns INVALID_ARGUMENT for a malformed address or unusable

@@ -31,7 +31,7 @@ class SessionLog {
   absl::Status add(SessionFrame frame, absl::Time now);
   absl::Status change(uint64_t from_sequence, const v1::Settings& settings);
 
-  // What a call opens with: the last token, or empty, and the settings at that point.
+  // The contents of a call's open message: the last token, or empty, and the settings at that point.
   const std::string& token() const { return token_; }
   const v1::Settings& settings() const { return settings_; }
 

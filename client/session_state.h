@@ -25,7 +25,7 @@ class SessionState {
   // `server` is the address of the first server.
   SessionState(const SessionOptions& options, std::string server);
 
-  // For the callers; see Session.
+  // Methods for the callers; see Session.
   absl::Status wait_until_open() const;
   absl::Status submit(SessionFrame frame);
   bool ready() const;

@@ -29,7 +29,7 @@ struct RenderDevice {
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes);
 
-// How many times in a row a device is reopened without a good frame in between.
+// The number of times that a device is reopened without a good frame in between.
 inline constexpr int kMaxRebuilds = 3;
 
 // Owns the current RenderDevice and replaces it when it is lost. A lost one lives until its last frame lets

@@ -24,7 +24,7 @@ constexpr v1::Range<absl::Duration> kHandshake{absl::Seconds(3), absl::Minutes(2
 // Clients may ping once a second (SessionOptions::ping_interval). This leaves some tolerance.
 constexpr int kPingIntervalMs = 500;
 
-// How often the server pings a silent connection. gRPC trusts the kernel when it says that everything was
+// The interval between pings on a silent connection. gRPC trusts the kernel when it says that everything was
 // read, and the kernel says so of a connection that was reset right after its last bytes (TCP_INQ). Only a
 // write reveals the reset. The idle timeouts limit the wait for an answer, because the answer may have to
 // wait behind a frame.

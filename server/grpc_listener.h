@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/access/access.h"
 #include "server/base/metrics.h"
 #include "server/config.h"
-#include "server/rpc/access.h"
 
 namespace candela {
 

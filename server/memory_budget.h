@@ -11,8 +11,8 @@ namespace candela {
 
 inline constexpr uint64_t kDefaultMemoryBudgetBytes = uint64_t{2} << 30;
 
-// How many bytes gRPC accepts from one session before the server reads them. By default gRPC grows this with
-// the bandwidth, to tens of MiB that no budget accounts for.
+// The number of bytes that gRPC accepts from one session before the server reads them. By default gRPC grows
+// this with the bandwidth, to tens of MiB that no budget accounts for.
 inline constexpr int kLookAheadBytes = 4 << 20;
 
 struct MemoryBudget {

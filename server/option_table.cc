@@ -88,7 +88,7 @@ const Option kOptions[] = {
     {"log-json", FlagOption{&Config::log_json}, "Log one JSON object per line"},
 };
 
-// How a value of each kind is written.
+// The notation of each kind of value.
 std::string text_of(bool value) { return value ? "true" : "false"; }
 std::string text_of(const std::string& value) { return value; }
 std::string text_of(const std::vector<std::string>& value) { return absl::StrJoin(value, ","); }

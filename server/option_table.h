@@ -60,7 +60,7 @@ struct Option {
 
 std::span<const Option> option_table();
 
-// What the option is called in the environment: "CANDELA_MAX_CALLS".
+// The option's environment variable, such as "CANDELA_MAX_CALLS".
 std::string variable_name(const Option& option);
 
 // The option's range, "1 .. 4096"; empty if its kind has none.

@@ -1,4 +1,4 @@
-// What a server tells its clients about itself.
+// The server information that GetServerInfo returns.
 #pragma once
 
 #include "candela/v1/render.pb.h"

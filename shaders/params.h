@@ -1,5 +1,6 @@
-// What the host tells the shaders: one file, included by GLSL and by C++. Only 4-byte scalars, so that both
-// lay the structs out alike; an address is two words, low first. Sizes are in texels.
+// The parameters and constants that the host and the shaders share. Both GLSL and C++ include this file. Its
+// structs have only 4-byte scalars, so that both languages lay them out alike. An address is two words, the
+// low one first. Sizes are in texels.
 #ifdef __cplusplus
 #pragma once
 #include <cstdint>
@@ -10,7 +11,7 @@ using uint = uint32_t;
 #define CANDELA_CONST(type) const type
 #endif
 
-// Values of specialisation constants. Those that the wire has too carry its numbers.
+// Values of specialisation constants. Those that are also on the wire have the same numbers there.
 CANDELA_CONST(uint) PIXELS_RGBA16F = 1u;
 CANDELA_CONST(uint) PIXELS_RGBA32F = 2u;
 CANDELA_CONST(uint) PIXELS_RGB9E5 = 3u;
@@ -43,12 +44,12 @@ CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
 // An invocation of a full-size pass handles GROUP_TEXELS texels of a row at a time; input and output rows are
 // padded to whole groups.
 CANDELA_CONST(uint) GROUP_TEXELS = 4u;
-// A tile is what `ingest` meters by itself: TILE_TEXELS squared texels of the frame. A work group meters
-// INGEST_TILES, side by side.
+// `ingest` meters the frame in square tiles of TILE_TEXELS a side. A work group meters INGEST_TILES of them,
+// side by side.
 CANDELA_CONST(uint) TILE_TEXELS = 64u;
 CANDELA_CONST(uint) INGEST_TILES = 8u;
-// Rows that one invocation walks down, how often it does so (STEPS, from left to right), and the work group's
-// shape in invocations.
+// Rows: how many rows one invocation walks down. Steps: how often it does so, from left to right. Group: the
+// work group's shape in invocations.
 CANDELA_CONST(uint) INGEST_ROWS = 16u;
 CANDELA_CONST(uint) INGEST_GROUP_X = 8u;
 CANDELA_CONST(uint) INGEST_GROUP_Y = 4u;
@@ -64,7 +65,7 @@ CANDELA_CONST(uint) RESOLVE_STEPS = 16u;
 CANDELA_CONST(uint) RESOLVE_GROUP_X = 8u;
 CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
 
-// Luminance is metered no darker than this, and bloom divides by no less.
+// The smallest luminance that is metered, and the smallest divisor in bloom. Darker texels count as this.
 CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
 // Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, never negative.
 CANDELA_CONST(uint) LOG2_BIAS = 14u;
@@ -77,20 +78,19 @@ CANDELA_CONST(uint) HISTOGRAM_BINS = 1920u;
 CANDELA_CONST(uint) HISTOGRAM_TILES = 64u;
 // CENTER weights come in 256 steps of the squared distance, each at most 255.
 CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
-// The largest scene value: a half's.
+// The largest scene value, which is the largest finite half.
 CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 
-// Of colour tables (shaders/color_table.h): below the knee an axis is linear rather than logarithmic, and the
-// largest stored number stands for this square root of light.
+// Colour tables (shaders/color_table.h): below the knee an axis is linear, above it logarithmic. The largest
+// stored number stands for this square root of light.
 CANDELA_CONST(float) TABLE_AXIS_KNEE = 0.03125f;
 CANDELA_CONST(float) TABLE_MAX_ROOT = 1.25f;
-// The primaries of a table's axes and of what it holds: those of the two matrices below, or Rec.709 as it
-// comes.
+// The primaries of a table's axes and of its values: those of the two matrices below, or Rec.709 unchanged.
 CANDELA_CONST(uint) AXES_ACES = 1u;
 CANDELA_CONST(uint) AXES_REC709 = 2u;
-// Of a position along an axis; more would not fit beside an axis' step, under 2^15, in a word.
+// Fraction bits of a position along an axis. The step, below 2^15, shares the word and leaves no more bits.
 CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
 // Rec.709 to the primaries in which the ACES 1.x tone curve works (AP1, desaturated as the RRT does), and
 // from those of its output (AP1, before the ODT's desaturation) to Rec.709; row by row. Source: S. Hill's fit
@@ -101,8 +101,8 @@ CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
   1.60475f, -0.53108f, -0.07367f, -0.10208f, 1.10813f, -0.00605f, -0.00327f, -0.07276f, 1.07602f
 
 #ifdef __cplusplus
-// The largest factor that exposes the scene. Beyond it no curve rises any more, not even for a half's
-// smallest step, and the arithmetic stays finite.
+// The largest factor that exposes the scene. Up to it the arithmetic stays finite; beyond it no curve changes
+// any more, not even for the smallest half.
 inline constexpr float MAX_EXPOSURE = 0x1p46f;
 // gaussian.comp reads this many texels on either side.
 inline constexpr uint GAUSSIAN_REACH = 6u;
@@ -114,8 +114,8 @@ struct IngestConstants {
   uint scrub;      // some components are not finite or beyond +-MAX_SCENE_VALUE
   uint light;      // bloom needs max_light_bits
   uint weights;    // WEIGHTS_*
-  uint histogram;  // fill the histogram, too
-  uint whole;      // the frame is whole groups of texels wide
+  uint histogram;  // also fill the histogram
+  uint whole;      // the frame's width is a multiple of GROUP_TEXELS
 };
 
 struct BrightPassConstants {
@@ -124,14 +124,14 @@ struct BrightPassConstants {
   uint scrub;
   uint bloom;  // BLOOM_*
   uint firefly_weights;
-  uint level_size;  // texels of the frame to one of the level, along a side: 2 or 4
+  uint level_size;  // frame texels per level texel, along a side: 2 or 4
   uint whole;
 };
 
 struct BloomDownConstants {};
 
 struct BloomUpConstants {
-  float fine_weight;  // of D_n: 2 if it also stands for a finer level
+  float fine_weight;  // weight of D_n: 2 if it also stands for a finer level
 };
 
 struct GaussianConstants {
@@ -148,7 +148,7 @@ struct ResolveConstants {
   uint output_format;  // OUTPUT_*
   uint dither;
   uint level_size;
-  uint transfer_terms;  // of the sRGB transfer's polynomial
+  uint transfer_terms;  // number of terms of the sRGB transfer's polynomial
 };
 #endif
 
@@ -156,65 +156,66 @@ struct ResolveConstants {
 struct InputParams {
   uint width, height;
   uint input_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
-  // Input primaries to Rec.709, row by row; used where the specialisation says so.
+  // Input primaries to Rec.709, row by row; used if the constant `matrix` is set.
   float m00, m01, m02, m10, m11, m12, m20, m21, m22;
 };
 
 struct IngestParams {
   InputParams frame;
-  uint tiles_lo, tiles_hi;  // TileRecord per tile, added to; zero before
+  uint tiles_lo, tiles_hi;  // one TileRecord per tile, zeroed before the pass adds to it
   uint tiles_x;
-  uint histogram_lo, histogram_hi;          // HistogramBin, copy after copy, added to; zero before
-  uint spot_x0, spot_y0, spot_x1, spot_y1;  // of WEIGHTS_SPOT
+  uint histogram_lo, histogram_hi;          // copies of HistogramBin[], zeroed before the pass adds to them
+  uint spot_x0, spot_y0, spot_x1, spot_y1;  // only for WEIGHTS_SPOT
 };
 
 struct BrightPassParams {
   InputParams frame;
-  uint first_row;  // of the level's, in what is bound for writing
+  uint first_row;  // the level's first row in the range bound for writing
   uint level_width;
   float threshold;  // scene luminance
-  float knee;       // softness * threshold; of BLOOM_MIP
+  float knee;       // softness * threshold; only for BLOOM_MIP
 };
 
 struct BloomLevelParams {
-  uint first_row;  // of the level written, in what is bound for writing
+  uint first_row;  // the written level's first row in the range bound for writing
   uint from_width, from_height;
   uint to_width, to_height;
 };
 
 struct GaussianParams {
-  uint first_row;      // of the level written, in what is bound for writing
-  uint width, height;  // of both levels
+  uint first_row;      // the written level's first row in the range bound for writing
+  uint width, height;  // the size of both levels
 };
 
 struct ResolveParams {
   InputParams frame;
-  uint first_row;  // of the output, in what is bound for writing
+  uint first_row;  // the output's first row in the range bound for writing
   uint level_width, level_height;
   uint output_pitch;  // texels from row to row, a multiple of GROUP_TEXELS
   float exposure;     // E * prescale
   float bloom_scale;  // intensity / number of levels
-  float scene_scale;  // of BLOOM_CONSERVE: 1 - intensity
-  float curve_white;  // of reinhard-extended
+  float scene_scale;  // 1 - intensity; only for BLOOM_CONSERVE
+  float curve_white;  // only for reinhard-extended
   uint dither_frame;  // the frame's sequence number, low 32 bits
-  uint table_size;    // of aces-1 and TABLE: points a side,
-  float table_scale;  // and points an octave of the axes, times 2^TABLE_FRACTION_BITS
+  uint table_size;    // points a side; only for aces-1 and TABLE
+  float table_scale;  // points an octave of the axes, times 2^TABLE_FRACTION_BITS; only for aces-1 and TABLE
 };
 
-// What one tile of the frame adds up to. All-zero is empty: minima are kept as the maximum of the complement.
+// The statistics of one tile of the frame. All zeros is the empty record: a minimum is stored as the maximum
+// of the complement.
 struct TileRecord {
   uint log2_sum_low;  // sums of the low 16 and of the remaining bits of each invocation's weighted
                       // fixed-point sum
   uint log2_sum_high;
-  uint weight_sum;  // not of WEIGHTS_AVERAGE
+  uint weight_sum;  // not for WEIGHTS_AVERAGE
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
-  // Of R, G, B and A on the wire; above MAX_SCENE_VALUE's something needs the scrub. Of halves 0 or
-  // infinity's.
+  // The largest magnitude of R, G, B and A on the wire. If it is larger than MAX_SCENE_VALUE, the frame needs
+  // the scrub. For halves it is either 0 or infinity.
   uint max_magnitude_bits;
   uint negative_components;
-  uint max_light_bits;  // the largest luminance there is with negative components cut to 0; where LIGHT
-  // Counted only with the scrub.
+  uint max_light_bits;  // the largest luminance with negative components cut to 0; only if LIGHT is set
+  // These three are counted only with the scrub.
   uint nan_components;
   uint infinite_components;
   uint first_bad_texel_inverted;  // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
@@ -222,8 +223,8 @@ struct TileRecord {
 
 struct HistogramBin {
   uint weight;
-  uint offset_sum;  // what the bin's texels have below the bin, in 2^-LOG2_FRACTION_BITS; of WEIGHTS_CENTER
-                    // /256
+  uint offset_sum;  // the texels' offsets within the bin, in 2^-LOG2_FRACTION_BITS; for WEIGHTS_CENTER times
+                    // the weight / 256
 };
 
 #ifdef __cplusplus

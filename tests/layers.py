@@ -5,8 +5,8 @@ import re
 import sys
 
 SERVER = ["server/base", "server/encode", "server/vulkan", "server/render/color", "server/render/settings", "server/render/plan",
-          "server/render/device", "server/render/reference", "server/render", "server/schedule", "server/session", "server/rpc", "server",
-          "server/daemon"]
+          "server/render/device", "server/render/reference", "server/render", "server/schedule", "server/session", "server/access",
+          "server/rpc", "server", "server/daemon"]
 ALLOWED = {"proto": [], "shaders": [], "client/image": ["server/encode", "shaders"], "client/color": ["shaders"], "client": ["client/image", "proto"],
            "client/cli": ["client", "client/image", "client/color", "proto"]}
 for depth, folder in enumerate(SERVER):

@@ -1,4 +1,4 @@
-// How long a busy server wants the client to wait before it calls again.
+// The wait that a busy server asks of a client before its next call.
 #pragma once
 
 #include <grpcpp/support/status.h>

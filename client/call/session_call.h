@@ -22,7 +22,7 @@ struct SessionServer {
   Peer peer;
 };
 
-// How a call ended.
+// The end of a call.
 struct CallEnd {
   absl::Status status;  // OK: every frame has its result and the session is over
   bool resume = false;  // another call may continue the session

@@ -73,8 +73,8 @@ void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::Tra
   group->appendTransform(builtin);
 }
 
-// Appends the transforms from the scene's Rec.709 into the configuration, and sets chosen.input to where they
-// lead.
+// Appends the transforms from the scene's Rec.709 into the configuration, and sets chosen.input to the
+// resulting colour space.
 absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
                           const ocio::GroupTransformRcPtr& group, ViewTable& chosen) {
   if (!choice.input.empty()) {
@@ -205,7 +205,7 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   transform->setDisplay(baked.display.c_str());
   transform->setView(baked.view.c_str());
   group->appendTransform(transform);
-  // Without approximations of logarithms and powers.
+  // Disables approximations of logarithms and powers.
   const ocio::ConstCPUProcessorRcPtr view =
       config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
 

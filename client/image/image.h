@@ -76,7 +76,7 @@ absl::StatusOr<OutputKind> output_kind(const std::string& path);
 absl::StatusOr<OutputKind> check_output_path(const std::string& path);
 
 struct WriteOptions {
-  // How the integer formats are encoded. A PNG gets an sRGB or gAMA chunk that says so, or none if it is
+  // The transfer of the integer formats. A PNG gets an sRGB or gAMA chunk that says so, or none if it is
   // unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   int jpeg_quality = 92;  // 1..100

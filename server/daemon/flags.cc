@@ -85,7 +85,7 @@ void add_options(CLI::App& app, Config& config) {
   }
 }
 
-// CLI11 by itself would let the file win over the environment.
+// Without this, CLI11 would let the file override the environment.
 void apply_environment(CLI::App& app) {
   for (CLI::Option* option : app.get_options()) {
     const char* value = option->get_envname().empty() ? nullptr : std::getenv(option->get_envname().c_str());

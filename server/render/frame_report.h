@@ -13,7 +13,7 @@ namespace candela {
 struct FrameReport {
   FrameStats stats;
   double exposure = 0.0;  // the factor E that was used
-  double target = 0.0;    // the factor that the metering asked for
+  double target = 0.0;    // the factor that metering chose
   Plan plan;
   std::vector<StageTime> stages;
   std::optional<FrameVerification> verification;  // if the memory was taken for it

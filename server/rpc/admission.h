@@ -27,7 +27,7 @@ class Admission {
     Verify verify = Verify::kNo;
     bool choose_tier = false;  // the settings promise an accuracy or a time instead of naming a tier
     uint32_t lookahead = 0;    // frames; memory for as many more is reserved
-    // How long to retry, once for the tier and once for the memory, while either is UNAVAILABLE. 0: refuse at
+    // The time to retry, once for the tier and once for the memory, while either is UNAVAILABLE. 0: refuse at
     // once.
     absl::Duration patience = absl::ZeroDuration();
   };

@@ -176,7 +176,7 @@ void RenderCall::on_idle() {
   }
   const absl::Duration idle = absl::Now() - last_progress_;
   if (idle < idle_timeout()) return watch_idle(idle_timeout() - idle);
-  // A write that nobody reads never ends by itself, and no status could follow it.
+  // A write that nobody reads never ends, and no status could follow it.
   if (state_ == State::kSending) return context_.TryCancel();
   finish(absl::DeadlineExceededError(
       absl::StrFormat("nothing arrived for %s, this server's idle timeout; send the frame without pauses",

@@ -346,7 +346,7 @@ void StreamCall::on_finish(const absl::Status& status, const std::string& messag
 void StreamCall::on_idle() {
   const absl::Time now = absl::Now();
   const absl::Duration timeout = idle_timeout();
-  // A write that nobody reads never ends by itself, and no status could follow it.
+  // A write that nobody reads never ends, and no status could follow it.
   if (write_pending_ && now - last_write_ >= timeout) return context_.TryCancel();
   if (reading_ == Reading::kBands) {
     const Entry& entry = *open_->frames.newest();

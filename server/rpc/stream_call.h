@@ -46,7 +46,7 @@ class StreamCall final : public ServerCall, public SessionCall {
   using Entry = SessionFrames::Entry;
   using EntryPtr = SessionFrames::EntryPtr;
 
-  // What exists from the open message on.
+  // The members that exist from the open message on.
   struct Open {
     Open(OpenedSession opened, const ServiceState& state);
 

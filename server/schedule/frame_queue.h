@@ -15,11 +15,11 @@
 
 namespace candela {
 
-// Which phases of a frame a job runs: metering, drawing, or both.
+// The phases of a frame that a job runs: metering, drawing, or both.
 enum class Work { kRender, kMeter, kDraw };
 
 // A frame on its way through the server. Its memory returns to the pool when the last holder releases it.
-// From submission until `done` is called, only the render thread touches it.
+// Only the render thread touches it between submission and the call of `done`.
 struct Frame {
   std::shared_ptr<Renderer> renderer;  // stays alive while the memory is in use; null only in tests
   FrameMemory memory;
@@ -91,7 +91,7 @@ class FrameQueue {
   const size_t capacity_;
   Ticket next_ticket_ = 1;
   size_t waiting_ = 0;
-  // What a flow that always had frames waiting would have used by now. New flows start here.
+  // The device time of a flow that always had frames waiting. New flows start here.
   absl::Duration clock_ = absl::ZeroDuration();
   std::map<Flow, Share> shares_;
 };

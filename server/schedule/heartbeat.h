@@ -11,8 +11,8 @@
 
 namespace candela {
 
-// Measures time in ticks of its own thread, so that a process that was suspended for a while does not count
-// as failed. Any thread.
+// Measures time in ticks of a separate thread, so that a process that was suspended for a while does not
+// count as failed. Any thread.
 class Heartbeat {
  public:
   struct Options {

@@ -44,7 +44,7 @@ class TokenKeys {
 
   // Returns a token of at most v1::kMaxTokenBytes that is valid until `now` + ttl.
   std::string seal(const ResumePoint& point, absl::Time now) const;
-  // FAILED_PRECONDITION, with a message of its own for each case, if the token is too long, truncated, of
+  // FAILED_PRECONDITION, with a different message for each case, if the token is too long, truncated, of
   // another version, signed with an unknown key, changed or forged, expired, or does not belong to `session`.
   absl::StatusOr<ResumePoint> open(std::string_view token, const std::string& session, absl::Time now) const;
 

@@ -79,7 +79,7 @@ class SessionFrames {
   // No more frames follow. Frames that waited for them may be decided now.
   void close() { track_.end(); }
 
-  // What the first job of a frame does.
+  // The work of a frame's first job.
   Work first_work() const { return lookahead_ == 0 ? Work::kRender : Work::kMeter; }
   // A job for that work is in the render loop.
   static void submitted(Entry& entry, Work work, Ticket ticket);
@@ -108,12 +108,11 @@ class SessionFrames {
 
   // The frame whose answer is due, a done or failed one; null if the first frame is still unfinished.
   EntryPtr due() const;
-  // Where the session's exposure stands once the due frame is answered, as its resume token says. Once a
-  // frame.
+  // The session's exposure after the due frame, for its resume token. Call it once for each frame.
   const ExposurePoint& answer(const Entry& due);
   // The answer has gone out: forgets the frame.
   void pop();
-  // How many frames were answered.
+  // The number of frames that were answered.
   uint64_t answered() const { return answered_; }
 
  private:

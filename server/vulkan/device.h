@@ -37,7 +37,7 @@ struct DeviceSummary {
 // FAILED_PRECONDITION if there is no Vulkan driver, naming the package to install and the variable to set.
 absl::StatusOr<std::vector<DeviceSummary>> list_devices();
 
-// Where a buffer's memory must lie.
+// The kind of memory that a buffer needs.
 enum class MemoryUse : uint32_t {
   kDevice,    // fastest for shaders; also mapped if memory is unified
   kUpload,    // written by the host, read by copies

@@ -24,7 +24,7 @@ class PipelineCache {
  public:
   static constexpr uint32_t kPushBytes = 128;
   static constexpr uint32_t kReads = 3;
-  // The most that every device can bind for writing at once, and the alignment of where it begins.
+  // The largest range that every device can bind for writing at once, and the alignment of its beginning.
   static constexpr uint64_t kMaxWriteBytes = uint64_t{1} << 27;
   static constexpr uint64_t kWriteAlignment = 256;
 

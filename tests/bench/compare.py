@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Candela and other tools in turn on one machine; writes compare.md, compare.json and compare.svg.
+"""Measures Candela and other tools in turn on one machine; writes compare.md, compare.json and compare.svg.
 
 compare.py FOLDER_OF_BINARIES OUT_FOLDER [ROUNDS [WAIT]]
 compare.sh installs and builds what this needs. Each round starts when other work leaves the processors alone, or after
@@ -37,7 +37,7 @@ ROWS = [(name, MEMORY, *words) for name, words in CANDELA.items()] + [
 
 
 def busy_cpu_seconds() -> float:
-    """Of the whole machine since its start, with what the hypervisor took."""
+    """The whole machine's processor time since its start, including the time that the hypervisor took."""
     user, nice, system, _, _, irq, softirq, steal = map(int, pathlib.Path("/proc/stat").read_text().split("\n")[0].split()[1:9])
     return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
 
@@ -48,7 +48,7 @@ def own_cpu_seconds() -> float:
 
 
 class OtherWork:
-    """How many cores everything else has used since this was made."""
+    """The number of cores that everything else has used since this object was made."""
     def __init__(self) -> None:
         self.begin, self.cpu = time.time(), busy_cpu_seconds() - own_cpu_seconds()
 
@@ -78,8 +78,8 @@ def versions() -> dict[str, str]:
 
 
 def measure(tools: Tools, rounds: int, wait: float) -> tuple[dict[str, list[Cost]], dict[str, str], list[float]]:
-    """Every tool once a round, Candela first: what it cost or why it failed, after which it is not asked again, and the
-    cores that other work used in each round."""
+    """Runs every tool once a round, Candela first. Returns each tool's times, or the reason why it failed, and the
+    cores that other work used in each round. A tool that failed is not run again."""
     costs: dict[str, list[Cost]] = {}
     failed: dict[str, str] = {}
     others: list[float] = []

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Holds Candela against other tools on this machine: compare.sh [FOLDER [ROUNDS]]
+# Compares Candela with other tools on this machine: compare.sh [FOLDER [ROUNDS]]
 #
 # Installs the tools (Debian's packages), builds Candela, runs all of them in turn for 7 rounds and writes
 # compare.md, compare.json and compare.svg into FOLDER (out/compare). Takes some minutes. A round waits for a minute at

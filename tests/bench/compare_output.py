@@ -1,4 +1,4 @@
-"""What compare.py measured as a table and as a chart."""
+"""compare.py's measurements as a table and as a chart."""
 from html import escape
 
 LABEL, BAR, LINE, NUMBER = 310, 400, 24, 130

@@ -1,4 +1,4 @@
-"""What compare.py measures: one function a tool, which runs it once and returns what its rows cost."""
+"""The tools that compare.py measures. One function for each tool runs it once and returns the times of its rows."""
 import json
 import os
 import pathlib
@@ -25,13 +25,13 @@ CANDELA = {
 
 
 class Cost(NamedTuple):
-    """Of a frame."""
+    """The times of one frame."""
     ms: float
-    cpu_ms: float  # of all threads: what other work on the machine changes least
+    cpu_ms: float  # of all threads; depends least on the machine's other load
 
 
 class Failed(Exception):
-    """Why a tool gave no time."""
+    """The reason why a tool gave no time."""
 
 
 def run(*command: str, **environment: str) -> str:
@@ -46,7 +46,7 @@ def run(*command: str, **environment: str) -> str:
 
 
 def cost(*command: str, **environment: str) -> Cost:
-    """Of the whole process."""
+    """The times of the whole process."""
     def cpu_seconds() -> float:
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         return used.ru_utime + used.ru_stime
@@ -83,7 +83,7 @@ class Tools:
         return {"memcpy": Cost(copy, copy), **{name: Cost(rows[name]["call"], rows[name]["cpu"]) for name in CANDELA}}
 
     def ffmpeg(self, once: str, filters: str, frames: int, *options: str, **environment: str) -> Cost:
-        """What `frames` more frames take, each: in both runs the file is read, and `once` done, a single time."""
+        """The time of one frame, from two runs that differ by `frames` frames. Both read the file and do `once` one time."""
         def whole(count: int) -> Cost:
             linear = "setparams=color_primaries=bt709:color_trc=linear:colorspace=gbr"
             chain = f"{linear},{once}loop=loop={count - 1}:size=1,{filters}"
@@ -93,7 +93,7 @@ class Tools:
         return Cost((many.ms - few.ms) / frames, (many.cpu_ms - few.cpu_ms) / frames)
 
     def libplacebo(self) -> dict[str, Cost]:
-        """The frame in PQ: linear light it takes for a display's and does not tone map."""
+        """The frame in PQ, because the tool takes linear light for a display's and does not tone map it."""
         return {"libplacebo": self.ffmpeg(
             "zscale=transfer=smpte2084:npl=100,format=gbrp16le,",
             "hwupload,libplacebo=tonemapping=bt.2390:color_trc=iec61966-2-1:format=rgba,hwdownload,format=rgba", 6,
@@ -122,7 +122,7 @@ class Tools:
             "-o", str(self.scratch / "oiiotool.png"))}
 
     def codes_from_oiiotool(self) -> dict[str, float]:
-        """How far its picture is from Candela's curve alone, in codes of 8 bits; {} where either is missing."""
+        """The difference between its picture and Candela's curve alone, in 8-bit codes; {} if either is missing."""
         said = subprocess.run(["oiiotool", str(self.scratch / "oiiotool.png"), str(self.scratch / "file-curve.png"), "--diff"],
                               capture_output=True, text=True, check=False).stdout
         return {word.lower(): 255 * float(value) for word, value in re.findall(r"(Mean|Max) error\s*=\s*([\d.e+-]+)", said)}

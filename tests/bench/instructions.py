@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Fails when a pass takes 15 % more instructions than recorded; times of shared machines cannot tell that much.
+"""Fails if a pass takes 15 % more instructions than recorded. Times on shared machines vary too much to show that.
 
 instructions.py RENDER_COUNTED RECORDED.json             compares
-instructions.py RENDER_COUNTED RECORDED.json --record    writes what is there now
+instructions.py RENDER_COUNTED RECORDED.json --record    records the present counts
 Counts those of the software device, compiled code included, under valgrind, which shows every machine the same
 processor. They depend on the versions of Mesa and LLVM and on the vectors' width: with others than recorded it skips (77).
 """
@@ -41,8 +41,8 @@ def count(program: str) -> tuple[str, dict[str, int]]:
 
 
 def compare(recorded: dict[str, int], counted: dict[str, int]) -> list[str]:
-    """What is wrong, a line each; prints the table."""
-    wrong = [f"{name} is {'recorded' if name in recorded else 'counted'} and not the other; record anew"
+    """Prints the table. Returns the problems, one line each."""
+    wrong = [f"{name} is {'recorded' if name in recorded else 'counted'} and not the other; record again"
              for name in sorted(recorded.keys() ^ counted.keys())]
     for name, before in recorded.items():
         now = counted.get(name, 0)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Candela's chain as one writes it with OpenCV: bloom, exposure by the log average, a tone curve, 8 bits.
+"""Candela's chain written with OpenCV: bloom, exposure by the log average, a tone curve, 8 bits.
 
 opencv_chain.py FRAME.exr FRAMES
 Prints what a frame takes from halves in memory to 8 bits in memory, medians: milliseconds, and those of the processors.

@@ -3,11 +3,11 @@
 //   build/release/bin/render_bench            every size and scene
 //   build/release/bin/render_bench --benchmark_filter=1920x1080
 //
-// Columns: medians in ms; `x_memcpy` is device time over the memcpy of the wire frame, `call` is what a
-// program waits for: the frame's pixels copied in and render(), and `cpu` the processor time of that.
-// "bright" is a scene with lights and bloom, "dim" the same with nothing above the threshold; both in every
-// tier. "tiles" has light above its threshold in 1 % of the tiles. At 1920x1080 the bright scene is also
-// rendered with one setting changed at a time; in `standard` there are more sizes, to see that a pixel's time
+// Columns: medians in ms; `x_memcpy` is device time over the memcpy of the wire frame, `call` is the
+// time that a program waits for copying the frame's pixels and for render(), and `cpu` is its processor time.
+// "bright" is a scene with lights and bloom, "dim" is the same with nothing above the threshold. Both run in
+// every tier. "tiles" has light above its threshold in 1 % of the tiles. At 1920x1080 the bright scene is
+// also rendered with one setting changed at a time. More sizes in `standard` show that the time per pixel
 // does not grow with the frame.
 #include <benchmark/benchmark.h>
 
@@ -34,7 +34,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Processor time of the whole process, which other programs' load changes least.
+// Processor time of the whole process. It depends less on other programs' load than elapsed time does.
 double cpu_ms() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);

@@ -1,8 +1,8 @@
 // Renders a few kinds of frames, pass by pass, for a tool that counts instructions:
-// tests/bench/instructions.py runs it under callgrind. Prints the device, a line.
+// tests/bench/instructions.py runs it under callgrind. Prints the device in one line.
 //
-// All is rendered twice and the second time counted, so that what the driver compiles is not. Every pass is
-// submitted by itself, and its count is dumped as "KIND/PASS", once for each of its levels.
+// Everything is rendered twice and counted the second time, so that the driver's compiler is not counted.
+// Every pass is submitted separately, and its count is dumped as "KIND/PASS", once for each of its levels.
 #include <valgrind/callgrind.h>
 
 #include <cstdio>
@@ -30,7 +30,7 @@ struct Passes {
   TableCache tables;
 };
 
-// `name` is "KIND/PASS". Does nothing but `run` while nothing is counted.
+// `name` is "KIND/PASS". If nothing is counted, only calls `run`.
 absl::Status counted(const std::string& name, const std::function<absl::Status()>& run) {
   CALLGRIND_ZERO_STATS;
   absl::Status status = run();
@@ -38,7 +38,7 @@ absl::Status counted(const std::string& name, const std::function<absl::Status()
   return status;
 }
 
-// What Renderer does with a frame, a submission a step.
+// Renders a frame as Renderer does, but with one submission for each step.
 absl::Status render(const Workbench& bench, Passes& passes, const testing::WireFrame& frame,
                     const std::string& kind, const Settings& settings) {
   absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
@@ -84,7 +84,7 @@ absl::Status render_all() {
   if (!recorder.ok()) return recorder.status();
   Passes passes{*std::move(pipelines), *std::move(recorder), TableCache(*bench->device)};
   const testing::WireFrame frame = testing::natural(kWidth, kHeight);
-  // Larger: light has to end somewhere.
+  // This frame is larger, so that there is an area without light.
   const testing::WireFrame tiles = testing::lit_tiles(2 * kWidth, 2 * kHeight);
   std::vector<Variant> kinds = {
       {"bright", [](v1::Settings&) {}},

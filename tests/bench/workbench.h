@@ -1,4 +1,4 @@
-// What the benchmarks share: a renderer on the default device, and the settings worth a row.
+// A renderer on the default device, and the settings that the benchmarks compare.
 #pragma once
 
 #include <memory>
@@ -17,18 +17,18 @@ struct Workbench {
   std::unique_ptr<Renderer> renderer;
 };
 
-// Prepares the driver's environment, too: before other threads read it.
+// Also prepares the driver's environment, so call it before other threads read that.
 absl::StatusOr<Workbench> open_workbench();
 
-// Copies the frame's pixels to where the renderer reads them.
+// Copies the frame's pixels into the renderer's memory.
 void copy_in(const testing::WireFrame& frame, FrameMemory& memory);
 
-// Scene luminance above which testing::natural() has no light, so that nothing blooms.
+// A threshold that is higher than any luminance in testing::natural(), so that nothing blooms.
 inline constexpr float kNothingBright = 65504.0f;
-// Above all of testing::lit_tiles() but its lights.
+// A threshold that only the lights of testing::lit_tiles() exceed.
 inline constexpr float kLightsOnly = 8192.0f;
 
-// One setting that differs from the default ones.
+// A setting that differs from its default.
 struct Variant {
   const char* name;
   void (*change)(v1::Settings&);

@@ -1,4 +1,4 @@
-// Runs the built `candela` like a user would.
+// Runs the built `candela` as a user would.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -18,7 +18,7 @@ struct Outcome {
 // the test.
 Outcome candela(const std::vector<std::string>& arguments);
 
-// The JSON object that `candela ... --json -` prints. Fails the test unless the exit code is 0.
+// Returns the JSON object that `candela ... --json -` prints. Fails the test unless the exit code is 0.
 nlohmann::json candela_json(std::vector<std::string> arguments);
 
 // Starts `candela`, sends it `signal` after `ms` milliseconds, and waits for its end.

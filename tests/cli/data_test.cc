@@ -1,4 +1,4 @@
-// Every file of the shared test data through the command: the good ones become pictures, the damaged ones are
+// Runs the command on every file of the shared test data: good files become pictures, and damaged ones are
 // refused by name.
 #include <gtest/gtest.h>
 
@@ -56,7 +56,7 @@ INSTANTIATE_TEST_SUITE_P(In, EveryGoodFile,
 
 TEST_F(Data, EveryDamagedFileIsRefusedByName) {
   for (const std::string& path : data_files("bad")) {
-    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // readers differ; it holds a whole picture
+    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // a whole picture, on which readers differ
     expect_refused(path, "");
   }
   EXPECT_TRUE(folder_.list().empty());

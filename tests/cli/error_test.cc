@@ -1,5 +1,5 @@
-// Wrong uses and failures: exit codes, one line that says what is wrong and what would be right, and nothing
-// left behind.
+// Wrong uses and failures: each ends with its exit code and one line that says what is wrong and how to
+// correct it, and leaves no file behind.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -72,7 +72,7 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {render({"--server", "nowhere"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
            {render({"--server", "a:1", "--device", "0"}), "give one of them"},
            {render({"--error-map", "map.jpg"}), "an error map is written as .png"},
-           {render({"--error-map", "out.png"}), "OUT is that file"},
+           {render({"--error-map", "out.png"}), "OUT is the same file"},
            {{"sample", "scene.png"}, "written as .exr or .pfm"},
            {{"sample", "scene.exr", "--size", "0x5"}, "1x1 .. 16384x16384"},
            {{"sample", "scene.exr", "--size", "1920"}, "WIDTHxHEIGHT"},

@@ -1,4 +1,4 @@
-// Preloaded into the command: a machine whose memory or disk fails, as the environment says.
+// A library that is preloaded into the command and makes memory or the disk fail, as the environment says.
 //   CANDELA_TEST_MOST_NEW_BYTES=N  operator new throws for more than N bytes
 //   CANDELA_TEST_FSYNC_FAILS=1     fsync fails
 #include <cerrno>

@@ -1,4 +1,4 @@
-// Against servers that are no candelad: what they send is input, and whatever it is the user hears one line.
+// The command with servers that are not candelad: whatever they send, the user gets a one-line error.
 #include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ namespace {
 using Wire = grpc::ServerReaderWriter<v1::RenderResponse, v1::RenderRequest>;
 using Answer = std::function<grpc::Status(grpc::ServerContext&, Wire&)>;
 
-// Takes any frame, reads it to its end and answers as it is told.
+// Accepts any frame, reads all of it and answers as the test says.
 class ForeignServer : public v1::RenderService::Service {
  public:
   explicit ForeignServer(Answer answer) : answer_(std::move(answer)) {
@@ -83,7 +83,7 @@ void send_map_band(Wire& stream, uint32_t first_row, size_t bytes) {
   stream.Write(response);
 }
 
-// What the command says of such an answer to its frame of 31 x 17 pixels.
+// The command's message for such an answer to its frame of 31 x 17 pixels.
 std::string words_for(Answer answer, const std::vector<std::string>& options = {}) {
   const TemporaryFolder folder;
   write_small_exr(folder.path("in.exr"));
@@ -147,11 +147,13 @@ TEST(ForeignServer, AnErrorMapIsTakenAsTheImageIs) {
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, 62), send_map_band(s, 1, kMap - 62); },
             ""},
            {[](Wire& s) { send_band(s, 0, kImage); }, "before the error map was whole"},
-           {[](Wire& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); }, "no band where one is due"},
+           {[](Wire& s) { send_map_band(s, 0, kMap), send_band(s, 0, kImage); },
+            "no band, but a band is due"},
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 1, kMap); }, "out of order"},
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, kMap + 2); }, "more than"},
            {[](Wire& s) { send_band(s, 0, kImage), send_map_band(s, 0, 0); }, "an empty band"},
-           {[](Wire& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); }, "no band where one is due"}}) {
+           {[](Wire& s) { send_band(s, 0, kImage), send_band(s, 0, kImage); },
+            "no band, but a band is due"}}) {
     const std::string words = words_for(
         [&c](grpc::ServerContext&, Wire& stream) {
           send_verified_header(stream);

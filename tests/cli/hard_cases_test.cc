@@ -43,7 +43,7 @@ TEST(HardCases, BecomePicturesWithAStatedErrorInEveryTier) {
   }
 }
 
-// The same picture whatever the number of the driver's threads.
+// The number of the driver's threads does not change the picture.
 TEST(HardCases, TheNumberOfThreadsChangesNoBit) {
   const TemporaryFolder folder;
   const std::string in = folder.path("in.exr");

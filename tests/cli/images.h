@@ -1,4 +1,4 @@
-// Images for the tests of the command: one to render, and what a PNG says of itself.
+// Images for the tests of the command: one to render, and the header of a PNG.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +6,7 @@
 
 namespace candela {
 
-// What a PNG's header says; all zero when the file is none.
+// A PNG's header; all zeros if the file is not a PNG.
 struct PngFacts {
   uint32_t width = 0;
   uint32_t height = 0;
@@ -16,7 +16,7 @@ struct PngFacts {
 };
 PngFacts png_facts(const std::string& path);
 
-// An OpenEXR file of 31 x 17 halves with highlights; with alpha and pixels twice as wide as high on request.
+// Writes an OpenEXR file of 31 x 17 halves with highlights, optionally with alpha and wide pixels.
 void write_small_exr(const std::string& path, bool alpha_and_aspect = false);
 
 }  // namespace candela

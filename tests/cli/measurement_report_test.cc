@@ -83,7 +83,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
     scenes[row.at("what")] = row.at("plan");
   }
   EXPECT_EQ(scenes.size(), 7u);
-  // The lights are what their words say: some of the tiles, and none.
+  // The scenes' light matches their descriptions: in some of the tiles, and in none.
   EXPECT_NE(scenes.at("five small lights").dump().find("light in"), std::string::npos);
   EXPECT_NE(scenes.at("nothing bright").dump().find("no bloom: nothing passes"), std::string::npos);
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));

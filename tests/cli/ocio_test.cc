@@ -13,7 +13,7 @@
 namespace candela {
 namespace {
 
-// A studio's configuration in small; `roles` decide what it says about its primaries.
+// A small version of a studio's configuration; `roles` decide what it says about its primaries.
 std::string config(const std::string& roles) {
   return "ocio_profile_version: 2\n\nroles:\n" + roles +
          "  default: ACEScg\n"
@@ -160,10 +160,10 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
   write_file(folder_.path("empty.ocio"), "");
   expect_error(render({"--ocio", folder_.path("empty.ocio")}), 1, "OpenColorIO cannot use it: ");
   expect_error(render({"--display", "sRGB"}), 2,
-               "--display is part of an OpenColorIO configuration; name that with --ocio CONFIG");
+               "--display is part of an OpenColorIO configuration; name one with --ocio CONFIG");
   expect_error(render({"--view", "ACES"}), 2, "--view is part of");
   expect_error(render({"--ocio-input", "ACEScg"}), 2, "--ocio-input is part of");
-  expect_error(render({"--ocio", studio_, "--curve", "agx"}), 2, "--ocio takes the place of --curve");
+  expect_error(render({"--ocio", studio_, "--curve", "agx"}), 2, "--ocio replaces --curve");
   expect_error(render({"--ocio", studio_, "--view", ""}), 2, "--view is empty");
   expect_error(render({"--curve", "table"}), 2, "unknown curve \"table\"");
 }

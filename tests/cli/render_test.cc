@@ -1,4 +1,4 @@
-// What `candela render` and `candela sample` write.
+// The files that `candela render` and `candela sample` write.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ class Render : public ::testing::Test {
  protected:
   void SetUp() override { write_small_exr(in_); }
 
-  // The picture's bytes with these options added.
+  // The bytes of the picture that is rendered with these additional options.
   std::string picture(std::vector<std::string> options, const std::string& name = "out.png") {
     options.insert(options.begin(), {"render", in_, folder_.path(name), "-q"});
     const Outcome outcome = candela(options);
@@ -138,8 +138,8 @@ TEST_F(Render, AFrameOf4KHalvesStaysUnder600MB) {
        std::vector<std::vector<std::string>>{{"a.png"}, {"b.png", "--bits", "16"}, {"c.exr"}}) {
     std::vector<std::string> arguments{"render", frame, folder_.path(output[0])};
     arguments.insert(arguments.end(), output.begin() + 1, output.end());
-    // What threads hold at once, and with it the allocator, varies with the machine's other work: the least
-    // of three.
+    // Memory varies with the machine's load, because it depends on how many threads work at the same time. So
+    // this takes the smallest of three.
     int64_t least_kib = std::numeric_limits<int64_t>::max();
     for (int i = 0; i < 3 && least_kib >= kLimitKib; ++i) {
       const Outcome outcome = candela(arguments);

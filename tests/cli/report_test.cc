@@ -84,7 +84,7 @@ TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
     EXPECT_EQ(frame.at("error_map").at("most_codes"), 10);
     const std::string scale = frame.at("error_map").at("scale");
     EXPECT_NE(read_file(map).find("tEXtDescription" + std::string(1, '\0') + scale), std::string::npos);
-    // The legend is below the map, and a map that is narrower than the legend is padded.
+    // The legend is below the map. A map that is narrower than the legend is padded.
     EXPECT_GE(png_facts(map).width, 31u);
     EXPECT_GT(png_facts(map).height, 17u);
     const Outcome text = candela({"render", in_, out_, "--error-map", map});

@@ -1,4 +1,4 @@
-// The command with a candelad that asks for TLS, a certificate and a token.
+// The command with a candelad that requires TLS, a client certificate and a token.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 

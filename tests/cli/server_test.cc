@@ -69,7 +69,7 @@ TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
 
 TEST_F(WithServer, MemoryThatRunsOutIsAnErrorInOneLine) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "a sanitizer has an operator new of its own";
+  GTEST_SKIP() << "a sanitizer replaces operator new";
 #endif
   const ListeningDaemon daemon;
   const std::string scene = folder_.path("scene.pfm");

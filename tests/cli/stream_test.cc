@@ -23,7 +23,7 @@ using Json = nlohmann::json;
 
 class Stream : public ::testing::Test {
  protected:
-  // A sequence of `frames` in the folder "in".
+  // Writes a sequence of `frames` frames into the folder "in".
   void make_frames(int frames, const std::string& size = "64x48") {
     ASSERT_EQ(
         candela({"sample", "--sequence", in(), "--frames", std::to_string(frames), "--size", size, "-q"})
@@ -31,7 +31,7 @@ class Stream : public ::testing::Test {
         0);
   }
 
-  // Its lines: the frames, then the summary.
+  // Returns its lines: one for each frame, then the summary.
   std::vector<Json> stream(std::vector<std::string> options, const std::string& out = "out") {
     options.insert(options.begin(), {"stream", in(), folder_.path(out), "-q", "--json", "-"});
     const Outcome outcome = candela(options);
@@ -261,7 +261,7 @@ TEST_F(Stream, WithoutAWorkingGnuplotThePlotIsRefusedBeforeTheWork) {
 TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
   make_frames(40, "320x200");
   stream({}, "whole");
-  // The same keys, or the second would not know the first one's tokens.
+  // Both need the same keys, so that the second accepts the first one's tokens.
   write_file(folder_.path("keys"), "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n");
   std::filesystem::permissions(folder_.path("keys"), std::filesystem::perms::owner_read);
   ListeningDaemon first({"--resume-keys", folder_.path("keys")});
@@ -365,7 +365,7 @@ TEST_F(Stream, BenchMeasuresSessions) {
   EXPECT_GE(fastest.at("latency_ms").at("p999"), fastest.at("latency_ms").at("p50"));
   EXPECT_EQ(fastest.at("window_fps").size(), 10u);
   EXPECT_EQ(fastest.at("failed"), 0);
-  // What comes back after the end is not counted.
+  // Results that arrive after the end are not counted.
   const int due = steady.at("frames").get<int>() + steady.at("dropped").get<int>();
   EXPECT_LE(due, 40) << steady;
   EXPECT_GE(due, 30) << steady;

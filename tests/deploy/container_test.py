@@ -5,7 +5,6 @@ candelad, built for the host.
 Each claim is a function below. CLAIM is its name in CamelCase: TheImageBuilds runs the_image_builds, which makes the image
 for the other tests.
 """
-import hashlib
 import json
 import pathlib
 import re
@@ -18,7 +17,8 @@ import threading
 import time
 
 import podman
-from podman import Container, attempt, containers, expect, fail, run, wait_until
+from podman import Container, attempt, containers, expect, run, wait_until
+from sessions import Sessions, digests, expect_same, make_film
 
 BASE_LIMIT_MB = 260  # the image's size in addition to its base's
 CANDELA = CANDELAD = VERSION = ""
@@ -120,17 +120,6 @@ def it_renders_and_streams_the_hosts_bits() -> None:
                       " --server unix:/tmp/candelad.sock")
 
 
-def digests(folder: pathlib.Path) -> dict[str, str]:
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
-
-
-def expect_same(folder: pathlib.Path, expected: dict[str, str]) -> None:
-    found = digests(folder)
-    expect(found.keys() == expected.keys(), f"{folder.name}: missing or new: {sorted(found.keys() ^ expected.keys())[:9]}")
-    other = [name for name in sorted(found) if found[name] != expected[name]]
-    expect(not other, f"{folder.name}: these differ from an undisturbed run: {other[:9]}")
-
-
 def resume_keys() -> tuple[pathlib.Path, str]:
     """Returns a file of keys and the option that mounts it in a container."""
     keys = FOLDER / "keys"
@@ -140,79 +129,13 @@ def resume_keys() -> tuple[pathlib.Path, str]:
     return keys, f"--volume={keys}:/keys:ro"
 
 
-class Sessions:
-    """`count` runs of `candela stream` over one film, each with its own output folder."""
-
-    def __init__(self, count: int, film: pathlib.Path, *options: object):
-        self.film = film
-        self.folders = [FOLDER / f"session-{i}" for i in range(count)]
-        self.processes = [subprocess.Popen(
-            [CANDELA, "stream", str(film), str(folder), "--session", folder.name, "--resume", "60", "--json", f"{folder}.json",
-             "-q", *map(str, options)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) for folder in self.folders]
-
-    def going(self, results: int) -> bool:
-        self.expect_running()
-        return all(len(list(folder.glob("*.png"))) >= results for folder in self.folders)
-
-    def state(self) -> str:
-        return "\n".join(f"{folder.name}: {len(list(folder.glob('*.png')))} images, "
-                         + ("goes on" if process.poll() is None else f"ended with {process.returncode}: {process.stderr.read()}")
-                         for folder, process in zip(self.folders, self.processes))
-
-    def expect_running(self) -> None:
-        ended = [process.returncode for process in self.processes if process.poll() is not None]
-        expect(not ended, f"sessions ended before all was done to them, with {ended}: a longer film is needed, or they failed: "
-               + "".join(process.stderr.read() for process in self.processes if process.returncode))
-
-    def summaries(self, expected: dict[str, str]) -> list[dict]:
-        """Waits until all sessions end. Expects every image of `expected` exactly once."""
-        for folder, process in zip(self.folders, self.processes):
-            errors = process.communicate(timeout=900)[1]
-            expect(process.returncode == 0, f"{folder.name} ended with {process.returncode}: {errors}")
-            expect_same(folder, expected)
-        lines = [[json.loads(line) for line in pathlib.Path(f"{folder}.json").read_text().splitlines()] for folder in self.folders]
-        for session in lines:
-            numbers = [frame["frame"] for frame in session[:-1]]
-            expect(numbers == list(range(len(expected))), f"a session's results came as {numbers}")
-        return [session[-1]["summary"] for session in lines]
-
-    def longest_gaps(self, since: float) -> list[float]:
-        """For each session, the longest time between two images in the 10 s after `since`."""
-        gaps = []
-        for folder in self.folders:
-            times = sorted(path.stat().st_mtime for path in folder.glob("*.png"))
-            gaps.append(max((after - before for before, after in zip(times, times[1:]) if since < after and before < since + 10),
-                            default=0))
-        return gaps
-
-    def kill(self) -> None:
-        for process in self.processes:
-            process.kill()
-            process.wait()
-
-
-def make_film(size: str, seconds: float, sessions: int) -> tuple[pathlib.Path, dict[str, str]]:
-    """Makes a film that `sessions` sessions at once render in about `seconds` on this machine, and its undisturbed images."""
-    run(CANDELA, "sample", "--sequence", FOLDER / "scenes", "--size", size, "--frames", "48")
-    trial = run(CANDELA, "bench", "--size", size, "--sessions", sessions, "--seconds", 3, "--json", "-", "-q")
-    count = min(6000, max(240, round(json.loads(trial)["frames_per_second"] * seconds / sessions)))
-    film = FOLDER / "film"
-    film.mkdir()
-    scenes = sorted((FOLDER / "scenes").iterdir())
-    for i in range(count):  # forwards and backwards, so that the only jumps are the sequence's own
-        j = i % (2 * len(scenes))
-        (film / f"{i:05d}.exr").symlink_to(scenes[j if j < len(scenes) else 2 * len(scenes) - 1 - j])
-    run(CANDELA, "stream", film, FOLDER / "undisturbed", timeout=900)
-    return film, digests(FOLDER / "undisturbed")
-
-
 def a_stop_under_load_loses_no_frame() -> None:
     keys, volume = resume_keys()
-    film, expected = make_film("320x180", 12, 4)
+    film, expected = make_film(CANDELA, FOLDER, "320x180", 12, 4)
     with (podman.process(CANDELAD, "--listen", "127.0.0.1:0", "--resume-keys", keys, "--log-level", "off") as host,
           containers(Container("--resume-keys=/keys", options=(volume,))) as (candelad,)):
         other = host.stdout.readline().removeprefix("listening on ").strip()
-        sessions = Sessions(4, film, "--server", f"{candelad.address},{other}")
+        sessions = Sessions(CANDELA, FOLDER, 4, film, "--server", f"{candelad.address},{other}")
         try:
             wait_until(lambda: sessions.going(8), "every session has results")
             candelad.stop()
@@ -286,12 +209,12 @@ def behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame() -> None:
         "subjectAltName=IP:127.0.0.1", "-keyout", FOLDER / "key.pem", "-out", FOLDER / "ca.pem")
     certificate.write_text((FOLDER / "ca.pem").read_text() + (FOLDER / "key.pem").read_text())
     volume = resume_keys()[1]
-    film, expected = make_film("320x180", 35, 8)
+    film, expected = make_film(CANDELA, FOLDER, "320x180", 35, 8)
     replicas = [Container("--resume-keys=/keys", "--pre-drain=2s", options=(volume,)) for _ in range(2)]
     with containers(*replicas), podman.process("haproxy", "-db", "-f", proxy_config(replicas, port, certificate)):
         server = ("--server", f"127.0.0.1:{port}", "--tls-ca", FOLDER / "ca.pem")
         wait_until(lambda: attempt(CANDELA, "health", *server).returncode == 0, "the proxy serves")
-        sessions = Sessions(8, film, *server)
+        sessions = Sessions(CANDELA, FOLDER, 8, film, *server)
         try:
             wait_until(lambda: sessions.going(4), "every session has results")
             shares = [replica.metric("candela_sessions") for replica in replicas]
@@ -370,7 +293,7 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
     podman.expect_package_mirror()
     (FOLDER / "Containerfile").write_text(MACHINE)
     podman.build(f"{podman.IMAGE}-systemd", FOLDER / "Containerfile", podman.ROOT / "deploy")
-    film, expected = make_film("320x180", 20, 1)
+    film, expected = make_film(CANDELA, FOLDER, "320x180", 20, 1)
     machine = podman.podman("create", "--privileged", "--systemd=always", f"--volume={FOLDER}:{FOLDER}",
                             f"{podman.IMAGE}-systemd")
 

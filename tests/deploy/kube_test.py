@@ -165,7 +165,7 @@ with tempfile.TemporaryDirectory() as scratch:
     tried = run_candelad({}, "--listen", "127.0.0.1:0", "--resume-keys", str(keys))
     check(tried.returncode != 0 and "resume-keys" in tried.stderr, f"candelad accepts the placeholder as a key: {tried}")
 
-# What the cluster gets. Older versions cannot read the file.
+# The manifest as the cluster gets it. Older versions cannot read the file.
 kubectl = shutil.which("kubectl")
 version = [kubectl, "version", "--client", "--output=json"]
 minor = kubectl and re.search(r'"gitVersion": "v1\.(\d+)', subprocess.run(version, capture_output=True, text=True).stdout)

@@ -25,7 +25,7 @@ fs::path data_folder() {
 }
 
 std::vector<fs::path> good_files() {
-  // Refused by name, and rightly so; the command's tests see to that.
+  // This file is rightly refused; the command's tests check that.
   const std::set<std::string> refused = {"Trunks_deep.exr"};
   std::vector<fs::path> files;
   for (const auto& entry : fs::recursive_directory_iterator(data_folder())) {
@@ -57,7 +57,7 @@ TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
       std::copy(image->chromaticities->begin(), image->chromaticities->end(), chromaticities.xy.begin());
       *settings.mutable_input_chromaticities() = to_message(chromaticities);
     }
-    // Every half there is, side by side: components of +-65504 cancel in the curve's matrix.
+    // This image has every half side by side, and components of +-65504 cancel in the curve's matrix.
     const bool every_half = path.filename() == "AllHalfValues.exr";
     check(frame, settings, fs::relative(path, data_folder()),
           every_half ? Bounds{.max = 0.008, .p999 = 5e-4} : Bounds());

@@ -75,7 +75,7 @@ TEST_F(FrameError, IsWithinItsBoundForEveryBloomSetting) {
   }
 }
 
-// Every pair of a kind of bloom and a way of metering: the Gaussian's threshold depends on what was metered.
+// Every kind of bloom with every kind of metering, because the Gaussian's threshold depends on the metering.
 std::vector<std::pair<std::string, v1::Settings>> bloom_and_metering() {
   std::vector<std::pair<std::string, v1::Settings>> all;
   for (v1::Bloom::Kind kind : {v1::Bloom::KIND_MIP, v1::Bloom::KIND_CONSERVE, v1::Bloom::KIND_GAUSSIAN}) {

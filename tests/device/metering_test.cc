@@ -45,8 +45,8 @@ class Metering : public DeviceTest {
             {m.spot().x0(), m.spot().y0(), m.spot().x1(), m.spot().y1()}};
   }
 
-  // The sum of all weights, and with texel (x, y)'s luminance of 2^4 among ones, the mean is 4 times its
-  // share.
+  // If texel (x, y) has luminance 2^4 and all others have 1, the mean is 4 times the texel's share of the sum
+  // of all weights.
   static void expect_weights(uint32_t width, uint32_t height, const v1::Metering& metering) {
     uint64_t total = 0;
     for (uint32_t y = 0; y < height; ++y) {
@@ -88,7 +88,8 @@ TEST_F(Metering, WeightsSumExactlyAtLargeSizes) {
   }
 }
 
-// The plain definition: all texels in rising luminance, a texel's weight a step along the way from 0 to 1.
+// The definition, literally: all texels in order of luminance, and each texel's weight is a step on the way
+// from 0 to 1.
 double sorted_percentile_mean(const reference::Scene& scene, const v1::Metering& metering) {
   std::vector<std::pair<double, double>> texels;  // log2 luminance, weight
   double total = 0.0;
@@ -155,7 +156,7 @@ TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {
     v1::Metering percentile;
     percentile.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
     const double mean = report(frame, percentile).stats.mean_log2_luminance;
-    // A step of the fade is 1/1000 EV; halves round each texel, which the mean of thousands hides.
+    // A step of the fade is 1/1000 EV. Halves round each texel, but the mean of thousands averages that out.
     if (step > 0) {
       EXPECT_NEAR(mean - last, 1.0 / 1000, 3e-4) << step;
     }

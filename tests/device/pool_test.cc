@@ -112,7 +112,7 @@ TEST_F(Pool, AFinishedFrameHoldsItsImageOnly) {
   const std::vector<std::byte> before = image(rendered->memory);
   rendered->memory.keep_output_only();
   EXPECT_EQ(pool().counters().bytes_in_use, 200u * 100u * 4u);
-  // What another frame does with the textures that were given back does not reach it.
+  // It is not affected if another frame uses the textures that were given back.
   ASSERT_TRUE(render(flat(200, 100, {1, 2, 3, 1}), {}).ok());
   EXPECT_EQ(image(rendered->memory), before);
 }

@@ -1,36 +1,25 @@
-// What must hold of every frame, whatever is in it.
+// Properties that hold for every frame, whatever it contains.
 #include <gtest/gtest.h>
 #include <half.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <stdexcept>
 
 #include "proto/candela/v1/settings.h"
 #include "server/render/device/frame_textures.h"
 #include "shaders/reference.h"
-#include "tests/support/device_fixture.h"
+#include "tests/device/properties_fixture.h"
 
 namespace candela::testing {
 namespace {
 
-class Properties : public DeviceTest {
- protected:
-  // Throws where it cannot render, which fails this test and no other.
-  static Rendered must_render(const WireFrame& frame, const v1::Settings& settings = {}) {
-    auto rendered = render(frame, settings);
-    if (!rendered.ok()) throw std::runtime_error(rendered.status().ToString());
-    return *std::move(rendered);
-  }
-};
-
-// A uniform frame's mean is its one value's logarithm, however many texels are summed: a texel lost, doubled
-// or taken from the padding would show, and so would a sum that overflows.
+// A uniform frame's mean is the logarithm of its value, however many texels are summed. So this test notices
+// a texel that is lost, counted twice or read from the padding, and a sum that overflows.
 TEST_F(Properties, MeterCountsEveryTexelOnceAtEverySize) {
   for (uint32_t height = 1; height <= 67; ++height) {
     for (uint32_t width = 1; width <= 67; ++width) {
-      // Texel (0, 0) differs, so that its weight shows as well.
+      // Texel (0, 0) differs, so that its weight is also checked.
       const auto texel = [](uint32_t x, uint32_t y) -> Texel {
         const float v = x == 0 && y == 0 ? 1024.0f : 0.25f;
         return {v, v, v, 1};
@@ -47,7 +36,7 @@ TEST_F(Properties, MeterCountsEveryTexelOnceAtEverySize) {
 TEST_F(Properties, MeterDoesNotOverflowOnLargeUniformFrames) {
   for (float v : {0.0f, 0.18f, 65504.0f}) {
     const Rendered r = must_render(flat(1920, 1080, {v, v, v, 1}));
-    // The wire carries halves; black is metered at the floor.
+    // The wire carries halves. Black is metered at the floor.
     const double half = imath_half_to_float(imath_float_to_half(v));
     EXPECT_NEAR(r.report.stats.mean_log2_luminance, std::log2(std::max(half, 1e-4)), 2e-5) << v;
   }
@@ -95,7 +84,7 @@ TEST_F(Properties, FlatFieldStaysFlatAtEverySizeForEveryKindOfBloom) {
   }
 }
 
-// Conserving bloom moves light and makes none: a flat field keeps its value.
+// Conserving bloom moves light without adding any, so a flat field keeps its value.
 TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
   v1::Settings settings;
   settings.set_curve(v1::TONE_CURVE_LINEAR);
@@ -141,14 +130,14 @@ TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
     }
     const double count = 512.0 * 512.0 * 3.0;
     EXPECT_NEAR(sum / count, 0.0, 0.003);
-    // A triangle's 1/6 and the rounding's 1/12: the noise does not depend on what is below a code.
+    // The triangle's variance of 1/6 plus the rounding's 1/12. It does not depend on the fraction of a code.
     EXPECT_NEAR(squares / count, 0.25, 0.005);
   }
   EXPECT_NE(images[0], images[1]);
   EXPECT_EQ(images[0], image(render(frame, settings)->memory));
 }
 
-// A small light that moves by eighths of a pixel: how much does the picture's light vary? The number is
+// Measures how much the picture's light varies while a small light moves by eighths of a pixel. The number is
 // stated in docs/pipeline.md.
 TEST_F(Properties, AMovingHighlightFlickersByAtMostTheStatedNumber) {
   const auto flicker = [](bool firefly) {
@@ -206,7 +195,8 @@ TEST_F(Properties, SameInputGivesTheSameBits) {
 }
 
 TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
-  // Everything is below the threshold and its knee, so the dense run adds zeros. The last texel decides.
+  // Everything is below the threshold and its knee, so the dense run adds zeros. Only the last
+  // texel may bloom.
   const auto scene = [](float last) {
     return make_frame(333, 257, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
       const float v = x == 332 && y == 256 ? last : 0.4f * noise(x, y, 0);
@@ -223,71 +213,11 @@ TEST_F(Properties, SkippingBloomWhereNothingIsBrightChangesNoBit) {
   EXPECT_TRUE(must_render(scene(30.0f), with).report.plan.bloom());
 }
 
-TEST_F(Properties, OneBadPixelChangesNoOtherPixelsIngest) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
-  const auto scene = [](float bad) {
-    return make_frame(131, 67, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
-      if (x == 70 && y == 33) return {bad, bad, bad, 1};
-      return {noise(x, y, 0), noise(x, y, 1), noise(x, y, 2), 1};
-    });
-  };
-  const std::vector<std::byte> clean = image(must_render(scene(0.5f), settings).memory);
-  for (float bad : {NAN, INFINITY, -INFINITY, 1e30f, -1e30f}) {
-    std::vector<std::byte> damaged = image(must_render(scene(bad), settings).memory);
-    const size_t at = 4 * (33 * 131 + 70);
-    std::memcpy(&damaged[at], &clean[at], 4);
-    EXPECT_EQ(damaged, clean) << bad;
-  }
-}
-
-TEST_F(Properties, NaNNeverReachesTheNextFrame) {
-  const WireFrame good = natural(131, 67);
-  const Rendered before = must_render(good);
-  must_render(flat(131, 67, {NAN, NAN, NAN, NAN}));
-  const Rendered after = must_render(good);
-  EXPECT_EQ(image(before.memory), image(after.memory));
-  EXPECT_EQ(before.report.exposure, after.report.exposure);
-}
-
-TEST_F(Properties, ABadPixelCountsAsBlackOrBrightest) {
-  const auto scene = [](float v) {
-    return make_frame(40, 30, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
-      const float c = x == 3 && y == 29 ? v : 0.5f;
-      return {c, c, c, 1};
-    });
-  };
-  EXPECT_EQ(must_render(scene(NAN)).report.exposure, must_render(scene(0)).report.exposure);
-  EXPECT_EQ(must_render(scene(-INFINITY)).report.exposure, must_render(scene(-65504)).report.exposure);
-  EXPECT_EQ(must_render(scene(INFINITY)).report.exposure, must_render(scene(65504)).report.exposure);
-}
-
-TEST_F(Properties, RejectNamesTheFirstBadPixel) {
-  v1::Settings settings;
-  settings.set_bad_values(v1::BAD_VALUES_REJECT);
-  const WireFrame frame = make_frame(200, 150, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
-    const bool bad = (x == 199 && y == 70) || (x == 0 && y == 71) || (x == 64 && y == 149);
-    return {1, bad ? INFINITY : 1, bad ? NAN : 1, 1};
-  });
-  const auto rendered = render(frame, settings);
-  ASSERT_EQ(rendered.status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_NE(std::string(rendered.status().message()).find("x 199, y 70"), std::string::npos)
-      << rendered.status();
-  EXPECT_NE(std::string(rendered.status().message()).find("3 NaN and 3 infinite"), std::string::npos);
-}
-
-TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
-  v1::Settings settings;
-  settings.set_bad_values(v1::BAD_VALUES_REJECT);
-  EXPECT_TRUE(render(flat(9, 9, {1e30f, -1e30f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings).ok());
-}
-
 TEST_F(Properties, AlphaPassesThroughInEveryFormat) {
   for (v1::PixelFormat in : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
     for (v1::OutputFormat out :
          {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
-      // Halves, and two that the unorm formats clamp.
+      // Halves, two of which the unorm formats clamp.
       const auto alpha = [](uint32_t x) {
         return x == 256 ? 2.0f : x == 255 ? -1.0f : static_cast<float>(x) / 256;
       };
@@ -325,7 +255,7 @@ TEST_F(Properties, PrescaleIsExposureByAnotherName) {
   EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
 }
 
-// More is written than can be bound at once on every device.
+// The image is larger than some devices can bind at once.
 TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
   constexpr uint32_t kWidth = 8192, kHeight = 2200;
   const WireFrame tile = natural(kWidth, 64, v1::PIXEL_FORMAT_RGB9E5);
@@ -344,22 +274,6 @@ TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
     const std::span<const std::byte> is = large.memory.output_row(y),
                                      should = small.memory.output_row(y % 64);
     ASSERT_TRUE(std::equal(is.begin(), is.end(), should.begin(), should.end())) << "row " << y;
-  }
-}
-
-TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {
-  // Widths of 129 to 132 share their textures, and 132 fills the columns that are padding for 129.
-  for (v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
-    for (float bad : {NAN, INFINITY, -INFINITY, -0.0f}) {
-      must_render(flat(132, 67, {bad, bad, bad, bad}, format));
-      const FrameReport report = must_render(flat(129, 67, {0.25f, 0.25f, 0.25f, 1}, format)).report;
-      EXPECT_NEAR(report.stats.mean_log2_luminance, -2, 2e-5);
-      EXPECT_FLOAT_EQ(report.stats.min_luminance, 0.25f);
-      EXPECT_FLOAT_EQ(report.stats.max_luminance, 0.25f);
-      EXPECT_EQ(report.stats.nan_components + report.stats.infinite_components, 0u);
-      EXPECT_FALSE(report.plan.bloom());
-      EXPECT_EQ(report.plan.resolve.inputs.constants.scrub, 0u);
-    }
   }
 }
 
@@ -403,7 +317,7 @@ TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
   settings.mutable_bloom()->set_intensity(0);
   settings.set_curve(v1::TONE_CURVE_LINEAR);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-  // Every half in [0, 1], subnormal ones among them, must come back as it is: ingest is exact.
+  // Every half in [0, 1], including subnormal ones, must come back unchanged, because ingest is exact.
   const uint32_t count = 0x3c00 + 1;
   WireFrame frame{{count, 1, v1::PIXEL_FORMAT_RGBA16F}, {}};
   frame.pixels.resize(frame.desc.bytes());
@@ -428,55 +342,6 @@ TEST_F(Properties, Frame8KPasses) {
     const auto row = r.memory.output_row(y);
     for (uint32_t x = 0; x < 7680; ++x)
       ASSERT_EQ(std::to_integer<uint8_t>(row[4 * x]), code) << x << ", " << y;
-  }
-}
-
-TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
-  for (v1::ToneCurve curve : kCurves) {
-    v1::Settings settings;
-    settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-    settings.mutable_exposure()->set_manual_ev(40);
-    settings.set_prescale(0x1p40);
-    settings.mutable_bloom()->set_intensity(10);
-    settings.set_curve(curve);
-    settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
-    const Rendered r = must_render(flat(35, 19, {65504, 65504, 65504, 1}), settings);
-    const reference::Rgb limit =
-        reference::tone_curve(static_cast<uint32_t>(curve), {0x1p60, 0x1p60, 0x1p60});
-    for (size_t k = 0; k < 3; ++k) {
-      uint16_t code;
-      std::memcpy(&code, &r.memory.output_row(9)[17 * 8 + 2 * k], 2);
-      const double expected = reference::transfer(shader::TRANSFER_SRGB, limit[k]);
-      EXPECT_NEAR(code / 65535.0, expected, 1e-4) << v1::word_of(curve);
-    }
-  }
-}
-
-TEST_F(Properties, EveryHardCaseIsFiniteUpToTheLargestExposure) {
-  for (const HardCase& hard : hard_cases(67, 35)) {
-    for (double ev : {-40.0, 0.0, 40.0}) {
-      for (v1::ToneCurve curve : kCurves) {
-        v1::Settings settings;
-        settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-        settings.mutable_exposure()->set_manual_ev(ev);
-        settings.set_prescale(ev > 0 ? 0x1p40 : 1.0);
-        settings.mutable_bloom()->set_intensity(10);
-        settings.set_curve(curve);
-        settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-        const Rendered r = must_render(make_frame(67, 35, v1::PIXEL_FORMAT_RGBA32F, hard.texel), settings);
-        for (uint32_t y = 0; y < 35; ++y) {
-          const auto row = r.memory.output_row(y);
-          for (size_t i = 0; i < 67 * 4; ++i) {
-            uint16_t bits;
-            std::memcpy(&bits, &row[2 * i], 2);
-            ASSERT_LT(bits & 0x7fff, 0x7c00) << hard.name << " at 2^" << ev;
-            if (i % 4 != 3) {
-              ASSERT_LE(bits, 0x3c00) << hard.name << " at 2^" << ev;
-            }
-          }
-        }
-      }
-    }
   }
 }
 

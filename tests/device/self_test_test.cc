@@ -1,4 +1,4 @@
-// The self-test renders, passes on a device that is right, and would not pass a wrong image.
+// The self-test passes on a correct device and refuses a wrong image.
 #include "server/render/self_test.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ TEST_F(SelfTest, SeesOneWrongPixel) {
   auto rendered = render(natural(67, 35), {});
   ASSERT_TRUE(rendered.ok()) << rendered.status();
   EXPECT_TRUE(hold_to_reference(rendered->memory, rendered->report).ok());
-  // The device made something else of this texel than the reference will.
+  // The device rendered this texel differently from the reference.
   rendered->memory.input_row(20)[5 * 8 + 1] ^= std::byte{0x08};
   const absl::Status status = hold_to_reference(rendered->memory, rendered->report);
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);

@@ -1,4 +1,4 @@
-// Bloom is made only where light reaches; not one bit shows it.
+// Rendering bloom only in the area that light reaches changes no bit.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -12,7 +12,7 @@ namespace {
 
 class SparseBloom : public DeviceTest {
  protected:
-  // The image where every tile counts as lit, so that every pass makes all of its level.
+  // The image if every tile counts as lit, so that every pass writes its whole level.
   static std::vector<std::byte> dense(const WireFrame& frame, const v1::Settings& settings) {
     absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, checked(settings));
     EXPECT_TRUE(memory.ok()) << memory.status();
@@ -30,7 +30,7 @@ class SparseBloom : public DeviceTest {
     return image(*memory);
   }
 
-  // Also that part of the frame was left out, where `sparse`.
+  // If `sparse`, also checks that a part of the frame was left out.
   static void expect_same(const WireFrame& frame, const v1::Settings& settings, bool sparse,
                           const std::string& what) {
     const auto rendered = render(frame, settings);
@@ -42,7 +42,7 @@ class SparseBloom : public DeviceTest {
   }
 };
 
-// A dim picture, negative components among it, and lights of `size` texels.
+// A dim picture with some negative components, and lights of `size` texels.
 WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
                  uint32_t size, Texel light, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F) {
   return make_frame(width, height, format, [&](uint32_t x, uint32_t y) -> Texel {
@@ -93,8 +93,8 @@ TEST_F(SparseBloom, IsTheDenseOneWhereverTheLightsAre) {
   }
 }
 
-// A tile is told to be dark by its brightest texel, and what a pass makes of it must be: at the threshold,
-// where its luminance is small because a component is negative, where the primaries make components negative,
+// A tile counts as dark by its brightest texel, and then no pass may find light in it. This holds at the
+// threshold, if a negative component makes the luminance small, if the primaries make components negative,
 // and in each format.
 TEST_F(SparseBloom, IsTheDenseOneAtTheThreshold) {
   for (const float softness : {0.0f, 0.5f, 1.0f}) {

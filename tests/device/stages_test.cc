@@ -13,7 +13,7 @@
 namespace candela::testing {
 namespace {
 
-// pipeline.md allows 2^-9 of the level's maximum; float32 levels do far better, and this holds them to it.
+// pipeline.md allows 2^-9 of the level's maximum. float32 levels are far better, so this bound is tighter.
 constexpr double kBloomBound = 4e-6;
 
 class Stages : public DeviceTest {
@@ -48,8 +48,8 @@ struct Size {
 constexpr Size kSizes[] = {{1, 1},   {1, 7},   {2, 2},     {3, 5},     {8, 3},      {17, 31},
                            {64, 64}, {67, 63}, {129, 127}, {333, 517}, {1000, 501}, {1, 1000}};
 
-// With n levels the coarsest one still holds D_{n-1}: with 1, what bright_pass wrote; with more, what
-// bloom_down did. Level 0 then holds B_0, through every bloom_up. Over all n that is every level of every
+// With n levels, the coarsest one still has D_{n-1}: bright_pass wrote it if n is 1, otherwise bloom_down
+// did. Level 0 has B_0, which every bloom_up contributed to. So all n together check every level of every
 // pass.
 TEST_F(Stages, EveryBloomLevelIsItsTwins) {
   for (const Size& size : kSizes) {
@@ -82,7 +82,7 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
 }
 
 TEST_F(Stages, BloomOfOneBrightTexelSumsToTheStatedGain) {
-  // Far from every edge each filter keeps the sum: each of n levels adds D_0's sum times 4 at level 0.
+  // Far from every edge, each filter keeps the sum. So each of n levels adds 4 times D_0's sum at level 0.
   const WireFrame frame = make_frame(512, 512, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
     const float v = (x | 1) == 257 && (y | 1) == 257 ? 1000.0f : 0.0f;
     return {v, v, v, 1};

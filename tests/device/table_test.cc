@@ -1,5 +1,5 @@
-// The curves that look a table up: aces-1 against OpenColorIO and published renders, a client's own table
-// against its float64 look-up.
+// The curves that use a table: aces-1 against OpenColorIO and published renders, and a client's table against
+// its float64 look-up.
 #include <gtest/gtest.h>
 #include <half.h>
 #include <png.h>
@@ -163,7 +163,7 @@ struct Png {
   uint32_t width = 0;
   uint32_t height = 0;
   std::vector<double> rgb;  // in [0, 1]
-  double half_code = 0.0;   // of its own rounding
+  double half_code = 0.0;   // its rounding error
 };
 
 Png read_png(const fs::path& path) {
@@ -199,7 +199,7 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
   struct Case {
     const char* input;
     const char* render;
-    bool ap0;  // though the file does not say so
+    bool ap0;  // the file is AP0 but does not say so
   };
   const Case cases[] = {{"exr/Carrots.exr", "Carrots", false},
                         {"exr/StillLife.exr", "StillLife", false},
@@ -235,7 +235,7 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     }
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
-    // Scene light, to leave negative components out.
+    // The scene's light, so that negative components can be left out.
     const std::optional<reference::Matrix> matrix = checked(settings).to_scene();
     reference::BadCounts bad;
     const reference::Scene scene =

@@ -1,4 +1,4 @@
-// Tiers: each does what its numbers say, and its error against the whole pipeline is what is published.
+// Each tier renders as its numbers say, and its error against the whole pipeline is as published.
 #include "server/render/settings/tiers.h"
 
 #include <gtest/gtest.h>
@@ -17,13 +17,13 @@
 namespace candela::testing {
 namespace {
 
-// The sRGB polynomial's own error in codes, and that of everything else.
+// The error of the sRGB polynomial in codes, and the error of everything else.
 double transfer_bound(const Tier& tier) { return tier.transfer_terms == 6 ? 0.083 : 0.0002; }
 constexpr double kRestBound = 4e-4;
 
 class Tiers : public DeviceTest {
  protected:
-  // Nobody's to delete.
+  // A static tier, which must not be deleted.
   static std::shared_ptr<Renderer> shared_renderer() {
     return {&renderer(), [](Renderer*) {}};
   }
@@ -87,7 +87,7 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
   }
 }
 
-// One that is flat hides errors that another shows.
+// A flat table hides errors that a steep one shows.
 TEST_F(Tiers, NumbersOfATableAreItsOwn) {
   TierBenchmark benchmark(shared_renderer, "a device", "");
   const auto error_of_draft = [&benchmark](const ColorTable& table) {

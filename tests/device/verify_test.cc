@@ -1,4 +1,4 @@
-// Verification sees what is wrong with an image, where, and by how much.
+// Verification finds an image's errors, their places and their sizes.
 #include "server/render/reference/verify.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ class Verified : public DeviceTest {
     return verify_frame(rendered.memory, rendered.report.plan, rendered.report.stats).rounded;
   }
 
-  // Component k of a texel of the unquantised image, to be broken.
+  // Component k of a texel of the unquantised image, for a test to change.
   static void set_exact(const Rendered& rendered, uint32_t x, uint32_t y, size_t k, float value) {
     const FrameTextures& textures = rendered.memory.textures();
     const size_t index = (size_t{y} * textures.layout.pitch + x) * 4 + k;
@@ -92,7 +92,7 @@ TEST_F(Verified, OneWrongTexelIsTheWorstAndOnTheMap) {
 
 TEST_F(Verified, AThousandthOfTheComponentsMovesP999) {
   Rendered rendered = must_render(natural(67, 35));
-  // 7035 components: nine of them are beyond p99.9, the ninth is it.
+  // There are 7035 components, so p99.9 is the ninth largest error.
   for (uint32_t i = 0; i < 9; ++i) {
     const Verification error = again(rendered);
     EXPECT_LE(error.p999_codes, 4e-4) << i;
@@ -111,7 +111,7 @@ TEST_F(Verified, ANaNIsTheWorstThereIs) {
   EXPECT_EQ(mapped(rendered, 60, 30), INFINITY);
   for (uint32_t x = 0; x < 9; ++x) set_exact(rendered, x, 0, 0, NAN);
   EXPECT_EQ(again(rendered).p999_codes, INFINITY);
-  // Alpha is not looked at.
+  // Alpha is not compared.
   Rendered other = must_render(natural(67, 35));
   set_exact(other, 60, 30, 3, NAN);
   EXPECT_LE(again(other).max_codes, 4e-4);
@@ -142,7 +142,7 @@ TEST_F(Verified, DitherIsNoDifference) {
     EXPECT_LE(error.max_codes, 4e-4);
     EXPECT_LE(error.max_difference, 1);
     EXPECT_LE(static_cast<double>(error.differing), format == v1::OUTPUT_FORMAT_RGBA8 ? 130 : 12000);
-    // Another frame's noise is a difference.
+    // The noise of another frame counts as a difference.
     Plan next = rendered->report.plan;
     next.reference.dither_frame = 8;
     const Verification other = verify_frame(rendered->memory, next, rendered->report.stats).rounded;
@@ -166,7 +166,7 @@ TEST_F(Verified, WrongMeteringAndWrongBloomAreSeen) {
 TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
   v1::Settings settings;
   settings.set_tier("draft");
-  // A smooth light: what is left out hardly shows.
+  // The light is smooth, so the skipped level hardly matters.
   const WireFrame frame = make_frame(256, 200, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
     const float dx = static_cast<float>(x) - 128.0f, dy = static_cast<float>(y) - 100.0f;
     const float v = 30.0f * std::exp(-(dx * dx + dy * dy) / 1500.0f);
@@ -176,7 +176,7 @@ TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
   EXPECT_GT(smooth.bloom_error, 4e-6);
   EXPECT_LT(smooth.bloom_error, 0.02);
   EXPECT_GT(must_render(natural(256, 200), settings).report.verification->rounded.bloom_error, 0.02);
-  // Against the twin of its own numbers it is right.
+  // It matches the twin with the same numbers.
   Rendered rendered = must_render(frame, settings);
   EXPECT_LE(verify_frame(rendered.memory, rendered.report.plan, rendered.report.stats, 4).rounded.bloom_error,
             4e-6);
@@ -188,7 +188,7 @@ TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
   EXPECT_LT(floats.verification->unrounded.max_codes, 0.5);
   const FrameReport halves = must_render(natural(67, 35)).report;
   EXPECT_EQ(halves.verification->unrounded.max_codes, halves.verification->rounded.max_codes);
-  v1::Settings settings;  // a matrix makes other numbers of halves
+  v1::Settings settings;  // with a matrix, scene values are no longer halves
   settings.set_input_primaries(v1::PRIMARIES_REC2020);
   const FrameReport converted = must_render(natural(67, 35), settings).report;
   EXPECT_GT(converted.verification->unrounded.max_codes, 10 * converted.verification->rounded.max_codes);
@@ -235,7 +235,7 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
   auto memory = (*other)->allocate(desc, {}, Verify::kWithMap);
   ASSERT_TRUE(memory.ok()) << memory.status();
   EXPECT_GE(enough.counters().bytes_in_use, 58 * kPixels);
-  // Beside it there is no room now, but there will be.
+  // There is no room now, but there will be.
   EXPECT_EQ((*other)->allocate(desc, {}, Verify::kYes).status().code(), absl::StatusCode::kUnavailable);
   memory->keep_output_only();
   EXPECT_EQ(enough.counters().bytes_in_use, (4 + 2) * kPixels);

@@ -1,4 +1,4 @@
-// What a fuzz target claims of any input.
+// A check for fuzz targets.
 #pragma once
 
 #include <cstdio>
@@ -7,7 +7,7 @@
 
 namespace candela {
 
-// Ends the process, so that the fuzzer keeps the input: `claim` names what does not hold.
+// If the condition is false, prints `claim` and ends the process, so that the fuzzer keeps the input.
 inline void expect(bool holds, const char* claim, const std::string& details = "") {
   if (holds) return;
   std::fprintf(stderr, "does not hold: %s %s\n", claim, details.c_str());

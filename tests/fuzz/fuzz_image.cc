@@ -1,5 +1,5 @@
-// Image files of any kind from any bytes. The limits are small, so that memory beyond the fuzzer's own limits
-// (run.sh) is memory that a file took without having its pixels.
+// Reads any bytes as image files of every kind. The limits on pixels are small. So if a file exceeds the
+// fuzzer's memory limit (run.sh), the reader took memory for pixels that the file does not have.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -40,7 +40,7 @@ class MemoryFile {
   const std::string path_;
 };
 
-// One line that no file can make anything else of.
+// An error must be one line, whatever is in the file.
 bool is_plain(absl::string_view text) { return std::ranges::all_of(text, absl::ascii_isprint); }
 
 void check_image(const Image& image) {

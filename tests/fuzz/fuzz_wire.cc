@@ -1,5 +1,5 @@
-// Both ends of a Render call, what opens a stream, and a session's client, reading any bytes; wire_input.h
-// says how an input is taken apart.
+// Reads any bytes as either end of a Render call, as a stream's open message, and as a session's client.
+// wire_input.h describes the input.
 #include <google/protobuf/empty.pb.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/stubs/logging.h>
@@ -40,7 +40,7 @@ using google::protobuf::io::CodedInputStream;
 
 constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
 
-// As gRPC delivers it: in slices of no particular size, here each in memory of its own.
+// A message as gRPC delivers it, in slices of any size. Here each slice has separate memory.
 grpc::ByteBuffer in_slices(const std::string& message, size_t slice_bytes) {
   std::vector<grpc::Slice> slices;
   for (size_t at = 0; at < message.size(); at += slice_bytes) {
@@ -59,8 +59,8 @@ std::string bytes_of(const grpc::ByteBuffer& buffer) {
   return bytes;
 }
 
-// Where our codec may take a message that the generated classes do not: it skips what is inside the other
-// members of the oneof, and unknown fields whose tag is a varint of more than five bytes.
+// Whether our codec may accept a message that the generated classes refuse. It skips the contents of the
+// other members of the oneof, and unknown fields with a tag longer than five bytes.
 bool may_be_looser(v1::BandKind kind, const std::string& bytes) {
   google::protobuf::Empty message;
   message.ParseFromString(bytes);
@@ -69,7 +69,7 @@ bool may_be_looser(v1::BandKind kind, const std::string& bytes) {
     const auto number = static_cast<uint32_t>(fields.field(i).number());
     if (number != kind.field && number <= kind.members) return true;
   }
-  int high = 0;  // bytes in a row that say that a varint goes on
+  int high = 0;  // bytes in a row that continue a varint
   for (const char byte : bytes) {
     high = static_cast<uint8_t>(byte) >= 0x80 ? high + 1 : 0;
     if (high == 5) return true;
@@ -91,7 +91,7 @@ absl::StatusOr<v1::Band> read_band(v1::BandKind kind, const std::string& bytes, 
   return band;
 }
 
-// The generated classes' view of a message: the band of that kind.
+// The band of that kind in a message, as the generated classes read it.
 std::optional<v1::Band> parse_band(v1::BandKind kind, const std::string& bytes) {
   v1::RenderRequest request;
   v1::RenderResponse response;
@@ -111,7 +111,7 @@ std::string serialize_band(v1::BandKind kind, const v1::Band& band) {
   return message.SerializeAsString();
 }
 
-// Our codec takes what the generated classes take and sees the same in it. Gives the band that it reads.
+// Checks that our codec accepts what the generated classes accept and reads the same. Returns the band.
 std::optional<v1::Band> check_codec(v1::BandKind kind, const std::string& bytes, size_t slice_bytes) {
   const absl::StatusOr<v1::Band> band = read_band(kind, bytes, slice_bytes);
   const std::optional<v1::Band> theirs = parse_band(kind, bytes);
@@ -133,14 +133,14 @@ std::optional<v1::Band> check_codec(v1::BandKind kind, const std::string& bytes,
   return *band;
 }
 
-// What the settings make of a dark, a plain and a bright frame.
+// Exposes a dark, a plain and a bright frame with the settings.
 void check_exposure(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous) {
   for (const double mean_log2_luminance : {-40.0, 0.0, 16.0}) {
     const double target = exposure_target(settings, mean_log2_luminance);
     expect(std::isfinite(target) && target > 0, "the target is a factor", absl::StrCat(target));
     const double exposure = adapt_exposure(settings.adaptation, previous, target);
     const double from = previous ? previous->exposure : target;
-    // Its last digit may be off where it arrives.
+    // The last digit may be off by rounding.
     expect(
         exposure >= std::min(from, target) * (1 - 1e-12) && exposure <= std::max(from, target) * (1 + 1e-12),
         "exposure goes towards its target and not beyond", absl::StrCat(from, " ", exposure, " ", target));
@@ -168,7 +168,7 @@ bool fits(const v1::Band& band, const RenderStart& start, uint32_t next_row) {
          bytes / start.row_stride_bytes <= start.desc.height - next_row;
 }
 
-// The server: a start, then bands into rows that are each exactly as large as they are.
+// The server reads a start message and then bands, into rows of exactly their size.
 void serve(const WireInput& input) {
   const std::span<const std::string> messages = input.messages;
   if (messages.empty()) return;
@@ -196,7 +196,8 @@ void serve(const WireInput& input) {
     const std::optional<v1::Band> band = check_codec(v1::kFrameBand, message, input.slice_bytes);
     if (!status.ok()) {
       expect(absl::IsInvalidArgument(status), "a band is refused as an invalid argument", status.ToString());
-      // It may have held a field that a later one replaced; without that a band that fits is taken.
+      // The message may have contained a field that a later one replaced. Otherwise a band that fits
+      // is accepted.
       if (!band || band->first_row() != next_row || !fits(*band, *start, next_row)) return;
       buffer = v1::make_band(v1::kFrameBand, band->first_row(), grpc::Slice(band->pixels()));
       expect(reader.read(buffer, row).ok(), "a band that fits is taken");
@@ -216,7 +217,7 @@ void serve(const WireInput& input) {
   }
 }
 
-// The server: what opens a stream, and a resume token of any bytes.
+// The server reads a stream's open message and a resume token of any bytes.
 void open_stream(const WireInput& input) {
   if (input.messages.empty()) return;
   grpc::ByteBuffer first = in_slices(input.messages[0], input.slice_bytes);
@@ -240,7 +241,7 @@ void open_stream(const WireInput& input) {
   expect(check_settings(start->settings.settings).ok(), "the settings are good");
 }
 
-// The client: a header, then bands of the image and of the error map.
+// The client reads a header, then bands of the image and of the error map.
 void receive(const WireInput& input) {
   ResultReader reader({input.width, input.height, input.error_map, input.error_map});
   std::string image, map;
@@ -272,7 +273,7 @@ void receive(const WireInput& input) {
          "the map holds what was sent");
 }
 
-// What an answer has to be, whoever sent it; `sent` are the bytes of its bands or parts.
+// Checks an answer, whoever sent it; `sent` are the bytes of its bands or parts.
 void check_answer(const FrameAnswer& answer, const SessionFrame& due, const std::string& sent) {
   if (!answer.status.ok()) {
     expect(answer.image.bytes == 0, "a frame that failed has no image");
@@ -289,7 +290,7 @@ void check_answer(const FrameAnswer& answer, const SessionFrame& due, const std:
          "the image holds what was sent");
 }
 
-// What a message adds to a session's image: a band, known by its first byte, or a part of a file.
+// The bytes that a message adds to a session's image: a band, known by its first byte, or a part of a file.
 std::string image_bytes(const std::string& message, size_t slice_bytes) {
   constexpr char kBandTag = v1::kStreamImageBand.field << 3 | 2;
   if (message.starts_with(kBandTag)) {
@@ -301,7 +302,7 @@ std::string image_bytes(const std::string& message, size_t slice_bytes) {
   return response.encoded().data();
 }
 
-// A session's client: every frame has one answer, in order, of what came between it and the one before.
+// A session's client reads one answer for each frame, in order, made of the messages since the previous one.
 void follow(const WireInput& input) {
   StreamReader reader;
   SessionFrame due{.width = input.width, .height = input.height, .pixels = {}, .owner = {}};
@@ -335,7 +336,7 @@ void follow(const WireInput& input) {
 }  // namespace
 }  // namespace candela
 
-// protobuf would report every string that is not UTF-8.
+// Without this, protobuf logs every string that is not UTF-8.
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
   google::protobuf::SetLogHandler(nullptr);
   return 0;

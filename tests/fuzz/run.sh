@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Runs fuzz_image or fuzz_wire for CANDELA_FUZZ_SECONDS (30): run.sh BUILD-FOLDER image|wire [LIBFUZZER OPTION...]
 #
-# Starts from the seeds of the build and, for images, from the damaged ones in CANDELA_DATA. What covers more code is
-# kept in BUILD-FOLDER/corpus for the next run. An input that crashes, takes too long or too much memory is left
+# Starts from the seeds of the build and, for images, from the damaged ones in CANDELA_DATA. Inputs that cover new
+# code are kept in BUILD-FOLDER/corpus for the next run. An input that crashes, takes too long or too much memory is left
 # in BUILD-FOLDER/findings.
 set -euo pipefail
 here=$(dirname "$0")
@@ -26,7 +26,7 @@ if [ "$kind" = image ]; then
   # fuzz_image reads at most 8 MiB of pixels from chunks of at most 8 MiB. The largest damaged file has 250 KB.
   options+=(-dict="$here/image.dict" -max_len=262144 -malloc_limit_mb=32 -rss_limit_mb=512)
 else
-  # protobuf reserves 50 MB for a string that says it is so long, touches none of it and gives it back.
+  # protobuf reserves 50 MB for a string that claims that length, and frees it untouched.
   options+=(-max_len=4096 -malloc_limit_mb=64 -rss_limit_mb=512)
 fi
 exec "$build/bin/fuzz_$kind" "${options[@]}" "$@" "$corpus" "${inputs[@]}"

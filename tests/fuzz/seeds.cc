@@ -1,7 +1,5 @@
-// Writes what the fuzzers start from: fuzz_seeds FOLDER makes FOLDER/image and FOLDER/wire.
+// Writes the fuzzers' seeds: `fuzz_seeds FOLDER` makes FOLDER/image and FOLDER/wire.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfDeepFrameBuffer.h>
-#include <OpenEXR/ImfDeepScanLineOutputFile.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
@@ -53,23 +51,6 @@ void write_parts(const std::string& path, const std::vector<ExrChannel>& channel
   }
 }
 
-// Without a sample in it.
-void write_deep(const std::string& path) {
-  Imf::Header header(4, 4);
-  header.channels().insert("R", Imf::Channel(Imf::HALF));
-  header.setType(Imf::DEEPSCANLINE);
-  header.compression() = Imf::ZIPS_COMPRESSION;
-  std::vector<unsigned> counts(16, 0);
-  std::vector<void*> samples(16, nullptr);
-  Imf::DeepFrameBuffer frame;
-  frame.insertSampleCountSlice(Imf::Slice::Make(Imf::UINT, counts.data(), header.dataWindow()));
-  frame.insert("R", Imf::DeepSlice(Imf::HALF, reinterpret_cast<char*>(samples.data()), sizeof(void*),
-                                   sizeof(void*) * 4, sizeof(uint16_t)));
-  Imf::DeepScanLineOutputFile file(path.c_str(), header);
-  file.setFrameBuffer(frame);
-  file.writePixels(4);
-}
-
 void write_open_exr(const std::string& folder) {
   const auto one = [](int, int) { return 1; };
   for (int c = 0; c < Imf::NUM_COMPRESSION_METHODS; ++c) {
@@ -112,7 +93,7 @@ void write_radiance(const std::string& folder) {
   const std::string line("\x02\x02\x00\x09", 4), component("\x85\x40\x04\x01\x02\x03\x04", 7);
   const std::string coded = line + component + component + component + component;
   write_file(folder + "/by_component.hdr", start + "+Y 2 -X 9\n" + coded + coded);
-  // A pixel, then 258 more of it: 2, and 1 of the next higher byte.
+  // A pixel and 258 repetitions of it: 2, and 1 in the next higher byte.
   write_file(folder + "/by_pixel.hdr", start + "+X 1 -Y 259\n" + pixel + std::string("\1\1\1\2\1\1\1\1", 8));
   write_file(
       folder + "/xyze.hdr",
@@ -136,7 +117,7 @@ std::string band(uint32_t first_row, size_t bytes) {
   return message.SerializeAsString();
 }
 
-// Every field, so that the fuzzer knows them all, but those that do not go with others.
+// Every field except those that conflict with others, so that the fuzzer knows them all.
 void set_all(v1::Settings& settings) {
   v1::Exposure& exposure = *settings.mutable_exposure();
   exposure.set_mode(v1::Exposure::MODE_MANUAL);
@@ -258,7 +239,7 @@ v1::StreamResponse stream_header(uint64_t sequence, uint64_t encoded_bytes) {
   return response;
 }
 
-// A session's three results: in bands, as a file, and a failure; then the server goes away.
+// A session's three results: an image in bands, an image as a file, and a failure. Then the connection ends.
 void write_session(const std::string& path) {
   WireInput input{.reader = WireInput::Reader::kSession, .slice_bytes = 7, .width = 3, .height = 4};
   v1::StreamResponse opened, part, failure, away;

@@ -1,10 +1,10 @@
-// The input of fuzz_wire: one Render call as one end of it reads it, or a session as its client does.
-//   byte 0     bit 0: the client reads, not the server; bit 1: it has asked for an error map; bit 2: a
-//   session's
-//              client reads, whatever bit 0 says
-//   byte 1     how gRPC cuts messages: slices of this many bytes, 0 for 256
-//   bytes 2, 3 width and height of the client's frame, less 1; a session's has kSessionFrames of them
-//   then messages, each behind its length of two bytes, low byte first; the last may be cut short
+// The input of fuzz_wire: one Render call as the server or the client reads it, or a session as the client
+// reads it.
+//   byte 0     bit 0: the client reads, not the server; bit 1: the client requested an error map;
+//              bit 2: a session's client reads, regardless of bit 0
+//   byte 1     gRPC's slices of messages have this many bytes, 0 for 256
+//   bytes 2, 3 width and height of the client's frame, minus 1; a session has kSessionFrames frames
+//   then messages, each after its length in two bytes, low byte first; the last may be cut short
 #pragma once
 
 #include <cstddef>
@@ -14,13 +14,13 @@
 
 namespace candela {
 
-// A session's frames that wait for their results, with the sequence numbers 0, 1, ...
+// The number of a session's frames that wait for results; their sequence numbers are 0, 1, ...
 inline constexpr uint64_t kSessionFrames = 3;
 
 struct WireInput {
   enum class Reader { kServer, kClient, kSession };
   Reader reader = Reader::kServer;
-  bool error_map = false;             // a client's wish
+  bool error_map = false;             // the client requested one
   size_t slice_bytes = 256;           // 1 .. 256
   uint32_t width = 1;                 // 1 .. 256
   uint32_t height = 1;                // 1 .. 256

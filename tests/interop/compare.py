@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Streams a sequence with stream_client.py and with `candela stream`, and holds the images against each other.
+"""Streams a sequence with stream_client.py and with `candela stream`, and compares the images.
 
 compare.py CANDELA CANDELAD PROTO_FOLDER TO_PFM [FRAME...]
 Without frames a procedural sequence is made. Needs python3-grpcio and protobuf-compiler-grpc.

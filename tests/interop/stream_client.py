@@ -38,7 +38,7 @@ def read_pfm(path: str) -> tuple[int, int, bytes]:
 
 
 def requests(paths: list[str], fps: float, room: threading.Semaphore, opened: threading.Event):
-    """The session's messages. Waits where as many frames are without a result as the server keeps."""
+    """The session's messages. Waits while the server holds as many frames without a result as it can."""
     yield v1.StreamRequest(open=v1.StreamOpen(session="interop"))
     opened.wait()
     for sequence, path in enumerate(paths):
@@ -78,7 +78,7 @@ def main() -> None:
                 if len(image) == header.width * header.height * 4:
                     due.put(header.sequence)
                     room.release()
-                    # Without alpha, as a picture of a frame without alpha is written.
+                    # Leave out alpha, as `candela stream` does for frames without alpha.
                     rgb = bytearray(3 * header.width * header.height)
                     for channel_index in range(3):
                         rgb[channel_index::3] = image[channel_index::4]

@@ -33,8 +33,8 @@ PAIRED = ["--curve agx", "--curve aces-1", "--metering percentile", "--weights c
 PAIRED_SCENES = ("bad-values.pfm", "letterbox.pfm")
 OTHER_WHOLE_SCENES = ("sample-64x48.pfm", "sample-131x67.pfm")
 LARGE_SCENE = "sample-1920x1080.exr"
-# What real images and the other scenes are rendered with. The images become .pfm files, because halves of linear
-# light show what 8 bits hide.
+# The options for real images and the other scenes. The outputs are .pfm files, because halves of linear light show
+# differences that 8 bits hide.
 SHORT_LIST = [*(f"--curve {curve}" for curve in CURVES), "--metering percentile", "--weights center",
               "--spot 3,2,40,30", "--bloom conserve", "--bloom gaussian", "--bloom-intensity 0", "--tier draft"]
 FEW = ["--curve agx", "--curve aces-1", *SHORT_LIST[len(CURVES):]]  # for large images
@@ -96,7 +96,7 @@ class Case:
 
 def command(text: str, small: bool = False, server: bool = True, json_too: bool = True, only_exit: bool = False,
             program: str = "candela") -> Case:
-    """A case from a command line. {scenes}, {data} and {out} in it are folders, which its name does not hold."""
+    """A case from a command line. {scenes}, {data} and {out} stand for folders and are not part of its name."""
     arguments = tuple(text.split())
     if server:
         arguments += ("--server", "{server}")

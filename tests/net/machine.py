@@ -1,4 +1,4 @@
-"""What the recorded results depend on beside the code: the Vulkan driver, the processor and the C library."""
+"""The parts of a machine that the recorded results depend on: the Vulkan driver, the processor and the C library."""
 import json
 import pathlib
 import platform
@@ -21,6 +21,6 @@ def this_machine(candela: pathlib.Path) -> dict:
 
 
 def difference(recorded: dict, here: dict) -> str:
-    """Why the recorded results need not hold here; empty if they do."""
+    """The reason why results may differ from the recorded ones here; empty if they may not."""
     return "; ".join(f"{key} is {here.get(key)!r}, recorded with {recorded[key]!r}"
                      for key in recorded if key != FOR_PEOPLE and recorded[key] != here.get(key))

@@ -1,4 +1,4 @@
-"""What the net keeps of one case, and how two of them are compared."""
+"""The recorded outcome of one case, and the comparison of two outcomes."""
 import dataclasses
 import hashlib
 import json

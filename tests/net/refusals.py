@@ -90,7 +90,7 @@ def render_cases(v1) -> list[Case]:
 
 
 def sessions_refused(v1) -> dict:
-    """What opens a session and is refused."""
+    """Open messages that the server refuses."""
     out = {f"session {name!r}": {"session": name} for name in ("", "a/b", "x" * 65)}
     out |= {"lookahead 17": {"lookahead": 17}, "cuts -1": {"cut_threshold_ev": -1},
             "cuts 17": {"cut_threshold_ev": 17},
@@ -106,12 +106,12 @@ def sessions_refused(v1) -> dict:
 
 
 def status_first(status: str, results) -> Outcome:
-    """Of a refusal the status alone: how many results came before it is left to chance."""
+    """Only the status of a refusal, because the number of results before it varies."""
     return outcome_of(status, results) if status == "OK" else Outcome(status)
 
 
 def changed_token(client: Client, change: str) -> Outcome:
-    """Goes on from a session's token after changing it, or what it was given for."""
+    """Resumes a session after a change of its token, or of the session that the token belongs to."""
     v1, name = client.v1, f"net-changed-{change.replace(' ', '-')}"
     status, results = client.session(range(3), v1.Settings(), session=name)
     if status != "OK":

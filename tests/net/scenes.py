@@ -70,7 +70,7 @@ LARGE_SAMPLE = "1920x1080"
 
 
 def make(candela: pathlib.Path, folder: pathlib.Path, small: bool) -> list[str]:
-    """Writes the scenes and the sequences into `folder`; the scenes' file names, which do not hold the sequences."""
+    """Writes the scenes and the sequences into `folder`. Returns the file names of the scenes only."""
     def sample(*options: str) -> None:
         subprocess.run([candela, "sample", *options, "-q"], check=True, timeout=120)
 

@@ -59,7 +59,7 @@ EXPOSURE_FIELD, EXPIRES_FIELD = 4, 7
 
 
 def token_text(token: bytes) -> str:
-    """All that a token holds but for its time; a token that is not signed with KEY says so."""
+    """A token's contents except its time. If it is not signed with KEY, the contents say so."""
     size = struct.unpack_from(">H", token, 9)[0]
     body, mac = token[11:11 + size], token[11 + size:]
     good = mac == hmac.new(KEY, token[:11 + size], hashlib.sha256).digest()
@@ -88,7 +88,7 @@ def read_pfm(path: pathlib.Path) -> tuple[int, int, bytes]:
 
 
 class Client:
-    """Calls one server. Every method is a call of its own, so several threads may use it."""
+    """Calls one server. Every method makes a separate call, so several threads may use it."""
 
     def __init__(self, address: str, scenes: pathlib.Path):
         from candela.v1 import render_pb2, render_pb2_grpc  # made by make_stubs
@@ -193,7 +193,7 @@ def outcome_of(status: str, results) -> Outcome:
 
 
 def tokens(client: Client, **opening) -> Outcome:
-    """A session with tokens, a change of its settings at frame 6, and another that goes on from frame 3's token."""
+    """A session with tokens, a change of its settings at frame 6, and another session that continues from frame 3's token."""
     v1 = client.v1
     before = v1.Settings(curve=v1.TONE_CURVE_AGX)
     after = v1.Settings(curve=v1.TONE_CURVE_HABLE, exposure=v1.Exposure(compensation_ev=0.5))

@@ -1,4 +1,4 @@
-// Frames and bands that are refused.
+// Frames and bands that the server refuses.
 #include <limits>
 #include <string>
 #include <vector>
@@ -12,7 +12,7 @@ namespace {
 
 class BadFrames : public ServiceTest {
  protected:
-  // The call's status after the requests, half-closed.
+  // Sends the requests, half-closes and returns the call's status.
   static grpc::Status send(const std::vector<v1::RenderRequest>& requests) {
     grpc::ClientContext context;
     const auto stub = v1::RenderService::NewStub(channel());
@@ -102,7 +102,7 @@ TEST_P(BadFrames, AFrameBeyondTheLimitsIsRefusedByItsHeaderBeforeAnyMemory) {
     v1::RenderRequest start = start_of(frame_);
     start.mutable_start()->mutable_frame()->set_width(size.width);
     start.mutable_start()->mutable_frame()->set_height(size.height);
-    // No half-close and no band: the header alone gets the answer.
+    // The server answers the header alone, without a band or a half-close.
     RawCall call(channel(), "/candela.v1.RenderService/Render", absl::Now() + absl::Seconds(20));
     const grpc::Slice bytes(start.SerializeAsString());
     call.write(grpc::ByteBuffer(&bytes, 1));
@@ -111,10 +111,10 @@ TEST_P(BadFrames, AFrameBeyondTheLimitsIsRefusedByItsHeaderBeforeAnyMemory) {
     EXPECT_EQ(call.finish().error_code(), size.code) << size.width << "x" << size.height;
   }
   const v1::PoolInfo after = pool();
-  EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());  // not a hit, a miss or a byte
+  EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());  // the pool was not touched
 }
 
-// 56 MB in 27 bands: what was refused by its header must not be sent to its end.
+// The frame has 56 MB in 27 bands. A client must not send all of a frame that was refused by its header.
 TEST_P(BadFrames, TheClientHearsARefusalBeforeItHasSentTheFrame) {
   const FrameDesc desc{16384, 430, v1::PIXEL_FORMAT_RGBA16F};
   const std::vector<std::byte> pixels(desc.bytes());

@@ -1,4 +1,4 @@
-// A device that has something to do, for tests of frames that wait for their turn.
+// Keeps a server's device busy, for tests of frames that wait for their turn.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -12,10 +12,10 @@
 
 namespace candela::testing {
 
-// Keeps the server's render thread busy, for about a second, with a frame that is held against the reference.
+// Keeps the server's render thread busy for about a second with a frame that is compared with the reference.
 class BusyDevice {
  public:
-  // Returns when it is.
+  // Returns once the thread is busy.
   explicit BusyDevice(const Connection& connection)
       : thread_([this, connection] {
           FrameView frame = view(frame_);

@@ -1,4 +1,4 @@
-// Calls that end before their time, and servers that do.
+// Calls that end early, and servers that stop early.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 
@@ -14,7 +14,7 @@
 namespace candela::testing {
 namespace {
 
-// A call through the generated classes that can be left at any point.
+// A call through the generated classes that the test can abandon at any point.
 struct OpenCall {
   explicit OpenCall(const std::shared_ptr<grpc::Channel>& channel)
       : stub(v1::RenderService::NewStub(channel)), stream(stub->Render(&context)) {}
@@ -115,7 +115,7 @@ TEST_P(CallLife, AClientThatKeepsSendingIsNotIdle) {
 TEST_P(CallLife, AClientThatDoesNotReadItsResultIsCutOffToo) {
   const WireFrame frame = natural(2048, 1024);
   v1::RenderRequest start = start_of(frame);
-  // 16 MiB of result: more than flow control lets go unread.
+  // A result of 16 MiB, which is more than flow control allows unread.
   start.mutable_start()->mutable_settings()->set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
   OpenCall call(channel());
   call.stream->Write(start);
@@ -132,7 +132,7 @@ TEST_P(CallLife, CallsBeyondTheMostAtOnceAreToldToTryAgain) {
     calls.push_back(std::make_unique<OpenCall>(channel()));
     calls.back()->stream->Write(start_of(natural(1, 1)));
   }
-  // The eight reach the server in their own time.
+  // The eight calls reach the server at different times.
   absl::Status status;
   const absl::Time give_up = absl::Now() + absl::Seconds(10);
   while (status.ok() && absl::Now() < give_up) status = connection().render({}, view(natural(4, 4))).status();
@@ -214,7 +214,7 @@ TEST(Drain, CallsThatOutlastTheDrainTimeoutAreCancelled) {
   EXPECT_FALSE(call.finish().ok());
 }
 
-// In this process a band is the server's own memory: it stays valid for as long as somebody holds it.
+// In the same process, a band is the server's memory. It stays valid while anybody holds it.
 TEST(Drain, ABandOutlivesTheServerThatSentIt) {
   std::unique_ptr<Server> server = start_server(test_config());
   const WireFrame frame = flat(64, 64, {1, 1, 1, 1});

@@ -50,7 +50,7 @@ TEST(Candelad, RendersOverAUnixSocket) {
   EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
 }
 
-// Every call either is whole or is told UNAVAILABLE; none is torn.
+// Every call is answered in full or ends with UNAVAILABLE.
 TEST(Candelad, SigtermUnderLoadEndsWithZeroAndTearsNoFrame) {
   Daemon daemon({"--listen", "127.0.0.1:0"});
   const std::string address = daemon.wait_until_listening();

@@ -1,4 +1,4 @@
-// The device is lost: as far as the server can tell from a test's saying so.
+// The loss of the Vulkan device, which the tests simulate.
 #include <atomic>
 
 #include "absl/time/clock.h"
@@ -31,7 +31,7 @@ TEST(DeviceLost, TheFrameIsToldUnavailableAndTheNextOneHasTheSameBits) {
   EXPECT_EQ(server->validation_messages(), 0u);
 }
 
-// The old device goes when the last of its frames does, and not before.
+// The old device is destroyed with the last of its frames.
 TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
   Config config = test_config();
   config.idle_timeout = absl::Minutes(1);  // its client waits for the new device
@@ -48,7 +48,7 @@ TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
   server->lose_device();
   EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
   EXPECT_TRUE(connection.render({}, view(frame)).ok());
-  // Its memory is still there to be written to.
+  // Its memory can still be written.
   stream->Write(band_of(frame, 32, 32));
   stream->WritesDone();
   v1::RenderResponse response;
@@ -58,7 +58,7 @@ TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
   EXPECT_TRUE(connection.render({}, view(frame)).ok()) << "a frame of the old device lost the new one";
 }
 
-// Nobody has to send a frame for it.
+// The server notices without a frame from a client.
 TEST(DeviceLost, TheHeartbeatFindsOutBeforeAnyFrame) {
   Config config = test_config();
   config.heartbeat_interval = absl::Milliseconds(100);
@@ -108,7 +108,7 @@ TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
   EXPECT_EQ(server->validation_messages(), 0u);
 }
 
-// What they wait for does not come any more.
+// The frames that they wait for never come.
 TEST(DeviceLost, FramesThatLookAheadHoldsBackEndWithTheDeviceToo) {
   Config config = test_config();
   config.idle_timeout = absl::Minutes(1);

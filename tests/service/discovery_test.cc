@@ -1,4 +1,4 @@
-// What a server says about itself.
+// Server information and reflection.
 #include <grpcpp/support/byte_buffer.h>
 
 #include <set>
@@ -13,7 +13,7 @@ namespace {
 
 class Discovery : public ServiceTest {
  protected:
-  // One request and one answer of a method, as bytes.
+  // Calls a method with one request and returns its answer, both as bytes.
   static absl::StatusOr<std::string> ask(const std::string& method, const std::string& request) {
     RawCall call(channel(), method, absl::Now() + absl::Seconds(20));
     const grpc::Slice slice(request);

@@ -1,4 +1,4 @@
-// Sessions beside each other: who gets how much of the device, and whom a slow one disturbs.
+// Concurrent sessions share the device fairly, and a slow session does not disturb the others.
 #include <algorithm>
 #include <atomic>
 #include <iostream>
@@ -12,7 +12,7 @@
 namespace candela::testing {
 namespace {
 
-// Sends one frame over and over, as fast as the session takes it, until it is told to stop.
+// Sends the same frame repeatedly, as fast as the session accepts it, until stop().
 class Load {
  public:
   Load(const std::shared_ptr<grpc::Channel>& channel, const std::string& session, WireFrame frame)
@@ -46,8 +46,8 @@ class Load {
   }
   void measure(bool on) { measuring_ = on; }
   uint64_t answered() const { return answered_; }
-  double device_ns() const { return static_cast<double>(device_ns_); }  // after stop()
-  // Of the header to the last of the result, in ms; after stop().
+  double device_ns() const { return static_cast<double>(device_ns_); }  // valid after stop()
+  // Times from the header to the end of the result, in ms; valid after stop().
   double latency_ms(double quantile) {
     std::sort(latencies_ns_.begin(), latencies_ns_.end());
     const auto rank = static_cast<size_t>(quantile * static_cast<double>(latencies_ns_.size() - 1));
@@ -93,7 +93,7 @@ TEST(Fairness, AHeavySessionTakesNoMoreThanItsShare) {
   for (const auto& load : loads) load->measure(true);
   const uint64_t before = loads[0]->answered();
   const absl::Time begin = absl::Now();
-  // Enough of the heavy one's frames that one more or less does not matter.
+  // So many frames of the heavy session that one more or less does not matter.
   while (absl::Now() - begin < absl::Seconds(4) ||
          (loads[0]->answered() < before + 8 && absl::Now() < limit)) {
     absl::SleepFor(absl::Milliseconds(20));
@@ -119,13 +119,12 @@ uint64_t frames_rendered(const Connection& connection) {
   return info.ok() ? info->frames_rendered() : 0;
 }
 
-// A session that has sent as many frames as the server takes from it, and then reads a kilobyte of results a
-// second.
+// A session that sends as many frames as the server accepts, and then reads one kilobyte of results a second.
 class SlowReader {
  public:
   SlowReader(const std::string& address, const std::string& session)
       : wire_(address), client_(own_channel(wire_.address()), /*reads=*/false) {
-    // 16.6 MB a result: far more than TCP's buffers take in of the first one.
+    // A result has 16.6 MB, far more than TCP's buffers hold.
     v1::Settings settings;
     settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
     client_.open(session, settings);
@@ -141,7 +140,7 @@ class SlowReader {
     if (receiver_.joinable()) receiver_.join();
   }
 
-  // Until then it reads nothing.
+  // Before that it reads nothing.
   void begin_to_read() {
     wire_.slow_to_client(1024);
     receiver_ = std::thread([this] {
@@ -158,7 +157,7 @@ class SlowReader {
   std::thread receiver_;
 };
 
-// Rounds with and without it by turns, so that whatever else the machine does meets both.
+// Rounds with and without the slow session alternate, so that other load on the machine affects both.
 TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
   constexpr int kRounds = 12, kFrames = 60;
   const Config config = large_config();
@@ -169,7 +168,7 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
   StreamClient client(own_channel(address));
   ASSERT_TRUE(client.open("other"));
   uint64_t sequence = 0;
-  // In ms, from before the header is sent until all of the result is there, one frame at a time.
+  // Times in ms from before the header until the whole result, one frame at a time.
   const auto latency_ms = [&] {
     const absl::Time begin = absl::Now();
     StreamResult result;
@@ -193,7 +192,7 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
     }
     std::vector<double> latencies;
     for (int i = 0; i < kFrames; ++i) latencies.push_back(latency_ms());
-    // Its first frame's result is on the way still, and until that is gone nothing of it is rendered.
+    // The result of its first frame is still being sent. Until that ends, no other frame of it is rendered.
     EXPECT_EQ(frames_rendered(witness) - before, kFrames + (slow == 1 ? config.max_frames_in_flight : 0));
     p99[slow].push_back(quantile(latencies, 0.99));
     all[slow].insert(all[slow].end(), latencies.begin(), latencies.end());
@@ -205,7 +204,7 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
   std::cout << "p99 of all frames: " << quantile(all[0], 0.99) << " ms without a slow reader, "
             << quantile(all[1], 0.99) << " ms with one; median of the rounds' p99: " << without << " and "
             << with << " ms\n";
-  // Beside the 10 %: by how much the rounds without it differ among themselves on this machine.
+  // In addition to the 10 %, allow the variation of the rounds without the slow session.
   const double noise = quantile(p99[0], 0.9) - quantile(p99[0], 0.1);
   EXPECT_LE(with, 1.1 * without + noise);
   client.half_close();

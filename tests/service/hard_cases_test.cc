@@ -1,5 +1,5 @@
-// The hard cases of docs/pipeline.md section 6 over the wire, in every tier: a picture, finite and within its
-// error.
+// The hard cases of docs/pipeline.md section 6 over the wire, in every tier. Each gives a finite picture
+// within its error.
 #include <half.h>
 
 #include <cmath>
@@ -46,7 +46,7 @@ TEST_P(HardCases, GiveAFinitePictureWithAStatedErrorInEveryTier) {
   }
 }
 
-// A luminance step from black to 65504 between two frames, after no time, hardly any and more than enough.
+// The luminance jumps from black to 65504 between two frames that are no time, a moment or a long time apart.
 TEST_P(HardCases, AStepInLuminanceAdaptsToAFiniteExposure) {
   const WireFrame bright = flat(67, 35, {65504, 65504, 65504, 1});
   const absl::StatusOr<RenderResult> dark = connection().render({}, view(flat(67, 35, {0, 0, 0, 1})));
@@ -59,7 +59,7 @@ TEST_P(HardCases, AStepInLuminanceAdaptsToAFiniteExposure) {
     asked.previous->set_elapsed_seconds(elapsed);
     const absl::StatusOr<RenderResult> result = connection().render({}, asked);
     ASSERT_TRUE(result.ok()) << result.status();
-    const double target = 1.0 / 64;  // the least that is allowed by default
+    const double target = 1.0 / 64;  // the smallest allowed by default
     EXPECT_EQ(result->header.target(), target);
     EXPECT_NEAR(std::log2(result->header.exposure()), -6 + 12 * std::exp(-elapsed), 1e-12) << elapsed;
   }

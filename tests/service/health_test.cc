@@ -1,4 +1,4 @@
-// What health says, and when.
+// The health service's answers over a server's life.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 #include <grpcpp/support/byte_buffer.h>
@@ -13,7 +13,7 @@
 namespace candela::testing {
 namespace {
 
-// grpc.health.v1's HealthCheckRequest { service = 1 } and HealthCheckResponse { status = 1 }, of which 1 is
+// grpc.health.v1's HealthCheckRequest { service = 1 } and HealthCheckResponse { status = 1 }; status 1 is
 // SERVING.
 bool serving(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
   RawCall call(channel, "/grpc.health.v1.Health/Check", absl::Now() + absl::Seconds(20));
@@ -28,7 +28,7 @@ bool serving(const std::shared_ptr<grpc::Channel>& channel, const std::string& s
   return bytes == "\x08\x01";
 }
 
-// While a server drains it lives on: whoever kills it for its readiness would tear its last frames.
+// A draining server is still alive. Whoever killed it because it is not ready would break its last frames.
 TEST(Health, ADrainingServerIsAliveAndNotReady) {
   Config config = test_config();
   config.pre_drain = absl::Seconds(3);

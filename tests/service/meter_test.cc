@@ -1,4 +1,4 @@
-// Meter: what Render says of a frame, without its image.
+// Meter reports the same as Render, without an image.
 #include <numeric>
 
 #include "tests/service/service_fixture.h"
@@ -45,7 +45,7 @@ TEST_P(Meter, HistogramHasAFlatFrameInItsBin) {
   v1::MeterResponse metered;
   ASSERT_TRUE(meter(flat(40, 30, {2.0f, 2.0f, 2.0f, 1.0f}), {}, &metered).ok());
   const auto bin = static_cast<int>((1.0 - metered.histogram_first_ev()) * metered.histogram_bins_per_ev());
-  // Luminance weights add up to 1 but for rounding, so that it may be the bin below.
+  // Luminance weights add up to 1 except for rounding, so it may also be the bin below.
   EXPECT_EQ(metered.histogram(bin) + metered.histogram(bin - 1), 1200u);
 }
 

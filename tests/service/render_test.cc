@@ -1,4 +1,4 @@
-// Frames that are as they should be.
+// Render calls that succeed.
 #include <grpcpp/support/byte_buffer.h>
 
 #include <algorithm>
@@ -17,8 +17,7 @@ namespace {
 class Render : public ServiceTest {};
 INSTANTIATE_TEST_SUITE_P(Transport, Render, ::testing::Bool(), transport_name);
 
-// The contract as any client would use it: generated classes, no code of ours. A row stride when `padding` >
-// 0.
+// Uses the contract as any client would, by the generated classes alone. Sends a row stride if `padding` > 0.
 struct Plain {
   grpc::Status status;
   v1::ResultHeader header;
@@ -75,7 +74,7 @@ TEST_P(Render, OddSizesEvenSizesAndManyBandsComeBackWhole) {
     uint32_t width;
     uint32_t height;
   };
-  // Widths that are and are not multiples of the texel group; the last two need several bands each way.
+  // Some widths are multiples of the texel group and some are not. The last two need several bands each way.
   for (const Size& size :
        {Size{1, 1}, Size{1, 7}, Size{3, 5}, Size{64, 64}, Size{257, 31}, Size{1024, 700}, Size{1023, 700}}) {
     const WireFrame frame = natural(size.width, size.height);
@@ -105,7 +104,7 @@ TEST_P(Render, EveryFormatInAndOut) {
 }
 
 TEST_P(Render, AVerifiedFrameComesWithItsErrorAndItsMap) {
-  // Several bands of image and of map, and a width that is no multiple of the texel group.
+  // Several bands of image and of map, and a width that is not a multiple of the texel group.
   const WireFrame frame = natural(1023, 1100, v1::PIXEL_FORMAT_RGBA32F);
   FrameView plain = view(frame), verified = view(frame), mapped = view(frame);
   verified.verify = mapped.verify = mapped.error_map = true;
@@ -126,13 +125,13 @@ TEST_P(Render, AVerifiedFrameComesWithItsErrorAndItsMap) {
   EXPECT_GT(c->header.verify_unrounded().max_error_codes(), error.max_error_codes());
   EXPECT_EQ(c->header.stages(c->header.stages_size() - 1).name(), "verify");
   ASSERT_EQ(c->error_map.size(), 1023u * 1100u);
-  // Positive halves are ordered as their bits are.
+  // Positive halves have the same order as their bits.
   const uint16_t worst = *std::max_element(c->error_map.begin(), c->error_map.end());
   EXPECT_EQ(c->error_map[size_t{error.worst_y()} * 1023 + error.worst_x()], worst);
 }
 
 TEST_P(Render, VerificationBeyondTheBudgetIsRefusedBeforeAPixelIsRead) {
-  // 256 MiB hold the frame but not its verification.
+  // 256 MiB are enough for the frame but not for its verification.
   grpc::ClientContext context;
   const auto stub = v1::RenderService::NewStub(channel());
   const auto stream = stub->Render(&context);
@@ -189,7 +188,7 @@ TEST_P(Render, APromiseChoosesTheTier) {
   EXPECT_EQ(exact->header.tier(), "standard");
   EXPECT_NE(exact->header.tier_reason().find("keeps max_error_codes 0.5"), std::string::npos)
       << exact->header.tier_reason();
-  // Without bloom draft is as good as that.
+  // Without bloom, draft is accurate enough.
   settings.mutable_bloom()->set_intensity(0);
   const absl::StatusOr<RenderResult> plain = connection().render(settings, view(frame));
   ASSERT_TRUE(plain.ok()) << plain.status();
@@ -199,7 +198,7 @@ TEST_P(Render, APromiseChoosesTheTier) {
   settings.set_max_ms(0.001);
   const absl::Status impossible = connection().render(settings, view(frame)).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(impossible)) << impossible;
-  EXPECT_NE(impossible.message().find("the nearest that is possible"), std::string::npos) << impossible;
+  EXPECT_NE(impossible.message().find("closest: "), std::string::npos) << impossible;
   settings.set_tier("draft");
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, view(frame)).status()));
 }
@@ -257,7 +256,7 @@ TEST_P(Render, AHundredCallsLeaveNothingInUseAndHitThePool) {
     const absl::StatusOr<RenderResult> result = connection().render({}, view(frame, i));
     ASSERT_TRUE(result.ok()) << result.status();
     EXPECT_EQ(result->header.sequence(), i);
-    // A frame that begins before the last one's bands have left would rightly take textures of its own.
+    // A frame that begins before the previous one's bands have been sent would rightly take other textures.
     ASSERT_TRUE(wait_until_idle(connection()));
   }
   const v1::PoolInfo after = pool();

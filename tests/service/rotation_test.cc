@@ -1,5 +1,5 @@
-// Files of certificates and tokens that change under a candelad that serves, and a session over TLS whose
-// server dies.
+// Certificate and token files that change while candelad serves, and a TLS session that loses its
+// server.
 #include <csignal>
 
 #include "absl/strings/match.h"
@@ -24,7 +24,7 @@ TEST_F(Rotation, OfTheCertificateIsSeenByNewConnectionsAndHoldsNoOldOneUp) {
   EXPECT_FALSE(render(address, trusting()).ok());
   EXPECT_TRUE(render(before).ok());
 
-  // What cannot be used is logged, and the last good one stays.
+  // A bad file is logged, and the last good contents stay in force.
   const Issued next = ca_.issue("server");
   put("server.pem", next.cert);
   EXPECT_TRUE(soon([&] { return absl::StrContains(daemon.errors(), "is not the key of the first"); }))
@@ -70,7 +70,7 @@ TEST_F(Rotation, OfTokensIsSeenByTheNextCalls) {
   put("tokens", absl::StrCat(kOtherToken, "\n"));
   EXPECT_TRUE(soon([&] { return absl::IsUnauthenticated(render(connection)); })) << daemon.errors();
 
-  // The client's file is read anew for each call.
+  // The client reads its file again for each call.
   put("token", absl::StrCat(kOtherToken, "\n"));
   EXPECT_TRUE(render(connection).ok()) << render(connection);
 

@@ -1,4 +1,4 @@
-// What a server's metrics port says.
+// Reads a server's metrics port.
 #pragma once
 
 #include <map>
@@ -8,10 +8,10 @@
 
 namespace candela::testing {
 
-// The whole answer to GET `path`; empty where nobody listens.
+// Returns the whole answer to GET `path`; empty if nobody listens.
 std::string get(const std::string& address, const std::string& path);
 
-// `name{label="value"}` to its value.
+// Maps `name{label="value"}` to its value.
 std::map<std::string, double> scrape(const Server& server);
 
 }  // namespace candela::testing

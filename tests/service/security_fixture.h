@@ -1,4 +1,4 @@
-// Files of certificates and tokens for a candelad and its clients.
+// Certificate and token files for a candelad and its clients.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ inline constexpr char kOtherToken[] = "0123456789abcdef-two";
 
 class SecurityTest : public ::testing::Test {
  protected:
-  // In one step, as those do who rotate files with care; only its owner may read it.
+  // Replaces the file atomically, as a careful rotation does. Only its owner may read it.
   std::string put(const std::string& name, const std::string& text) {
     const std::string path = folder_.path(name);
     write_file(path + ".new", text);
@@ -75,7 +75,7 @@ class SecurityTest : public ::testing::Test {
         .status();
   }
 
-  // Whether it comes true within some seconds.
+  // Waits some seconds for the condition; returns whether it became true.
   template <typename Condition>
   static bool soon(const Condition& condition) {
     for (int i = 0; i < 200; ++i) {
@@ -90,7 +90,7 @@ class SecurityTest : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-// One line, of this code and with these words.
+// Expects a one-line status with this code and these words.
 inline void expect_says(const absl::Status& status, absl::StatusCode code, const std::string& words) {
   EXPECT_EQ(status.code(), code) << status;
   EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status << " lacks: " << words;

@@ -19,7 +19,7 @@ Config test_config() {
   config.max_calls = 8;
   config.max_sessions = 5;
   config.max_frames_in_flight = 3;
-  config.heartbeat_interval = absl::Hours(1);  // no frame but the tests'
+  config.heartbeat_interval = absl::Hours(1);  // only the tests send frames
   config.heartbeat_limit = absl::Hours(2);
   config.idle_timeout = absl::Milliseconds(800);
 #ifdef CANDELA_VALIDATION

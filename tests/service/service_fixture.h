@@ -1,4 +1,4 @@
-// A server for the tests of a suite, and clients to it.
+// A server for the tests of a suite, and clients for it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,22 +14,22 @@
 
 namespace candela::testing {
 
-// Limits small enough to run into. Listens on a free port of 127.0.0.1.
+// A configuration with limits small enough to reach. It listens on a free port of 127.0.0.1.
 Config test_config();
 
 std::unique_ptr<Server> start_server(const Config& config);
 
-// What a test asks of a frame's wire form.
+// Options for a frame's form on the wire.
 v1::PixelFormat wire_format(v1::PixelFormat format);
 FrameView view(const WireFrame& frame, uint64_t sequence = 0);
 v1::RenderRequest start_of(const WireFrame& frame);
 v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t rows);
 
-// To `address` by a connection of its own: channels to one address share theirs otherwise, and its flow
-// control.
+// A channel with a separate connection. By default, channels to the same address share one connection and its
+// flow control.
 std::shared_ptr<grpc::Channel> own_channel(const std::string& address);
 
-// Waits until that is so of what the server says of itself; false after 10 s.
+// Waits until the server's information meets the condition; false after 10 s.
 bool wait_until(const Connection& connection,
                 const std::function<bool(const v1::GetServerInfoResponse&)>& is_so);
 // Waits until no frame holds memory and no session is open; false after 10 s.

@@ -1,4 +1,4 @@
-// What candelad tells its service manager, and when it gives no sign of life any more.
+// candelad's messages to its service manager, and the end of its signs of life.
 #include "server/daemon/service_manager.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ namespace {
 
 constexpr absl::Duration kSilence = absl::Seconds(60);
 
-// systemd's end, while it exists.
+// systemd's end of the socket.
 class Manager {
  public:
   explicit Manager(absl::Duration watchdog) {
@@ -44,7 +44,7 @@ class Manager {
     close(socket_);
   }
 
-  // The next message's lines; none when it takes longer than `patience`.
+  // Returns the next message's lines; none if it takes longer than `patience`.
   std::vector<std::string> next(absl::Duration patience = kSilence) {
     const timeval limit = absl::ToTimeval(patience);
     setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
@@ -53,7 +53,7 @@ class Manager {
     if (size <= 0) return {};
     return absl::StrSplit(std::string(text, static_cast<size_t>(size)), '\n');
   }
-  // The next message that is no sign of life.
+  // Returns the next message that is not a sign of life.
   std::vector<std::string> next_event() {
     std::vector<std::string> lines = next();
     while (lines == std::vector<std::string>{"WATCHDOG=1"}) lines = next();

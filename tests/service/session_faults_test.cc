@@ -1,5 +1,5 @@
-// Sessions of the client library whose servers die, stop, hang or drain: every frame's image comes once, in
-// order, and is what it would have been.
+// Sessions of the client library whose servers die, stop, hang or drain. Every frame's image arrives once and
+// in order, and is the same as without the fault.
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -35,7 +35,7 @@ class SessionFaults : public ::testing::Test {
     }
   }
 
-  // Of three kinds, by turns.
+  // The sessions alternate between three kinds.
   SessionOptions options(size_t kind, size_t first_server) const {
     SessionOptions options;
     options.servers = {addresses_[first_server], addresses_[1 - first_server]};
@@ -44,8 +44,8 @@ class SessionFaults : public ::testing::Test {
     return options;
   }
 
-  // Runs `count` sessions at once, half of them on the first daemon, and calls `meanwhile` when each has some
-  // results and all of them go on.
+  // Runs `count` sessions at once, half of them on the first daemon. Calls `meanwhile` when each has some
+  // results and all are still running.
   std::vector<SessionRun> run_sessions(size_t count, const Film& film,
                                        const std::function<void()>& meanwhile) {
     std::vector<SessionRun> runs(count);
@@ -70,7 +70,7 @@ class SessionFaults : public ::testing::Test {
     return runs;
   }
 
-  // What the kinds come to undisturbed, on the second daemon.
+  // The undisturbed results of each kind, from the second daemon.
   std::vector<SessionRun> undisturbed(const Film& film) const {
     std::vector<SessionRun> runs;
     for (size_t kind = 0; kind < 3; ++kind)
@@ -79,7 +79,7 @@ class SessionFaults : public ::testing::Test {
     return runs;
   }
 
-  // Six sessions lose the first daemon, by `lose`, and go on on the second.
+  // `lose` makes six sessions lose the first daemon. They continue on the second.
   void expect_that_all_go_on(const std::function<void()>& lose) {
     const Film film = make_film(60, 320, 180);
     const std::vector<SessionRun> expected = undisturbed(film);
@@ -113,7 +113,7 @@ TEST_F(SessionFaults, ADrainingDaemonEndsWithZeroAndEveryFrameComesOnce) {
   });
 }
 
-// Its kernel still takes what is sent.
+// The kernel of the stopped daemon still accepts data.
 TEST_F(SessionFaults, AStoppedDaemonIsLeftWhenItGivesNoSignOfLife) {
   const Film film = make_film(30, 320, 180);
   const SessionRun expected = run_session(Session::open(options(0, 1)), film);
@@ -134,7 +134,7 @@ TEST_F(SessionFaults, AStoppedDaemonIsLeftWhenItGivesNoSignOfLife) {
   EXPECT_EQ(daemons_[0]->wait(), 0) << daemons_[0]->errors();
 }
 
-// A ping a second with nothing else on the line.
+// One ping a second on an otherwise idle connection.
 TEST_F(SessionFaults, ADaemonTakesThePingsOfASessionThatWaits) {
   SessionOptions waiting = options(0, 0);
   waiting.ping_interval = absl::Seconds(1);
@@ -149,7 +149,7 @@ TEST_F(SessionFaults, ADaemonTakesThePingsOfASessionThatWaits) {
   EXPECT_EQ(run.stats.resumes, 0u) << run.stats.last_loss;
 }
 
-// The frames that look-ahead holds back are not owed.
+// Frames that look-ahead holds back are not due.
 TEST_F(SessionFaults, LookAheadThatWaitsForFramesIsNoSilence) {
   SessionOptions waiting = options(1, 0);
   waiting.silence_limit = absl::Seconds(2);

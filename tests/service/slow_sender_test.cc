@@ -1,5 +1,5 @@
-// A client whose line carries next to nothing: it is ended in its time with nothing of it left, and nobody
-// else notices.
+// A client with a very slow connection. The server ends it in time and keeps nothing of it, and no other
+// client notices.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -19,7 +19,8 @@ namespace candela::testing {
 namespace {
 
 constexpr absl::Duration kIdleTimeout = absl::Milliseconds(500);
-constexpr absl::Duration kBounded = absl::Seconds(15);  // of a loaded machine; the limits are far below
+constexpr absl::Duration kBounded =
+    absl::Seconds(15);  // enough for a loaded machine; the limits are far lower
 
 Config slow_config() {
   Config config = test_config();
@@ -27,7 +28,7 @@ Config slow_config() {
   return config;
 }
 
-// A session that renders one picture again and again, and sees that it gets it.
+// A session that renders one picture repeatedly and checks each result.
 class Bystander {
  public:
   explicit Bystander(const std::string& address) : client_(own_channel(address)) {
@@ -64,7 +65,7 @@ enum class Slowed { kBeforeOpen, kBeforeFrame, kMidBand };
 
 class SlowSender : public ::testing::TestWithParam<Slowed> {
  protected:
-  // Waits until nothing but the bystander is there, with the slow one's connection still open.
+  // Waits until only the bystander is left. The slow client's connection is still open.
   void expect_only_the_bystander_left(std::unique_ptr<Bystander>& bystander) {
     EXPECT_TRUE(wait_until(witness_, [](const auto& info) { return info.sessions() == 1; }));
     bystander.reset();
@@ -96,7 +97,7 @@ TEST_P(SlowSender, OfOneByteASecondIsEndedByTheIdleTimeoutAndDisturbsNobody) {
     ASSERT_TRUE(client.open("slow") && client.send(frame, 0, 0) && client.read(result));
   }
   if (GetParam() == Slowed::kMidBand) {
-    // Well on its way before the line gets slow.
+    // The frame is well under way before the connection becomes slow.
     ASSERT_TRUE(client.send_header(frame, 1, 1) && client.send_rows(frame, 0, 20));
     absl::SleepFor(absl::Milliseconds(50));
   }
@@ -120,7 +121,7 @@ TEST_P(SlowSender, OfOneByteASecondIsEndedByTheIdleTimeoutAndDisturbsNobody) {
   expect_only_the_bystander_left(bystander);
 }
 
-// Each row is in time, but a frame of them would take a quarter of a minute.
+// Each row arrives in time, but a whole frame would take a quarter of a minute.
 TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
   auto bystander = std::make_unique<Bystander>(address_);
   WireCutter wire(address_);
@@ -141,7 +142,8 @@ TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
   expect_only_the_bystander_left(bystander);
 }
 
-// HTTP/2's preface a byte a second: it takes no place, and its connection is not kept for it either.
+// HTTP/2's preface arrives at one byte a second. It takes no session slot, and the server closes the
+// connection.
 TEST_F(SlowSender, ThatNeverGetsAsFarAsACallIsHungUpOn) {
   auto bystander = std::make_unique<Bystander>(address_);
   const int line = socket(AF_INET, SOCK_STREAM, 0);

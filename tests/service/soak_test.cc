@@ -1,7 +1,7 @@
-// Mixed traffic with faults for CANDELA_SOAK_SECONDS (60): nothing grows, and who behaves is served. Memory
-// is read in lulls, with nothing in flight: what is resident once the allocator has given back what is free,
-// without the texture pool, which may fill up to its budget. From 20 minutes on its slope has to be below 1
-// MiB an hour, within the error of the fitted line.
+// Mixed traffic with faults for CANDELA_SOAK_SECONDS (60): nothing grows, and correct clients are served.
+// Memory is measured in lulls, with nothing in flight. It is the resident memory after the allocator has
+// returned what is free, without the texture pool, which may fill up to its budget. After 20 minutes or more,
+// its slope must be below 1 MiB an hour, within the error of the fitted line.
 #include <malloc.h>
 
 #include <atomic>
@@ -28,8 +28,8 @@ absl::Duration soak_time() {
   return absl::Seconds(seconds != nullptr ? std::atoi(seconds) : 60);
 }
 
-// One client after the other, each with its own way to behave; the same ones for the same seed. Each holds
-// `lull` as a reader, so that whoever holds it alone finds no client.
+// Runs clients one after the other, each with different behaviour. The same seed gives the same clients. Each
+// holds `lull` as a reader, so there is no client while another thread holds it as a writer.
 class Traffic {
  public:
   Traffic(const std::string& address, uint32_t seed, absl::Mutex& lull)
@@ -155,7 +155,7 @@ Reading read_now(absl::Time begin, const Connection& connection) {
           entries("/proc/self/fd"), entries("/proc/self/task")};
 }
 
-// Least squares; the slope and its standard error, in MiB an hour.
+// The slope of a least-squares line and its standard error, in MiB an hour.
 std::pair<double, double> memory_slope(const std::vector<Reading>& readings) {
   const auto n = static_cast<double>(readings.size());
   double mean_t = 0, mean_m = 0;
@@ -179,7 +179,7 @@ std::pair<double, double> memory_slope(const std::vector<Reading>& readings) {
 TEST(Soak, NothingGrowsAndWhoBehavesIsServed) {
   Config config = test_config();
   config.idle_timeout = absl::Seconds(20);
-  config.max_sessions = 64;  // whoever was told of the end of one may find its place taken for a moment still
+  config.max_sessions = 64;  // a session's slot may stay taken for a moment after its client saw the end
   const std::unique_ptr<Server> server = start_server(config);
   const std::string address = server->addresses().at(0);
   const Connection connection(server->in_process_channel());
@@ -219,7 +219,7 @@ TEST(Soak, NothingGrowsAndWhoBehavesIsServed) {
             << " MiB an hour, pool " << first.pool_mib << " -> " << last.pool_mib << " MiB, "
             << first.descriptors << " -> " << last.descriptors << " descriptors, " << first.threads << " -> "
             << last.threads << " threads\n";
-  // Caches still fill in a short run: 32 MiB in all. Frames that hundreds of clients leave behind are more.
+  // In a short run, caches still fill: 32 MiB in all. Leaked frames of hundreds of clients would be more.
   const double allowed = soak_time() >= absl::Minutes(20) ? 1.0 : 32.0 / absl::ToDoubleHours(soak_time());
   EXPECT_LT(slope - 3 * error, allowed) << "memory grows, MiB an hour";
   const auto highest = [&](size_t from, size_t to, auto of) {
@@ -230,7 +230,7 @@ TEST(Soak, NothingGrowsAndWhoBehavesIsServed) {
   const size_t half = readings.size() / 2;
   const auto descriptors = [](const Reading& r) { return r.descriptors; };
   const auto tasks = [](const Reading& r) { return r.threads; };
-  // Clients come and go, so that a count wavers; what leaks grows by one each time.
+  // The count varies because clients come and go. A leak would add one each time.
   EXPECT_LE(highest(half, readings.size(), descriptors), highest(0, half, descriptors) + 16);
   EXPECT_LE(highest(half, readings.size(), tasks), highest(0, half, tasks) + 16);
 }

@@ -1,5 +1,4 @@
-// The client's end of a Stream call through the generated classes: every message under the test's own
-// control.
+// A client of one Stream call through the generated classes. The test controls every message.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -31,29 +30,29 @@ struct StreamResult {
 
 class StreamClient {
  public:
-  // Messages are read as they come, as every client of a stream has to, unless `reads` is false: then only
-  // read(), read_all() and finish() do.
+  // A thread reads messages as they come, as every client of a stream must. If `reads` is false, only read(),
+  // read_all() and finish() read.
   explicit StreamClient(const std::shared_ptr<grpc::Channel>& channel, bool reads = true,
                         absl::Time deadline = absl::InfiniteFuture());
   ~StreamClient();
 
-  // False: the call is over.
+  // Returns false if the call is over.
   bool open(const v1::StreamOpen& open);
   bool open(const std::string& session, const v1::Settings& settings = {}, const std::string& token = "");
   bool send_header(const WireFrame& frame, uint64_t sequence, int64_t media_time_ns, bool cut = false,
                    uint32_t timeout_ms = 0);
   bool send_rows(const WireFrame& frame, uint32_t first, uint32_t count);
-  // Header and every row.
+  // Sends the header and every row.
   bool send(const WireFrame& frame, uint64_t sequence, int64_t media_time_ns, bool cut = false,
             uint32_t timeout_ms = 0);
   bool change(uint64_t from_sequence, const v1::Settings& settings);
   void half_close() { stream_->WritesDone(); }
 
-  // The next frame's answer; false when there is none any more.
+  // Reads the next frame's answer; false if there are no more.
   bool read(StreamResult& result);
-  // All that come.
+  // Reads all answers until the end.
   std::vector<StreamResult> read_all();
-  // Reads what is left and gives the call's end.
+  // Reads the remaining messages and returns the call's status.
   grpc::Status finish();
   void cancel() { context_.TryCancel(); }
 
@@ -78,7 +77,7 @@ class StreamClient {
 // Media time of frame `i` at 24 a second.
 inline int64_t film_time_ns(uint64_t i) { return static_cast<int64_t>((i * 1'000'000'000 + 12) / 24); }
 
-// The whole of a session: frames 0, 1, ... of `frames` at 24 a second.
+// Runs a whole session with `frames` at 24 a second.
 std::vector<StreamResult> stream_all(const std::shared_ptr<grpc::Channel>& channel,
                                      const v1::StreamOpen& open, const std::vector<WireFrame>& frames);
 

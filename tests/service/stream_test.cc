@@ -1,5 +1,5 @@
-// Sessions: order, exposure over time, changes, look-ahead, encodings and resuming, as render.proto promises
-// them.
+// Sessions as render.proto promises them: order, exposure over time, changes, look-ahead, encodings and
+// resuming.
 #include <png.h>
 
 #include <cmath>
@@ -14,7 +14,7 @@ namespace {
 
 class Stream : public ServiceTest {
  protected:
-  // Every size and format, brighter and darker by turns.
+  // Every size and format, alternately brighter and darker.
   static std::vector<WireFrame> film(size_t count) {
     std::vector<WireFrame> frames;
     for (size_t i = 0; i < count; ++i) {
@@ -27,7 +27,7 @@ class Stream : public ServiceTest {
   static WireFrame grey(float value, uint32_t width = 64, uint32_t height = 48) {
     return flat(width, height, {value, value, value, 1.0f});
   }
-  // Frames of one picture whose light steps up by 2^12 half way.
+  // Frames of one picture. Halfway, its light grows by a factor of 2^12.
   static std::vector<WireFrame> step(size_t count) {
     std::vector<WireFrame> frames;
     for (size_t i = 0; i < count; ++i) frames.push_back(grey(i < count / 2 ? 0.01f : 40.96f));
@@ -139,7 +139,7 @@ TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   EXPECT_TRUE(client.finish().ok());
 }
 
-// More of them in a row than the session has places for frames: nobody waits for what cannot come.
+// There are more such frames in a row than the session can hold, and nothing waits forever.
 TEST_P(Stream, RefusedFramesDoNotHoldLookAheadUp) {
   v1::StreamOpen open = open_of("refused");
   open.mutable_settings()->set_bad_values(v1::BAD_VALUES_REJECT);
@@ -238,7 +238,7 @@ TEST_P(Stream, ResumesFromAnyResultWithTheSameBits) {
   }
 }
 
-// Look-ahead gives a token out after frames with later settings have come.
+// With look-ahead, a token is sent after frames with later settings have arrived.
 TEST_P(Stream, ResumesWithTheTierThatWasChosenForTheFrame) {
   const std::vector<WireFrame> frames(4, natural(200, 100));
   v1::StreamOpen open = open_of("tiers");
@@ -308,7 +308,7 @@ TEST_P(Stream, OneCallAtATimeHasASession) {
   EXPECT_TRUE(third.finish().ok());
 }
 
-// A client that lost two calls in a row has the same token for both, whatever the server knows of them.
+// A client that loses two calls in a row has the same token for both, whatever the server knows about them.
 TEST_P(Stream, ATokenIsGoodUntilAResultHasComeBack) {
   StreamClient first(channel());
   ASSERT_TRUE(first.open("twice"));
@@ -328,7 +328,7 @@ TEST_P(Stream, ATokenIsGoodUntilAResultHasComeBack) {
   ASSERT_TRUE(third.read(again));
   EXPECT_TRUE(again.pixels == result.pixels);
   EXPECT_EQ(second.finish().error_code(), grpc::ABORTED);
-  // Going on from the later token makes the earlier one too old.
+  // Once a session continues from the later token, the earlier one is too old.
   StreamClient fourth(channel());
   ASSERT_TRUE(fourth.open("twice", {}, again.token()));
   fourth.send(natural(16, 16), 2, 2);

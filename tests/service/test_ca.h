@@ -1,4 +1,4 @@
-// A certificate authority for the length of a test.
+// A certificate authority for one test.
 #pragma once
 
 #include <openssl/evp.h>
@@ -21,7 +21,7 @@ class TestCa {
   explicit TestCa(const std::string& name);
 
   const std::string& cert() const { return cert_; }  // PEM
-  // For 127.0.0.1 and localhost, until `life` from now; of a life in the past it has expired.
+  // Issues a certificate for 127.0.0.1 and localhost. It expires after `life`, which may be negative.
   Issued issue(const std::string& name, absl::Duration life = absl::Hours(24),
                const std::string& names = "IP:127.0.0.1,DNS:localhost") const;
 
@@ -34,7 +34,7 @@ class TestCa {
   std::string cert_;
 };
 
-// Of the same key, with a passphrase.
+// The same key, encrypted with a passphrase.
 std::string with_passphrase(const std::string& key);
 
 }  // namespace candela::testing

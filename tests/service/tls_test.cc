@@ -129,7 +129,7 @@ TEST_F(Mtls, OnlyThoseWithACertificateOfTheCaComeIn) {
   expect_says(Connection::open(address, trusting())->health(), kUnavailable, "asks for a client certificate");
 }
 
-// What a call of any method is answered, with a value of the "authorization" metadata.
+// The status of a call of any method with a value of the "authorization" metadata.
 absl::Status call(const std::string& address, const std::string& method, const std::string& authorization) {
   grpc::ClientContext context;
   if (!authorization.empty()) context.AddMetadata("authorization", authorization);

@@ -34,7 +34,7 @@ class Lane {
   Lane(int from, int to, const std::atomic<double>& bytes_per_second)
       : from_(from), to_(to), bytes_per_second_(bytes_per_second) {}
 
-  // What to wait for: bytes, while some may pass.
+  // Waits for bytes only while the limit allows some to pass.
   pollfd awaited() {
     const absl::Time now = absl::Now();
     const double rate = bytes_per_second_;

@@ -1,4 +1,4 @@
-// A TCP relay that can be cut and slowed down: how a client looks that vanished, or that has next to no line.
+// A TCP relay that can be cut or slowed down. It imitates a client that vanishes or has a slow connection.
 #pragma once
 
 #include <atomic>
@@ -14,11 +14,11 @@ class WireCutter {
   ~WireCutter();
 
   const std::string& address() const { return address_; }
-  // From now on no more than so many bytes a second get through to that side; what does not stays with the
-  // sender, but for TCP's buffers.
+  // From now on relays at most this many bytes a second to that side. The rest stays with the sender, except
+  // for TCP's buffers.
   void slow_to_server(double bytes_per_second) { to_server_ = bytes_per_second; }
   void slow_to_client(double bytes_per_second) { to_client_ = bytes_per_second; }
-  // Both connections end at once, with a reset.
+  // Ends both connections at once with a reset.
   void cut();
 
  private:

@@ -1,4 +1,4 @@
-// candelad as a process of its own.
+// Runs candelad as a separate process.
 #pragma once
 
 #include <sys/types.h>
@@ -24,7 +24,7 @@ class Daemon {
   void signal(int number);
   // Waits for the end of the process. Returns its exit status, or -N if signal N ended it.
   int wait();
-  // What it has written to stderr so far; after wait() everything.
+  // Its stderr so far; after wait(), all of it.
   std::string errors() const;
 
  protected:
@@ -36,7 +36,7 @@ class Daemon {
   int output_ = -1;
 };
 
-// A Daemon that listens on a TCP port of its own and writes no log, ready when it is constructed.
+// A Daemon that listens on a free TCP port and writes no log. It is ready once it is constructed.
 class ListeningDaemon : private Daemon {
  public:
   explicit ListeningDaemon(const std::vector<std::string>& options = {});

@@ -23,7 +23,7 @@ class TemporaryFolder {
   std::string root_;
 };
 
-// A file in a folder of its own. By default only its owner may read it.
+// A file in a new folder. By default only its owner may read it.
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::string& bytes, mode_t mode = 0600);

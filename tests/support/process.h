@@ -8,7 +8,7 @@
 
 namespace candela {
 
-// A pipe whose ends are not inherited by programs. The owner closes them.
+// A pipe. Programs do not inherit its ends, and the owner closes them.
 struct Pipe {
   Pipe();
   int ends[2];  // read, write

@@ -1,4 +1,4 @@
-// The curve aces-1 against what others publish, and its table against OpenColorIO.
+// The curve aces-1 against published values, and its table against OpenColorIO.
 #include "server/render/color/aces.h"
 
 #include <OpenColorIO/OpenColorIO.h>
@@ -74,7 +74,7 @@ TEST(Aces1, AgreesWithPublishedPoints) {
     }
   }
   std::printf("%zu published points: at most %.5f codes off\n", in.size(), worst);
-  // They carry six digits, and were computed with OpenColorIO's faster logarithms.
+  // The published values have six digits and were computed with OpenColorIO's faster logarithms.
   EXPECT_LE(worst, 0.004);
 }
 
@@ -192,9 +192,9 @@ TEST(ColorTable, HoldsOpenColorIOsLightAtItsPoints) {
   const auto table = aces_1_table(kSize);
   ASSERT_TRUE(table.ok()) << table.status();
   double worst = 0.0;
-  // Of the lattice only what is real, that is, never negative in Rec.709.
+  // Only points of the lattice that are never negative in Rec.709.
   const auto inverse = [](const Rgb& v) {
-    // Newton from the point itself: the matrix is near the identity.
+    // Newton's method starts at the point itself, because the matrix is near the identity.
     static constexpr double kM[] = {TABLE_FROM_SCENE};
     Rgb x = v;
     for (int i = 0; i < 200; ++i) {
@@ -272,7 +272,7 @@ TEST(ColorTable, IsWithinItsPublishedErrorOfOpenColorIO) {
     uint32_t size;
     Error greys, likely, any, saturated;
   };
-  // Measured, and a little more.
+  // The measured errors plus a small margin.
   const Bound bounds[] = {
       {17, {1.40, 1.40, 0.22}, {3.8, 2.7, 0.38}, {18.0, 5.0, 0.30}, {17.5, 4.5, 0.27}},
       {33, {0.42, 0.42, 0.075}, {1.8, 1.0, 0.13}, {7.2, 1.5, 0.105}, {4.8, 1.35, 0.09}},

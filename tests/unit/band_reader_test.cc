@@ -10,7 +10,7 @@
 namespace candela {
 namespace {
 
-// A frame of 3 x 5 RGB9E5 pixels, rows of 12 bytes, held as a server would.
+// A frame of 3 x 5 RGB9E5 pixels with rows of 12 bytes, in memory as on a server.
 class BandReaderTest : public ::testing::Test {
  protected:
   static constexpr FrameDesc kDesc{3, 5, v1::PIXEL_FORMAT_RGB9E5};
@@ -44,7 +44,7 @@ TEST_F(BandReaderTest, RowsGoToTheirPlacesWithoutTheirPadding) {
 
 TEST_F(BandReaderTest, RefusesPartsOfRows) {
   EXPECT_TRUE(absl::IsInvalidArgument(read(0, rows(1) + "x")));
-  EXPECT_TRUE(absl::IsInvalidArgument(read(0, std::string(12, 'x'))));  // a tight row where rows are padded
+  EXPECT_TRUE(absl::IsInvalidArgument(read(0, std::string(12, 'x'))));  // a row without the padding
   EXPECT_EQ(rows_[0], std::string(12, '.'));
 }
 

@@ -25,7 +25,7 @@ std::string bytes_of(const grpc::ByteBuffer& buffer) {
   return bytes;
 }
 
-// As gRPC delivers it: in slices of no particular size.
+// A message as gRPC delivers it, in slices of any size.
 grpc::ByteBuffer buffer_of(const std::string& bytes, size_t slice_bytes) {
   std::vector<grpc::Slice> slices;
   for (size_t at = 0; at < bytes.size(); at += slice_bytes)
@@ -84,7 +84,7 @@ TEST(BandWire, TheErrorMapIsAnotherMemberOfTheSameMessage) {
   map.mutable_error_map()->set_first_row(7);
   map.mutable_error_map()->set_pixels("de");
   EXPECT_EQ(bytes_of(make_band(kErrorMapBand, 7, grpc::Slice("de"))), map.SerializeAsString());
-  // Of the members of a oneof the last one counts.
+  // In a oneof the last member counts.
   for (const auto& [first, second, kind, other] : {std::tuple(image, map, kErrorMapBand, kImageBand),
                                                    std::tuple(map, image, kImageBand, kErrorMapBand)}) {
     const std::string bytes = first.SerializeAsString() + second.SerializeAsString();
@@ -93,7 +93,7 @@ TEST(BandWire, TheErrorMapIsAnotherMemberOfTheSameMessage) {
     EXPECT_EQ(band->pixels, second.has_band() ? "abc" : "de");
     EXPECT_TRUE(absl::IsInvalidArgument(read(bytes, 7, other).status()));
   }
-  // In a request its number is a field that nobody knows.
+  // In a request this field number is unknown.
   EXPECT_EQ(read(request(0, "abc").SerializeAsString() + map.SerializeAsString())->pixels, "abc");
 }
 
@@ -187,8 +187,8 @@ TEST(BandWire, EveryTruncationIsRefused) {
   }
 }
 
-// Whatever the bytes, it accepts what the generated class accepts and sees the same in it. A RenderStart's
-// inside is not looked at, so only messages without one are compared.
+// For any bytes, it accepts what the generated class accepts and reads the same. It does not parse a
+// RenderStart, so only messages without one are compared.
 TEST(BandWire, AgreesWithTheGeneratedClassOnDamagedMessages) {
   std::mt19937 random(1);
   int accepted = 0;

@@ -136,7 +136,7 @@ TEST_F(Cgroup, AMountThatBeginsAtTheGroupItself) {
   EXPECT_EQ(limits().memory_bytes, 1000000u);
 }
 
-// The group's name is outside the mount, as after leaving a namespace. Only the mount counts.
+// The group's name is outside the mount, as after leaving a namespace. Then only the mount counts.
 TEST_F(Cgroup, AGroupThatTheMountDoesNotShow) {
   mounts(kVersion2);
   write("proc/self/cgroup", "0::/../other\n");

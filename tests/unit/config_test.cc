@@ -58,7 +58,7 @@ TEST(Config, HelpNamesTheFlagTheVariableAndTheRangeOfEveryOption) {
   }
 }
 
-// check_config serves programs that fill a Config themselves.
+// check_config is for programs that fill a Config themselves.
 TEST(Config, AnEmbeddedServersConfigIsCheckedByTheSameTable) {
   EXPECT_TRUE(check_config({}).ok());
   Config config;

@@ -18,7 +18,7 @@ FrameStats metered_at(double mean_log2_luminance) {
   return stats;
 }
 
-// A track whose frames come 24 a second, numbered from 0.
+// A track of 24 frames a second, numbered from 0.
 struct Film {
   explicit Film(uint32_t lookahead = 0, double cut_threshold_ev = 0.0, ExposurePoint point = {})
       : track(lookahead, cut_threshold_ev, point) {}
@@ -26,7 +26,7 @@ struct Film {
   absl::Status add(uint64_t sequence, bool cut = false) {
     return track.add(sequence, static_cast<int64_t>(sequence) * kFrameNs, cut, settings);
   }
-  // Adds and meters it; what is decided then.
+  // Adds and meters a frame. Returns the frames that are decided then.
   std::vector<FrameExposure> show(uint64_t sequence, double mean, bool cut = false) {
     EXPECT_TRUE(add(sequence, cut).ok());
     track.metered(sequence, metered_at(mean));
@@ -151,7 +151,7 @@ TEST(ExposureTrack, LookaheadEndsAtACut) {
   EXPECT_EQ(decided[0].point.exposed.target, target(1.0));
 }
 
-// One that says `cut`, and one that fails with it, are repeats all the same.
+// A repeated frame stays a repeat if it sets `cut` or if it fails.
 TEST(ExposureTrack, ARepeatBoundsNoLookaheadAndLeavesNoCut) {
   const auto last = [](bool repeat) {
     Film film(2);

@@ -1,7 +1,5 @@
 // OpenEXR files that are refused: deep, without colour, beyond the limits, cut or damaged.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfDeepFrameBuffer.h>
-#include <OpenEXR/ImfDeepScanLineOutputFile.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
@@ -22,21 +20,7 @@ using Imath::Box2i;
 using Imath::V2i;
 
 TEST_F(ExrReader, RefusesDeepImagesByName) {
-  Imf::Header header(4, 4);
-  header.channels().insert("R", Imf::Channel(Imf::HALF));
-  header.setType(Imf::DEEPSCANLINE);
-  header.compression() = Imf::ZIPS_COMPRESSION;
-  std::vector<unsigned> counts(16, 0);
-  std::vector<void*> samples(16, nullptr);
-  Imf::DeepFrameBuffer frame;
-  frame.insertSampleCountSlice(Imf::Slice::Make(Imf::UINT, counts.data(), header.dataWindow()));
-  frame.insert("R", Imf::DeepSlice(Imf::HALF, reinterpret_cast<char*>(samples.data()), sizeof(void*),
-                                   sizeof(void*) * 4, sizeof(uint16_t)));
-  {
-    Imf::DeepScanLineOutputFile file(path_.c_str(), header);
-    file.setFrameBuffer(frame);
-    file.writePixels(4);
-  }
+  write_deep(path_);
   EXPECT_NE(error().find("deep image"), std::string::npos) << error();
 }
 
@@ -49,7 +33,7 @@ TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
 }
 
 TEST_F(ExrReader, NamesOfAFileCannotBreakALineOrCommandATerminal) {
-  // A layer that is shown, and one whose red is subsampled.
+  // A layer that is shown, and a layer with a subsampled red channel.
   write_scan_lines(path_, Imf::Header(2, 2), rgb_channels(Imf::HALF, "a\n\x1b[2J\xff."));
   EXPECT_EQ(read().notes, std::vector<std::string>{"layer a\\x0a\\x1b[2J\\xff is shown"});
 
@@ -143,8 +127,8 @@ TEST_F(ExrReader, TakesNoMemoryForAttributesThatAreNotThere) {
   const std::string whole = read_file(path_);
   expect_picture(read(), header.displayWindow(), header.dataWindow());
 
-  // Byte `at` after the text `after`, which ends with an attribute's type, set to 0x5b: a gigabyte and a half
-  // when it is the highest one of a size.
+  // Sets byte `at` after the text `after`, which ends with an attribute's type, to 0x5b. As the highest byte
+  // of a size, that means 1.5 GB.
   const auto refused = [&](const std::string& after, size_t at) {
     std::string bytes = whole;
     bytes[bytes.find(after) + after.size() + at] = 0x5b;

@@ -1,4 +1,4 @@
-// What read_image makes of good OpenEXR files: values, windows, channels, layers, parts and metadata.
+// Good OpenEXR files through read_image: values, windows, channels, layers, parts and metadata.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
@@ -20,7 +20,7 @@ using Imath::Box2i;
 using Imath::V2i;
 
 TEST_F(ExrReader, TakesHalvesBitForBit) {
-  // Every half there is, NaNs with their payload, infinities and the negative zero included.
+  // Every half, including NaNs with their payload, infinities and the negative zero.
   Imf::Header header(256, 256);
   write_scan_lines(path_, header, rgb_channels());
   std::vector<uint16_t> halves(65536);
@@ -41,7 +41,7 @@ TEST_F(ExrReader, TakesHalvesBitForBit) {
   for (size_t i = 0; i < halves.size(); ++i) {
     ASSERT_EQ(pixels[4 * i], i);
     ASSERT_EQ(pixels[4 * i + 1], i);
-    ASSERT_EQ(pixels[4 * i + 2], 0);       // a channel that is not there
+    ASSERT_EQ(pixels[4 * i + 2], 0);       // a missing channel
     ASSERT_EQ(pixels[4 * i + 3], 0x3c00);  // 1
   }
 }
@@ -180,7 +180,7 @@ TEST_F(ExrReader, ShowsTheFirstPartWithColour) {
 }
 
 TEST_F(ExrReader, DecodesLuminanceAndChromaInAnyWindow) {
-  // Smooth, as the chroma is stored at half the size.
+  // Smooth, because the chroma is stored at half the size.
   const auto value = [](int x, int y, int c) {
     return 1.0f + 0.01f * x + 0.005f * static_cast<float>(y * (c + 1));
   };
@@ -236,7 +236,7 @@ TEST_F(ExrReader, IgnoresSingularChromaticitiesAndSaysSo) {
   const Imf::Chromaticities singular[] = {
       {{0, 0}, {0, 0}, {0, 0}, {0, 0}},
       {{0.1f, 0.1f}, {0.2f, 0.2f}, {0.3f, 0.3f}, {0.3127f, 0.329f}},  // on a line
-      {{0.64f, 0.33f}, {0.3f, 0.6f}, {0.15f, 0.06f}, {0.3f, 0}},      // white of no luminance
+      {{0.64f, 0.33f}, {0.3f, 0.6f}, {0.15f, 0.06f}, {0.3f, 0}},      // white without luminance
       {{0.64f, nan}, {0.3f, 0.6f}, {0.15f, 0.06f}, {0.3127f, 0.329f}},
       {{0.64f, 0.33f}, {0.3f, INFINITY}, {0.15f, 0.06f}, {0.3127f, 0.329f}},
   };

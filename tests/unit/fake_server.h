@@ -16,7 +16,7 @@ namespace candela {
 using Wire = grpc::ServerReaderWriter<v1::StreamResponse, v1::StreamRequest>;
 
 // Answers each frame with an image of one value: 16 times the manual EV plus the sequence number. The resume
-// token is the sequence number. Listens on a TCP port of its own while it exists.
+// token is the sequence number. Listens on a free TCP port while it exists.
 class FakeServer : public v1::RenderService::Service {
  public:
   // Called with each frame's number before it is answered. A status other than OK ends the call with it, and

@@ -1,4 +1,4 @@
-// Whose frame is next.
+// The order in which the queue serves the frames of several flows.
 #include "server/schedule/frame_queue.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,8 @@ FrameJob job_of(Flow flow) {
   return job;
 }
 
-// Serves `frames` frames from flows that always have one waiting, with these costs; the device time of each.
+// Serves `frames` frames from flows that always have a frame waiting, with these costs. Returns the device
+// time of each flow.
 std::map<Flow, absl::Duration> serve(FrameQueue& queue, const std::map<Flow, absl::Duration>& costs,
                                      int frames) {
   std::map<Flow, absl::Duration> used;
@@ -62,7 +63,7 @@ TEST(FrameQueue, AHeavyFlowGetsNoMoreOfTheDeviceThanALightOne) {
 TEST(FrameQueue, AFlowThatPausedHasNoClaimOnWhatItDidNotUse) {
   FrameQueue queue(100);
   serve(queue, {{1, absl::Milliseconds(10)}}, 1000);
-  // The newcomer, and one that comes back, take turns with flow 1 from now on.
+  // From now on a new flow, and a flow that returns, take turns with flow 1.
   ASSERT_TRUE(queue.push(job_of(2)).ok());
   ASSERT_TRUE(queue.push(job_of(2)).ok());
   int second = 0;

@@ -16,7 +16,7 @@ constexpr Heartbeat::Options kFast = {.interval = absl::Milliseconds(20),
                                       .limit = absl::Milliseconds(100),
                                       .moving_limit = absl::Milliseconds(400)};
 
-// Keeps what was reported.
+// Keeps the reports.
 class Reports {
  public:
   std::function<void(Heartbeat::Pulse)> function() {
@@ -29,7 +29,7 @@ class Reports {
     absl::MutexLock lock(&mutex_);
     return all_;
   }
-  // False after 10 s.
+  // Returns false after 10 s.
   bool wait_for(Heartbeat::Pulse pulse) const {
     absl::MutexLock lock(&mutex_);
     const auto last = [&] { return !all_.empty() && all_.back() == pulse; };
@@ -98,7 +98,7 @@ TEST(Heartbeat, BeatsThatFailAreReportedAndSoIsThatTheyWorkAgain) {
   EXPECT_EQ(reports.all().size(), 2u);
 }
 
-// Frames that a client made fail say that the thread moves, and no more.
+// Frames that fail because of a client only show that the thread moves.
 TEST(Heartbeat, FramesThatFailDoNotHideThatBeatsDo) {
   RenderLoop loop = idle_loop();
   Reports reports;

@@ -11,7 +11,7 @@
 #include "tests/unit/image_support.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;  // its shadow memory needs more address space than any limit
+constexpr bool kSanitized = true;  // the shadow memory needs more address space than the limit
 #else
 constexpr bool kSanitized = false;
 #endif
@@ -48,7 +48,7 @@ double median_difference(const Image& a, const Image& b) {
   return differences[differences.size() / 2];
 }
 
-// CIE XYZ to linear Rec.709 by the plain D65 matrix, as the published files of that picture need.
+// CIE XYZ to linear Rec.709 by the D65 matrix, which the published files of that picture use.
 Image to_rec709(const Image& xyz) {
   Image out = *make_image(xyz.width, xyz.height, ImageFormat::kRgba32f);
   constexpr double kMatrix[3][3] = {{3.2404542, -1.5371385, -0.4985314},
@@ -85,7 +85,7 @@ TEST_F(ImageData, DeepImagesAreRefusedByName) {
 
 TEST_F(ImageData, EveryDamagedFileIsRefusedFastAndInLittleMemory) {
   for (const std::string& path : data_files("bad")) {
-    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // readers differ; it holds a whole picture
+    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // a whole picture, on which readers differ
     const pid_t child = fork();
     ASSERT_GE(child, 0);
     if (child == 0) {

@@ -1,7 +1,10 @@
 #include "tests/unit/image_support.h"
 
 #include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfDeepFrameBuffer.h>
+#include <OpenEXR/ImfDeepScanLineOutputFile.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfTileDescription.h>
 #include <OpenEXR/ImfTiledOutputFile.h>
 #include <half.h>
@@ -82,6 +85,22 @@ void write_tiles(const std::string& path, Imf::Header header, const Imf::TileDes
       file.writeTiles(0, file.numXTiles(lx) - 1, 0, file.numYTiles(ly) - 1, lx, ly);
     }
   }
+}
+
+void write_deep(const std::string& path) {
+  Imf::Header header(4, 4);
+  header.channels().insert("R", Imf::Channel(Imf::HALF));
+  header.setType(Imf::DEEPSCANLINE);
+  header.compression() = Imf::ZIPS_COMPRESSION;
+  std::vector<unsigned> counts(16, 0);
+  std::vector<void*> samples(16, nullptr);
+  Imf::DeepFrameBuffer frame;
+  frame.insertSampleCountSlice(Imf::Slice::Make(Imf::UINT, counts.data(), header.dataWindow()));
+  frame.insert("R", Imf::DeepSlice(Imf::HALF, reinterpret_cast<char*>(samples.data()), sizeof(void*),
+                                   sizeof(void*) * 4, sizeof(uint16_t)));
+  Imf::DeepScanLineOutputFile file(path.c_str(), header);
+  file.setFrameBuffer(frame);
+  file.writePixels(4);
 }
 
 double rgb_value(int x, int y, int c) { return (c - 1) * 100 + x + 2 * y; }

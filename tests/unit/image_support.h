@@ -42,6 +42,9 @@ void write_scan_lines(const std::string& path, Imf::Header header, const std::ve
 void write_tiles(const std::string& path, Imf::Header header, const Imf::TileDescription& tiles,
                  const std::vector<ExrChannel>& channels, double wrong);
 
+// A deep file of 4 x 4 pixels without samples.
+void write_deep(const std::string& path);
+
 // R, G and B with whole numbers that are exact as halves within a few hundred pixels of the origin.
 std::vector<ExrChannel> rgb_channels(Imf::PixelType type = Imf::HALF, const std::string& prefix = "");
 double rgb_value(int x, int y, int c);

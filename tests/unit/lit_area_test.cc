@@ -1,4 +1,4 @@
-// Where light can be after each pass of the bloom, against a count of every texel that a pass reads.
+// The area that light can reach in each pass of the bloom, against a count of every texel that a pass reads.
 #include "server/render/plan/lit_area.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace candela {
 namespace {
 
-// Texels that are not 0.
+// The texels that are not 0.
 struct Grid {
   LevelSize size;
   std::vector<bool> lit;
@@ -44,7 +44,7 @@ Grid grid_of(const Area& area, LevelSize size) {
   return grid;
 }
 
-// `reads(x, y)`: whether a texel of the new level reads one that is lit.
+// `reads(x, y)` says whether a texel of the new level reads a lit one.
 template <typename Reads>
 Grid next(LevelSize size, const Reads& reads) {
   Grid grid(size);
@@ -56,7 +56,7 @@ Grid next(LevelSize size, const Reads& reads) {
   return grid;
 }
 
-// All of `lit` is in `area`.
+// Whether all of `lit` is in `area`.
 void expect_holds(const Area& area, const Grid& lit, const std::string& what) {
   const Grid held = grid_of(area, lit.size);
   for (size_t i = 0; i < lit.lit.size(); ++i) {
@@ -98,7 +98,7 @@ TEST(LitArea, HoldsEveryTexelThatAPassMakesOfLight) {
         });
         area = in_level(area, level_size);
         expect_holds(area, level, what + ", level 0");
-        // B_n reads D_n, too; it is in what B_{n+1} reaches, and is checked with it.
+        // B_n also reads D_n, which lies within the reach of B_{n+1} and is checked with it.
         std::vector<Grid> down = {level};
         for (size_t i = 1; i < sizes.size(); ++i) {
           const Grid& from = down.back();
@@ -110,7 +110,7 @@ TEST(LitArea, HoldsEveryTexelThatAPassMakesOfLight) {
         }
         level = down.back();
         for (size_t i = sizes.size() - 1; i-- > 0;) {
-          // Even texels read from x / 2 - 2 to x / 2 + 1, odd ones a texel on.
+          // Even texels read from x / 2 - 2 to x / 2 + 1, odd ones one texel further.
           const auto first = [](int64_t x) { return x / 2 - 2 + x % 2; };
           level = next(sizes[i], [&](int64_t x, int64_t y) {
             return down[i].at(x, y) || level.any(first(x), first(y), first(x) + 3, first(y) + 3);

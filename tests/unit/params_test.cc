@@ -20,7 +20,7 @@
 namespace candela {
 namespace {
 
-// Member name to byte offset, of one struct.
+// Maps a struct's member names to byte offsets.
 using Offsets = std::map<std::string, uint32_t>;
 
 std::string text(std::span<const uint32_t> words) {
@@ -28,8 +28,8 @@ std::string text(std::span<const uint32_t> words) {
   return bytes.c_str();
 }
 
-// Struct name to offsets, of the structs that SPIR-V decorates (one name can stand for several types; those
-// without offsets are copies inside functions).
+// Maps the names of the structs that SPIR-V decorates to their offsets. Several types can have one name;
+// those without offsets are copies inside functions.
 std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
   constexpr uint32_t kOpName = 5;
   constexpr uint32_t kOpMemberName = 6;
@@ -49,7 +49,7 @@ std::map<std::string, Offsets> structs(std::span<const uint32_t> spirv) {
   return found;
 }
 
-// Name to id, of the specialisation constants that SPIR-V decorates.
+// Maps the names of the specialisation constants that SPIR-V decorates to their ids.
 std::map<std::string, uint32_t> constant_ids(std::span<const uint32_t> spirv) {
   constexpr uint32_t kOpName = 5;
   constexpr uint32_t kOpDecorate = 71;
@@ -65,7 +65,7 @@ std::map<std::string, uint32_t> constant_ids(std::span<const uint32_t> spirv) {
   return ids;
 }
 
-// The constant of that name has the id that its struct's member has by its place.
+// Expects that the constant's id is the position of the struct's member.
 #define EXPECT_CONSTANT(ids, Struct, member, NAME)        \
   ASSERT_TRUE(ids.contains(NAME)) << #Struct "." #member; \
   EXPECT_EQ(ids[NAME] * 4, offsetof(shader::Struct, member)) << #Struct "." #member

@@ -45,7 +45,8 @@ std::string bytes(std::initializer_list<int> values) {
   return text;
 }
 
-// A pixel with its position: mantissas x + 1 and y + 1 at exponent 136, so that the values are these numbers.
+// A pixel that encodes its position. The mantissas are x + 1 and y + 1 at exponent 136, so that the values
+// are these numbers.
 Rgbe marked(int x, int y) { return {static_cast<uint8_t>(x + 1), static_cast<uint8_t>(y + 1), 77, 136}; }
 
 std::string flat(std::span<const Rgbe> pixels) {
@@ -93,7 +94,7 @@ TEST_F(RadianceReader, ReadsTheThreeCodingsAlike) {
   for (int i = 0; i < 40; ++i) line[5 + i] = marked(i, 9);
   const Image plain = good(header("", "-Y 1 +X 600"), flat(line));
   EXPECT_TRUE(same_pixels(plain, good(header("", "-Y 1 +X 600"), by_component(line))));
-  // 555 = 0x22b repeats: the low byte first, then the next one.
+  // 555 = 0x22b repetitions: the low byte comes first, then the next one.
   const std::string old = flat(std::span(line).first(45)) + flat(std::span(line).subspan(45, 1)) +
                           bytes({1, 1, 1, 554 & 255, 1, 1, 1, 554 >> 8});
   EXPECT_TRUE(same_pixels(plain, good(header("", "-Y 1 +X 600"), old)));
@@ -225,7 +226,7 @@ TEST_F(RadianceReader, ChecksTheLimitsFromTheHeaderAlone) {
        {"-Y 40000 +X 40000", "-Y 1 +X 16385", "-Y 16385 +X 1", "-Y 16384 +X 16384", "-Y 8000 +X 8000"}) {
     EXPECT_EQ(read(header("", size), "").status().code(), absl::StatusCode::kResourceExhausted) << size;
   }
-  // Within the limits, but more than 60 bytes can hold.
+  // Within the limits, but more pixels than 60 bytes can hold.
   EXPECT_NE(error(header("", "-Y 5000 +X 5000"), "").find("truncated"), std::string::npos);
 }
 

@@ -17,7 +17,7 @@ FrameJob job(std::function<void(absl::StatusOr<RenderedFrame>)> done) {
   return result;
 }
 
-// Renders nothing, once it may.
+// A job that renders nothing and waits until the test lets it run.
 class GatedRender {
  public:
   RenderLoop::Render function() {

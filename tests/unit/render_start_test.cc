@@ -161,7 +161,7 @@ TEST(RenderStart, RefusesEmptyAndOversizedFrames) {
 }
 
 TEST(RenderStart, SizesWhoseProductsLeave32BitsDoNotWrap) {
-  // 65536 x 65536 x 8 is 0 in 32 bits, 2^32-1 squared times 16 more than 64 bits hold.
+  // 65536 x 65536 x 8 is 0 in 32 bits. The square of 2^32-1 times 16 does not fit into 64 bits.
   for (uint32_t side : {65536u, 0x80000000u, 0xffffffffu}) {
     for (v1::PixelFormat format :
          {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {

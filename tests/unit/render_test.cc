@@ -70,7 +70,7 @@ TEST(Primaries, MatchThePublishedMatrices) {
   ASSERT_TRUE(xyz.ok() && xyz->has_value());
   const double expected_xyz[9] = {3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570};
   for (size_t i = 0; i < 9; ++i) EXPECT_NEAR((**xyz)[i], expected_xyz[i], 5e-4) << i;
-  // White stays white where it is adapted: ACES AP0.
+  // White stays white after adaptation: ACES AP0.
   const auto ap0 = matrix_to_rec709({{0.7347, 0.2653, 0, 1, 0.0001, -0.0770, 0.32168, 0.33767}});
   ASSERT_TRUE(ap0.ok() && ap0->has_value());
   for (size_t r = 0; r < 3; ++r) {
@@ -84,7 +84,7 @@ TEST(Primaries, OfRec709NeedNoMatrixAndSingularOnesAreRefused) {
   EXPECT_FALSE(rec709->has_value());
   EXPECT_FALSE(matrix_to_rec709({{0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3}}).ok());
   EXPECT_FALSE(matrix_to_rec709({{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0}}).ok());
-  // Independent on paper, but the matrix would leave a float's range.
+  // The primaries are independent, but the matrix would exceed a float's range.
   EXPECT_FALSE(matrix_to_rec709({{-0.7238643181910811, -5.97e-216, -4.97e+272, -3.74e-159,
                                   -0.081465836816720816, -1.41e-139, 6.4829e-06, 0.69833}})
                    .ok());

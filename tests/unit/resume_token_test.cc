@@ -27,7 +27,7 @@ TokenKeys keys(const std::string& lines) {
   return *std::move(read);
 }
 
-// Every field at a value that its default is not, and as long as it may be.
+// Every field has a value other than its default, and its greatest length.
 ResumePoint full_point() {
   ResumePoint point{.session = std::string(v1::kMaxSessionNameBytes, 's'),
                     .epoch = ~uint64_t{0},
@@ -57,7 +57,7 @@ void expect_equal(const ResumePoint& a, const ResumePoint& b) {
   EXPECT_EQ(a.tier, b.tier);
 }
 
-// The words of the refusal; empty where there was none.
+// The refusal's message; empty if there was none.
 std::string refusal(const TokenKeys& by, const std::string& token, const std::string& session,
                     absl::Time now = kNow) {
   const absl::Status status = by.open(token, session, now).status();
@@ -84,7 +84,7 @@ TEST(ResumeToken, GivesBackWhatItWasMadeOfInAtMostAKibibyte) {
   EXPECT_FALSE(begun->exposure.print);
 }
 
-// A cell without weight is NaN, and a resumed session has to see the same one.
+// A cell without weight is NaN, and a resumed session must see the same NaN.
 TEST(ResumeToken, APrintComesBackBitForBit) {
   const TokenKeys ours = keys(key('a'));
   ResumePoint point = full_point();
@@ -145,7 +145,7 @@ TEST(ResumeToken, AForeignKeysTokenIsRefused) {
   EXPECT_TRUE(says(refusal(*other, one->seal(point, kNow), point.session), "key that this server"));
 }
 
-// With the right key's name on it and another key's signature.
+// A token with the right key's id and another key's signature.
 TEST(ResumeToken, AKnownKeysNameAloneOpensNothing) {
   const TokenKeys ours = keys(key('a'));
   const ResumePoint point = full_point();
@@ -185,7 +185,7 @@ TEST(ResumeToken, AnotherSessionsTokenIsRefused) {
   EXPECT_TRUE(says(refusal(ours, ours.seal(point, kNow), ""), "another session"));
 }
 
-// A client that sees one refusal can tell what to do about it.
+// Each refusal tells a client what to do.
 TEST(ResumeToken, EachRefusalHasItsOwnWords) {
   const TokenKeys ours = keys(key('a'));
   const ResumePoint point = full_point();

@@ -15,7 +15,7 @@ TEST(RpcStatus, KeepsEveryCodeAndMessage) {
   }
 }
 
-// Longer ones would not fit into HTTP/2's headers, and the client would see another error altogether.
+// A longer message would not fit into HTTP/2's headers, and the client would see another error.
 TEST(RpcStatus, CutsLongMessages) {
   EXPECT_EQ(to_grpc(absl::InvalidArgumentError(std::string(50000, 'x'))).error_message().size(), 1024u);
 }

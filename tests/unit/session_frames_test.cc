@@ -1,4 +1,4 @@
-// The frames of a session: their order, their stages, and what is left when it ends early.
+// The frames of a session: their order, their stages, and the frames that remain if it ends early.
 #include "server/session/session_frames.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ std::vector<uint64_t> numbers(const SessionFrames::Entries& entries) {
   return all;
 }
 
-// A session whose frames have numbers from 0 and as many seconds of media time.
+// A session with frames numbered from 0. A frame's number is also its media time in seconds.
 class Line {
  public:
   explicit Line(uint32_t lookahead = 0, const ExposurePoint& point = {})
@@ -51,7 +51,7 @@ class Line {
     frames.decide(entry, rendered_frame(mean).report.stats);
     SessionFrames::rendered(entry, rendered_frame(mean), false);
   }
-  // Submits every frame that is decided; their numbers.
+  // Submits every decided frame and returns their numbers.
   std::vector<uint64_t> draw() {
     std::vector<uint64_t> drawn;
     while (const SessionFrames::EntryPtr entry = frames.next_decided()) {

@@ -1,5 +1,4 @@
-// The client's session against servers that fail on demand: every result arrives once and in order, whatever
-// is lost.
+// The client's session against servers that fail on demand. Every result arrives once, in order.
 #include "client/session.h"
 
 #include <gtest/gtest.h>
@@ -42,7 +41,7 @@ SessionOptions options_for(std::vector<std::string> servers) {
   return options;
 }
 
-// Streams `frames` frames, with the EV 2 from frame `change` on, and takes their results.
+// Streams `frames` frames, with an EV of 2 from frame `change` on, and takes their results.
 struct Outcome {
   absl::Status status;
   std::vector<int> values;  // a byte of each result, in the order they came; -1 for a failure
@@ -148,7 +147,7 @@ TEST(Session, AServerThatGoesAwayIsLeftInPeace) {
 
 TEST(Session, AFrameThatFailsIsAResultOfItsOwn) {
   FakeServer server([](uint64_t sequence, Wire& stream) {
-    // The answer that follows is then one too many, so the call ends here: this is the last frame.
+    // This is the last frame: the answer that follows is one too many, so the call ends here.
     if (sequence != 3) return grpc::Status::OK;
     v1::StreamResponse response;
     response.mutable_failure()->set_sequence(3);
@@ -173,7 +172,8 @@ TEST(Session, ARefusalEndsItAfterWhatCameBefore) {
   EXPECT_EQ(got.stats.resumes, 0u);
 }
 
-// What took it over may be its own call before, whose open came late; once it has results, it is another's.
+// The other call may be this session's previous one, if its open message came late. Once that has results, it
+// is another session's.
 TEST(Session, ACallThatIsTakenOverBeforeAResultGoesOn) {
   std::atomic<int> times = 0;
   FakeServer server([&](uint64_t sequence, Wire&) {
@@ -260,7 +260,7 @@ TEST(Session, AServerThatWantsToBeLeftAloneForTooLongIsNotWaitedFor) {
   EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
 }
 
-// Its connection is as good as ever.
+// The connection is still good.
 TEST(Session, AServerThatHangsIsLeftForTheNext) {
   absl::Notification over;
   FakeServer first([&](uint64_t sequence, Wire&) {

@@ -1,4 +1,4 @@
-// Which tier keeps a promise. No device.
+// The choice of a tier that keeps a promise. No device.
 #include "server/render/settings/tier_choice.h"
 
 #include <gtest/gtest.h>
@@ -46,10 +46,10 @@ TEST(TierChoice, SaysWhatWasChosenAndWhy) {
 TEST(TierChoice, RefusesTheImpossibleWithTheNearest) {
   const absl::Status slow = choose(std::nullopt, 1).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(slow));
-  EXPECT_EQ(
-      slow.message(),
-      "no tier keeps max_ms 1 for frames of this size and these settings on this device; the nearest that is "
-      "possible: draft takes 15 ms with at most 4 codes of error");
+  EXPECT_EQ(slow.message(),
+            "no tier keeps max_ms 1 for frames of this size with these settings on this device; closest: "
+            "draft takes "
+            "15 ms with at most 4 codes of error");
   const absl::Status both = choose(0.5, 18).status();
   EXPECT_NE(both.message().find("max_error_codes 0.5 with max_ms 18"), std::string::npos) << both;
   EXPECT_NE(both.message().find("standard takes 20 ms"), std::string::npos) << both;

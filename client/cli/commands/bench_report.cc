@@ -26,7 +26,7 @@ std::vector<double> sorted(const BenchReport& report, double BenchFrame::*member
   return values;
 }
 
-// By nearest rank; 0 if there are no values.
+// The percentile by nearest rank; 0 if there are no values.
 double percentile(const std::vector<double>& values, double percent) {
   if (values.empty()) return 0;
   const double rank = std::ceil(percent / 100 * static_cast<double>(values.size()));

@@ -44,7 +44,7 @@ class ServerLink {
   // A usage error if the server does not know the tier. "" is the default tier and always known.
   absl::Status check_tier(const std::string& tier);
 
-  // How long the built-in server took to start; 0 for a running server.
+  // The start-up time of the built-in server; 0 for a running server.
   double start_ms() const { return start_ms_; }
 
   // Stops the built-in server and frees its memory.

@@ -54,7 +54,7 @@ struct Outcome {
 
   bool ok() const { return WIFEXITED(status) && WEXITSTATUS(status) == 0; }
 
-  // How the child ended and what it printed, in one line.
+  // The child's exit and output, in one line.
   std::string reason() const {
     const std::string end = WIFEXITED(status) ? absl::StrFormat("it ended with code %d", WEXITSTATUS(status))
                                               : absl::StrFormat("it ended by signal %d", WTERMSIG(status));

@@ -71,8 +71,8 @@ void add_sample(CLI::App& app, SampleOptions& sample) {
            [&sample](const std::string& text) { return parse_size(text, sample.width, sample.height); });
   add_text(
       app, "Options", "--sequence", "DIR|PATTERN",
-      "Write a sequence instead, whose light steps by 2^12 in the middle: to a folder, or to a pattern such "
-      "as in/%04d.exr",
+      "Write a sequence instead, to a folder or to a pattern such as in/%04d.exr; in the middle its light "
+      "changes by a factor of 2^12",
       sample.sequence);
   add_number(
       app, "Options", "--frames", "N", {2, 100000}, static_cast<double>(sample.frames),
@@ -111,13 +111,13 @@ void define(CLI::App& app, Arguments& arguments) {
       *app.add_subcommand("stream", "Renders a sequence of frames with exposure that adapts over time.");
   stream.footer(kStreamExamples);
   add_stream_options(stream, arguments.stream);
-  add_meter(*app.add_subcommand("meter", "Reports the exposure an image asks for, and why."),
+  add_meter(*app.add_subcommand("meter", "Reports the exposure that metering chooses for an image, and why."),
             arguments.meter);
   add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them."),
              arguments.sample);
   add_report_options(*app.add_subcommand("report", "Measures this machine and writes a report page."),
                      arguments.report);
-  CLI::App& bench = *app.add_subcommand("bench", "Puts a server under load with sessions and measures it.");
+  CLI::App& bench = *app.add_subcommand("bench", "Measures a server under the load of several sessions.");
   bench.footer(kBenchExamples);
   add_bench_options(bench, arguments.bench);
   CLI::App& info = *app.add_subcommand("info", "Describes a server: device, formats, curves, limits.");
@@ -136,7 +136,7 @@ std::vector<std::string> option_names(const CLI::App& app) {
   return names;
 }
 
-// Finds words that are not in the grammar before CLI11 reports their consequences.
+// Finds unknown words first, because CLI11 would report only what follows from them.
 absl::Status check_words(const CLI::App& app, const std::vector<std::string>& words) {
   if (words.empty()) return absl::OkStatus();
   const CLI::App* command = &app;

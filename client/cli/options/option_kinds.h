@@ -1,5 +1,5 @@
-// The kinds of options there are. Each shows its range and default in --help, and refuses a value with a
-// usage error that names the option, the value and what it may be.
+// Helpers that define the command's options. Each option shows its range and default in --help, and refuses a
+// value with a usage error that names the option, the value and the allowed values.
 #pragma once
 
 #include <google/protobuf/generated_enum_reflection.h>
@@ -19,22 +19,22 @@ struct OptionError {
   absl::Status status;
 };
 
-// An option in a section of the help. `set` takes or refuses its text. If it is given twice, the last one
-// counts.
+// Adds an option to a section of the help. `set` accepts or refuses its text. If the option is given twice,
+// the last one counts.
 CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
                       const std::string& placeholder, const std::string& help,
                       std::function<absl::Status(const std::string&)> set);
 
-// The same, for text that is taken as it is.
+// The same for text that is stored unchanged.
 CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
                       const std::string& placeholder, const std::string& help, std::string& text);
 
-// A number in a range; `whole` refuses fractions.
+// Adds an option for a number in a range; `whole` refuses fractions.
 void add_number(CLI::App& app, const std::string& section, const std::string& name, const std::string& unit,
                 v1::Range<double> range, double initial, const std::string& help,
                 std::function<void(double)> set, bool whole = false);
 
-// One word of an enum.
+// Adds an option for a word of an enum.
 template <typename Enum>
 void add_enum(CLI::App& app, const std::string& section, const std::string& name, const std::string& what,
               Enum initial, const std::string& help, std::function<void(Enum)> set);
@@ -45,11 +45,11 @@ void add_json_option(CLI::App& app, const std::string& section, const std::strin
 // --quiet
 void add_quiet_option(CLI::App& app, const std::string& section, bool& quiet);
 
-// The number in the text of the option `name`, or a usage error.
+// Parses the text of the option `name` as a number in the range. Fails with a usage error.
 absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
                                     bool whole = false);
 
-// The enum value of a word, or a usage error that names the nearest word. `what` is, for example, "curve".
+// Parses a word as an enum value. The usage error suggests the nearest word. `what` is, for example, "curve".
 absl::StatusOr<int> enum_value(const google::protobuf::EnumDescriptor& type, const std::string& what,
                                const std::string& word);
 

@@ -1,4 +1,4 @@
-// What the user asked for.
+// The commands' options after parsing.
 #pragma once
 
 #include <cstdint>
@@ -15,18 +15,18 @@
 
 namespace candela {
 
-// Where frames are rendered.
+// The server that renders the frames.
 struct ServerChoice {
-  std::string address;                   // "HOST:PORT" or "unix:PATH"; empty: a server inside of this process
-  std::vector<std::string> others = {};  // more of them, for a session that loses the first
-  ClientSecurity security = {};          // with running servers
-  std::string device;  // of the server inside: a part of its name, or its index; empty: the best there is
+  std::string address;                   // "HOST:PORT" or "unix:PATH"; empty: the built-in server
+  std::vector<std::string> others = {};  // more addresses, for a session that loses the first server
+  ClientSecurity security = {};          // for running servers
+  std::string device;  // of the built-in server: a part of its name, or its index; empty: the best one
 };
 
-// How frames are rendered and images written.
+// The settings of frames and the format of images.
 struct PictureOptions {
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
-  ViewChoice view;        // its config is empty where there is none
+  ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;
   std::vector<std::string> notes;  // options that change nothing for this output
 };
@@ -36,7 +36,7 @@ struct RenderOptions : PictureOptions {
   std::string output;
   v1::ExposureState previous;  // exposure 0: none
   ServerChoice server;
-  bool verify = false;    // hold the image against the reference
+  bool verify = false;    // compare the image with the reference
   std::string error_map;  // a .png, "" for none; only with `verify`
   std::string json;       // a path, "-" for stdout, "" for none
   bool quiet = false;
@@ -71,7 +71,7 @@ struct BenchOptions {
   uint32_t sessions = 1;
   uint32_t width = 1920;
   uint32_t height = 1080;
-  double fps = 0;  // 0: as fast as it goes
+  double fps = 0;  // 0: as fast as possible
   absl::Duration duration = absl::Seconds(10);
   uint32_t lookahead = 0;
   absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
@@ -84,7 +84,7 @@ struct BenchOptions {
 struct SampleOptions {
   std::string output;    // a scene; empty: a sequence
   std::string sequence;  // a pattern with %d, or a folder; empty: a scene
-  uint64_t frames = 48;  // of a sequence
+  uint64_t frames = 48;  // length of a sequence
   uint32_t width = 1920;
   uint32_t height = 1080;
   bool quiet = false;
@@ -117,8 +117,8 @@ struct TextToPrint {
 using Invocation = std::variant<TextToPrint, RenderOptions, StreamOptions, MeterOptions, BenchOptions,
                                 SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
 
-// Looks at nothing but its arguments. Every failure is a usage error (see usage.h) of one line that says what
-// would have been understood.
+// Reads nothing but its arguments. Every failure is a usage error (see usage.h) of one line that says how to
+// correct the command.
 absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv);
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-// The options that say what images are written as, and how they go together with the settings.
+// The options for the format of image files, and their checks against the settings.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -9,7 +9,7 @@
 
 namespace candela {
 
-// What the options say before they are put together.
+// The options as parsed, before they are combined and checked.
 struct PictureArguments {
   int bits = 0;     // 0: not given
   int quality = 0;  // 0: not given
@@ -18,12 +18,11 @@ struct PictureArguments {
 // Defines --bits and --quality; parsing fills `arguments`, which outlives the app.
 void add_image_options(CLI::App& app, PictureArguments& arguments);
 
-// After parsing: chooses the output's format by the extension of `output` and finds options that do not go
-// together.
+// After parsing: chooses the output's format by the extension of `output`, and refuses options that conflict.
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output);
 
-// "WIDTHxHEIGHT", each at most kMaxDimension.
+// Parses "WIDTHxHEIGHT"; each is at most kMaxDimension.
 absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height);
 
 }  // namespace candela

@@ -48,7 +48,8 @@ absl::Status check_error_map(const RenderOptions& options) {
     return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", options.error_map));
   }
   if (options.error_map == options.output) {
-    return usage_error(absl::StrFormat("--error-map %s: OUT is that file; give two", options.error_map));
+    return usage_error(
+        absl::StrFormat("--error-map %s: OUT is the same file; give another name", options.error_map));
   }
   return absl::OkStatus();
 }
@@ -77,7 +78,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
   absl::Status status = finish_picture_options(options, arguments.picture, options.output);
   if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
-    status.Update(usage_error("--elapsed says how long ago --previous-exposure was; give that, too"));
+    status.Update(usage_error("--elapsed needs --previous-exposure; give both"));
   }
   status.Update(check_error_map(options));
   status.Update(check_server_options(options.server));

@@ -9,7 +9,7 @@
 
 namespace candela {
 
-// What the options say before they are put together.
+// The options as parsed, before they are combined and checked.
 struct RenderArguments {
   RenderOptions options;
   PictureArguments picture;
@@ -18,7 +18,7 @@ struct RenderArguments {
 // Defines the options; parsing fills `arguments`, which outlives the app.
 void add_render_options(CLI::App& app, RenderArguments& arguments);
 
-// After parsing: chooses the output's format and finds options that do not go together.
+// After parsing: chooses the output's format and refuses options that conflict.
 absl::Status finish_render_options(RenderArguments& arguments);
 
 }  // namespace candela

@@ -37,7 +37,7 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
                "Take at most five minutes: fewer frames, smaller images; the page says what was left out")
       ->group(kSection);
   add_text(app, kSection, "--megapixels", "LIST",
-           absl::StrFormat("Frame sizes with commas between; each %s (default 0.25,1,2,8,33)",
+           absl::StrFormat("Frame sizes, separated by commas; each %s (default 0.25,1,2,8,33)",
                            format_range(kMegapixels)),
            [&options](const std::string& text) { return set_megapixels(options, text); });
   app.add_option("--images", options.images,

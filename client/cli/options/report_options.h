@@ -11,8 +11,7 @@ namespace candela {
 // Defines the options; parsing fills `options`, which outlives the app.
 void add_report_options(CLI::App& app, ReportOptions& options);
 
-// After parsing: takes the sizes that belong to --quick where none were given, and finds options that do not
-// go together.
+// After parsing: sets the default sizes if none were given, and refuses options that conflict.
 absl::Status finish_report_options(ReportOptions& options);
 
 }  // namespace candela

@@ -12,13 +12,13 @@ namespace {
 
 constexpr char kServer[] = "Server";
 
-// "ADDRESS,ADDRESS": the first and the others.
+// Parses "ADDRESS,ADDRESS,..." into the first address and the others.
 absl::Status set_servers(const std::string& text, ServerChoice& choice) {
   const std::vector<std::string> addresses = absl::StrSplit(text, ',');
   for (const std::string& address : addresses) {
     if (address.empty()) {
       return usage_error(
-          absl::StrFormat("--server is \"%s\"; it must be addresses with commas between", text));
+          absl::StrFormat("--server is \"%s\"; it must be addresses separated by commas", text));
     }
   }
   choice.address = addresses.front();
@@ -73,7 +73,8 @@ void add_security_options(CLI::App& app, const std::string& section, ClientSecur
 
 absl::Status check_server_options(const ServerChoice& choice) {
   if (choice.address.empty() || choice.device.empty()) return absl::OkStatus();
-  return usage_error("--device is for rendering without --server, which has its own; give one of them");
+  return usage_error(
+      "--device chooses the built-in server's device and has no effect with --server; give one of them");
 }
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-// The options that say where frames are rendered, whom to trust there and what to show.
+// The options for the server that renders the frames: its address, its security and its device.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -13,14 +13,14 @@ namespace candela {
 // app.
 void add_server_options(CLI::App& app, ServerChoice& choice);
 
-// The same for a session, whose --server may name several.
+// The same for a session. Its --server may name several servers.
 void add_servers_options(CLI::App& app, ServerChoice& choice);
 
-// The options of a connection's security alone. Each has an environment variable too: CANDELA_CLIENT_TLS_CA
-// for --tls-ca, because CANDELA_TLS_CERT is candelad's.
+// Only the options of a connection's security. Each also has an environment variable, such as
+// CANDELA_CLIENT_TLS_CA for --tls-ca; "CLIENT" sets them apart from candelad's variables.
 void add_security_options(CLI::App& app, const std::string& section, ClientSecurity& security);
 
-// After parsing: finds options that do not go together.
+// After parsing: refuses options that conflict.
 absl::Status check_server_options(const ServerChoice& choice);
 
 }  // namespace candela

@@ -23,7 +23,7 @@ using google::protobuf::Message;
 using v1::format_number;
 using v1::SettingField;
 
-// The setting of this path. It exists: paths are written in this file.
+// The setting of this path. It must exist; the paths are constants in this file.
 const SettingField& setting_at(const std::string& path) {
   const std::vector<SettingField>& fields = v1::setting_fields();
   return *std::find_if(fields.begin(), fields.end(), [&](const SettingField& f) { return f.path == path; });
@@ -42,13 +42,13 @@ double default_of(const v1::Settings& settings, const std::string& path) {
              : setting.declaration().default_();
 }
 
-// "A,B,...": `count` numbers of one range.
+// Parses "A,B,...": `count` numbers in one range.
 absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
                                                v1::Range<double> range, bool whole = false) {
   const std::vector<std::string> parts = absl::StrSplit(text, ',');
   if (parts.size() != count) {
     return usage_error(
-        absl::StrFormat("%s is \"%s\"; it must be %d numbers with commas between", name, text, count));
+        absl::StrFormat("%s is \"%s\"; it must be %d numbers separated by commas", name, text, count));
   }
   std::vector<double> values;
   for (const std::string& part : parts) {
@@ -152,7 +152,7 @@ void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& se
            [&settings](const std::string& text) { return set_primaries(settings, text); });
 }
 
-// The table is no choice: --ocio makes it.
+// TABLE is not offered, because --ocio selects it.
 std::vector<std::string> curve_words() {
   std::vector<std::string> words = v1::enum_words(*v1::ToneCurve_descriptor());
   std::erase(words, v1::word_of(v1::TONE_CURVE_TABLE));
@@ -308,7 +308,7 @@ void add_settings_options(CLI::App& app, v1::Settings& settings, const SettingFi
 absl::Status check_settings_options(const v1::Settings& settings) {
   if (!settings.tier().empty() && (settings.has_max_error_codes() || settings.has_max_ms())) {
     return usage_error(
-        "--max-error and --max-ms choose the tier that --tier names; give the one or the other");
+        "--max-error and --max-ms choose the tier that --tier names; give only one of the two");
   }
   const v1::Metering& metering = settings.exposure().metering();
   if (metering.weights() == v1::Metering::WEIGHTS_SPOT && !metering.has_spot()) {

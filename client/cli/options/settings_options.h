@@ -1,5 +1,5 @@
-// The options that stand for settings of the contract. They come from render.proto; only the options that set
-// several settings at once, or that take a form of their own, are written by hand.
+// The options for settings of the contract. They are made from render.proto. Only options that set several
+// settings at once, or that have a special form, are written by hand.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -19,7 +19,7 @@ inline constexpr char kOutputSection[] = "Output";
 
 using SettingFilter = std::function<bool(const v1::SettingField&)>;
 
-// Settings that change what `candela meter` finds out.
+// Whether the setting changes the result of `candela meter`.
 bool changes_metering(const v1::SettingField& setting);
 
 // Defines an option for each setting that has a flag and passes the filter. Parsing fills `settings`, which
@@ -28,7 +28,7 @@ void add_settings_options(
     CLI::App& app, v1::Settings& settings,
     const SettingFilter& filter = [](const v1::SettingField&) { return true; });
 
-// After parsing: finds settings that do not go together. A usage error.
+// After parsing: refuses settings that conflict, with a usage error.
 absl::Status check_settings_options(const v1::Settings& settings);
 
 // CIE xy of red, green, blue and white.

@@ -23,7 +23,7 @@ constexpr v1::Range<double> kFirst{0, 1e9};
 constexpr double kGoodCutEv = 1;
 constexpr double kDefaultFps = 24;
 
-// With a value or without: --detect-cuts, --detect-cuts=0.7, --detect-cuts 0.7.
+// The value is optional: --detect-cuts, --detect-cuts=0.7, --detect-cuts 0.7.
 void add_cuts(CLI::App& app, double& threshold_ev) {
   const auto take = [&threshold_ev](const std::string& text) {
     threshold_ev = kGoodCutEv;
@@ -89,8 +89,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
 absl::Status finish_stream_options(StreamArguments& arguments) {
   StreamOptions& options = arguments.options;
   if (arguments.files.size() < 2) {
-    return usage_error(
-        "stream needs its frames and where the images go: candela stream 'in/*.exr' out/%04d.png");
+    return usage_error("stream needs input frames and an output: candela stream 'in/*.exr' out/%04d.png");
   }
   options.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
@@ -104,9 +103,8 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   const OutputKind kind = *output_kind(sample);
   if ((jpeg && kind != OutputKind::kJpeg) ||
       (options.encoding == v1::ENCODING_PNG && kind != OutputKind::kPng)) {
-    return usage_error(
-        absl::StrFormat("--encoding makes %s files, and %s is none; change the one or the other",
-                        jpeg ? "JPEG" : "PNG", options.output));
+    return usage_error(absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them",
+                                       jpeg ? "JPEG" : "PNG", options.output));
   }
   return check_server_options(options.server);
 }

@@ -11,7 +11,7 @@
 
 namespace candela {
 
-// What the options say before they are put together.
+// The options as parsed, before they are combined and checked.
 struct StreamArguments {
   std::vector<std::string> files;  // inputs, then the output
   StreamOptions options;
@@ -21,7 +21,7 @@ struct StreamArguments {
 // Defines the options; parsing fills `arguments`, which outlives the app.
 void add_stream_options(CLI::App& app, StreamArguments& arguments);
 
-// After parsing: finds options that do not go together.
+// After parsing: refuses options that conflict.
 absl::Status finish_stream_options(StreamArguments& arguments);
 
 }  // namespace candela

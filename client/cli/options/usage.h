@@ -1,4 +1,4 @@
-// Errors of the command line itself, as against those of the work: they end the command with another code.
+// Usage errors: mistakes in the command line itself. They have an exit code of their own.
 #pragma once
 
 #include <string>
@@ -8,12 +8,12 @@
 
 namespace candela {
 
-// An INVALID_ARGUMENT that says the command was used wrongly. One line.
+// An INVALID_ARGUMENT for a wrong use of the command. One line.
 absl::Status usage_error(const std::string& message);
 bool is_usage_error(const absl::Status& status);
 
-// The word that `typed` was most likely meant to be, or "" when none is near: at most a third of its letters
-// mistyped, left out, too many or swapped with the next one, or the beginning of a single word.
+// The word that the user most likely meant by `typed`, or "" if none is near. A word is near if at most a
+// third of its letters are wrong, missing, superfluous or swapped, or if only it begins with `typed`.
 std::string nearest(const std::string& typed, const std::vector<std::string>& words);
 
 // `unknown curve "aces-hil"; did you mean aces-hill? There are: linear, aces-hill`. `what` is "curve".

@@ -30,14 +30,14 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
     for (const auto& [name, value] : {std::pair("--display", view.display), std::pair("--view", view.view),
                                       std::pair("--ocio-input", view.input)}) {
       if (!value.empty()) {
-        return usage_error(absl::StrFormat(
-            "%s is part of an OpenColorIO configuration; name that with --ocio CONFIG", name));
+        return usage_error(
+            absl::StrFormat("%s is part of an OpenColorIO configuration; name one with --ocio CONFIG", name));
       }
     }
     return absl::OkStatus();
   }
   if (options.settings.curve() != v1::TONE_CURVE_UNSPECIFIED) {
-    return usage_error("--ocio takes the place of --curve; give one of them");
+    return usage_error("--ocio replaces --curve; give only one of them");
   }
   if (options.settings.transfer() != v1::TRANSFER_UNSPECIFIED) {
     options.notes.push_back("--transfer changes nothing: the view of --ocio has its own encoding");

@@ -12,8 +12,8 @@ namespace candela {
 // Defines --ocio, --display, --view and --ocio-input. Parsing fills `view`, which outlives the app.
 void add_view_options(CLI::App& app, ViewChoice& view);
 
-// After parsing: finds options that do not go together, and notes those that change nothing. `encoded` says
-// that `output` holds display values, not light.
+// After parsing: refuses options that conflict, and notes those that have no effect. `encoded` says that
+// `output` holds display values and not light.
 absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded);
 
 }  // namespace candela

@@ -156,7 +156,7 @@ absl::Status write_picture(const absl::StatusOr<Image>& picture, const std::stri
   return picture.ok() ? write_image(path, *picture).status() : picture.status();
 }
 
-// Where an image's pictures go: `folder` and the beginning of their names.
+// The folder of an image's pictures and the beginning of their names.
 struct PictureFiles {
   const std::string& folder;
   const std::string stem;

@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 // A JSON number, or "inf", "-inf" or "nan", which JSON has no numbers for.
 Json json_number(double value);
 
-// What a measurement needs in addition to the picture.
+// A measurement's options in addition to the picture.
 struct FrameWishes {
   bool verify = false;
   bool error_map = false;

@@ -38,7 +38,7 @@ class AtomicFile {
 
   uint64_t position() const { return static_cast<uint64_t>(std::ftell(file_.get())); }
 
-  // To be called once. If a write, syncing to the disk or renaming failed, returns the system's reason.
+  // Call this once. If a write, syncing to the disk or renaming failed, returns the system's reason.
   absl::Status commit();
 
  private:

@@ -1,4 +1,4 @@
-// Addresses, as a server listens on them and clients name them.
+// Addresses that servers listen on and that clients connect to.
 #pragma once
 
 #include <cstdint>
@@ -8,19 +8,18 @@
 
 namespace candela::v1 {
 
-// "unix:PATH".
+// Whether the address has the form "unix:PATH".
 bool is_unix_address(absl::string_view address);
 
 struct HostPort {
-  absl::string_view host;  // a part of the text; of an IPv6 address without its brackets
+  absl::string_view host;  // points into the text; an IPv6 address without its brackets
   uint32_t port = 0;       // 0 .. 65535
 };
 
-// Of "HOST:PORT", with an IPv6 host in brackets; nothing for any other shape.
+// Parses "HOST:PORT", with an IPv6 host in brackets. Returns nothing for any other form.
 std::optional<HostPort> parse_host_port(absl::string_view address);
 
-// Whether what is sent there stays on this machine: localhost, ::1 and 127.0.0.0/8, whatever else a name may
-// resolve to.
+// True for localhost, ::1 and 127.0.0.0/8. Other names are never resolved, even if they lead to this machine.
 bool is_loopback(absl::string_view host);
 
 }  // namespace candela::v1

@@ -31,7 +31,7 @@ absl::Status malformed() {
       "message is not what render.proto says: its bytes are damaged or cut short");
 }
 
-// The length of a length-delimited field that lies wholly within the message around it.
+// Reads the length of a length-delimited field and checks that the field ends within its message.
 bool read_length(CodedInputStream& input, int& length) {
   return input.ReadVarintSizeAsInt(&length) && length <= input.BytesUntilLimit();
 }
@@ -82,7 +82,7 @@ absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, Tak
   CodedInputStream input(&slices);
   input.PushLimit(static_cast<int>(message.Length()));
 
-  // A oneof: its last member counts, and members of one kind that follow each other are merged.
+  // In a oneof the last member counts, and repeated members of the same kind are merged.
   bool is_band = false;
   uint32_t first_row = 0;
   while (const uint32_t field = input.ReadTag()) {
@@ -104,7 +104,7 @@ absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, Tak
     if (!WireFormatLite::SkipField(&input, field)) return malformed();
   }
   if (!input.ConsumedEntireMessage()) return malformed();
-  if (!is_band) return absl::InvalidArgumentError("message holds no band where one is due");
+  if (!is_band) return absl::InvalidArgumentError("message holds no band, but a band is due");
   return first_row;
 }
 

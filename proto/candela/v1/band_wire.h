@@ -1,5 +1,5 @@
-// Bands without the generated classes, which would hold every pixel twice: the bytes on the wire are exactly
-// those of render.proto.
+// Reads and writes band messages without the generated classes, which would copy every pixel. The bytes on
+// the wire are exactly those of render.proto.
 #pragma once
 
 #include <google/protobuf/io/coded_stream.h>
@@ -13,7 +13,7 @@
 
 namespace candela::v1 {
 
-// Which band of which message: the member of its oneof, and how many members that has (fields 1, 2, ...).
+// A band's place in its message: its field, and the number of members of the oneof (fields 1, 2, ...).
 struct BandKind {
   uint32_t field;
   uint32_t members;
@@ -24,18 +24,18 @@ inline constexpr BandKind kErrorMapBand{3, 3};     // RenderResponse.error_map
 inline constexpr BandKind kStreamFrameBand{2, 4};  // StreamRequest.band
 inline constexpr BandKind kStreamImageBand{2, 6};  // StreamResponse.band
 
-// A message that holds the band whose first row is `first_row`. `pixels` is referred to, not copied, and is
-// not empty.
+// Makes a message with one band that begins at row `first_row`. `pixels` is not empty and is not copied; the
+// message keeps a reference to it.
 grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice pixels);
 
-// Takes the `bytes` (0 .. kMaxBandBytes) pixel bytes that come next from `input`, all of them, or fails.
-// Called with 0 first and then for each `pixels` field: as in protobuf the last one counts, so each call
-// starts anew.
+// Reads the next `bytes` (0 .. kMaxBandBytes) bytes of pixels from `input`, all of them, or fails. It is
+// called with 0 first and then once for each `pixels` field. Each call starts over, because in protobuf the
+// last field counts.
 using TakePixels =
     absl::FunctionRef<absl::Status(google::protobuf::io::CodedInputStream& input, uint64_t bytes)>;
 
-// Reads a message that holds such a band and gives its first row. INVALID_ARGUMENT for bytes that are not
-// such a message and for a band over kMaxBandBytes; else what `take` failed with. Unknown fields are skipped.
+// Reads a message with such a band and returns its first row. INVALID_ARGUMENT if the bytes are not such a
+// message or if the band is larger than kMaxBandBytes; otherwise fails as `take` does. Skips unknown fields.
 absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, TakePixels take);
 
 }  // namespace candela::v1

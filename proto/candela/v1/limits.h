@@ -1,5 +1,5 @@
-// The limits of the wire contract that are not settings; a setting's range and default stand at its field in
-// render.proto. Units are in the names; ranges are inclusive.
+// The limits of the wire contract, except those of settings: a setting's range and default are declared at
+// its field in render.proto. Units are in the names. Ranges are inclusive.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ inline constexpr uint64_t kDefaultMaxFrameBytes = 1u << 29;  // one frame, unles
 
 inline constexpr uint32_t kMaxSessionNameBytes = 64;
 inline constexpr uint32_t kMaxTokenBytes = 1024;
-inline constexpr uint32_t kMaxPendingChanges = 16;  // SettingsChanges that no frame has reached yet
+inline constexpr uint32_t kMaxPendingChanges = 16;  // SettingsChanges for frames that have not come yet
 
 inline constexpr uint64_t kMaxTableBytes = 65 * 65 * 65 * 6;  // values of the largest colour table
 
@@ -24,8 +24,8 @@ struct Range {
   T max;
 };
 
-// Numbers of settings that are not at their fields: of what involves two, of tables, and of a frame's
-// previous exposure.
+// Ranges that cannot be declared at a field: those that involve two settings, those of tables, and those of a
+// frame's previous exposure.
 inline constexpr double kLeastPercentileRange = 1e-6;            // percent; from low to high
 inline constexpr Range<double> kExposureLimit{0x1p-40, 0x1p40};  // factor
 inline constexpr Range<double> kElapsedSeconds{0.0, 1e9};        // media time

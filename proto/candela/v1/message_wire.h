@@ -1,4 +1,4 @@
-// Messages of the generated classes as gRPC carries them; for bands see band_wire.h.
+// Conversion between generated messages and gRPC byte buffers. For bands see band_wire.h.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -8,7 +8,7 @@ namespace candela::v1 {
 
 grpc::ByteBuffer pack(const google::protobuf::Message& message);
 
-// False for bytes that are no such message.
+// Returns false if the bytes are not such a message.
 bool unpack(grpc::ByteBuffer& bytes, google::protobuf::Message& message);
 
 }  // namespace candela::v1

@@ -58,7 +58,7 @@ void set_number(Message& holder, const FieldDescriptor& field, double value) {
   }
 }
 
-// The declaration with the exceptions that the message's choices bring into force.
+// The field's declaration, with the exceptions that apply under the message's choices.
 Setting in_force(const SettingField& field, const Message& holder) {
   Setting declaration = field.declaration();
   for (const Setting::Exception& exception : field.declaration().except()) {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr uint32_t kLevelTexelBytes = 4 * sizeof(float);
 
-// A texture that a frame wants, and where it goes.
+// A texture that a frame needs, and the lease that holds it.
 struct Wanted {
   TexturePool::Lease* lease;
   TextureKey key;

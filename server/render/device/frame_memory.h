@@ -32,8 +32,8 @@ class FrameMemory {
   ~FrameMemory();
 
   const FrameDesc& desc() const;
-  // Where row y of the wire pixels goes: desc().row_bytes() bytes. Write each once and do not read them: the
-  // memory may be uncached.
+  // The memory for row y of the wire pixels: desc().row_bytes() bytes. Write each byte once and do not read
+  // it, because the memory may be uncached.
   std::span<std::byte> input_row(uint32_t y);
   // Row y of the finished image, tight: width * bytes_per_pixel(output). Valid from the success of render()
   // until destruction. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
@@ -48,7 +48,7 @@ class FrameMemory {
   // only what it still has to read.
   void keep_output_only();
 
-  // For server/render and its tests.
+  // The rest is for server/render and its tests.
   FrameTextures& textures() { return *textures_; }
   const FrameTextures& textures() const { return *textures_; }
 

@@ -43,7 +43,7 @@ struct FrameTextures {
 
   // Only if the reference renders or verifies the frame: the part of the budget that it uses.
   TexturePool::Lease reference;
-  // From the reference's metering to its rendering.
+  // The metered scene, kept from the reference's metering to its rendering.
   std::optional<MeteredScene> metered_scene;
 
   // The buffers that the host reads and writes.

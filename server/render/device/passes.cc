@@ -104,7 +104,7 @@ std::array<VkBufferView, 2> reads_of(const BloomStep& step, const FrameTextures&
   return {from, textures.levels[step.level].buffer().view()};
 }
 
-// Into `output`, in a format of OUTPUT_* with so many bytes a texel.
+// Writes into `output` in an OUTPUT_* format with `texel_bytes` bytes a texel.
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
                             PipelineCache& pipelines, Recorder& recorder, const Buffer& output,
                             uint32_t format, uint64_t texel_bytes) {

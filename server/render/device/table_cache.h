@@ -21,7 +21,7 @@ class TableCache {
   explicit TableCache(Device& device) : device_(device) {}
 
   // The device's copy of an equal table; valid until the next call. If the table is new and the device's
-  // memory is not mapped, this uploads it in a submission of its own. RESOURCE_EXHAUSTED if the device has no
+  // memory is not mapped, this uploads it in a separate submission. RESOURCE_EXHAUSTED if the device has no
   // memory for it; otherwise fails as Recorder::submit_and_wait does.
   absl::StatusOr<const Buffer*> get(const std::shared_ptr<const ColorTable>& table, Recorder& recorder);
 

@@ -14,7 +14,7 @@ namespace {
 // A device may flush the square of a smaller knee to 0, and would then divide 0 by 0.
 constexpr float kMinKnee = 1e-15f;
 
-// Room for the roundings of a mean and of what is subtracted from it: at most 8 of 2^-24 each.
+// A margin for the rounding errors of a mean and of the value subtracted from it: at most 8 of 2^-24 each.
 constexpr float kRoundings = 0x1p-20f;
 
 // If no light of the frame is above this, no texel of bloom level 0 gets any.
@@ -53,8 +53,8 @@ Area lit_after(Pass pass, uint32_t written, const TextureLayout& layout, std::sp
   return area;
 }
 
-// A step whose work groups write `width` x `height` texels each. If they are not the whole level, a pass that
-// does not work in place clears it first.
+// A step. Each of its work groups writes `width` x `height` texels. If they are not the whole level, a pass
+// that does not work in place clears it first.
 BloomStep step_of(Pass pass, uint32_t level, const TextureLayout& layout, std::span<const Box> lit,
                   uint32_t width, uint32_t height) {
   const LevelSize& size = layout.level_sizes[level];
@@ -122,7 +122,7 @@ BloomStep bloom_up(const TextureLayout& layout, uint32_t level, std::span<const 
   return step;
 }
 
-// To level 1: vertical, from level 0. To level 0: horizontal, from level 1.
+// The vertical pass writes level 1 from level 0. The horizontal pass writes level 0 from level 1.
 BloomStep gaussian(const TextureLayout& layout, uint32_t level, std::span<const Box> lit) {
   BloomStep step = step_of(Pass::kGaussian, level, layout, lit, shader::BLOOM_GROUP_X,
                            shader::BLOOM_ROWS * shader::BLOOM_GROUP_Y);

@@ -15,7 +15,7 @@ double exposure_target(const v1::Exposure& settings, double mean_log2_luminance)
 }
 
 absl::Status check_previous(const PreviousExposure& previous) {
-  // In this form NaN fails.
+  // Written so that NaN fails.
   if (!(previous.exposure >= v1::kExposureLimit.min && previous.exposure <= v1::kExposureLimit.max)) {
     return absl::InvalidArgumentError(absl::StrFormat("previous.exposure is %g; it must be between %g and %g",
                                                       previous.exposure, v1::kExposureLimit.min,

@@ -18,7 +18,7 @@ struct PreviousExposure {
   double elapsed_seconds = 0.0;  // 0 changes nothing
 };
 
-// The factor that a frame is rendered with, and the one that its metering asked for.
+// The factor that a frame is rendered with, and the factor that its metering chose.
 struct Exposed {
   double exposure = 1.0;
   double target = 1.0;

@@ -8,7 +8,7 @@ namespace candela {
 
 namespace {
 
-// With more boxes, or a larger part of the groups, leaving out the rest costs more than it saves.
+// Beyond this number of boxes, or part of the groups, skipping the rest costs more than it saves.
 constexpr size_t kMostBoxes = 32;
 constexpr double kMostGroups = 0.75;
 

@@ -18,14 +18,14 @@ using Area = std::vector<Box>;
 // The texels of the tiles with light above `bound`. `tile_light` has every tile's light, row by row.
 Area lit_area(std::span<const float> tile_light, uint32_t width, uint32_t height, float bound);
 
-// From the frame's texels to those of a level with one texel for `level_size` squared of the frame's; and
-// back, as resolve samples the level.
+// Converts an area of the frame into one of a level with one texel for each square of `level_size` frame
+// texels, and back, as resolve samples the level.
 Area in_level(const Area& frame, uint32_t level_size);
 Area in_frame(const Area& level, uint32_t level_size, uint32_t width, uint32_t height);
-// From D_n to D_{n+1}, and from B_{n+1} to B_n; `to` is the size of the level that is written.
+// The area after the pass from D_n to D_{n+1}, or from B_{n+1} to B_n; `to` is the written level's size.
 Area after_bloom_down(const Area& from, LevelSize to);
 Area after_bloom_up(const Area& from, LevelSize to);
-// One pass of kGaussian: it reaches that many texels along one axis, 0 along the other.
+// The area after one pass of kGaussian, which reaches this many texels along one axis and 0 along the other.
 Area after_gaussian(const Area& from, LevelSize size, uint32_t reach_x, uint32_t reach_y);
 
 // The work groups that compute an area.

@@ -30,7 +30,7 @@ double percentile_mean(std::span<const MeterBin> bins, double low_percent, doubl
 // row by row. A cell is the metered mean of its tiles; a cell without weight is NaN.
 using ScenePrint = std::array<float, 64>;
 
-// How much two pictures differ apart from their overall brightness: the standard deviation of their cells'
+// The difference of two pictures apart from their overall brightness: the standard deviation of their cells'
 // differences in EV, over the cells that both have; 0 if they share none.
 double scene_difference(const ScenePrint& a, const ScenePrint& b);
 

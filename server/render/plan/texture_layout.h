@@ -9,7 +9,7 @@
 
 namespace candela {
 
-// How many groups of `size` hold `count`.
+// The number of groups of `size` that hold `count`.
 constexpr uint32_t groups(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
 
 struct LevelSize {
@@ -44,7 +44,7 @@ struct TextureLayout {
   uint64_t reference_bytes = 0;        // what the reference allocates, to render or to verify
 
   bool first_level_twice = false;  // level 0 also stands for a finer level that was left out
-  uint32_t summed_levels = 0;      // level 0 holds the sum of so many levels' light in the end
+  uint32_t summed_levels = 0;      // in the end, level 0 holds the sum of this many levels' light
 };
 
 // Pure.

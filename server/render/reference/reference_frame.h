@@ -38,7 +38,7 @@ class ReferenceFrame {
  private:
   MeteredScene metered_;
   reference::Level bloom_;
-  uint32_t levels_ = 1;  // whose light `bloom_` is the sum of
+  uint32_t levels_ = 1;  // the number of levels that `bloom_` sums
   reference::ResolveParams resolve_;
   std::optional<uint32_t> dither_frame_;
 };

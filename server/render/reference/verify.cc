@@ -54,7 +54,7 @@ FrameVerification verify_frame(FrameMemory& memory, const Plan& plan, const Fram
   FrameVerification verification;
   verification.rounded = compare_with(layout.by_reference ? Rounding::kNone : Rounding::kHalf, textures, plan,
                                       stats, bloom_level_size, map, &verification.truth);
-  // Without a matrix, the scenes of other formats are halves already.
+  // If there is no matrix, the scenes of other formats are already halves.
   const bool rounds = !layout.by_reference &&
                       (layout.desc.format == v1::PIXEL_FORMAT_RGBA32F || plan.reference.matrix.has_value());
   verification.unrounded =

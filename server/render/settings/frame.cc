@@ -15,7 +15,7 @@ absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits) {
         "frame is %dx%d pixels and this server takes at most %d a side; scale it down or send it in parts",
         desc.width, desc.height, limits.max_dimension));
   }
-  // As a division, for the product may not fit into 64 bits.
+  // This divides because the product may not fit into 64 bits.
   if (desc.row_bytes() > limits.max_frame_bytes / desc.height) {
     return absl::ResourceExhaustedError(absl::StrFormat(
         "frame is %d bytes (%dx%d %s) and this server takes at most %d; send half floats or fewer pixels",

@@ -1,4 +1,4 @@
-// What a frame is: its size, its pixel format on the wire, and where its bytes lie.
+// A frame's size and pixel format on the wire, and the limits on them.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ constexpr uint32_t bytes_per_pixel(v1::OutputFormat format) {
   return format == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8;
 }
 
-// A frame as its header announces it. Sizes are in pixels; `row_bytes` and `bytes` are of tight rows.
+// A frame as its header describes it. Sizes are in pixels; `row_bytes` and `bytes` are without row padding.
 struct FrameDesc {
   uint32_t width = 0;
   uint32_t height = 0;
@@ -25,13 +25,13 @@ struct FrameDesc {
   uint64_t bytes() const { return row_bytes() * height; }
 };
 
-// What one server accepts. `max_frame_bytes` also keeps within what the device can allocate.
+// The largest frame that a server accepts. `max_frame_bytes` is never more than the device can allocate.
 struct FrameLimits {
   uint32_t max_dimension = 0;
   uint64_t max_frame_bytes = 0;
 };
 
-// INVALID_ARGUMENT for an empty frame, RESOURCE_EXHAUSTED for one beyond the limits. Touches no memory.
+// INVALID_ARGUMENT for an empty frame, RESOURCE_EXHAUSTED for one over the limits. Allocates nothing.
 absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits);
 
 }  // namespace candela

@@ -65,7 +65,7 @@ absl::Status check_table_fields(const v1::ColorTable& table) {
   return absl::OkStatus();
 }
 
-// The message's table as the shaders' code knows it, checked; null if there is none.
+// The message's table, checked and in the form that the shaders use; null if the message has none.
 absl::StatusOr<std::shared_ptr<const ColorTable>> table_from(const v1::Settings& message) {
   const bool wanted = message.curve() == v1::TONE_CURVE_TABLE;
   if (wanted && !message.has_table()) {

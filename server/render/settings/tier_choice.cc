@@ -31,21 +31,20 @@ bool more_accurate(const TierNumbers& a, const TierNumbers& b) {
 }  // namespace
 
 absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const v1::Settings& settings) {
-  std::vector<TierNumbers> accurate;  // enough
-  std::vector<TierNumbers> keeping;   // everything
+  std::vector<TierNumbers> accurate;  // tiers that keep max_error_codes
+  std::vector<TierNumbers> keeping;   // tiers that keep both
   for (const TierNumbers& n : numbers) {
     if (settings.has_max_error_codes() && n.max_error_codes > settings.max_error_codes()) continue;
     accurate.push_back(n);
     if (!settings.has_max_ms() || n.ms <= settings.max_ms()) keeping.push_back(n);
   }
   if (keeping.empty()) {
-    // The nearest: the fastest of those that are accurate enough, or the most accurate of all.
+    // The closest: the fastest tier that is accurate enough, or else the most accurate one.
     const TierNumbers& nearest = accurate.empty()
                                      ? *std::min_element(numbers.begin(), numbers.end(), more_accurate)
                                      : *std::min_element(accurate.begin(), accurate.end(), faster);
     return absl::FailedPreconditionError(absl::StrFormat(
-        "no tier keeps %s for frames of this size and these settings on this device; the nearest that is "
-        "possible: %s",
+        "no tier keeps %s for frames of this size with these settings on this device; closest: %s",
         words(settings), words(nearest)));
   }
   const TierNumbers& chosen = settings.has_max_error_codes()

@@ -1,4 +1,4 @@
-// Which tier keeps a promise: by numbers, not by names.
+// The choice of a tier that keeps a promise, by measured time and error.
 #pragma once
 
 #include <span>
@@ -9,11 +9,11 @@
 
 namespace candela {
 
-// What a tier costs for one kind of frame on one device.
+// A tier's time and error for one kind of frame on one device.
 struct TierNumbers {
   std::string tier;
   double ms = 0.0;               // device time of a frame, median
-  double max_error_codes = 0.0;  // that no frame of the kind should exceed
+  double max_error_codes = 0.0;  // the largest error expected in any such frame
 };
 
 struct TierChoice {
@@ -21,9 +21,9 @@ struct TierChoice {
   std::string reason;  // a line for people
 };
 
-// With max_error_codes the fastest tier that keeps it, and max_ms where that is given too; with max_ms alone
-// the most accurate one that keeps it. FAILED_PRECONDITION naming the nearest that is possible. `numbers` is
-// not empty.
+// With max_error_codes, chooses the fastest tier that keeps it, and that also keeps max_ms if that is given.
+// With max_ms alone, chooses the most accurate tier that keeps it. If no tier does, FAILED_PRECONDITION names
+// the closest one. `numbers` is not empty.
 absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const v1::Settings& settings);
 
 }  // namespace candela

@@ -1,4 +1,4 @@
-// Tiers: how much accuracy is spent, as rows of numbers. No code asks for a tier by its name.
+// Tiers: trade-offs between accuracy and speed, as rows of numbers. No code tests for a tier's name.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,17 @@ namespace candela {
 
 struct Tier {
   const char* name;
-  const char* summary;  // what it trades, for people
-  // Texels of the frame to one of the first bloom level, along a side: 2, or 4, which leaves the finest level
+  const char* summary;  // the trade-off in words, for people
+  // Frame texels per texel of the first bloom level, along a side: 2 or 4. With 4 the finest level is left
   // out.
   uint32_t bloom_level_size;
   // Terms of the sRGB transfer's polynomial: 8 are within 0.0001 code of the exact curve, 6 within 0.083.
   uint32_t transfer_terms;
-  uint32_t table_size;  // points a side of the table of aces-1; unused with host_reference
-  // Bloom and resolve run in the float64 reference on the host, from a scene that is not rounded to halves:
-  // seconds for a large frame.
+  uint32_t table_size;  // points a side of the aces-1 table; unused with host_reference
+  // Bloom and resolve run in the float64 reference on the host, and the scene is not rounded to halves. A
+  // large frame takes seconds.
   bool host_reference;
-  // Codes: the tests hold what the tier gives up on no frame to this, bloom's and tables' own error apart.
+  // The largest error in codes that the tests allow on any frame, apart from the errors of bloom and tables.
   double bound_codes;
 };
 

@@ -12,10 +12,10 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
+#include "server/access/bearer_tokens.h"
+#include "server/access/certificates.h"
 #include "server/base/file_watch.h"
 #include "server/base/metrics.h"
-#include "server/rpc/bearer_tokens.h"
-#include "server/rpc/certificates.h"
 
 namespace candela {
 

@@ -1,4 +1,4 @@
-#include "server/rpc/access.h"
+#include "server/access/access.h"
 
 #include <grpc/grpc.h>
 #include <grpc/grpc_security.h>
@@ -64,7 +64,7 @@ class Access::Port final : public grpc::ServerCredentials {
     std::shared_ptr<const Certificates> now = port.access_.certificates();
     if (now == port.fetched_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     const grpc_ssl_pem_key_cert_pair own{now->key.c_str(), now->cert.c_str()};
-    // Without a CA, clients are not asked for certificates, but Debian's gRPC requires a CA: any will do.
+    // Debian's gRPC requires a CA even if clients need no certificate. Any CA works then.
     const std::string& client_ca = now->client_ca.empty() ? now->cert : now->client_ca;
     *config = grpc_ssl_server_certificate_config_create(client_ca.c_str(), &own, 1);
     port.fetched_ = std::move(now);

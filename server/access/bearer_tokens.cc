@@ -1,4 +1,4 @@
-#include "server/rpc/bearer_tokens.h"
+#include "server/access/bearer_tokens.h"
 
 #include <openssl/crypto.h>
 #include <openssl/sha.h>
