@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <string>
 
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
@@ -134,11 +136,35 @@ TEST_F(Report, InfoSaysWhatTheServerIs) {
   ASSERT_EQ(text.code, 0) << text.err;
   const json info = candela_json({"info"});
   for (const char* key : {"address", "version", "device", "formats", "output_formats", "curves", "transfers",
-                          "tiers", "limits", "pool", "uptime_seconds", "frames_rendered"}) {
+                          "tiers", "limits", "pool", "uptime_seconds", "frames_rendered", "settings"}) {
     EXPECT_TRUE(info.contains(key)) << key;
   }
   EXPECT_NE(text.out.find(info.at("device").at("name").get<std::string>()), std::string::npos);
   EXPECT_EQ(candela_json({"render", in_, out_}).at("device"), info.at("device").at("name"));
+}
+
+TEST_F(Report, InfoListsTheSettings) {
+  std::map<std::string, json> settings;
+  const json info = candela_json({"info"});
+  for (const json& setting : info.at("settings")) settings[setting.at("path")] = setting;
+  const json intensity = {{"path", "bloom.intensity"},
+                          {"kind", "number"},
+                          {"flag", "bloom-intensity"},
+                          {"group", "Bloom"},
+                          {"help", "Strength of the bloom; 0 turns it off"},
+                          {"unit", "factor"},
+                          {"default", 0.05},
+                          {"min", 0},
+                          {"max", 10},
+                          {"except", {{{"choice", "kind"}, {"word", "conserve"}, {"max", 1}}}}};
+  EXPECT_EQ(settings["bloom.intensity"], intensity);
+  EXPECT_EQ(settings["curve"].at("default"), "aces-hill");
+  EXPECT_EQ(settings["transfer"].at("choices")[2].at("word"), "linear");
+  EXPECT_EQ(settings["bloom.levels"].at("kind"), "whole-number");
+  EXPECT_EQ(settings["bloom.firefly_weights"].at("default"), true);
+  EXPECT_EQ(settings["dither"].at("default"), false);
+  EXPECT_EQ(settings["max_ms"].at("default"), nullptr);
+  EXPECT_NE(candela({"info", "--help"}).out.find("candela info --json"), std::string::npos);
 }
 
 TEST_F(Report, HelpAndVersion) {

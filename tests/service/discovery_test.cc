@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/call/raw_call.h"
+#include "proto/candela/v1/settings.h"
 #include "tests/service/service_fixture.h"
 
 namespace candela::testing {
@@ -74,6 +75,18 @@ TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
   std::set<std::string> tiers;
   for (const v1::Tier& tier : info->tiers()) tiers.insert(tier.name());
   EXPECT_TRUE(tiers.count("standard"));
+}
+
+TEST_P(Discovery, ServerInfoListsEverySetting) {
+  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
+  ASSERT_TRUE(info.ok()) << info.status();
+  const std::vector<v1::SettingField>& fields = v1::setting_fields();
+  ASSERT_EQ(static_cast<size_t>(info->settings_size()), fields.size());
+  for (size_t i = 0; i < fields.size(); ++i) {
+    const v1::SettingInfo& setting = info->settings(static_cast<int>(i));
+    EXPECT_EQ(setting.path(), fields[i].path);
+    EXPECT_EQ(v1::deterministic_bytes(setting), v1::deterministic_bytes(v1::setting_info(fields[i])));
+  }
 }
 
 TEST_P(Discovery, FramesRenderedAreCounted) {

@@ -60,11 +60,44 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   return text;
 }
 
+// A number, switch, choice or text as JSON has it; null if an absent setting stays absent.
+nlohmann::ordered_json default_value(const v1::SettingInfo& setting) {
+  const v1::Setting& declaration = setting.declaration();
+  if (setting.kind() == v1::SettingInfo::KIND_SWITCH) return declaration.default_() != 0;
+  if (!declaration.default_word().empty()) return declaration.default_word();
+  if (declaration.has_default_()) return declaration.default_();
+  return nullptr;
+}
+
+nlohmann::ordered_json to_json(const v1::SettingInfo& setting) {
+  const v1::Setting& declaration = setting.declaration();
+  nlohmann::ordered_json object = {{"path", setting.path()},           {"kind", v1::word_of(setting.kind())},
+                                   {"flag", declaration.flag()},       {"group", declaration.group()},
+                                   {"help", declaration.help()},       {"unit", declaration.unit()},
+                                   {"default", default_value(setting)}};
+  if (declaration.min() < declaration.max()) {
+    object["min"] = declaration.min();
+    object["max"] = declaration.max();
+  }
+  for (const v1::SettingInfo::Choice& choice : setting.choices()) {
+    object["choices"].push_back({{"word", choice.word()}, {"summary", choice.summary()}});
+  }
+  for (const v1::Setting::Exception& exception : declaration.except()) {
+    nlohmann::ordered_json row = {{"choice", exception.choice()}, {"word", exception.word()}};
+    if (exception.has_max()) row["max"] = exception.max();
+    if (exception.has_default_()) row["default"] = exception.default_();
+    object["except"].push_back(row);
+  }
+  return object;
+}
+
 std::string to_json(const v1::GetServerInfoResponse& info, const std::string& address) {
   const Words words(info);
   nlohmann::ordered_json tiers = nlohmann::ordered_json::array();
   for (const v1::Tier& tier : info.tiers())
     tiers.push_back({{"name", tier.name()}, {"summary", tier.summary()}});
+  nlohmann::ordered_json settings = nlohmann::ordered_json::array();
+  for (const v1::SettingInfo& setting : info.settings()) settings.push_back(to_json(setting));
   const nlohmann::ordered_json server = {
       {"address", address},
       {"version", info.version()},
@@ -92,6 +125,7 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
         {"bytes_peak", info.pool().bytes_peak()}}},
       {"uptime_seconds", info.uptime_seconds()},
       {"frames_rendered", info.frames_rendered()},
+      {"settings", settings},
   };
   return server.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }

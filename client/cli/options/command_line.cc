@@ -121,7 +121,9 @@ void define(CLI::App& app, Arguments& arguments) {
   bench.footer(kBenchExamples);
   add_bench_options(bench, arguments.bench);
   CLI::App& info = *app.add_subcommand("info", "Describes a server: device, formats, curves, limits.");
-  add_json_option(info, kOutputSection, "Write it as one line of JSON", arguments.info.json);
+  info.footer("`candela info --json -` also lists every setting with its range, default and choices.");
+  add_json_option(info, kOutputSection, "Write it as one line of JSON, with every setting",
+                  arguments.info.json);
   add_server_options(info, arguments.info.server);
   add_health(*app.add_subcommand("health", "Checks whether a server is serving: exit code 0 if so, else 1."),
              arguments.health);

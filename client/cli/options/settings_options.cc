@@ -33,15 +33,6 @@ v1::Range<double> range_of(const SettingField& setting) {
   return {setting.declaration().min(), setting.declaration().max()};
 }
 
-double default_of(const v1::Settings& settings, const std::string& path) {
-  const SettingField& setting = setting_at(path);
-  v1::Settings copy = settings;
-  const Message& holder = setting.holder(copy);
-  return holder.GetReflection()->HasField(holder, setting.field)
-             ? holder.GetReflection()->GetDouble(holder, setting.field)
-             : setting.declaration().default_();
-}
-
 // Parses "A,B,...": `count` numbers in one range.
 absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
                                                v1::Range<double> range, bool whole = false) {
@@ -152,46 +143,13 @@ void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& se
            [&settings](const std::string& text) { return set_primaries(settings, text); });
 }
 
-// TABLE is not offered, because --ocio selects it.
-std::vector<std::string> curve_words() {
-  std::vector<std::string> words = v1::enum_words(*v1::ToneCurve_descriptor());
-  std::erase(words, v1::word_of(v1::TONE_CURVE_TABLE));
-  return words;
-}
-
-void add_curve(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
-  add_text(app, setting.declaration().group(), "--curve", "NAME",
-           absl::StrFormat("%s: %s (default %s)", setting.declaration().help(),
-                           absl::StrJoin(curve_words(), ", "), setting.declaration().default_word()),
-           [&settings](const std::string& word) {
-             const std::vector<std::string> words = curve_words();
-             if (std::find(words.begin(), words.end(), word) == words.end())
-               return unknown_word("curve", word, words);
-             const absl::StatusOr<int> value = enum_value(*v1::ToneCurve_descriptor(), "curve", word);
-             if (value.ok()) settings.set_curve(static_cast<v1::ToneCurve>(*value));
-             return value.status();
-           });
-}
-
 using AddByHand = void (*)(CLI::App&, v1::Settings&, const SettingField&);
 const std::map<std::string, AddByHand> kByHand = {{"exposure", add_exposure},
                                                   {"percentiles", add_percentiles},
                                                   {"spot", add_spot},
-                                                  {"primaries", add_primaries},
-                                                  {"curve", add_curve}};
+                                                  {"primaries", add_primaries}};
 
 // ---- Options made from the declaration ----
-
-void set_number(Message& holder, const FieldDescriptor& field, double value) {
-  const google::protobuf::Reflection& reflection = *holder.GetReflection();
-  if (field.cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) {
-    reflection.SetFloat(&holder, &field, static_cast<float>(value));
-  } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_UINT32) {
-    reflection.SetUInt32(&holder, &field, static_cast<uint32_t>(value));
-  } else {
-    reflection.SetDouble(&holder, &field, value);
-  }
-}
 
 // "; 0 .. 10 (default 0.05; conserve: 0 .. 1)"
 std::string number_words(const SettingField& setting) {
@@ -221,7 +179,7 @@ void add_number_setting(CLI::App& app, const SettingField& setting, Message& hol
            [name, &setting, &holder](const std::string& text) {
              const absl::StatusOr<double> value =
                  parse_number(name, text, range_of(setting), setting.is_whole_number());
-             if (value.ok()) set_number(holder, *setting.field, *value);
+             if (value.ok()) setting.set_number(holder, *value);
              return value.status();
            });
 }
@@ -251,11 +209,18 @@ void add_switch(CLI::App& app, const SettingField& setting, Message& holder) {
 void add_choice(CLI::App& app, const SettingField& setting, Message& holder) {
   const v1::Setting& declaration = setting.declaration();
   const google::protobuf::EnumDescriptor& type = *setting.field->enum_type();
+  std::vector<std::string> words = v1::enum_words(type);
+  // --ocio makes the table, so a user cannot choose that curve by name.
+  if (&type == v1::ToneCurve_descriptor()) std::erase(words, v1::word_of(v1::TONE_CURVE_TABLE));
   add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
-           absl::StrFormat("%s: %s (default %s)", declaration.help(),
-                           absl::StrJoin(v1::enum_words(type), ", "), declaration.default_word()),
-           [&setting, &type, &holder](const std::string& word) {
-             const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
+           absl::StrFormat("%s: %s (default %s)", declaration.help(), absl::StrJoin(words, ", "),
+                           declaration.default_word()),
+           [&setting, &type, &holder, words](const std::string& word) {
+             const std::string& flag = setting.declaration().flag();
+             if (std::find(words.begin(), words.end(), word) == words.end()) {
+               return unknown_word(flag, word, words);
+             }
+             const absl::StatusOr<int> value = enum_value(type, flag, word);
              if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
              return value.status();
            });
@@ -314,8 +279,11 @@ absl::Status check_settings_options(const v1::Settings& settings) {
   if (metering.weights() == v1::Metering::WEIGHTS_SPOT && !metering.has_spot()) {
     return usage_error("--weights spot needs --spot X0,Y0,X1,Y1");
   }
-  const double min = default_of(settings, "exposure.min_exposure");
-  const double max = default_of(settings, "exposure.max_exposure");
+  v1::Settings completed;  // only the exposure: parsing has checked it, so completing it cannot fail
+  *completed.mutable_exposure() = settings.exposure();
+  if (absl::Status status = v1::complete_settings(completed); !status.ok()) return status;
+  const double min = completed.exposure().min_exposure();
+  const double max = completed.exposure().max_exposure();
   if (min <= max) return absl::OkStatus();
   return usage_error(
       absl::StrFormat("--min-exposure %s is above --max-exposure %s; give both so that it is not",

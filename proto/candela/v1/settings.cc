@@ -46,18 +46,6 @@ double number_in(const Message& holder, const FieldDescriptor& field) {
   }
 }
 
-void set_number(Message& holder, const FieldDescriptor& field, double value) {
-  const google::protobuf::Reflection& reflection = *holder.GetReflection();
-  switch (field.cpp_type()) {
-    case FieldDescriptor::CPPTYPE_FLOAT:
-      return reflection.SetFloat(&holder, &field, static_cast<float>(value));
-    case FieldDescriptor::CPPTYPE_UINT32:
-      return reflection.SetUInt32(&holder, &field, static_cast<uint32_t>(value));
-    default:
-      return reflection.SetDouble(&holder, &field, value);
-  }
-}
-
 // The field's declaration, with the exceptions that apply under the message's choices.
 Setting in_force(const SettingField& field, const Message& holder) {
   Setting declaration = field.declaration();
@@ -98,7 +86,7 @@ absl::Status complete_number(const SettingField& setting_field, Message& holder)
   const FieldDescriptor& field = *setting_field.field;
   const Setting declaration = in_force(setting_field, holder);
   if (!holder.GetReflection()->HasField(holder, &field)) {
-    if (declaration.has_default_()) set_number(holder, field, declaration.default_());
+    if (declaration.has_default_()) setting_field.set_number(holder, declaration.default_());
     return absl::OkStatus();
   }
   const double value = number_in(holder, field);
@@ -158,6 +146,18 @@ Message& SettingField::holder(Settings& settings) const {
     message = message->GetReflection()->MutableMessage(message, parent);
   }
   return *message;
+}
+
+void SettingField::set_number(Message& holder, double value) const {
+  const google::protobuf::Reflection& reflection = *holder.GetReflection();
+  switch (field->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_FLOAT:
+      return reflection.SetFloat(&holder, field, static_cast<float>(value));
+    case FieldDescriptor::CPPTYPE_UINT32:
+      return reflection.SetUInt32(&holder, field, static_cast<uint32_t>(value));
+    default:
+      return reflection.SetDouble(&holder, field, value);
+  }
 }
 
 const std::vector<SettingField>& setting_fields() {

@@ -14,9 +14,8 @@ namespace candela::v1 {
 
 // One field of Settings, or of a message in it, that carries the option (setting).
 struct SettingField {
-  std::string path;  // "bloom.intensity"
-  std::vector<const google::protobuf::FieldDescriptor*>
-      parents;  // the messages on the way from Settings to it
+  std::string path;                                               // "bloom.intensity"
+  std::vector<const google::protobuf::FieldDescriptor*> parents;  // the messages from Settings down to it
   const google::protobuf::FieldDescriptor* field = nullptr;
 
   const Setting& declaration() const;
@@ -25,6 +24,10 @@ struct SettingField {
 
   // The message that holds the field, made if it is absent.
   google::protobuf::Message& holder(Settings& settings) const;
+
+  // Sets the field of its holder to a number, converted to the field's type. The field is a number and the
+  // value is in its range.
+  void set_number(google::protobuf::Message& holder, double value) const;
 };
 
 // Every setting, in the order of the contract. Lives as long as the process.
