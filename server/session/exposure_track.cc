@@ -107,23 +107,28 @@ std::optional<FrameExposure> ExposureTrack::next() {
   }
   const std::optional<double> mean = mean_of_first();
   if (!mean) return std::nullopt;
+  point_ = after_first(*mean);
+  frames_.pop_front();
+  return FrameExposure{point_.sequence, point_};
+}
+
+ExposurePoint ExposureTrack::after_first(double mean) const {
+  const Waiting& frame = frames_.front();
   const bool cut = point_.cut_pending || begins_scene(0);
   std::optional<PreviousExposure> previous;
   if (point_.begun && !cut) {
     const int64_t elapsed_ns = frame.media_time_ns - point_.media_time_ns;
     previous = {point_.exposed.exposure, static_cast<double>(elapsed_ns) * 1e-9};
   }
-  const Exposed exposed = expose(frame.settings, previous, *mean);
-  point_ = {.begun = true,
-            .sequence = frame.sequence,
-            .media_time_ns = frame.media_time_ns,
-            .exposed = exposed,
-            .before = previous ? previous->exposure : exposed.exposure,
-            .cut = cut,
-            .cut_pending = false,
-            .print = cut_threshold_ev_ > 0.0 ? std::optional(frame.stats->print) : std::nullopt};
-  frames_.pop_front();
-  return FrameExposure{point_.sequence, point_};
+  const Exposed exposed = expose(frame.settings, previous, mean);
+  return {.begun = true,
+          .sequence = frame.sequence,
+          .media_time_ns = frame.media_time_ns,
+          .exposed = exposed,
+          .before = previous ? previous->exposure : exposed.exposure,
+          .cut = cut,
+          .cut_pending = false,
+          .print = cut_threshold_ev_ > 0.0 ? std::optional(frame.stats->print) : std::nullopt};
 }
 
 }  // namespace candela

@@ -79,6 +79,8 @@ class ExposureTrack {
   bool begins_scene(size_t index) const;
   // The mean over the look-ahead of the first frame, which is metered; nothing while a later one is missing.
   std::optional<double> mean_of_first() const;
+  // The session's exposure after the first frame, which has that mean.
+  ExposurePoint after_first(double mean) const;
 
   const uint32_t lookahead_;
   const double cut_threshold_ev_;
