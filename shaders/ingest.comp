@@ -21,6 +21,9 @@ layout(constant_id = 3) const bool LIGHT = true;  // bloom needs max_light_bits
 layout(constant_id = 4) const uint WEIGHTS = WEIGHTS_AVERAGE;
 layout(constant_id = 5) const bool HISTOGRAM = false;
 layout(constant_id = 6) const bool WHOLE = false;  // the width is a multiple of GROUP_TEXELS
+layout(constant_id = 7) const bool IGNORE = false;  // texels darker than p.ignore_below have no weight
+// The sum of the weights is not just the number of texels.
+const bool SUM_WEIGHTS = WEIGHTS != WEIGHTS_AVERAGE || IGNORE;
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "glsl/input.glsl"
@@ -122,7 +125,7 @@ void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
   } else {
     log2_sum += fixed_point * weight;
   }
-  if (WEIGHTS != WEIGHTS_AVERAGE) weight_sum += weight;
+  if (SUM_WEIGHTS) weight_sum += weight;
   if (HISTOGRAM && weight != 0u) {
     uint bin = min(fixed_point >> HISTOGRAM_SHIFT, HISTOGRAM_BINS - 1u);
     uint offset = fixed_point - (bin << HISTOGRAM_SHIFT);
@@ -167,10 +170,13 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
 
     vec3 scene = ingest(p.frame, wire).rgb;
     float l = luminance(scene);
+    // As integers, like in at_least(). A negative luminance is below every limit.
+    uint metered = IGNORE && floatBitsToInt(l) < floatBitsToInt(p.ignore_below) ? 0u : counted[i];
     if (WEIGHTS == WEIGHTS_AVERAGE && !HISTOGRAM) {
-      log2_sum += fixed_log2(l) & counted[i];
+      log2_sum += fixed_log2(l) & metered;
+      if (SUM_WEIGHTS) weight_sum += metered & 1u;
     } else {
-      add_to_meter(fixed_log2(l), weight_of(x + i, y) & counted[i], copies);
+      add_to_meter(fixed_log2(l), weight_of(x + i, y) & metered, copies);
     }
     int order = floatBitsToInt(l) & int(counted[i]);
     max_luminance = max(max_luminance, order);
@@ -196,7 +202,7 @@ void add_to_tile(uint tile) {
   Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
   uint low = subgroupAdd(log2_sum & 0xffffu);
   uint high = subgroupAdd((log2_sum >> 16) + log2_sum_high);
-  uint weight = WEIGHTS == WEIGHTS_AVERAGE ? 0u : subgroupAdd(weight_sum);
+  uint weight = SUM_WEIGHTS ? subgroupAdd(weight_sum) : 0u;
   uint brightest = uint(subgroupMax(max_luminance));
   uint darkest = ~uint(max(subgroupMin(min_luminance), 0));
   if (PIXELS == PIXELS_RGBA16F) {
@@ -214,7 +220,7 @@ void add_to_tile(uint tile) {
     atomicMax(tiles[tile].v.max_magnitude_bits, magnitude);
     if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
     if (LIGHT) atomicMax(tiles[tile].v.max_light_bits, light);
-    if (WEIGHTS != WEIGHTS_AVERAGE) atomicAdd(tiles[tile].v.weight_sum, weight);
+    if (SUM_WEIGHTS) atomicAdd(tiles[tile].v.weight_sum, weight);
   }
   if (SCRUB) {
     atomicAdd(tiles[tile].v.nan_components, nan_components);

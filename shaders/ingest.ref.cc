@@ -34,6 +34,12 @@ std::array<float, 4> unpack(const std::byte* texel, uint pixels) {
   return c;
 }
 
+// The luminance that decides whether a texel is metered. It is defined in float32, so that both twins meter
+// the same texels.
+float luminance32(const std::array<float, 4>& c) {
+  return std::max(0.0f, (0.2126f * c[0] + 0.7152f * c[1]) + 0.0722f * c[2]);
+}
+
 float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -kHalfMax, kHalfMax); }
 
 // The nearest half. Input within +-65504 stays finite.
@@ -102,6 +108,7 @@ Meter meter(const Scene& scene, const MeterParams& params) {
       const double l = std::max(0.0, luminance({c[0], c[1], c[2]}));
       m.min_luminance = std::min(m.min_luminance, l);
       m.max_luminance = std::max(m.max_luminance, l);
+      if (luminance32(c) < params.ignore_below) continue;
       const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
       m.weight += weight;
       const double log2_l = std::log2(std::max(l, kMinLuminance));
@@ -115,6 +122,10 @@ Meter meter(const Scene& scene, const MeterParams& params) {
         bin.sum += weight * log2_l;
       }
     }
+  }
+  if (m.weight == 0) {
+    m.mean_log2_luminance = std::log2(0.18);
+    return m;
   }
   const auto total = static_cast<double>(m.weight);
   m.mean_log2_luminance = sum / total;

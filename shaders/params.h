@@ -116,6 +116,7 @@ struct IngestConstants {
   uint weights;    // WEIGHTS_*
   uint histogram;  // also fill the histogram
   uint whole;      // the frame's width is a multiple of GROUP_TEXELS
+  uint ignore;     // texels darker than IngestParams.ignore_below have no weight
 };
 
 struct BrightPassConstants {
@@ -166,6 +167,7 @@ struct IngestParams {
   uint tiles_x;
   uint histogram_lo, histogram_hi;          // copies of HistogramBin[], zeroed before the pass adds to them
   uint spot_x0, spot_y0, spot_x1, spot_y1;  // only for WEIGHTS_SPOT
+  float ignore_below;                       // scene luminance; only if the constant `ignore` is set
 };
 
 struct BrightPassParams {
@@ -207,7 +209,7 @@ struct TileRecord {
   uint log2_sum_low;  // sums of the low 16 and of the remaining bits of each invocation's weighted
                       // fixed-point sum
   uint log2_sum_high;
-  uint weight_sum;  // not for WEIGHTS_AVERAGE
+  uint weight_sum;  // left 0 with WEIGHTS_AVERAGE, unless dark texels are ignored
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
   // The largest magnitude of R, G, B and A on the wire. If it is larger than MAX_SCENE_VALUE, the frame needs

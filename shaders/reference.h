@@ -56,13 +56,14 @@ struct MeterParams {
   double percentile_high = 90.0;
   uint weights = shader::WEIGHTS_AVERAGE;
   std::array<uint32_t, 4> spot{};  // for WEIGHTS_SPOT: x0, y0, x1, y1 in texels, ends excluded
+  float ignore_below = 0.0f;       // texels of less luminance have no weight
 };
 
 struct Meter {
-  double mean_log2_luminance = 0.0;
+  double mean_log2_luminance = 0.0;  // log2 0.18 if nothing is metered
   double min_luminance = 0.0;
   double max_luminance = 0.0;
-  uint64_t weight = 0;  // the sum of all texels' weights
+  uint64_t weight = 0;  // the sum of all texels' weights; 0 if nothing is metered
 };
 
 struct BloomSpec {
@@ -106,7 +107,7 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
              uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts);
 
 Meter meter(const Scene& scene, const MeterParams& params = {});
-// The metering weight of texel (x, y) in a width x height frame, 0 .. 255.
+// The metering weight of texel (x, y) in a width x height frame, 0 .. 255, if its luminance is not ignored.
 uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params);
 
 // D_0 of the mip kinds. Negative components of the scene count as 0.

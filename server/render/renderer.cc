@@ -37,7 +37,7 @@ absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings
                                              const FrameMoment& moment) {
   const absl::StatusOr<Metered> metered = meter(memory, settings);
   if (!metered.ok()) return metered.status();
-  const Exposed exposed = expose(settings->exposure(), moment.previous, metered->stats.mean_log2_luminance);
+  const Exposed exposed = expose(settings->exposure(), moment.previous, metered->stats.metered_mean());
   return draw(memory, settings, moment.sequence, *metered, exposed);
 }
 

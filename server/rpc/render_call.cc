@@ -93,7 +93,7 @@ absl::Status RenderCall::enqueue() {
   FrameJob job{.frame = frame_, .work = work_, .flow = flow_};
   job.deadline = absl::FromChrono(context_.deadline());
   job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous](
-                   const FrameStats& stats) { return expose(exposure, previous, stats.mean_log2_luminance); };
+                   const FrameStats& stats) { return expose(exposure, previous, stats.metered_mean()); };
   job.done = [self = self()](absl::StatusOr<RenderedFrame> rendered) {
     self->on_rendered(std::move(rendered));
   };

@@ -61,7 +61,7 @@ void add_stages(const RenderedFrame& rendered, google::protobuf::RepeatedPtrFiel
 v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
                                  const std::optional<PreviousExposure>& previous) {
   const FrameStats& stats = metered.report.stats;
-  const Exposed exposed = expose(settings->exposure(), previous, stats.mean_log2_luminance);
+  const Exposed exposed = expose(settings->exposure(), previous, stats.metered_mean());
   v1::MeterResponse response;
   *response.mutable_statistics() = statistics(stats);
   response.set_exposure(exposed.exposure);

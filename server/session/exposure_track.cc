@@ -59,10 +59,10 @@ void ExposureTrack::failed(uint64_t sequence) { unmetered(sequence).failed = tru
 // The frame is metered, and every frame before it is metered or has failed.
 bool ExposureTrack::begins_scene(size_t index) const {
   if (frames_[index].cut) return true;
-  if (cut_threshold_ev_ == 0.0) return false;
+  if (cut_threshold_ev_ == 0.0 || !frames_[index].has_mean()) return false;
   std::optional<ScenePrint> before = point_.print;
   for (size_t i = 0; i < index; ++i) {
-    if (frames_[i].stats) before = frames_[i].stats->print;
+    if (frames_[i].has_mean()) before = frames_[i].stats->print;
   }
   return before && scene_difference(*before, frames_[index].stats->print) > cut_threshold_ev_;
 }
@@ -83,7 +83,7 @@ std::optional<double> ExposureTrack::mean_of_first() const {
     }
     if (!frame.stats) return std::nullopt;
     if (i > 0 && begins_scene(i)) return sum / weights;
-    const uint32_t weight = lookahead_ + 1 - later;
+    const uint32_t weight = frame.has_mean() ? lookahead_ + 1 - later : 0;
     sum += frame.stats->mean_log2_luminance * weight;
     weights += weight;
     last = frame.sequence;
@@ -105,30 +105,36 @@ std::optional<FrameExposure> ExposureTrack::next() {
     frames_.pop_front();
     return FrameExposure{point_.sequence, point_};
   }
-  const std::optional<double> mean = mean_of_first();
-  if (!mean) return std::nullopt;
-  point_ = after_first(*mean);
+  std::optional<double> mean;
+  if (frame.has_mean()) {
+    mean = mean_of_first();
+    if (!mean) return std::nullopt;
+  }
+  point_ = after_first(mean);
   frames_.pop_front();
   return FrameExposure{point_.sequence, point_};
 }
 
-ExposurePoint ExposureTrack::after_first(double mean) const {
+ExposurePoint ExposureTrack::after_first(std::optional<double> mean) const {
   const Waiting& frame = frames_.front();
-  const bool cut = point_.cut_pending || begins_scene(0);
+  const bool takes_target = mean && (point_.cut_pending || begins_scene(0));
   std::optional<PreviousExposure> previous;
-  if (point_.begun && !cut) {
+  if (point_.begun && !takes_target) {
     const int64_t elapsed_ns = frame.media_time_ns - point_.media_time_ns;
     previous = {point_.exposed.exposure, static_cast<double>(elapsed_ns) * 1e-9};
   }
+  const bool cut = takes_target || frame.cut;
   const Exposed exposed = expose(frame.settings, previous, mean);
+  std::optional<ScenePrint> print;
+  if (cut_threshold_ev_ > 0.0) print = mean ? frame.stats->print : point_.print;
   return {.begun = true,
           .sequence = frame.sequence,
           .media_time_ns = frame.media_time_ns,
           .exposed = exposed,
-          .before = previous ? previous->exposure : exposed.exposure,
+          .before = previous && !cut ? previous->exposure : exposed.exposure,
           .cut = cut,
-          .cut_pending = false,
-          .print = cut_threshold_ev_ > 0.0 ? std::optional(frame.stats->print) : std::nullopt};
+          .cut_pending = !mean && (point_.cut_pending || frame.cut),
+          .print = print};
 }
 
 }  // namespace candela

@@ -18,13 +18,14 @@ namespace candela {
 // is a session without frames.
 struct ExposurePoint {
   bool begun = false;
-  uint64_t sequence = 0;            // of the last frame that was exposed
-  int64_t media_time_ns = 0;        // of that frame
-  Exposed exposed;                  // what it was rendered with
-  double before = 0.0;              // the exposure that it adapted from
-  bool cut = false;                 // whether it began a scene
-  bool cut_pending = false;         // a frame that was to begin a scene failed, so the next one begins it
-  std::optional<ScenePrint> print;  // only if cuts are detected
+  uint64_t sequence = 0;      // of the last frame that was exposed
+  int64_t media_time_ns = 0;  // of that frame
+  Exposed exposed;            // what it was rendered with
+  double before = 0.0;        // the exposure that it adapted from
+  bool cut = false;           // whether it began a scene
+  // A frame that was to begin a scene failed, or nothing of it was metered, so the next one begins it.
+  bool cut_pending = false;
+  std::optional<ScenePrint> print;  // the last there was; only if cuts are detected
 
   // Whether that was the last frame that was exposed. A new frame with the same number repeats it.
   bool is_of(uint64_t frame) const { return begun && sequence == frame; }
@@ -55,7 +56,7 @@ class ExposureTrack {
 
   // Each frame that was added is metered or fails, once and in any order. A failed frame has no exposure. It
   // keeps its position in the look-ahead of other frames, with no weight, so that they do not wait for one
-  // frame more.
+  // frame more. So does a frame with nothing metered, which keeps the exposure before it.
   void metered(uint64_t sequence, const FrameStats& stats);
   void failed(uint64_t sequence);
 
@@ -73,14 +74,17 @@ class ExposureTrack {
     v1::Exposure settings;
     std::optional<FrameStats> stats = std::nullopt;
     bool failed = false;
+
+    // Has metered pixels, so it has weight and a picture.
+    bool has_mean() const { return stats && stats->metered_weight > 0; }
   };
 
   Waiting& unmetered(uint64_t sequence);
   bool begins_scene(size_t index) const;
-  // The mean over the look-ahead of the first frame, which is metered; nothing while a later one is missing.
+  // The mean over the look-ahead of the first frame, which has a mean; nothing while a later one is missing.
   std::optional<double> mean_of_first() const;
-  // The session's exposure after the first frame, which has that mean.
-  ExposurePoint after_first(double mean) const;
+  // The session's exposure after the first frame, which has that mean; absent if nothing of it is metered.
+  ExposurePoint after_first(std::optional<double> mean) const;
 
   const uint32_t lookahead_;
   const double cut_threshold_ev_;

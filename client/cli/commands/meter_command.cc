@@ -70,7 +70,8 @@ std::string to_text(const std::string& path, const Image& image, const v1::Meter
          absl::StrFormat("%d NaN, %d infinite, %d negative components", statistics.nan_components(),
                          statistics.infinite_components(), statistics.negative_components()));
   }
-  return text + histogram_text(metered);
+  const std::string histogram = histogram_text(metered);
+  return text + (histogram.empty() ? "  nothing is metered\n" : histogram);
 }
 
 std::string to_json(const std::string& path, const Image& image, const v1::MeterResponse& metered) {

@@ -102,7 +102,7 @@ Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
 void read_histogram(const FrameTextures& textures, const IngestPlan& plan, FrameStats& stats) {
   if (textures.layout.histogram_copies == 0) return;
   const std::vector<MeterBin> bins = bins_of(textures, textures.layout.center_weights);
-  if (plan.percentiles) {
+  if (plan.percentiles && stats.metered_weight > 0) {
     const auto [low, high] = *plan.percentiles;
     stats.mean_log2_luminance = percentile_mean(bins, low, high);
   }
@@ -117,9 +117,11 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan) {
   TileSums sums;
   FrameStats& stats = sums.stats;
   const Totals totals = add_tiles(textures, sums);
-  const bool weighted = plan.inputs.constants.weights != shader::WEIGHTS_AVERAGE;
+  const shader::IngestConstants& constants = plan.inputs.constants;
+  const bool weighted = constants.weights != shader::WEIGHTS_AVERAGE || constants.ignore != 0;
   stats.metered_weight = weighted ? totals.weight : uint64_t{desc.width} * desc.height;
-  stats.mean_log2_luminance = log2_of(totals.fixed_log2, stats.metered_weight);
+  stats.mean_log2_luminance =
+      stats.metered_weight > 0 ? log2_of(totals.fixed_log2, stats.metered_weight) : kNothingMetered;
   read_histogram(textures, plan, stats);
   stats.print = print_of(textures, weighted);
   stats.max_luminance = std::bit_cast<float>(totals.brightest);

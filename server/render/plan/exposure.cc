@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/render/plan/metering.h"
 
 namespace candela {
 
@@ -48,9 +49,10 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
 }
 
 Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
-               double mean_log2_luminance) {
-  const double target = exposure_target(settings, mean_log2_luminance);
+               std::optional<double> mean_log2_luminance) {
+  const double target = exposure_target(settings, mean_log2_luminance.value_or(kNothingMetered));
   if (settings.mode() == v1::Exposure::MODE_MANUAL) return {target, target};
+  if (!mean_log2_luminance && previous) return {previous->exposure, target};
   return {adapt_exposure(settings.adaptation(), previous, target), target};
 }
 

@@ -35,8 +35,9 @@ absl::Status check_previous(const PreviousExposure& previous);
 double adapt_exposure(const v1::Adaptation& settings, const std::optional<PreviousExposure>& previous,
                       double target);
 
-// Both together. Manual exposure does not adapt.
+// Both together. Manual exposure does not adapt. Without a mean nothing is metered: the frame keeps the
+// factor of `previous`, or takes its target; the target is that of a mean of log2 0.18.
 Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
-               double mean_log2_luminance);
+               std::optional<double> mean_log2_luminance);
 
 }  // namespace candela

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "server/render/plan/metering.h"
@@ -11,13 +12,13 @@ namespace candela {
 
 // Statistics of the whole frame. Luminance is scene-linear Rec.709 Y after the scrub.
 struct FrameStats {
-  double mean_log2_luminance = 0.0;  // EV
+  double mean_log2_luminance = 0.0;  // EV; kNothingMetered if metered_weight is 0
   float min_luminance = 0.0f;
   float max_luminance = 0.0f;
   uint64_t nan_components = 0;
   uint64_t infinite_components = 0;
   uint64_t negative_components = 0;
-  uint64_t metered_weight = 0;  // the sum of all texels' metering weights
+  uint64_t metered_weight = 0;  // the sum of all texels' metering weights; 0 if nothing is metered
   // The largest luminance of each tile of shader::TILE_TEXELS squared, row by row, with negative components
   // cut to 0. No mean that bloom makes of the tile's texels is brighter. Empty if the settings ask for no
   // bloom.
@@ -25,6 +26,11 @@ struct FrameStats {
   ScenePrint print{};
   // Weights by log2 luminance, 64 bins an octave from 2^-14 on. Empty unless the settings ask for it.
   std::vector<uint64_t> histogram;
+
+  // The mean from which exposure follows; absent if nothing is metered.
+  std::optional<double> metered_mean() const {
+    return metered_weight > 0 ? std::optional(mean_log2_luminance) : std::nullopt;
+  }
 };
 
 // The result of phase A. If the tier renders on the host, the mean log2 luminance is the float64 reference's;

@@ -21,6 +21,9 @@ struct MeterBin {
 inline constexpr double kHistogramFirstEv = -14.0;
 inline constexpr uint32_t kHistogramBinsPerEv = 64;
 
+// The mean log2 luminance of a frame with nothing metered: log2 0.18.
+inline constexpr double kNothingMetered = -2.4739311883324124;
+
 // The mean log2 luminance between two percentiles of the weight. The bins are in rising luminance from
 // kHistogramFirstEv on. Each bin counts with its texels' mean, and the two end bins count in proportion. low
 // < high; some weight is not 0.

@@ -26,6 +26,7 @@ std::string metering_words(const v1::Metering& metering) {
     absl::StrAppendFormat(&words, " in x %d .. %d, y %d .. %d", metering.spot().x0(), metering.spot().x1(),
                           metering.spot().y0(), metering.spot().y1());
   }
+  if (metering.ignore_below() > 0) absl::StrAppendFormat(&words, " above %g", metering.ignore_below());
   return words;
 }
 
@@ -34,7 +35,8 @@ reference::MeterParams reference_meter(const v1::Metering& metering) {
           .percentile_low = metering.percentile_low(),
           .percentile_high = metering.percentile_high(),
           .weights = static_cast<uint32_t>(metering.weights()),
-          .spot = {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()}};
+          .spot = {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()},
+          .ignore_below = metering.ignore_below()};
 }
 
 // The factor that exposes the scene. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
@@ -153,13 +155,15 @@ IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {
                            .light = !layout.level_sizes.empty(),
                            .weights = static_cast<uint32_t>(metering.weights()),
                            .histogram = layout.histogram_copies > 0,
-                           .whole = layout.desc.width % shader::GROUP_TEXELS == 0};
+                           .whole = layout.desc.width % shader::GROUP_TEXELS == 0,
+                           .ignore = metering.ignore_below() > 0};
   plan.inputs.params.frame = input_params(layout, plan.matrix);
   plan.inputs.params.tiles_x = layout.tiles_x;
   plan.inputs.params.spot_x0 = metering.spot().x0();
   plan.inputs.params.spot_y0 = metering.spot().y0();
   plan.inputs.params.spot_x1 = metering.spot().x1();
   plan.inputs.params.spot_y1 = metering.spot().y1();
+  plan.inputs.params.ignore_below = metering.ignore_below();
   if (metering.statistic() == v1::Metering::STATISTIC_PERCENTILE) {
     plan.percentiles = {metering.percentile_low(), metering.percentile_high()};
   }

@@ -65,6 +65,7 @@ absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const Inge
     textures.metered_scene = meter_scene(textures, plan.matrix, plan.reference, reference::Rounding::kNone);
   }
   metered->stats.mean_log2_luminance = textures.metered_scene->meter.mean_log2_luminance;
+  metered->stats.metered_weight = textures.metered_scene->meter.weight;
   return metered;
 }
 
