@@ -352,6 +352,31 @@ TEST_F(Stream, MeterSaysWhatRenderUses) {
   EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 1);
 }
 
+// The bars of a letterbox, in a .pfm: rows of 0 above and below rows of 1 and 4.
+TEST_F(Stream, MeterIgnoresTheBarsOfALetterbox) {
+  std::string pfm = "Pf\n8 8\n-1.0\n";
+  for (int i = 0; i < 64; ++i) {
+    const float v = i < 16 || i >= 48 ? 0.0f : i < 32 ? 1.0f : 4.0f;
+    pfm.append(reinterpret_cast<const char*>(&v), sizeof v);
+  }
+  const std::string path = folder_.path("letterbox.pfm");
+  write_file(path, pfm);
+  const auto mean = [&](const std::vector<std::string>& options) {
+    std::vector<std::string> arguments{"meter", path};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return candela_json(arguments).at("mean_log2_luminance").get<double>();
+  };
+  EXPECT_NEAR(mean({}), 0.5 + 0.5 * std::log2(1e-4), 1e-3);
+  EXPECT_NEAR(mean({"--ignore-below", "0.01"}), 1.0, 1e-5);
+  EXPECT_NEAR(mean({"--ignore-below", "2"}), 2.0, 1e-5);
+  EXPECT_EQ(mean({"--ignore-below", "5"}), std::log2(0.18));
+  const Outcome dark = candela({"meter", path, "--ignore-below", "5"});
+  EXPECT_NE(dark.out.find("nothing is metered"), std::string::npos) << dark.out;
+  const Outcome refused = candela({"meter", path, "--ignore-below", "-1"});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("--ignore-below is -1"), std::string::npos) << refused.err;
+}
+
 TEST_F(Stream, BenchMeasuresSessions) {
   const ListeningDaemon daemon;
   const std::vector<std::string> common{"bench",      "--server", daemon.address(), "--size", "64x64",

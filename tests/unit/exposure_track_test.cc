@@ -18,6 +18,14 @@ FrameStats metered_at(double mean_log2_luminance) {
   return stats;
 }
 
+// A frame with nothing metered. Its picture, which nothing may read, differs from every other.
+FrameStats unmetered() {
+  FrameStats stats;
+  stats.mean_log2_luminance = std::log2(0.18);
+  for (size_t i = 0; i < stats.print.size(); ++i) stats.print[i] = i % 2 == 0 ? -50.0f : 50.0f;
+  return stats;
+}
+
 // A track of 24 frames a second, numbered from 0.
 struct Film {
   explicit Film(uint32_t lookahead = 0, double cut_threshold_ev = 0.0, ExposurePoint point = {})
@@ -30,6 +38,11 @@ struct Film {
   std::vector<FrameExposure> show(uint64_t sequence, double mean, bool cut = false) {
     EXPECT_TRUE(add(sequence, cut).ok());
     track.metered(sequence, metered_at(mean));
+    return decided();
+  }
+  std::vector<FrameExposure> show_unmetered(uint64_t sequence, bool cut = false) {
+    EXPECT_TRUE(add(sequence, cut).ok());
+    track.metered(sequence, unmetered());
     return decided();
   }
   std::vector<FrameExposure> decided() {
@@ -227,6 +240,115 @@ TEST(ExposureTrack, ManualExposureDoesNotAdapt) {
   film.settings.set_manual_ev(2.0);
   film.show(0, 0.0);
   EXPECT_EQ(film.show(1, 9.0).at(0).point.exposed, (Exposed{4.0, 4.0}));
+}
+
+TEST(NothingMetered, KeepsTheExposureAndAddsNoTimeToTheNextFrame) {
+  Film film;
+  const double kept = film.show(0, 3.0).at(0).point.exposed.exposure;
+  for (uint64_t i = 1; i < 4; ++i) {
+    const ExposurePoint point = film.show_unmetered(i).at(0).point;
+    EXPECT_EQ(point.exposed.exposure, kept);
+    EXPECT_EQ(point.before, kept);
+    EXPECT_EQ(point.exposed.target, target(std::log2(0.18)));
+    EXPECT_FALSE(point.cut || point.cut_pending);
+  }
+  const double next =
+      adapt_exposure(film.settings.adaptation(), PreviousExposure{kept, kFrameNs * 1e-9}, target(-1.0));
+  EXPECT_EQ(film.show(4, -1.0).at(0).point.exposed.exposure, next);
+}
+
+TEST(NothingMetered, AFirstFrameTakesTheExposureFor018) {
+  Film film;
+  const ExposurePoint first = film.show_unmetered(0).at(0).point;
+  EXPECT_EQ(first.exposed, (Exposed{target(std::log2(0.18)), target(std::log2(0.18))}));
+  EXPECT_EQ(film.show(1, 4.0).at(0).point.before, first.exposed.exposure);
+}
+
+TEST(NothingMetered, HasNoWeightInTheLookaheadOfOthersAndNoneOfItsOwn) {
+  Film film(2);
+  EXPECT_TRUE(film.show(0, 1.0).empty());
+  EXPECT_TRUE(film.show_unmetered(1).empty());
+  const auto decided = film.show(2, 6.0);
+  ASSERT_EQ(decided.size(), 2u);
+  EXPECT_EQ(decided[0].point.exposed.target, target((3 * 1.0 + 6.0) / 4));
+  EXPECT_EQ(decided[1].sequence, 1u);
+  EXPECT_EQ(decided[1].point.exposed.exposure, decided[0].point.exposed.exposure);
+  EXPECT_TRUE(film.show_unmetered(3).empty());
+  const auto rest = film.show_unmetered(4);
+  ASSERT_EQ(rest.size(), 3u);
+  EXPECT_EQ(rest[0].point.exposed.target, target(6.0));
+  EXPECT_EQ(rest[2].point.exposed.exposure, rest[0].point.exposed.exposure);
+}
+
+TEST(NothingMetered, PassesItsCutOnToTheNextFrameThatIsMetered) {
+  for (const uint32_t lookahead : {0u, 3u}) {
+    Film film(lookahead);
+    std::vector<FrameExposure> all = film.show(0, 0.0);
+    const auto append = [&all](const std::vector<FrameExposure>& more) {
+      all.insert(all.end(), more.begin(), more.end());
+    };
+    append(film.show_unmetered(1, /*cut=*/true));
+    EXPECT_EQ(all.size(), 2u) << "the cut ends the look-ahead of frame 0";
+    append(film.show_unmetered(2));
+    append(film.show(3, 5.0));
+    append(film.show(4, 5.0));
+    film.track.end();
+    append(film.decided());
+    ASSERT_EQ(all.size(), 5u);
+    EXPECT_EQ(all[0].point.exposed.target, target(0.0));
+    for (const size_t i : {1u, 2u}) {
+      EXPECT_EQ(all[i].point.exposed.exposure, target(0.0)) << i;
+      EXPECT_TRUE(all[i].point.cut_pending) << i;
+      EXPECT_EQ(all[i].point.cut, i == 1) << i;
+    }
+    EXPECT_EQ(all[3].point.exposed.exposure, target(5.0));
+    EXPECT_TRUE(all[3].point.cut);
+    EXPECT_FALSE(all[4].point.cut || all[4].point.cut_pending);
+  }
+}
+
+TEST(NothingMetered, IsNoCutAndTheNextFrameIsComparedWithTheLastPicture) {
+  for (const uint32_t lookahead : {0u, 2u}) {
+    for (const bool other_scene : {false, true}) {
+      Film film(lookahead, 1.0);
+      std::vector<FrameExposure> all = film.show(0, 0.0);
+      for (const FrameExposure& one : film.show_unmetered(1)) all.push_back(one);
+      FrameStats stats = metered_at(2.0);
+      for (size_t i = 0; other_scene && i < stats.print.size(); i += 2) stats.print[i] += 4.0f;
+      ASSERT_TRUE(film.add(2).ok());
+      film.track.metered(2, stats);
+      film.track.end();
+      for (const FrameExposure& one : film.decided()) all.push_back(one);
+      ASSERT_EQ(all.size(), 3u);
+      EXPECT_FALSE(all[1].point.cut);
+      EXPECT_EQ(all[1].point.print, all[0].point.print);
+      EXPECT_EQ(all[2].point.cut, other_scene);
+      EXPECT_EQ(all[2].point.print, stats.print);
+      const bool weighed = lookahead > 0 && !other_scene;  // frame 2 in the mean of frame 0
+      EXPECT_EQ(all[0].point.exposed.target, target(weighed ? 2.0 / 4 : 0.0));
+    }
+  }
+}
+
+TEST(NothingMetered, GoesOnFromItsStateAsIfItHadNotStopped) {
+  Film whole(0, 1.0);
+  whole.show(0, 3.0);
+  const ExposurePoint state = whole.show_unmetered(1, /*cut=*/true).at(0).point;
+  Film resumed(0, 1.0, state);
+  for (uint64_t i = 2; i < 5; ++i) {
+    EXPECT_EQ(resumed.show(i, -2.0 * static_cast<double>(i)).at(0).point,
+              whole.show(i, -2.0 * static_cast<double>(i)).at(0).point);
+  }
+}
+
+TEST(NothingMetered, ManualExposureIsAsEver) {
+  Film film;
+  film.show(0, 0.0);
+  film.settings.set_mode(v1::Exposure::MODE_MANUAL);
+  film.settings.set_manual_ev(2.0);
+  const ExposurePoint point = film.show_unmetered(1, /*cut=*/true).at(0).point;
+  EXPECT_EQ(point.exposed, (Exposed{4.0, 4.0}));
+  EXPECT_EQ(point.before, 4.0);
 }
 
 }  // namespace

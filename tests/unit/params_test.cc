@@ -76,7 +76,7 @@ std::map<std::string, uint32_t> constant_ids(std::span<const uint32_t> spirv) {
 
 TEST(Params, OffsetsAreThoseOfTheSpirv) {
   auto ingest = structs(k_ingest_spirv);
-  EXPECT_EQ(ingest["IngestParams"].size(), 10u);
+  EXPECT_EQ(ingest["IngestParams"].size(), 11u);
   EXPECT_OFFSET(ingest, InputParams, width);
   EXPECT_OFFSET(ingest, InputParams, input_pitch);
   EXPECT_OFFSET(ingest, InputParams, m00);
@@ -86,6 +86,7 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
   EXPECT_OFFSET(ingest, IngestParams, tiles_x);
   EXPECT_OFFSET(ingest, IngestParams, histogram_hi);
   EXPECT_OFFSET(ingest, IngestParams, spot_y1);
+  EXPECT_OFFSET(ingest, IngestParams, ignore_below);
   EXPECT_OFFSET(ingest, HistogramBin, offset_sum);
   EXPECT_OFFSET(ingest, TileRecord, log2_sum_low);
   EXPECT_OFFSET(ingest, TileRecord, max_magnitude_bits);
@@ -130,6 +131,7 @@ TEST(Params, ConstantsHaveTheIdsOfTheirPlaces) {
   EXPECT_CONSTANT(ingest, IngestConstants, weights, "WEIGHTS");
   EXPECT_CONSTANT(ingest, IngestConstants, histogram, "HISTOGRAM");
   EXPECT_CONSTANT(ingest, IngestConstants, whole, "WHOLE");
+  EXPECT_CONSTANT(ingest, IngestConstants, ignore, "IGNORE");
 
   auto bright = constant_ids(k_bright_pass_spirv);
   EXPECT_EQ(bright.size() * 4, sizeof(shader::BrightPassConstants));

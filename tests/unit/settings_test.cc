@@ -152,6 +152,7 @@ TEST(Settings, AbsentSettingsTakeTheirDefaults) {
         percentile_low: 10
         percentile_high: 90
         weights: WEIGHTS_AVERAGE
+        ignore_below: 0
       }
       adaptation { domain: DOMAIN_LOG speed_up: 3 speed_down: 1 }
     }
