@@ -46,6 +46,24 @@ M33d bradford(const V3d& from_white, const V3d& to_white) {
   return cone * rows({to.x / from.x, 0, 0}, {0, to.y / from.y, 0}, {0, 0, to.z / from.z}) * cone.inverse();
 }
 
+// CIE 1960 UCS.
+struct Uv {
+  double u;
+  double v;
+};
+
+// The Planckian locus at a temperature; see white_of().
+Uv locus(double kelvin) {
+  const double t = 1e3 / kelvin;
+  const double x = kelvin <= 4000 ? ((-0.2661239 * t - 0.2343589) * t + 0.8776956) * t + 0.179910
+                                  : ((-3.0258469 * t + 2.1070379) * t + 0.2226347) * t + 0.240390;
+  const double y = kelvin <= 2222   ? ((-1.1063814 * x - 1.34811020) * x + 2.18555832) * x - 0.20219683
+                   : kelvin <= 4000 ? ((-0.9549476 * x - 1.37418593) * x + 2.09137015) * x - 0.16748867
+                                    : ((3.0817580 * x - 5.87338670) * x + 3.75112997) * x - 0.37001483;
+  const double scale = -2 * x + 12 * y + 3;
+  return {4 * x / scale, 6 * y / scale};
+}
+
 bool close(const Chromaticities& a, const Chromaticities& b, size_t first, double tolerance) {
   for (size_t i = first; i < a.xy.size(); ++i) {
     if (!(std::abs(a.xy[i] - b.xy[i]) <= tolerance)) return false;
@@ -87,7 +105,23 @@ Chromaticities chromaticities(const v1::Chromaticities& m) {
   return {{m.red_x(), m.red_y(), m.green_x(), m.green_y(), m.blue_x(), m.blue_y(), m.white_x(), m.white_y()}};
 }
 
-absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from) {
+White white_of(double kelvin, double tint) {
+  constexpr double kTintUv = 0.05;
+  constexpr double kStepKelvin = 1.0;  // for the direction of the locus
+  const Uv at = locus(kelvin);
+  const Uv cooler = locus(kelvin + kStepKelvin);
+  const Uv warmer = locus(kelvin - kStepKelvin);
+  // The locus runs towards smaller u as the temperature rises, so this normal points upwards.
+  const double along_u = warmer.u - cooler.u;
+  const double along_v = warmer.v - cooler.v;
+  const double distance = kTintUv * tint / std::hypot(along_u, along_v);
+  const Uv moved = {at.u - along_v * distance, at.v + along_u * distance};
+  const double scale = 2 * moved.u - 8 * moved.v + 4;
+  return {3 * moved.u / scale, 2 * moved.v / scale};
+}
+
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(
+    const Chromaticities& from, const std::optional<White>& scene_white) {
   const auto& c = from.xy;
   const auto rec709 = chromaticities(v1::PRIMARIES_REC709);
   const bool plain_xyz = close(from, chromaticities(v1::PRIMARIES_XYZ), 0, 1e-4);
@@ -95,6 +129,9 @@ absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chrom
   if (!usable(m)) return unusable(from);
   if (!plain_xyz && !close(from, rec709, 6, 1e-5)) {
     m = m * bradford(xyz(c[6], c[7]), xyz(rec709.xy[6], rec709.xy[7]));
+  }
+  if (scene_white) {
+    m = m * bradford(xyz(scene_white->x, scene_white->y), xyz(rec709.xy[6], rec709.xy[7]));
   }
   m = m * to_xyz(rec709.xy).inverse();
 

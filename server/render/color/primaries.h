@@ -20,11 +20,26 @@ struct Chromaticities {
 Chromaticities chromaticities(v1::Primaries primaries);
 Chromaticities chromaticities(const v1::Chromaticities& message);
 
+// The chromaticity of a scene's white.
+struct White {
+  double x = 0.0;  // CIE 1931
+  double y = 0.0;
+};
+
+// The white of a correlated colour temperature, 2000 .. 25000 K. `tint` moves it perpendicular to the
+// Planckian locus in CIE 1960 uv: 1 is 0.05 above the locus, towards green; -1 is 0.05 below it. Source of
+// the locus: B. Kang et al., "Design of advanced color temperature control system for HDTV applications", J.
+// Korean Phys. Soc. 41(6), 2002. It is within 0.0005 of Planck's law in x and y.
+White white_of(double kelvin, double tint);
+
 // The 3x3 matrix, row by row, that converts linear RGB of these primaries to linear Rec.709 with a D65 white;
 // absent if it is within 1e-5 of the identity. A white that is not D65 is adapted by Bradford, except that
 // plain CIE XYZ (primaries (1,0) (0,1) (0,0), equal-energy white) is not adapted. INVALID_ARGUMENT if the
 // chromaticities are not finite or span no volume. Source: SMPTE RP 177-1993; Bradford: Lam 1985, as in
 // ICC.1:2010 annex E.
-absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(const Chromaticities& from);
+//
+// With a scene white, the scene's light is adapted once more, so that this white becomes D65 (white balance).
+absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(
+    const Chromaticities& from, const std::optional<White>& scene_white = std::nullopt);
 
 }  // namespace candela

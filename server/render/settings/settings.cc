@@ -91,15 +91,25 @@ absl::StatusOr<std::shared_ptr<const ColorTable>> table_from(const v1::Settings&
   return table;
 }
 
+// From the frame's primaries, and the scene's white if it is balanced, to the scene.
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_from(const v1::Settings& message) {
   const bool named = message.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
   if (named && message.has_input_chromaticities()) {
     return absl::InvalidArgumentError(
         "both input_primaries and input_chromaticities are given; a frame has one of them");
   }
-  if (named) return matrix_to_rec709(chromaticities(message.input_primaries()));
-  if (!message.has_input_chromaticities()) return std::nullopt;
-  return matrix_to_rec709(chromaticities(message.input_chromaticities()));
+  if (message.has_tint() && !message.has_white_balance()) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "tint is %g and there is no white_balance; give both, or leave the tint out", message.tint()));
+  }
+  std::optional<White> white;
+  if (message.has_white_balance()) white = white_of(message.white_balance(), message.tint());
+  if (named) return matrix_to_rec709(chromaticities(message.input_primaries()), white);
+  if (message.has_input_chromaticities()) {
+    return matrix_to_rec709(chromaticities(message.input_chromaticities()), white);
+  }
+  if (!white) return std::nullopt;
+  return matrix_to_rec709(chromaticities(v1::PRIMARIES_REC709), white);
 }
 
 }  // namespace

@@ -1,0 +1,119 @@
+// White balance: the Planckian locus, the tint, and what it does to the matrix. No device.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+
+#include "server/render/color/primaries.h"
+#include "server/render/settings/settings.h"
+
+namespace candela {
+namespace {
+
+struct Uv {
+  double u;
+  double v;
+};
+
+Uv uv_of(const White& white) {
+  const double scale = -2 * white.x + 12 * white.y + 3;
+  return {4 * white.x / scale, 6 * white.y / scale};
+}
+
+using Rgb = std::array<double, 3>;
+
+Rgb apply(const std::array<float, 9>& m, const Rgb& c) {
+  return {m[0] * c[0] + m[1] * c[1] + m[2] * c[2], m[3] * c[0] + m[4] * c[1] + m[5] * c[2],
+          m[6] * c[0] + m[7] * c[1] + m[8] * c[2]};
+}
+
+// Linear Rec.709 of a chromaticity at luminance 1, by the matrix of IEC 61966-2-1.
+Rgb rec709_of(const White& white) {
+  const double x = white.x / white.y;
+  const double z = (1 - white.x - white.y) / white.y;
+  return {3.2406 * x - 1.5372 - 0.4986 * z, -0.9689 * x + 1.8758 + 0.0415 * z,
+          0.0557 * x - 0.2040 + 1.0570 * z};
+}
+
+Settings balanced(double kelvin, double tint) {
+  v1::Settings settings;
+  settings.set_white_balance(kelvin);
+  settings.set_tint(tint);
+  return Settings::from(settings).value();
+}
+
+// G. Wyszecki and W. Stiles, "Color Science", 2nd edition, table 1(5.3.1)'s Planckian radiators; illuminant A
+// is CIE 15's.
+TEST(WhiteBalance, TheLocusIsPlancks) {
+  struct Published {
+    double kelvin, x, y;
+  };
+  for (const auto& [kelvin, x, y] : {Published{2000, 0.5267, 0.4133},
+                                     {2856, 0.4476, 0.4074},
+                                     {3000, 0.4369, 0.4041},
+                                     {4000, 0.3805, 0.3768},
+                                     {5000, 0.3451, 0.3516},
+                                     {6500, 0.3135, 0.3237},
+                                     {10000, 0.2807, 0.2884}}) {
+    const White white = white_of(kelvin, 0);
+    EXPECT_NEAR(white.x, x, 5e-4) << kelvin;
+    EXPECT_NEAR(white.y, y, 5e-4) << kelvin;
+  }
+}
+
+TEST(WhiteBalance, ATintIsADistanceFromTheLocusTowardsGreen) {
+  for (double kelvin : {2000.0, 2222.0, 3200.0, 4000.0, 6504.0, 12000.0, 25000.0}) {
+    const Uv on = uv_of(white_of(kelvin, 0));
+    const Uv above = uv_of(white_of(kelvin, 1));
+    const Uv below = uv_of(white_of(kelvin, -0.5));
+    EXPECT_NEAR(std::hypot(above.u - on.u, above.v - on.v), 0.05, 1e-9) << kelvin;
+    EXPECT_NEAR(std::hypot(below.u - on.u, below.v - on.v), 0.025, 1e-9) << kelvin;
+    EXPECT_GT(above.v, on.v) << kelvin;
+    EXPECT_LT(below.v, on.v) << kelvin;
+  }
+}
+
+TEST(WhiteBalance, DaylightIsItselfBalanced) {
+  const White d65 = white_of(6504, 0.064);
+  EXPECT_NEAR(d65.x, 0.3127, 4e-4);
+  EXPECT_NEAR(d65.y, 0.3290, 4e-4);
+}
+
+TEST(WhiteBalance, TheScenesWhiteBecomesNeutral) {
+  for (double kelvin : {2500.0, 3200.0, 5000.0, 9000.0, 20000.0}) {
+    for (double tint : {-0.3, 0.0, 0.3}) {
+      const Settings settings = balanced(kelvin, tint);
+      ASSERT_TRUE(settings.to_scene());
+      const Rgb neutral = apply(*settings.to_scene(), rec709_of(white_of(kelvin, tint)));
+      EXPECT_NEAR(neutral[0] / neutral[1], 1.0, 2e-3) << kelvin << " " << tint;
+      EXPECT_NEAR(neutral[2] / neutral[1], 1.0, 2e-3) << kelvin << " " << tint;
+    }
+  }
+}
+
+TEST(WhiteBalance, FollowsThePrimariesOfTheFrame) {
+  v1::Settings settings;
+  settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
+  const auto plain = *Settings::from(settings)->to_scene();
+  settings.set_white_balance(3200);
+  const auto both = *Settings::from(settings)->to_scene();
+  const auto balance = *balanced(3200, 0).to_scene();
+  for (const Rgb& c : {Rgb{1, 0, 0}, Rgb{0, 1, 0}, Rgb{0, 0, 1}}) {
+    const Rgb in_two_steps = apply(balance, apply(plain, c));
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(apply(both, c)[k], in_two_steps[k], 2e-6);
+  }
+}
+
+TEST(WhiteBalance, AbsentItIsNoMatrixAndATintNeedsIt) {
+  EXPECT_FALSE(Settings().to_scene());
+  v1::Settings settings;
+  settings.set_tint(0.2);
+  const absl::Status status = Settings::from(settings).status();
+  EXPECT_EQ(status.message(), "tint is 0.2 and there is no white_balance; give both, or leave the tint out");
+  settings.set_white_balance(1999);
+  EXPECT_EQ(Settings::from(settings).status().message(),
+            "white_balance is 1999; it must be between 2000 and 25000");
+}
+
+}  // namespace
+}  // namespace candela
