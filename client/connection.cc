@@ -11,6 +11,7 @@
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
 namespace {
@@ -32,7 +33,7 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
 
 // Copies each band, because gRPC may keep a message after its call has ended.
 bool send_bands(RawCall& call, const FrameView& frame) {
-  const uint64_t row_bytes = frame.width * bytes_per_pixel(frame.format);
+  const uint64_t row_bytes = uint64_t{frame.width} * bytes_per_pixel(frame.format);
   const uint64_t rows = rows_of_band(row_bytes);
   for (uint64_t y = 0; y < frame.height; y += rows) {
     const uint64_t bytes = std::min<uint64_t>(rows, frame.height - y) * row_bytes;

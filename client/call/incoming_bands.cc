@@ -10,18 +10,6 @@ absl::Status not_the_protocol(const char* what) {
   return absl::InternalError(absl::StrFormat("server's answer does not follow render.proto: %s", what));
 }
 
-uint64_t bytes_per_pixel(v1::OutputFormat format) {
-  switch (format) {
-    case v1::OUTPUT_FORMAT_RGBA8:
-      return 4;
-    case v1::OUTPUT_FORMAT_RGBA16:
-    case v1::OUTPUT_FORMAT_RGBA16F:
-      return 8;
-    default:
-      return 0;
-  }
-}
-
 void IncomingBands::begin(std::span<std::byte> bytes, uint64_t row_bytes) {
   bytes_ = bytes;
   row_bytes_ = row_bytes;

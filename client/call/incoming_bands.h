@@ -16,9 +16,6 @@ namespace candela {
 // INTERNAL, with the message "server's answer does not follow render.proto: <what>".
 absl::Status not_the_protocol(const char* what);
 
-// The size of a pixel, or 0 for a format that this client does not know.
-uint64_t bytes_per_pixel(v1::OutputFormat format);
-
 // Collects the bands of one image. Used by one thread at a time. Without begin() it is empty and whole.
 class IncomingBands {
  public:

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "proto/candela/v1/message_wire.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
 

@@ -11,6 +11,7 @@
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
 
@@ -44,7 +45,7 @@ bool may_resume(const grpc::Status& status, bool resuming) {
 // The band of `frame` that begins at `row`, without a copy. gRPC may keep a message after its call has ended,
 // so the slice keeps the frame.
 grpc::Slice band_slice(const std::shared_ptr<const SessionFrame>& frame, uint64_t row) {
-  const uint64_t row_bytes = frame->width * bytes_per_pixel(frame->format);
+  const uint64_t row_bytes = uint64_t{frame->width} * bytes_per_pixel(frame->format);
   const uint64_t bytes = std::min<uint64_t>(rows_of_band(row_bytes), frame->height - row) * row_bytes;
   const auto let_go = [](void* owner) { delete static_cast<std::shared_ptr<const SessionFrame>*>(owner); };
   return grpc::Slice(const_cast<std::byte*>(frame->pixels.data() + row * row_bytes), bytes, let_go,
@@ -214,7 +215,7 @@ void SessionCall::send_step() {
 }
 
 void SessionCall::send_band() {
-  const uint64_t rows = rows_of_band(sending_->width * bytes_per_pixel(sending_->format));
+  const uint64_t rows = rows_of_band(uint64_t{sending_->width} * bytes_per_pixel(sending_->format));
   duplex_.write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(row_), band_slice(sending_, row_)));
   row_ += rows;
   if (row_ < sending_->height) return;

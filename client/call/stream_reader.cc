@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/message_wire.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
 namespace {

@@ -13,6 +13,7 @@
 #include "client/call/tls_probe.h"
 #include "proto/candela/v1/address.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
 namespace {
@@ -41,19 +42,6 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc:
 }
 
 }  // namespace
-
-uint64_t bytes_per_pixel(v1::PixelFormat format) {
-  switch (format) {
-    case v1::PIXEL_FORMAT_RGBA16F:
-      return 8;
-    case v1::PIXEL_FORMAT_RGBA32F:
-      return 16;
-    case v1::PIXEL_FORMAT_RGB9E5:
-      return 4;
-    default:
-      return 0;
-  }
-}
 
 absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes) {
   if (width == 0 || height == 0) {

@@ -19,9 +19,6 @@
 
 namespace candela {
 
-// The size of a pixel, or 0 for a format that this client does not know.
-uint64_t bytes_per_pixel(v1::PixelFormat format);
-
 // INVALID_ARGUMENT unless a frame of this size and format without padding has exactly `bytes` bytes.
 absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes);
 

@@ -7,7 +7,7 @@
 #include "absl/time/clock.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/base/log.h"
-#include "server/rpc/parse_request.h"
+#include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
 
 namespace candela {

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "server/rpc/status.h"
+#include "server/rpc/wire/status.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/base/log.h"
-#include "server/rpc/parse_request.h"
+#include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
 
 namespace candela {

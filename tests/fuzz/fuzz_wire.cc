@@ -23,10 +23,11 @@
 #include "client/call/stream_reader.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/settings.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/settings/settings.h"
-#include "server/rpc/band_reader.h"
-#include "server/rpc/parse_request.h"
+#include "server/rpc/wire/band_reader.h"
+#include "server/rpc/wire/parse_request.h"
 #include "server/session/render_start.h"
 #include "server/session/resume_token.h"
 #include "server/session/stream_start.h"
@@ -134,17 +135,24 @@ std::optional<v1::Band> check_codec(v1::BandKind kind, const std::string& bytes,
 }
 
 // Exposes a dark, a plain and a bright frame with the settings.
-void check_exposure(const ExposureSettings& settings, const std::optional<PreviousExposure>& previous) {
+void check_exposure(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous) {
   for (const double mean_log2_luminance : {-40.0, 0.0, 16.0}) {
     const double target = exposure_target(settings, mean_log2_luminance);
     expect(std::isfinite(target) && target > 0, "the target is a factor", absl::StrCat(target));
-    const double exposure = adapt_exposure(settings.adaptation, previous, target);
+    const double exposure = adapt_exposure(settings.adaptation(), previous, target);
     const double from = previous ? previous->exposure : target;
     // The last digit may be off by rounding.
     expect(
         exposure >= std::min(from, target) * (1 - 1e-12) && exposure <= std::max(from, target) * (1 + 1e-12),
         "exposure goes towards its target and not beyond", absl::StrCat(from, " ", exposure, " ", target));
   }
+}
+
+// The settings are complete: completing them once more changes nothing.
+void check_settings(const Settings& settings) {
+  v1::Settings again = *settings;
+  expect(v1::complete_settings(again).ok(), "the settings are good");
+  expect(v1::deterministic_bytes(again) == v1::deterministic_bytes(*settings), "the settings are complete");
 }
 
 void check_start(const RenderStart& start) {
@@ -156,10 +164,10 @@ void check_start(const RenderStart& start) {
   expect(desc.bytes() <= kLimits.max_frame_bytes, "the frame is within the limits");
   expect(start.row_stride_bytes >= desc.row_bytes() && start.row_stride_bytes <= desc.row_bytes() + 4096,
          "the row stride is within its range");
-  expect(check_settings(start.settings).ok(), "the settings are good");
+  check_settings(start.settings);
   expect(check_settings_for(start.settings, desc).ok(), "the settings suit the frame");
   if (start.previous) expect(check_previous(*start.previous).ok(), "the previous exposure is good");
-  check_exposure(start.settings.exposure, start.previous);
+  check_exposure(start.settings->exposure(), start.previous);
 }
 
 bool fits(const v1::Band& band, const RenderStart& start, uint32_t next_row) {
@@ -238,7 +246,7 @@ void open_stream(const WireInput& input) {
   expect(start->cut_threshold_ev >= v1::kCutThresholdEv.min &&
              start->cut_threshold_ev <= v1::kCutThresholdEv.max,
          "the threshold of cuts is within its range");
-  expect(check_settings(start->settings.settings).ok(), "the settings are good");
+  check_settings(start->settings.settings);
 }
 
 // The client reads a header, then bands of the image and of the error map.

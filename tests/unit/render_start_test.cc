@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "proto/candela/v1/limits.h"
-#include "server/rpc/parse_request.h"
+#include "server/rpc/wire/parse_request.h"
 
 namespace candela {
 namespace {

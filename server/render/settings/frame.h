@@ -5,15 +5,9 @@
 
 #include "absl/status/status.h"
 #include "candela/v1/render.pb.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
-
-constexpr uint32_t bytes_per_pixel(v1::PixelFormat format) {
-  return format == v1::PIXEL_FORMAT_RGBA16F ? 8 : format == v1::PIXEL_FORMAT_RGBA32F ? 16 : 4;
-}
-constexpr uint32_t bytes_per_pixel(v1::OutputFormat format) {
-  return format == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8;
-}
 
 // A frame as its header describes it. Sizes are in pixels; `row_bytes` and `bytes` are without row padding.
 struct FrameDesc {

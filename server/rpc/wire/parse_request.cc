@@ -1,4 +1,4 @@
-#include "server/rpc/parse_request.h"
+#include "server/rpc/wire/parse_request.h"
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"

@@ -1,4 +1,4 @@
-#include "server/rpc/status.h"
+#include "server/rpc/wire/status.h"
 
 #include <google/protobuf/any.pb.h>
 #include <google/protobuf/duration.pb.h>

@@ -1,4 +1,4 @@
-#include "server/rpc/band_reader.h"
+#include "server/rpc/wire/band_reader.h"
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/band_wire.h"

@@ -1,4 +1,4 @@
-#include "server/rpc/result_writer.h"
+#include "server/rpc/wire/result_writer.h"
 
 #include <grpcpp/support/slice.h>
 
