@@ -33,12 +33,12 @@ struct SettingField {
 // Every setting, in the order of the contract. Lives as long as the process.
 const std::vector<SettingField>& setting_fields();
 
-// Gives every absent setting its default and checks every setting by itself. INVALID_ARGUMENT names the
-// field, its value and what it may be: a number outside of its range (NaN is), an enum value that this build
-// does not know. Checks that involve several settings are the caller's.
+// Gives every absent setting its default and checks every setting by itself. If a number is NaN or outside
+// its range, or this build does not know an enum value, INVALID_ARGUMENT names the field, its value and what
+// it may be. The caller checks settings that depend on each other.
 absl::Status complete_settings(Settings& settings);
 
-// A setting for a client that knows none.
+// All that a client needs to show the setting to a user.
 SettingInfo setting_info(const SettingField& field);
 
 // An enum's values as words for people, without the unspecified one: TONE_CURVE_ACES_HILL is "aces-hill".
