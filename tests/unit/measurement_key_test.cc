@@ -20,6 +20,7 @@ std::vector<v1::Settings> variants(const v1::SettingField& setting) {
   std::vector<v1::Settings> all;
   const auto add = [&](const auto& set) {
     v1::Settings message;
+    if (setting.path == "tint") message.set_white_balance(5000);  // a tint needs a temperature
     Message& holder = setting.holder(message);
     set(holder, *holder.GetReflection());
     all.push_back(std::move(message));
