@@ -22,7 +22,7 @@ Uv uv_of(const White& white) {
 
 using Rgb = std::array<double, 3>;
 
-Rgb apply(const std::array<float, 9>& m, const Rgb& c) {
+Rgb times(const std::array<float, 9>& m, const Rgb& c) {
   return {m[0] * c[0] + m[1] * c[1] + m[2] * c[2], m[3] * c[0] + m[4] * c[1] + m[5] * c[2],
           m[6] * c[0] + m[7] * c[1] + m[8] * c[2]};
 }
@@ -84,7 +84,7 @@ TEST(WhiteBalance, TheScenesWhiteBecomesNeutral) {
     for (double tint : {-0.3, 0.0, 0.3}) {
       const Settings settings = balanced(kelvin, tint);
       ASSERT_TRUE(settings.to_scene());
-      const Rgb neutral = apply(*settings.to_scene(), rec709_of(white_of(kelvin, tint)));
+      const Rgb neutral = times(*settings.to_scene(), rec709_of(white_of(kelvin, tint)));
       EXPECT_NEAR(neutral[0] / neutral[1], 1.0, 2e-3) << kelvin << " " << tint;
       EXPECT_NEAR(neutral[2] / neutral[1], 1.0, 2e-3) << kelvin << " " << tint;
     }
@@ -99,8 +99,8 @@ TEST(WhiteBalance, FollowsThePrimariesOfTheFrame) {
   const auto both = *Settings::from(settings)->to_scene();
   const auto balance = *balanced(3200, 0).to_scene();
   for (const Rgb& c : {Rgb{1, 0, 0}, Rgb{0, 1, 0}, Rgb{0, 0, 1}}) {
-    const Rgb in_two_steps = apply(balance, apply(plain, c));
-    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(apply(both, c)[k], in_two_steps[k], 2e-6);
+    const Rgb in_two_steps = times(balance, times(plain, c));
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(times(both, c)[k], in_two_steps[k], 2e-6);
   }
 }
 
