@@ -1,4 +1,4 @@
-// `candela stream`, `candela meter` and `candela bench`, and the sequence that `candela sample` makes.
+// `candela stream` and `candela bench`, and the sequence that `candela sample` makes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -327,54 +327,6 @@ TEST_F(Stream, WrongUseIsSaidInOneLine) {
     EXPECT_NE(outcome.err.find(c.words), std::string::npos) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
-}
-
-TEST_F(Stream, MeterSaysWhatRenderUses) {
-  const std::string scene = folder_.path("scene.exr");
-  ASSERT_EQ(candela({"sample", scene, "--size", "128x96", "-q"}).code, 0);
-  for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
-           {}, {"--percentiles", "20,80", "--weights", "center", "--key", "0.5"}}) {
-    std::vector<std::string> meter{"meter", scene}, render{"render", scene, folder_.path("scene.png")};
-    meter.insert(meter.end(), options.begin(), options.end());
-    render.insert(render.end(), options.begin(), options.end());
-    const Json metered = candela_json(meter), rendered = candela_json(render);
-    for (const char* key :
-         {"exposure", "target", "mean_log2_luminance", "min_luminance", "max_luminance", "bad_values"}) {
-      EXPECT_EQ(metered.at(key), rendered.at(key)) << key;
-    }
-    EXPECT_GT(metered.at("histogram").at("bins_per_ev"), 0);
-  }
-  const Outcome text = candela({"meter", scene});
-  ASSERT_EQ(text.code, 0) << text.err;
-  for (const char* word : {"128x96", "exposure", "EV", "##", "<- the mean"}) {
-    EXPECT_NE(text.out.find(word), std::string::npos) << word << " is not in\n" << text.out;
-  }
-  EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 1);
-}
-
-// The bars of a letterbox, in a .pfm: rows of 0 above and below rows of 1 and 4.
-TEST_F(Stream, MeterIgnoresTheBarsOfALetterbox) {
-  std::string pfm = "Pf\n8 8\n-1.0\n";
-  for (int i = 0; i < 64; ++i) {
-    const float v = i < 16 || i >= 48 ? 0.0f : i < 32 ? 1.0f : 4.0f;
-    pfm.append(reinterpret_cast<const char*>(&v), sizeof v);
-  }
-  const std::string path = folder_.path("letterbox.pfm");
-  write_file(path, pfm);
-  const auto mean = [&](const std::vector<std::string>& options) {
-    std::vector<std::string> arguments{"meter", path};
-    arguments.insert(arguments.end(), options.begin(), options.end());
-    return candela_json(arguments).at("mean_log2_luminance").get<double>();
-  };
-  EXPECT_NEAR(mean({}), 0.5 + 0.5 * std::log2(1e-4), 1e-3);
-  EXPECT_NEAR(mean({"--ignore-below", "0.01"}), 1.0, 1e-5);
-  EXPECT_NEAR(mean({"--ignore-below", "2"}), 2.0, 1e-5);
-  EXPECT_EQ(mean({"--ignore-below", "5"}), std::log2(0.18));
-  const Outcome dark = candela({"meter", path, "--ignore-below", "5"});
-  EXPECT_NE(dark.out.find("nothing is metered"), std::string::npos) << dark.out;
-  const Outcome refused = candela({"meter", path, "--ignore-below", "-1"});
-  EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.err.find("--ignore-below is -1"), std::string::npos) << refused.err;
 }
 
 TEST_F(Stream, BenchMeasuresSessions) {

@@ -114,7 +114,10 @@ absl::StatusOr<std::optional<std::array<float, 9>>> matrix_from(const v1::Settin
 
 }  // namespace
 
-Settings::Settings() : Settings(*from({})) {}
+Settings::Settings() {
+  static const auto* const kDefaults = new Settings(*from({}));
+  state_ = kDefaults->state_;
+}
 
 absl::StatusOr<Settings> Settings::from(v1::Settings message) {
   if ((message.has_max_error_codes() || message.has_max_ms()) && !message.tier().empty()) {
