@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "client/call/session_call.h"
+#include "client/call/session_stream.h"
 #include "client/call/wire.h"
 #include "client/session_state.h"
 
@@ -55,7 +55,7 @@ class Session::Core {
   absl::Status drive() {
     size_t attempts = 0;  // calls since the last result
     for (size_t at = 0;; at = (at + 1) % servers_.size()) {
-      const CallEnd end = SessionCall(servers_[at], options_, name_, state_).run();
+      const CallEnd end = SessionStream(servers_[at], options_, name_, state_).run();
       if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
       attempts = end.progress ? 1 : attempts + 1;
       not_before_[at] = absl::Now() + end.retry_delay;

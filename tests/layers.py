@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Fails when an include climbs: a folder may include only itself and what stands above it here."""
+"""Fails if an include climbs (a folder may include only itself and what stands above it here), or if client and server both
+define a type of one name."""
 import pathlib
 import re
 import sys
@@ -35,5 +36,15 @@ for top in ("proto", "shaders", "server", "client"):
             if found and not found[1].endswith(".spv.h") and layer(found[1]) not in allowed:
                 climbs.append(f"{name}:{line} includes {found[1]}, which {own} may not")
 
-print("\n".join(climbs) or "no include climbs")
-sys.exit(bool(climbs))
+# The command links both sides, so a type of one name on both would be two definitions of one type.
+TYPE = re.compile(r"^(?:class|struct|enum class) (\w+)[^;{]*\{", re.MULTILINE)
+homes = {}
+for side in ("client", "server"):
+    for header in sorted((root / side).rglob("*.h")):
+        for name in TYPE.findall(header.read_text()):
+            homes.setdefault(name, {}).setdefault(side, header.relative_to(root).as_posix())
+twice = [f"{places['server']} defines {name}, as {places['client']} does; rename one"
+         for name, places in homes.items() if len(places) == 2]
+
+print("\n".join(climbs + twice) or "no include climbs")
+sys.exit(bool(climbs or twice))

@@ -105,9 +105,9 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   if (!summary.curve.empty()) {
     const auto [least, most] = std::minmax_element(
         summary.curve.begin(), summary.curve.end(),
-        [](const ExposurePoint& a, const ExposurePoint& b) { return a.exposure < b.exposure; });
+        [](const PlottedExposure& a, const PlottedExposure& b) { return a.exposure < b.exposure; });
     const auto cuts = std::count_if(summary.curve.begin(), summary.curve.end(),
-                                    [](const ExposurePoint& point) { return point.cut; });
+                                    [](const PlottedExposure& point) { return point.cut; });
     line("exposure", absl::StrFormat("%.4g .. %.4g (%+.2f .. %+.2f EV)%s", least->exposure, most->exposure,
                                      std::log2(least->exposure), std::log2(most->exposure),
                                      cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
@@ -135,14 +135,14 @@ absl::Status check_plot(const std::string& path) {
   return writable_destination(path).status();
 }
 
-absl::Status plot_exposure(const std::vector<ExposurePoint>& curve, const std::string& path) {
+absl::Status plot_exposure(const std::vector<PlottedExposure>& curve, const std::string& path) {
   std::string script = std::string(kPlotStyle) + "$curve << EOD\n";
-  for (const ExposurePoint& point : curve) {
+  for (const PlottedExposure& point : curve) {
     absl::StrAppendFormat(&script, "%.9g %.9g %.9g %.9g\n", point.seconds, std::log2(point.exposure),
                           std::log2(point.target), point.mean_log2_luminance);
   }
   script += "EOD\n";
-  for (const ExposurePoint& point : curve) {
+  for (const PlottedExposure& point : curve) {
     if (!point.cut) continue;
     absl::StrAppendFormat(&script,
                           "set arrow from first %.9g, graph 0 to first %.9g, graph 1 nohead dt 3 lc rgb "

@@ -24,7 +24,7 @@ struct StreamFrame {
 };
 
 // A point of the curve of exposure over time.
-struct ExposurePoint {
+struct PlottedExposure {
   double seconds = 0;  // media time
   double exposure = 1;
   double target = 1;
@@ -38,7 +38,7 @@ struct StreamSummary {
   uint64_t skipped = 0;    // unreadable, or refused by the server
   absl::Duration time;     // from the first frame to the last image
   absl::Duration latency;  // the sum over all frames
-  std::vector<ExposurePoint> curve;
+  std::vector<PlottedExposure> curve;
   SessionStats session;
   std::set<std::string> notes;  // notes about the files
 };
@@ -60,7 +60,7 @@ std::string exposure_words(double exposure);
 
 // Draws exposure, target and luminance over media time. The
 // extension of `path`, .png or .svg, sets the format.
-absl::Status plot_exposure(const std::vector<ExposurePoint>& curve, const std::string& path);
+absl::Status plot_exposure(const std::vector<PlottedExposure>& curve, const std::string& path);
 
 // Checks before the work that the plot can be drawn. A usage error for
 // another extension; FAILED_PRECONDITION if gnuplot is missing.

@@ -32,10 +32,10 @@ struct CallEnd {
 
 // Sends the session's steps to a server and gives the results to `state`. Used by one thread. The arguments
 // must outlive it.
-class SessionCall {
+class SessionStream {
  public:
-  SessionCall(const SessionServer& server, const SessionOptions& options, const std::string& name,
-              SessionState& state);
+  SessionStream(const SessionServer& server, const SessionOptions& options, const std::string& name,
+                SessionState& state);
 
   // Runs the call to its end; once.
   CallEnd run();

@@ -1,4 +1,4 @@
-#include "client/call/session_call.h"
+#include "client/call/session_stream.h"
 
 #include <algorithm>
 #include <utility>
@@ -70,15 +70,15 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
 
 }  // namespace
 
-SessionCall::SessionCall(const SessionServer& server, const SessionOptions& options, const std::string& name,
-                         SessionState& state)
+SessionStream::SessionStream(const SessionServer& server, const SessionOptions& options,
+                             const std::string& name, SessionState& state)
     : peer_(server.peer),
       options_(options),
       name_(name),
       state_(state),
       duplex_(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", name}}) {}
 
-CallEnd SessionCall::run() {
+CallEnd SessionStream::run() {
   std::optional<SessionState::Start> start = state_.begin_call(peer_.address, duplex_);
   if (!start) return {absl::CancelledError()};
   open_request_ = open_message(*std::move(start));
@@ -102,7 +102,7 @@ CallEnd SessionCall::run() {
   return end;
 }
 
-v1::StreamRequest SessionCall::open_message(SessionState::Start start) const {
+v1::StreamRequest SessionStream::open_message(SessionState::Start start) const {
   v1::StreamRequest request;
   v1::StreamOpen& open = *request.mutable_open();
   open.set_session(name_);
@@ -116,7 +116,7 @@ v1::StreamRequest SessionCall::open_message(SessionState::Start start) const {
 }
 
 // An error ends the call.
-absl::Status SessionCall::take_event(DuplexCall::Event event) {
+absl::Status SessionStream::take_event(DuplexCall::Event event) {
   switch (event) {
     case DuplexCall::Event::kTimeout:
       return hangs();
@@ -134,7 +134,7 @@ absl::Status SessionCall::take_event(DuplexCall::Event event) {
   return absl::OkStatus();
 }
 
-absl::Status SessionCall::take_message() {
+absl::Status SessionStream::take_message() {
   const std::shared_ptr<const SessionFrame> due = state_.due_frame();
   absl::StatusOr<StreamEvent> event = reader_.read(duplex_.message(), due.get());
   if (!event.ok()) return event.status();
@@ -154,14 +154,14 @@ absl::Status SessionCall::take_message() {
 
 // The time at which a server that stays silent counts as hanging. With look-ahead the server holds back the
 // results of as many frames, until the half-close.
-absl::Time SessionCall::silent_until() const {
+absl::Time SessionStream::silent_until() const {
   if (!open_) return open_by_;
   const int64_t held_back = closed_ ? 0 : options_.lookahead;
   const bool due = owed_ > held_back || duplex_.writing();
   return due ? last_progress_ + options_.silence_limit : absl::InfiniteFuture();
 }
 
-absl::Status SessionCall::hangs() const {
+absl::Status SessionStream::hangs() const {
   return absl::UnavailableError(
       absl::StrFormat("no answer from %s within %s: it hangs%s", peer_.address,
                       absl::FormatDuration(open_ ? options_.silence_limit : kOpenLimit),
@@ -169,7 +169,7 @@ absl::Status SessionCall::hangs() const {
 }
 
 // Must not hold the state's lock, because finding out why TLS failed may take seconds.
-CallEnd SessionCall::how_it_ended() const {
+CallEnd SessionStream::how_it_ended() const {
   const grpc::Status& status = duplex_.status();
   if (closed_ && state_.complete() && (status.ok() || may_resume(status, true))) return {absl::OkStatus()};
   if (status.ok()) {
@@ -186,7 +186,7 @@ CallEnd SessionCall::how_it_ended() const {
 }
 
 // Starts the next write if there is something to send.
-void SessionCall::send_next() {
+void SessionStream::send_next() {
   if (!asked_) {
     asked_ = true;
     return duplex_.write(v1::pack(open_request_));
@@ -195,7 +195,7 @@ void SessionCall::send_next() {
   return sending_ != nullptr ? send_band() : send_step();
 }
 
-void SessionCall::send_step() {
+void SessionStream::send_step() {
   const SessionState::NextStep next = state_.next_step();
   if (!next.step) {
     closed_ = next.finished;
@@ -214,7 +214,7 @@ void SessionCall::send_step() {
   duplex_.write(v1::pack(request));
 }
 
-void SessionCall::send_band() {
+void SessionStream::send_band() {
   const uint64_t rows = rows_of_band(uint64_t{sending_->width} * bytes_per_pixel(sending_->format));
   duplex_.write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(row_), band_slice(sending_, row_)));
   row_ += rows;
