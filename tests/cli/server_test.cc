@@ -58,7 +58,7 @@ TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
   const ListeningDaemon daemon({"--max-dimension", "30"});
   const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address()});
   EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("at most 30"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("the limit is 30 on a side"), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find(in_), std::string::npos) << outcome.err;
   const ListeningDaemon small({"--max-frame-bytes", "1024"});
   const Outcome bytes = candela({"render", in_, out_, "--server", small.address()});
