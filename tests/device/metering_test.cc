@@ -48,10 +48,10 @@ class Metering : public DeviceTest {
   // If texel (x, y) has luminance 2^4 and all others have 1, the mean is 4 times the texel's share of the sum
   // of all weights.
   static void expect_weights(uint32_t width, uint32_t height, const v1::Metering& metering) {
+    const reference::MeterParams meter = params(metering);
     uint64_t total = 0;
     for (uint32_t y = 0; y < height; ++y) {
-      for (uint32_t x = 0; x < width; ++x)
-        total += reference::meter_weight(x, y, width, height, params(metering));
+      for (uint32_t x = 0; x < width; ++x) total += reference::meter_weight(x, y, width, height, meter);
     }
     std::vector<std::pair<uint32_t, uint32_t>> places = {{width / 2, height / 3}};
     if (width <= 67 && height <= 67) places.insert(places.end(), {{0, 0}, {width - 1, height - 1}});
@@ -63,8 +63,7 @@ class Metering : public DeviceTest {
           });
       const FrameReport seen = report(frame, metering);
       ASSERT_EQ(seen.stats.metered_weight, total) << width << "x" << height;
-      const double share =
-          reference::meter_weight(x, y, width, height, params(metering)) / static_cast<double>(total);
+      const double share = reference::meter_weight(x, y, width, height, meter) / static_cast<double>(total);
       ASSERT_NEAR(seen.stats.mean_log2_luminance, 4.0 * share, 2e-5)
           << width << "x" << height << " " << x << " " << y;
     }
