@@ -36,8 +36,8 @@ class Renderer {
   absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings,
                                        Verify verify = Verify::kNo);
 
-  // Renders the pixels in `memory` to completion: meter(), expose() and draw(). `settings` must have passed
-  // check_settings and be those that the memory was allocated with. INVALID_ARGUMENT naming the pixel if
+  // Renders the pixels in `memory` to completion: meter(), expose() and draw(). `settings` must be
+  // those that the memory was allocated with. INVALID_ARGUMENT naming the pixel if
   // v1::BAD_VALUES_REJECT meets a bad one; UNAVAILABLE if the device is lost. Blocks for the frame's time,
   // which with verification is seconds for a large frame.
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,

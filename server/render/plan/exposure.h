@@ -9,7 +9,7 @@
 namespace candela {
 
 // The factor that suits a frame of this mean log2 luminance: key / 2^mean * 2^compensation within the limits,
-// or 2^manual_ev. It is finite and above 0 if the settings pass check_settings.
+// or 2^manual_ev. It is finite and above 0 for settings that passed Settings::from.
 double exposure_target(const v1::Exposure& settings, double mean_log2_luminance);
 
 // The exposure of the frame before, and the media time that has passed since then.
