@@ -10,7 +10,6 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "client/cli/options/usage.h"
@@ -20,31 +19,7 @@ namespace candela {
 namespace {
 namespace fs = std::filesystem;
 
-constexpr int kMostDigits = 12;
-
 bool is_digit(char c) { return absl::ascii_isdigit(static_cast<unsigned char>(c)); }
-
-// A pattern such as "a%04db", taken apart at the number.
-struct Numbered {
-  std::string before, after;
-  int digits = 0;  // minimum; padded with zeros
-};
-
-// Text without % gives "" before and after. A usage error for a % that is not %d, and for a second %d.
-absl::StatusOr<Numbered> parse_number_pattern(const std::string& text) {
-  const size_t at = text.find('%');
-  if (at == std::string::npos) return Numbered{};
-  size_t end = at + 1;
-  while (end < text.size() && is_digit(text[end])) ++end;
-  int digits = 0;
-  if (end > at + 1 && !absl::SimpleAtoi(text.substr(at + 1, end - at - 1), &digits)) digits = kMostDigits + 1;
-  if (end >= text.size() || text[end] != 'd' || digits > kMostDigits ||
-      text.find('%', end) != std::string::npos || text.find('/', end) != std::string::npos) {
-    return usage_error(absl::StrFormat(
-        "%s: a pattern has one number, %%d or %%04d, in its file name, and no other %%", text));
-  }
-  return Numbered{text.substr(0, at), text.substr(end + 1), digits};
-}
 
 bool is_image(const fs::path& path) {
   const std::string extension = absl::AsciiStrToLower(path.extension().string());
@@ -72,14 +47,13 @@ std::string escaped_for_glob(const std::string& text) {
   return absl::StrReplaceAll(text, {{"\\", "\\\\"}, {"*", "\\*"}, {"?", "\\?"}, {"[", "\\["}});
 }
 
-std::vector<std::string> files_by_number(const Numbered& pattern) {
+std::vector<std::string> files_by_number(const NamePattern& pattern) {
   std::vector<std::string> files =
       files_by_glob(escaped_for_glob(pattern.before) + "*" + escaped_for_glob(pattern.after));
   std::erase_if(files, [&](const std::string& file) {
-    const size_t length = file.size() - pattern.before.size() - pattern.after.size();
-    const std::string number = file.substr(pattern.before.size(), length);
-    return length == 0 || length < static_cast<size_t>(pattern.digits) ||
-           !std::all_of(number.begin(), number.end(), is_digit);
+    const size_t around = pattern.before.size() + pattern.after.size();
+    return file.size() < around + static_cast<size_t>(pattern.digits) ||
+           !number_between(file, pattern.before.size(), pattern.after.size());
   });
   return files;
 }
@@ -99,19 +73,23 @@ absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
     return files;
   }
   if (fs::exists(input, ignored)) return std::vector<std::string>{input};
-  if (absl::StrContains(input, '%')) {
-    const absl::StatusOr<Numbered> pattern = parse_number_pattern(input);
-    if (!pattern.ok()) return pattern.status();
-    files = files_by_number(*pattern);
-  } else {
-    files = files_by_glob(input);
-  }
+  const absl::StatusOr<std::optional<NamePattern>> pattern = input_pattern(input);
+  if (!pattern.ok()) return pattern.status();
+  files = *pattern ? files_by_number(**pattern) : files_by_glob(input);
   if (!files.empty()) return files;
-  return absl::NotFoundError(
-      absl::StrFormat("%s: no such file; give a folder, files, or a pattern such as 'frames/*.exr'", input));
+  return absl::NotFoundError(absl::StrFormat(
+      "%s: no such file; give a folder, files, or a pattern such as 'in/*.exr' or in/%%04d.exr", input));
 }
 
 }  // namespace
+
+absl::StatusOr<std::optional<NamePattern>> input_pattern(const std::string& input) {
+  std::error_code ignored;
+  if (fs::exists(input, ignored)) return std::nullopt;
+  const std::string name = fs::path(input).filename().string();
+  if (!absl::StrContains(name, '%') && name.find_first_of("*?[") != std::string::npos) return std::nullopt;
+  return parse_name_pattern(input);
+}
 
 bool natural_less(const std::string& a, const std::string& b) {
   size_t i = 0, j = 0;
@@ -149,34 +127,33 @@ absl::StatusOr<std::vector<std::string>> find_frames(const std::vector<std::stri
 
 absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const std::string& extension) {
   OutputNames names;
-  const absl::StatusOr<Numbered> pattern = parse_number_pattern(output);
+  const bool is_folder = is_there_as_folder(output) || !fs::path(output).has_extension();
+  const absl::StatusOr<std::optional<NamePattern>> pattern = parse_name_pattern(output);
   if (!pattern.ok()) return pattern.status();
-  if (absl::StrContains(output, '%')) {
-    names.before_ = pattern->before;
-    names.after_ = pattern->after;
-    names.digits_ = pattern->digits;
-    names.extension_ = fs::path("x" + pattern->after).extension().string();
+  // A folder may have # and @ in its name.
+  if (*pattern && (!is_folder || absl::StrContains(fs::path(output).filename().string(), '%'))) {
+    names.pattern_ = **pattern;
+    names.extension_ = fs::path("x" + names.pattern_->after).extension().string();
     return names;
   }
-  if (!is_there_as_folder(output) && fs::path(output).has_extension()) {
+  if (!is_folder) {
     return usage_error(
         absl::StrFormat("%s is a single file; give a folder or a pattern such as out/%%04d%s for a sequence",
                         output, fs::path(output).extension().string()));
   }
-  names.is_folder_ = true;
-  names.before_ = output;
+  names.folder_ = output;
   names.extension_ = extension;
   return names;
 }
 
 std::string OutputNames::path(uint64_t number, const std::string& input) const {
-  if (!is_folder_) return absl::StrFormat("%s%0*d%s", before_, digits_, number, after_);
+  if (pattern_) return pattern_->path(number);
   const std::string stem = input.empty() ? absl::StrFormat("%04d", number) : fs::path(input).stem().string();
-  return (fs::path(before_) / (stem + extension_)).string();
+  return (fs::path(folder_) / (stem + extension_)).string();
 }
 
 absl::Status OutputNames::make_folder() const {
-  const fs::path folder = is_folder_ ? fs::path(before_) : fs::path(before_ + "x").parent_path();
+  const fs::path folder = is_folder() ? fs::path(folder_) : fs::path(pattern_->before + "x").parent_path();
   std::error_code error;
   if (!folder.empty()) fs::create_directories(folder, error);
   return error ? cannot_write(folder.string(), error.value()) : absl::OkStatus();

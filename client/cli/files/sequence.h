@@ -1,0 +1,87 @@
+// The frames of a sequence: which files they are, their numbers, and which are missing.
+//
+// A frame's number comes from its file's name and never changes: media time, the names of the images and
+// --range go by it. So a gap in the numbers is a gap in time, and a part of a sequence that is rendered alone
+// has the numbers and times that it has in the whole.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/cli/files/frame_numbers.h"
+#include "client/cli/files/name_pattern.h"
+#include "client/image/frame_rate.h"
+
+namespace candela {
+
+// What becomes of numbers without a file.
+enum class MissingFrames {
+  kError,  // the sequence is refused
+  kSkip,   // they have no image
+  kHold,   // they have the image of the frame before
+};
+
+// What the user says about a sequence.
+struct SequenceChoice {
+  std::vector<std::string> inputs;  // files, patterns and folders
+  std::vector<NumberRange> range;   // empty: from the first file to the last
+  MissingFrames missing = MissingFrames::kError;
+  std::vector<uint64_t> cuts;     // numbers of frames that begin a scene, ascending
+  std::optional<FrameRate> rate;  // without it the first file's, or 24
+  // The number at media time 0, if a session's state is continued; without it the first file's.
+  std::optional<uint64_t> zero;
+};
+
+struct SequenceFrame {
+  uint64_t number = 0;
+  std::string path;
+  bool cut = false;                  // begins a scene
+  std::vector<uint64_t> holds = {};  // missing numbers that repeat its image; they follow it
+  uint64_t place = 0;                // of its image among all images, held ones included; 0 for the first
+};
+
+struct Sequence {
+  std::vector<SequenceFrame> frames;  // at least one; their numbers ascend
+  // The number at media time 0: the choice's, or that of the first file found, even if the range begins
+  // later.
+  uint64_t zero = 0;
+  std::vector<NumberRange> missing;  // chosen numbers without a file
+  std::optional<NamePattern> names;  // of the files; without it their names have no number in common
+  std::vector<std::string> notes;
+
+  uint64_t first() const { return frames.front().number; }
+  uint64_t last() const { return frames.back().number; }
+  // Images, with the held ones.
+  uint64_t images() const { return frames.back().place + 1 + frames.back().holds.size(); }
+  // A frame's sequence number in a session. It seeds the dither, so it goes by the number, too.
+  uint64_t session_number(size_t index) const { return frames[index].number - zero; }
+  // The frame with that sequence number, which there must be.
+  size_t index_of(uint64_t session_number) const;
+  int64_t media_time_ns(uint64_t number, FrameRate rate) const {
+    return candela::media_time_ns(number - zero, rate);
+  }
+};
+
+// Finds the files and their numbers. Files whose names have no number in common are frames 0, 1, 2 ... in the
+// natural order of their names, and a note says so. NOT_FOUND if an input matches nothing or a frame is
+// missing that may not be; INVALID_ARGUMENT if two files have the same number, or a cut lies outside of the
+// sequence, or a frame before the choice's zero. Reads no file.
+absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice);
+
+// The frame rate of a sequence, and where it comes from.
+struct ChosenRate {
+  FrameRate rate;
+  std::string from;  // "--fps", "the file" or "the default"
+};
+
+// `of_file` is the first file's own rate.
+ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optional<FrameRate>& of_file);
+
+// INVALID_ARGUMENT if the last frame's media time is above 2^62 ns, which is 146 years.
+absl::Status check_media_time(const Sequence& sequence, FrameRate rate);
+
+}  // namespace candela
