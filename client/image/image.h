@@ -14,6 +14,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/image/frame_rate.h"
 #include "client/image/pixel_buffer.h"
 #include "server/encode/picture.h"
 
@@ -36,6 +37,7 @@ struct Image {
   PixelBuffer pixels;         // bytes() bytes
   bool has_alpha = false;     // false: every alpha is 1
   double pixel_aspect = 1.0;  // width / height of one pixel
+  std::optional<FrameRate> frame_rate;  // of the sequence that the image belongs to
   // CIE 1931 xy of red, green, blue and white: rx ry gx gy bx by wx wy. Without them: Rec.709 and D65.
   std::optional<std::array<float, 8>> chromaticities;
   std::vector<std::string> notes;  // messages for the user, such as "EXPOSURE 0.5 divided out"

@@ -1,28 +1,26 @@
 #include <OpenEXR/ImfThreading.h>
 #include <sys/stat.h>
 
-#include <algorithm>
-#include <deque>
-#include <future>
 #include <map>
-#include <new>
 #include <optional>
 #include <set>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/server_link.h"
+#include "client/cli/commands/stream_images.h"
 #include "client/cli/commands/stream_report.h"
 #include "client/cli/files/frame_feeder.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/files/json_output.h"
+#include "client/cli/files/sequence.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
-#include "client/image/write/atomic_file.h"
 
 namespace candela {
 namespace {
@@ -30,73 +28,83 @@ namespace {
 constexpr size_t kReadAhead = 2;
 constexpr size_t kMostNotes = 5;
 
-absl::StatusOr<std::vector<std::string>> write_bytes(const std::string& path, const RenderResult& result) {
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
-  file->write(result.data.get(), result.bytes);
-  if (absl::Status status = file->commit(); !status.ok()) return status;
-  return std::vector<std::string>();
+// An image of the sequence and its file.
+struct NamedImage {
+  uint64_t number = 0;
+  std::string input;
+  std::string output;
+};
+
+// All images in order, held ones included. `first` numbers them; without it they have their frames' numbers.
+std::vector<NamedImage> named_images(const Sequence& sequence, const OutputNames& names,
+                                     const std::optional<uint64_t>& first) {
+  std::vector<NamedImage> images;
+  const auto add = [&](uint64_t number, const std::string& input, const std::string& name) {
+    const uint64_t counted = first ? *first + images.size() : number;
+    images.push_back({number, input, names.path(counted, name)});
+  };
+  for (const SequenceFrame& frame : sequence.frames) {
+    add(frame.number, frame.path, frame.path);
+    for (const uint64_t held : frame.holds) {
+      add(held, frame.path, sequence.names ? sequence.names->path(held) : "");
+    }
+  }
+  return images;
 }
 
-absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, const RenderResult& result,
-                                                      const FrameFacts& facts,
-                                                      const WriteOptions& options) try {
-  if (result.header.encoded_bytes() > 0) return write_bytes(path, result);
-  const absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
-  if (!picture.ok()) return picture.status();
-  return write_image(path, *picture, options);
-} catch (const std::bad_alloc&) {
-  return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));
+std::vector<std::string> paths_of(const Sequence& sequence) {
+  std::vector<std::string> paths;
+  for (const SequenceFrame& frame : sequence.frames) paths.push_back(frame.path);
+  return paths;
 }
 
 // Renders a sequence: feeds its files to a session and writes the results, several at once.
 class Streaming {
  public:
-  Streaming(const StreamOptions& options, const std::vector<std::string>& paths, const OutputNames& names,
+  Streaming(const StreamOptions& options, const Sequence& sequence, const std::vector<NamedImage>& named,
             JsonOutput& json, Progress& progress)
       : options_(options),
-        paths_(paths),
-        names_(names),
-        json_(json),
+        sequence_(sequence),
+        named_(named),
         progress_(progress),
-        link_(options.server) {}
+        link_(options.server),
+        images_(options.write, options.quiet, json, progress, summary_) {}
 
   absl::StatusOr<StreamSummary> run() {
-    summary_.frames = paths_.size();
+    summary_.frames = sequence_.frames.size();
+    summary_.first = sequence_.first();
+    summary_.last = sequence_.last();
+    summary_.missing = to_text(sequence_.missing);
     SessionOptions session;
     if (absl::Status status = prepare(session.settings); !status.ok()) return status;
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
-    progress_.show("reading " + paths_.front());
-    FrameReader reader(paths_,
+    progress_.show("reading " + sequence_.frames.front().path);
+    FrameReader reader(paths_of(sequence_),
                        {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
                        kReadAhead);
-    FrameFeeder feeder(options_, reader);
+    FrameFeeder feeder(
+        sequence_, {options_.settings, options_.timeout, options_.skip_bad, options_.sequence.rate}, reader);
     const absl::StatusOr<const Image*> first = feeder.first();
     if (!first.ok()) return first.status();
+    summary_.rate = feeder.rate();
     absl::Status status;
     if (*first != nullptr) {
       status = stream(**first, std::move(session), feeder);
     }
-    add_skipped(feeder, paths_.size());
-    while (!writing_.empty()) status.Update(finish_oldest());
+    status.Update(add_skipped(feeder, sequence_.frames.size()));
+    status.Update(images_.finish());
     status.Update(feeder.status());
     if (!status.ok()) return status;
     if (summary_.written == 0) {
       return absl::InvalidArgumentError(absl::StrFormat(
           "none of the %d frames could be rendered; run without --skip-bad to see the first failure",
-          paths_.size()));
+          sequence_.frames.size()));
     }
     return std::move(summary_);
   }
 
  private:
-  // A frame with its image being written, or a frame without an image.
-  struct Writing {
-    StreamFrame frame;
-    std::future<absl::StatusOr<std::vector<std::string>>> written;  // invalid if nothing is written
-  };
-
   absl::Status prepare(v1::Settings& settings) {
     settings = options_.settings;
     if (!options_.view.config.empty()) {
@@ -126,7 +134,7 @@ class Streaming {
     if (!status.ok()) session->cancel();
     // The feeder ends after the last file, or when submit() fails.
     feeder.join();
-    while (status.ok() && !writing_.empty()) status = finish_oldest();
+    if (status.ok()) status = images_.finish();
     summary_.time = absl::Now() - begin_;
     summary_.session = session->stats();
     summary_.notes.merge(feeder.take_notes());
@@ -139,21 +147,19 @@ class Streaming {
       if (!result.ok()) return result.status();
       if (!*result) return absl::OkStatus();
       tell_of_resume(session);
-      FrameResult& frame = **result;
-      add_skipped(feeder, frame.sequence);
-      if (absl::Status status = take(frame, feeder.take_facts(frame.sequence)); !status.ok()) return status;
-      show(frame.sequence);
+      const size_t index = sequence_.index_of((*result)->sequence);
+      if (absl::Status status = add_skipped(feeder, index); !status.ok()) return status;
+      if (absl::Status status = take(index, **result, feeder.take_facts(index)); !status.ok()) return status;
+      show(index);
     }
   }
 
-  absl::Status take(FrameResult& result, const FrameFacts& facts) {
-    const std::string& input = paths_[result.sequence];
-    StreamFrame frame = frame_of(result.sequence);
+  absl::Status take(size_t index, FrameResult& result, const FrameFacts& facts) {
+    StreamFrame frame = frame_of(index);
     frame.status = result.status;
     if (!result.status.ok()) {
-      if (!options_.skip_bad) return name_file(result.status, input);
-      writing_.push_back({std::move(frame), {}});
-      return keep_bounded();
+      if (!options_.skip_bad) return name_file(result.status, frame.input);
+      return images_.skip(std::move(frame), holds_of(index));
     }
     frame.header = result.image.header;
     frame.latency = result.latency;
@@ -161,54 +167,40 @@ class Streaming {
     summary_.curve.push_back({static_cast<double>(frame.media_time_ns) * 1e-9, exposure_,
                               frame.header.target(), frame.header.statistics().mean_log2_luminance(),
                               frame.header.cut()});
-    const std::string path = frame.output;
-    writing_.push_back({std::move(frame),
-                        std::async(std::launch::async, [this, path, facts, image = std::move(result.image)] {
-                          return write_result(path, image, facts, options_.write);
-                        })});
-    return keep_bounded();
+    return images_.write(std::move(frame), std::move(result.image), facts, holds_of(index));
   }
 
-  StreamFrame frame_of(uint64_t index) const {
+  // The image at this place in the sequence.
+  StreamFrame image_at(uint64_t place) const {
+    const NamedImage& image = named_[place];
     StreamFrame frame;
-    frame.index = index;
-    frame.input = paths_[index];
-    frame.output = names_.path(options_.first + index, paths_[index]);
-    frame.media_time_ns = media_time_ns(index, options_.fps);
+    frame.number = image.number;
+    frame.input = image.input;
+    frame.output = image.output;
+    frame.media_time_ns = sequence_.media_time_ns(image.number, summary_.rate.rate);
     return frame;
   }
 
-  void add_skipped(FrameFeeder& feeder, uint64_t before) {
-    for (auto& [index, status] : feeder.take_skipped(before)) {
-      StreamFrame frame = frame_of(index);
-      frame.status = std::move(status);
-      writing_.push_back({std::move(frame), {}});
+  StreamFrame frame_of(size_t index) const { return image_at(sequence_.frames[index].place); }
+
+  std::vector<StreamFrame> holds_of(size_t index) const {
+    std::vector<StreamFrame> holds;
+    const SequenceFrame& file = sequence_.frames[index];
+    for (uint64_t i = 1; i <= file.holds.size(); ++i) {
+      holds.push_back(image_at(file.place + i));
+      holds.back().held = true;
     }
+    return holds;
   }
 
-  absl::Status keep_bounded() {
-    const size_t most = std::max<size_t>(2, std::thread::hardware_concurrency());
+  absl::Status add_skipped(FrameFeeder& feeder, uint64_t before) {
     absl::Status status;
-    while (status.ok() && writing_.size() > most) status = finish_oldest();
-    return status;
-  }
-
-  // Waits until the oldest image is written, and reports it.
-  absl::Status finish_oldest() {
-    Writing oldest = std::move(writing_.front());
-    writing_.pop_front();
-    if (oldest.written.valid()) {
-      absl::StatusOr<std::vector<std::string>> notes = oldest.written.get();
-      if (!notes.ok()) return notes.status();
-      summary_.notes.insert(notes->begin(), notes->end());
-      ++summary_.written;
-      summary_.latency += oldest.frame.latency;
-    } else {
-      ++summary_.skipped;
-      progress_.clear();
-      if (!options_.quiet) print_note("skipped: " + std::string(oldest.frame.status.message()));
+    for (auto& [index, why] : feeder.take_skipped(before)) {
+      StreamFrame frame = frame_of(index);
+      frame.status = std::move(why);
+      status.Update(images_.skip(std::move(frame), holds_of(index)));
     }
-    return json_.add(to_json(oldest.frame));
+    return status;
   }
 
   void tell_of_resume(const Session& session) {
@@ -226,22 +218,22 @@ class Streaming {
 
   void show(uint64_t index) {
     const auto done = static_cast<double>(index + 1);
-    const auto all = static_cast<double>(paths_.size());
+    const size_t frames = sequence_.frames.size();
+    const auto all = static_cast<double>(frames);
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
-    progress_.show_bar(done / all, absl::StrFormat("%d/%d, %.1f fps, %s, %.0f s left", index + 1,
-                                                   paths_.size(), done / seconds, exposure_words(exposure_),
-                                                   seconds / done * (all - done)));
+    progress_.show_bar(done / all,
+                       absl::StrFormat("%d/%d, %.1f fps, %s, %.0f s left", index + 1, frames, done / seconds,
+                                       exposure_words(exposure_), seconds / done * (all - done)));
   }
 
   const StreamOptions& options_;
-  const std::vector<std::string>& paths_;
-  const OutputNames& names_;
-  JsonOutput& json_;
+  const Sequence& sequence_;
+  const std::vector<NamedImage>& named_;
   Progress& progress_;
   ServerLink link_;
   StreamSummary summary_;
+  StreamImages images_;
   absl::Time begin_;
-  std::deque<Writing> writing_;
   double exposure_ = 1;
   uint64_t resumes_ = 0;
 };
@@ -255,21 +247,19 @@ std::optional<FileId> file_id(const std::string& path) {
 }
 
 // Refuses sequences in which two frames would become the same image, or an image would overwrite a frame.
-absl::Status check_outputs(const StreamOptions& options, const std::vector<std::string>& paths,
-                           const OutputNames& names) {
+absl::Status check_outputs(const std::vector<NamedImage>& images, const OutputNames& names) {
   std::set<FileId> frames;
-  for (const std::string& path : paths) {
-    if (const std::optional<FileId> frame = file_id(path)) frames.insert(*frame);
+  for (const NamedImage& image : images) {
+    if (const std::optional<FileId> frame = file_id(image.input)) frames.insert(*frame);
   }
   std::map<std::string, std::string> inputs;
-  for (size_t i = 0; i < paths.size(); ++i) {
-    const std::string output = names.path(options.first + i, paths[i]);
-    const auto [other, fresh] = inputs.emplace(output, paths[i]);
+  for (const auto& [number, input, output] : images) {
+    const auto [other, fresh] = inputs.emplace(output, input);
     if (!fresh) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s and %s would both become %s; write to a pattern such "
                           "as out/%%04d%s",
-                          other->second, paths[i], output, names.extension()));
+                          other->second, input, output, names.extension()));
     }
     if (const std::optional<FileId> there = file_id(output); there && frames.contains(*there)) {
       return absl::InvalidArgumentError(
@@ -285,18 +275,22 @@ absl::Status run_stream(const StreamOptions& options) {
   const bool jpeg = options.encoding == v1::ENCODING_JPEG;
   const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
   if (!names.ok()) return names.status();
-  const absl::StatusOr<std::vector<std::string>> paths = find_frames(options.inputs);
-  if (!paths.ok()) return paths.status();
-  if (absl::Status status = check_outputs(options, *paths, *names); !status.ok()) return status;
+  const absl::StatusOr<Sequence> sequence = find_sequence(options.sequence);
+  if (!sequence.ok()) return sequence.status();
+  const std::vector<NamedImage> images = named_images(*sequence, *names, options.first);
+  if (absl::Status status = check_outputs(images, *names); !status.ok()) return status;
   if (!options.plot.empty()) {
     if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
   }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   if (absl::Status status = names->make_folder(); !status.ok()) return status;
+  if (!options.quiet) {
+    for (const std::string& note : sequence->notes) print_note(note);
+  }
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  absl::StatusOr<StreamSummary> summary = Streaming(options, *paths, *names, *json, progress).run();
+  absl::StatusOr<StreamSummary> summary = Streaming(options, *sequence, images, *json, progress).run();
   progress.clear();
   if (!summary.ok()) return summary.status();
   if (!options.plot.empty()) {
@@ -310,9 +304,7 @@ absl::Status run_stream(const StreamOptions& options) {
     }
     if (told > kMostNotes) print_note(absl::StrFormat("and %d more notes", told - kMostNotes));
     if (!json->to_stdout()) {
-      const std::string where =
-          absl::StrFormat("%s .. %s", names->path(options.first, paths->front()),
-                          names->path(options.first + paths->size() - 1, paths->back()));
+      const std::string where = absl::StrFormat("%s .. %s", images.front().output, images.back().output);
       if (absl::Status status = print(to_text(*summary, where)); !status.ok()) return status;
     }
   }

@@ -52,12 +52,16 @@ bool is_svg(const std::string& path) {
 }  // namespace
 
 std::string to_json(const StreamFrame& frame) {
-  Json json = {{"frame", frame.index},
+  Json json = {{"frame", frame.number},
                {"input", frame.input},
                {"output", frame.output},
                {"media_time_ns", frame.media_time_ns}};
   if (!frame.status.ok()) {
     json["error"] = std::string(frame.status.message());
+    return line_of(json);
+  }
+  if (frame.held) {
+    json["held"] = true;
     return line_of(json);
   }
   const v1::ResultHeader& header = frame.header;
@@ -83,7 +87,13 @@ std::string to_json(const StreamFrame& frame) {
 std::string to_json(const StreamSummary& summary) {
   return line_of({{"summary",
                    {{"frames", summary.frames},
+                    {"first", summary.first},
+                    {"last", summary.last},
+                    {"missing", summary.missing},
+                    {"fps", to_text(summary.rate.rate)},
+                    {"fps_from", summary.rate.from},
                     {"written", summary.written},
+                    {"held", summary.held},
                     {"skipped", summary.skipped},
                     {"seconds", absl::ToDoubleSeconds(summary.time)},
                     {"frames_per_second", per_second(summary)},
@@ -102,6 +112,11 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   line("time",
        absl::StrFormat("%.2f s, %.4g frames/s, mean latency %.0f ms", absl::ToDoubleSeconds(summary.time),
                        per_second(summary), mean_latency_ms(summary)));
+  line("media time", absl::StrFormat("frames %d to %d at %s fps, from %s", summary.first, summary.last,
+                                     to_text(summary.rate.rate), summary.rate.from));
+  if (!summary.missing.empty()) {
+    line("missing", summary.missing + (summary.held > 0 ? ", held" : ""));
+  }
   if (!summary.curve.empty()) {
     const auto [least, most] = std::minmax_element(
         summary.curve.begin(), summary.curve.end(),

@@ -8,16 +8,18 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "client/cli/files/sequence.h"
 #include "client/session.h"
 
 namespace candela {
 
 // The outcome of one frame of the sequence.
 struct StreamFrame {
-  uint64_t index = 0;  // of the file, which is also the sequence number
-  std::string input;
+  uint64_t number = 0;
+  std::string input;  // of a held frame: the one that it repeats
   std::string output;
   int64_t media_time_ns = 0;
+  bool held = false;        // a missing frame with the image of the one before
   absl::Status status;      // why there is no image: reading, rendering or writing failed
   v1::ResultHeader header;  // only if the frame was rendered
   absl::Duration latency;
@@ -34,7 +36,12 @@ struct PlottedExposure {
 
 struct StreamSummary {
   uint64_t frames = 0;  // files
-  uint64_t written = 0;
+  uint64_t first = 0;   // the number of the first one
+  uint64_t last = 0;    // and of the last one
+  std::string missing;  // numbers without a file, as --range takes them
+  ChosenRate rate;
+  uint64_t written = 0;  // without held ones
+  uint64_t held = 0;
   uint64_t skipped = 0;    // unreadable, or refused by the server
   absl::Duration time;     // from the first frame to the last image
   absl::Duration latency;  // the sum over all frames
@@ -43,13 +50,13 @@ struct StreamSummary {
   std::set<std::string> notes;  // notes about the files
 };
 
-// One line with the keys frame, input, output, media_time_ns, and either error or
-// width, height, exposure, exposure_before, target, mean_log2_luminance,
-// min_luminance, max_luminance, cut, tier, stage_ms, latency_ms.
+// One line with the keys frame (its number), input, output, media_time_ns, and either error, or held (true),
+// or width, height, exposure, exposure_before, target, mean_log2_luminance, min_luminance, max_luminance,
+// cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 
-// One line with the key summary {frames, written, skipped, seconds, frames_per_second, mean_latency_ms,
-// resumes, frames_sent_again, seconds_without_results, server}.
+// One line with the key summary {frames, first, last, missing, fps, fps_from, written, held, skipped,
+// seconds, frames_per_second, mean_latency_ms, resumes, frames_sent_again, seconds_without_results, server}.
 std::string to_json(const StreamSummary& summary);
 
 // Several lines, each with a line end. `where` names the first and the last image.

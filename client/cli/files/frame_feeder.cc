@@ -1,16 +1,12 @@
 #include "client/cli/files/frame_feeder.h"
 
-#include <cmath>
 #include <memory>
 #include <new>
 
+#include "absl/strings/str_format.h"
 #include "client/cli/files/frame_files.h"
 
 namespace candela {
-
-int64_t media_time_ns(uint64_t index, double fps) {
-  return std::llround(static_cast<double>(index) * 1e9 / fps);
-}
 
 absl::StatusOr<const Image*> FrameFeeder::first() {
   while (!next_ || !next_->image.ok()) {
@@ -19,7 +15,43 @@ absl::StatusOr<const Image*> FrameFeeder::first() {
     if (next_->image.ok()) break;
     if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
   }
+  if (absl::Status status = begin_with(*next_->image); !status.ok()) return status;
   return &*next_->image;
+}
+
+absl::Status FrameFeeder::begin_with(const Image& first) {
+  std::optional<FrameRate> of_file = first.frame_rate;
+  if (of_file && !is_usable(*of_file)) {
+    const absl::MutexLock lock(&mutex_);
+    notes_.insert(absl::StrFormat("%s: its rate of %d/%d frames a second is ignored",
+                                  sequence_.frames[next_->index].path, of_file->frames, of_file->seconds));
+    of_file.reset();
+  }
+  rate_ = choose_rate(options_.rate, of_file);
+  first_index_ = next_->index;
+  first_width_ = first.width;
+  first_height_ = first.height;
+  return check_media_time(sequence_, rate_.rate);
+}
+
+std::vector<std::string> FrameFeeder::differences(uint64_t index, const Image& image) {
+  std::vector<std::string> notes;
+  const std::string& first = sequence_.frames[first_index_].path;
+  const std::string& path = sequence_.frames[index].path;
+  if (!size_differs_ && (image.width != first_width_ || image.height != first_height_)) {
+    size_differs_ = true;
+    notes.push_back(absl::StrFormat(
+        "these files do not look like a sequence: %s is %dx%d, and %s %dx%d; `candela render IN... OUTDIR/` "
+        "renders each for itself",
+        first, first_width_, first_height_, path, image.width, image.height));
+  }
+  if (!rate_differs_ && !options_.rate && image.frame_rate && *image.frame_rate != rate_.rate) {
+    rate_differs_ = true;
+    notes.push_back(
+        absl::StrFormat("%s says %s fps; all frames are shown at %s fps, from %s; --fps changes it", path,
+                        to_text(*image.frame_rate), to_text(rate_.rate), rate_.from));
+  }
+  return notes;
 }
 
 void FrameFeeder::start(Session& session, const v1::Settings& settings) {
@@ -81,7 +113,8 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
         settings.input_chromaticities().SerializeAsString()) {
       *settings.mutable_input_chromaticities() = own.input_chromaticities();
       if (!own.has_input_chromaticities()) settings.clear_input_chromaticities();
-      if (!session.change_settings(next_->index, settings).ok()) return absl::OkStatus();
+      const uint64_t from = sequence_.session_number(next_->index);
+      if (!session.change_settings(from, settings).ok()) return absl::OkStatus();
     }
     // If submit() fails, the session has ended, and its results say why.
     if (!session.submit(frame(next_->index, *std::move(next_->image))).ok()) return absl::OkStatus();
@@ -92,10 +125,12 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
 }
 
 SessionFrame FrameFeeder::frame(uint64_t index, Image read) {
+  const std::vector<std::string> differences = this->differences(index, read);
   {
     const absl::MutexLock lock(&mutex_);
     facts_[index] = {read.has_alpha, read.pixel_aspect};
     notes_.insert(read.notes.begin(), read.notes.end());
+    notes_.insert(differences.begin(), differences.end());
   }
   const auto image = std::make_shared<const Image>(std::move(read));
   return {.width = image->width,
@@ -103,8 +138,9 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read) {
           .format = wire_format(image->format),
           .pixels = image->pixels.span(),
           .owner = image,
-          .sequence = index,
-          .media_time_ns = media_time_ns(index, options_.fps),
+          .sequence = sequence_.session_number(index),
+          .media_time_ns = sequence_.media_time_ns(sequence_.frames[index].number, rate_.rate),
+          .cut = sequence_.frames[index].cut,
           .timeout = options_.timeout};
 }
 

@@ -15,15 +15,14 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
 #include "client/cli/files/frame_reader.h"
-#include "client/cli/options/options.h"
+#include "client/cli/files/sequence.h"
 #include "client/image/image.h"
 #include "client/session.h"
 
 namespace candela {
-
-// The media time at which frame `index` is shown; 0 for the first.
-int64_t media_time_ns(uint64_t index, double fps);
 
 // Facts about an input file that its output file needs.
 struct FrameFacts {
@@ -31,15 +30,32 @@ struct FrameFacts {
   double pixel_aspect = 1;
 };
 
-// Reads and submits the files on its own thread. Other members may be called meanwhile.
+// What frames are sent with.
+struct FeedOptions {
+  v1::Settings settings;
+  absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
+  bool skip_bad = false;                              // files that cannot be read do not end it
+  std::optional<FrameRate> rate;                      // --fps
+};
+
+// Reads and submits the files on its own thread. Other members may be called meanwhile. A frame's `index` is
+// its place in the sequence's list; its sequence number in the session goes by its own number.
 class FrameFeeder {
  public:
-  // `options` and `reader` must outlive the feeder.
-  FrameFeeder(const StreamOptions& options, FrameReader& reader) : options_(options), reader_(reader) {}
+  // `reader` reads the sequence's files. It and the sequence must outlive the feeder.
+  FrameFeeder(const Sequence& sequence, FeedOptions options, FrameReader& reader)
+      : sequence_(sequence),
+        options_(std::move(options)),
+        reader_(reader),
+        rate_(choose_rate(options_.rate, std::nullopt)) {}
   ~FrameFeeder() { join(); }
 
-  // The first frame that can be read, or null if there is none. Call it before start().
+  // The first frame that can be read, or null if there is none. Call it before start(). Fails, too, if the
+  // last frame's media time is too large.
   absl::StatusOr<const Image*> first();
+
+  // Valid after first(), whose file may say it.
+  const ChosenRate& rate() const { return rate_; }
 
   // `settings` are those that the session was opened with, for the
   // first frame. The session must outlive the thread.
@@ -59,10 +75,19 @@ class FrameFeeder {
   absl::Status bad_file(uint64_t index, const absl::Status& status);
   absl::Status feed(Session& session, v1::Settings settings);
   SessionFrame frame(uint64_t index, Image read);
+  absl::Status begin_with(const Image& first);
+  // Notes, once each, that frames have another size or another rate than the first.
+  std::vector<std::string> differences(uint64_t index, const Image& image);
 
-  const StreamOptions& options_;
+  const Sequence& sequence_;
+  const FeedOptions options_;
   FrameReader& reader_;
+  ChosenRate rate_;
   std::optional<FrameReader::Read> next_;
+  // The first frame that could be read.
+  uint64_t first_index_ = 0;
+  uint32_t first_width_ = 0, first_height_ = 0;
+  bool size_differs_ = false, rate_differs_ = false;
   mutable absl::Mutex mutex_;
   absl::Status status_ ABSL_GUARDED_BY(mutex_);
   std::map<uint64_t, FrameFacts> facts_ ABSL_GUARDED_BY(mutex_);  // frames without a result so far

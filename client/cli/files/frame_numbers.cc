@@ -12,10 +12,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "client/cli/options/option_kinds.h"
 #include "client/cli/options/session_options.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -187,7 +187,7 @@ absl::StatusOr<FrameRate> parse_frame_rate(const std::string& option, const std:
   if (rate && is_usable(*rate)) return *rate;
   return usage_error(absl::StrFormat(
       "%s is %s; it must be a number such as 24 or 23.976, or a fraction such as 24000/1001, %s", option,
-      text, format_range(kFps)));
+      text, v1::format_range(kFps.min, kFps.max)));
 }
 
 bool is_usable(FrameRate rate) {

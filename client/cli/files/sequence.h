@@ -27,13 +27,13 @@ enum class MissingFrames {
 
 // What the user says about a sequence.
 struct SequenceChoice {
-  std::vector<std::string> inputs;  // files, patterns and folders
-  std::vector<NumberRange> range;   // empty: from the first file to the last
+  std::vector<std::string> inputs = {};  // files, patterns and folders
+  std::vector<NumberRange> range = {};   // empty: from the first file to the last
   MissingFrames missing = MissingFrames::kError;
-  std::vector<uint64_t> cuts;     // numbers of frames that begin a scene, ascending
-  std::optional<FrameRate> rate;  // without it the first file's, or 24
+  std::vector<uint64_t> cuts = {};     // numbers of frames that begin a scene, ascending
+  std::optional<FrameRate> rate = {};  // without it the first file's, or 24
   // The number at media time 0, if a session's state is continued; without it the first file's.
-  std::optional<uint64_t> zero;
+  std::optional<uint64_t> zero = {};
 };
 
 struct SequenceFrame {

@@ -181,6 +181,7 @@ absl::Status finish_sample_options(const SampleOptions& sample) {
     return usage_error("sample makes a scene or a sequence: give OUT or --sequence DIR, one of them");
   }
   std::string path = sample.output;
+  if (absl::Status status = check_output_name(path + sample.sequence); !status.ok()) return status;
   if (!sample.sequence.empty()) {
     const absl::StatusOr<OutputNames> names = OutputNames::parse(sample.sequence, ".exr");
     if (!names.ok()) return names.status();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/cli/files/sequence.h"
 #include "client/color/view_table.h"
 #include "client/image/image.h"
 #include "client/security.h"
@@ -43,10 +45,10 @@ struct RenderOptions : PictureOptions {
 };
 
 struct StreamOptions : PictureOptions {
-  std::vector<std::string> inputs;  // files, patterns and folders
-  std::string output;               // a pattern with %d, or a folder
-  double fps = 24;
-  uint64_t first = 0;  // number of the first frame in the names of the images
+  SequenceChoice sequence;
+  std::string output;  // a pattern with a number, or a folder
+  // The number of the first image, from which the images are counted; nothing: each has its frame's number.
+  std::optional<uint64_t> first;
   uint32_t lookahead = 0;
   double cut_threshold_ev = 0;  // 0: no detection
   v1::Encoding encoding = v1::ENCODING_RAW;

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
@@ -36,6 +37,17 @@ void add_image_options(CLI::App& app, PictureArguments& arguments) {
   add_number(
       app, kOutputSection, "--quality", "N", kJpegQuality, WriteOptions().jpeg_quality, "Quality of a .jpg",
       [&arguments](double n) { arguments.quality = static_cast<int>(n); }, true);
+}
+
+absl::Status check_output_name(const std::string& output) {
+  if (!absl::StartsWith(output, "-")) return absl::OkStatus();
+  if (output == "-") {
+    return usage_error(
+        "OUT is \"-\", but images cannot be written to a pipe; give a file, or ./- for a file or "
+        "folder of that name");
+  }
+  return usage_error(absl::StrFormat("OUT is \"%s\", which looks like an option; write ./%s if it is a name",
+                                     output, output));
 }
 
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,

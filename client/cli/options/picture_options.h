@@ -22,6 +22,9 @@ void add_image_options(CLI::App& app, PictureArguments& arguments);
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output);
 
+// A usage error for an output that begins with "-": it is a pipe or looks like an option.
+absl::Status check_output_name(const std::string& output);
+
 // Parses "WIDTHxHEIGHT"; each is at most kMaxDimension.
 absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height);
 

@@ -76,7 +76,8 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
 
 absl::Status finish_render_options(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
-  absl::Status status = finish_picture_options(options, arguments.picture, options.output);
+  absl::Status status = check_output_name(options.output);
+  status.Update(finish_picture_options(options, arguments.picture, options.output));
   if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
     status.Update(usage_error("--elapsed needs --previous-exposure; give both"));
   }

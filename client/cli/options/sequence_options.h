@@ -8,6 +8,8 @@
 
 namespace candela {
 
+inline constexpr char kSequenceSection[] = "Sequence";
+
 // Defines the options; parsing fills `choice`, which outlives the app.
 void add_sequence_options(CLI::App& app, const std::string& section, SequenceChoice& choice);
 

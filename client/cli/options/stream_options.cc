@@ -6,6 +6,7 @@
 #include "absl/strings/str_split.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/option_kinds.h"
+#include "client/cli/options/sequence_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/session_options.h"
 #include "client/cli/options/settings_options.h"
@@ -21,7 +22,6 @@ constexpr char kServer[] = "Server";
 
 constexpr v1::Range<double> kFirst{0, 1e9};
 constexpr double kGoodCutEv = 1;
-constexpr double kDefaultFps = 24;
 
 // The value is optional: --detect-cuts, --detect-cuts=0.7, --detect-cuts 0.7.
 void add_cuts(CLI::App& app, double& threshold_ev) {
@@ -54,12 +54,13 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   StreamOptions& options = arguments.options;
   app.add_option(
          "IN... OUT", arguments.files,
-         "IN: frames in the natural order of their names: a folder, files, 'in/*.exr' or in/%04d.exr. "
-         "OUT: a pattern with the number, out/%04d.png (or .jpg, .exr, .pfm), or a folder for .png")
+         "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%04d.exr or in/####.exr. "
+         "OUT: a pattern for the frame's number, out/%04d.png (or .jpg, .exr, .pfm), or a folder for .png, "
+         "which "
+         "keeps the names")
       ->required()
       ->option_text(" ");
-  add_number(app, kSession, "--fps", "FPS", kFps, kDefaultFps, "Frames a second of media time",
-             [&options](double fps) { options.fps = fps; });
+  add_sequence_options(app, kSequenceSection, options.sequence);
   add_lookahead_option(app, kSession, options.lookahead);
   add_cuts(app, options.cut_threshold_ev);
   add_timeout_option(app, kSession, options.timeout);
@@ -71,9 +72,16 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_image_options(app, arguments.picture);
   add_encoding_option(app, kOutputSection, options.encoding,
                       "Who encodes the files: this command (raw) or the server (png, jpeg)");
-  add_number(
-      app, kOutputSection, "--first", "N", kFirst, 0, "Number of the first image in OUT's pattern",
-      [&options](double n) { options.first = static_cast<uint64_t>(n); }, true);
+  add_text(
+      app, kOutputSection, "--first", "N",
+      absl::StrFormat("Number the images N, N + 1, ... in OUT's pattern; %s (default: each image has its "
+                      "frame's number)",
+                      format_range(kFirst)),
+      [&options](const std::string& text) {
+        const absl::StatusOr<double> first = parse_number("--first", text, kFirst, true);
+        if (first.ok()) options.first = static_cast<uint64_t>(*first);
+        return first.status();
+      });
   add_text(app, kOutputSection, "--exposure-plot", "FILE",
            "Draw exposure over time: .png or .svg (needs gnuplot)", options.plot);
   add_json_option(app, kOutputSection, "Write one line of JSON a frame, and one for the whole session",
@@ -91,11 +99,17 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   if (arguments.files.size() < 2) {
     return usage_error("stream needs input frames and an output: candela stream 'in/*.exr' out/%04d.png");
   }
-  options.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
+  options.sequence.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
+  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
   const bool jpeg = options.encoding == v1::ENCODING_JPEG;
   const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
   if (!names.ok()) return names.status();
+  if (names->is_folder() && options.first) {
+    options.notes.push_back(
+        "--first changes nothing: the images in a folder have the names of their frames; "
+        "give a pattern such as out/%04d.png to number them");
+  }
   const std::string sample = names->is_folder() ? options.output + "/*" + names->extension() : options.output;
   if (absl::Status status = finish_picture_options(options, arguments.picture, sample); !status.ok()) {
     return status;

@@ -148,6 +148,10 @@ ReadRows luma_chroma_rows(Imf::RgbaInputFile& input) {
 
 void read_attributes(const Imf::Header& header, Image& image) {
   set_pixel_aspect(header.pixelAspectRatio(), image);
+  if (Imf::hasFramesPerSecond(header)) {
+    const Imf::Rational& rate = Imf::framesPerSecond(header);
+    if (rate.n > 0 && rate.d > 0) image.frame_rate = FrameRate{static_cast<uint64_t>(rate.n), rate.d};
+  }
   if (Imf::hasChromaticities(header)) {
     const Imf::Chromaticities& c = Imf::chromaticities(header);
     set_chromaticities({c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y},

@@ -1,0 +1,373 @@
+// The frames of a sequence: numbers in names, ranges, gaps, cuts and media times.
+#include "client/cli/files/sequence.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "absl/numeric/int128.h"
+#include "client/cli/files/sequence_files.h"
+#include "client/cli/options/usage.h"
+#include "proto/candela/v1/limits.h"
+#include "tests/support/files.h"
+
+namespace candela {
+namespace {
+
+constexpr FrameRate kFilm{24000, 1001};
+
+std::string message(const absl::Status& status) { return std::string(status.message()); }
+
+TEST(FrameNumbers, ARangeIsParsedAsItIsWritten) {
+  for (const auto& [text, ranges] : std::vector<std::pair<std::string, std::vector<NumberRange>>>{
+           {"7", {{7, 7, 1}}},
+           {"0", {{0, 0, 1}}},
+           {"100-200", {{100, 200, 1}}},
+           {"100-200x2", {{100, 200, 2}}},
+           {"100-", {{100, kLargestFrameNumber, 1}}},
+           {"100-x5", {{100, kLargestFrameNumber, 5}}},
+           {"1-10,20-30x3,40", {{1, 10, 1}, {20, 30, 3}, {40, 40, 1}}}}) {
+    const auto parsed = parse_number_ranges("--range", text);
+    ASSERT_TRUE(parsed.ok()) << parsed.status();
+    EXPECT_EQ(*parsed, ranges) << text;
+    EXPECT_EQ(to_text(*parsed), text);
+  }
+}
+
+TEST(FrameNumbers, AMalformedRangeIsAUsageErrorThatNamesTheOptionAndTheWayOut) {
+  for (const char* text : {"", "a", "-5", "5-4", "1-9x0", "1-9x", "1-9x-2", "1--9", "1,,2", "1,", "1.5", "x2",
+                           "+3", " 3", "1-9:2", "1234567890123"}) {
+    const absl::Status status = parse_number_ranges("--range", text).status();
+    EXPECT_TRUE(is_usage_error(status)) << text;
+    EXPECT_NE(message(status).find("--range is \"" + std::string(text) + "\""), std::string::npos) << status;
+    EXPECT_NE(message(status).find("100-200x2"), std::string::npos) << status;
+  }
+  EXPECT_TRUE(is_usage_error(parse_frame_numbers("--cut-at", "1,-2").status()));
+  EXPECT_TRUE(is_usage_error(parse_frame_numbers("--cut-at", "").status()));
+  EXPECT_EQ(*parse_frame_numbers("--cut-at", "87,24,24"), (std::vector<uint64_t>{24, 87}));
+}
+
+TEST(FrameNumbers, RangesChooseEachNumberOnceAndNotTooMany) {
+  EXPECT_EQ(*numbers_in({{3, 9, 3}, {1, 4, 1}}, 0), (std::vector<uint64_t>{1, 2, 3, 4, 6, 9}));
+  EXPECT_EQ(*numbers_in({{3, kLargestFrameNumber, 2}}, 8), (std::vector<uint64_t>{3, 5, 7}));
+  EXPECT_EQ(numbers_in({{1, kMostNumbers, 1}}, 0)->size(), kMostNumbers);
+  EXPECT_EQ(numbers_in({{0, kMostNumbers, 1}}, 0).status().code(), absl::StatusCode::kResourceExhausted);
+  const std::vector<NumberRange> huge(1000, {0, kLargestFrameNumber - 1, 1});
+  EXPECT_EQ(numbers_in(huge, 0).status().code(), absl::StatusCode::kResourceExhausted);
+}
+
+TEST(FrameNumbers, NumbersAreSaidAsRangesAndSteps) {
+  EXPECT_EQ(to_text(ranges_of({4, 10, 11, 12})), "4,10-12");
+  EXPECT_EQ(to_text(ranges_of({4, 10}), ", "), "4, 10");
+  EXPECT_EQ(to_text(ranges_of({2, 4, 6, 8, 20, 21})), "2-8x2,20-21");
+  EXPECT_EQ(to_text(ranges_of({1, 2, 4, 6, 8})), "1-2,4-8x2");
+  EXPECT_EQ(to_text({}), "");
+  EXPECT_EQ(to_text({{1, 1, 1}, {5, 9, 1}, {20, 21, 1}}, ", ", 1), "1 and 7 more");
+  EXPECT_EQ(count_of({{1, 9, 2}, {20, 21, 1}}), 7u);
+}
+
+TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
+  for (const auto& [text, rate] : std::vector<std::pair<std::string, FrameRate>>{{"24", {24, 1}},
+                                                                                 {"24000/1001", kFilm},
+                                                                                 {"48/2", {24, 1}},
+                                                                                 {"23.976", {2997, 125}},
+                                                                                 {"0.001", {1, 1000}},
+                                                                                 {"100000", {100000, 1}}}) {
+    const auto parsed = parse_frame_rate("--fps", text);
+    ASSERT_TRUE(parsed.ok()) << parsed.status();
+    EXPECT_EQ(*parsed, rate) << text;
+    if (text != "48/2") EXPECT_EQ(to_text(*parsed), text);
+  }
+  for (const char* text : {"", "0", "-24", "nan", "inf", "24/0", "0/1", "24/", "/2", "1/2/3", "24000:1001",
+                           "100001", "1/1001", "0.0009", "99999999999999/99999999999999"}) {
+    EXPECT_TRUE(is_usage_error(parse_frame_rate("--fps", text).status())) << text;
+  }
+}
+
+// A whole number of nanoseconds is right if it is within half of one of the exact time.
+TEST(FrameNumbers, MediaTimesOfAMillionFilmFramesAreExactToHalfANanosecond) {
+  for (uint64_t frame = 0; frame <= 1'000'000; ++frame) {
+    const auto ns = static_cast<absl::int128>(media_time_ns(frame, kFilm));
+    const absl::int128 off = ns * 24000 - absl::int128(frame) * 1001 * 1'000'000'000;
+    ASSERT_LE(off * 2, 24000) << frame;
+    ASSERT_GE(off * 2, -24000) << frame;
+  }
+  EXPECT_EQ(media_time_ns(24000, kFilm), 1001'000'000'000);
+  EXPECT_EQ(media_time_ns(1, {24, 1}), 41'666'667);
+  EXPECT_EQ(media_time_ns(3, {24, 1}), 125'000'000);
+  EXPECT_EQ(media_time_ns(1, {400'000'000, 1}), 3) << "2.5 ns";
+  EXPECT_EQ(media_time_ns(kLargestFrameNumber, {1, 1000}), v1::kMediaTimeNs.max + 1);
+}
+
+TEST(NamePattern, TheNumberIsFoundInAnySpelling) {
+  struct Case {
+    std::string text, before, after;
+    int digits;
+  };
+  for (const Case& c : std::vector<Case>{{"a/f.%04d.exr", "a/f.", ".exr", 4},
+                                         {"a/f%d.exr", "a/f", ".exr", 0},
+                                         {"f.####.exr", "f.", ".exr", 4},
+                                         {"f.#.exr", "f.", ".exr", 1},
+                                         {"f.@@@.exr", "f.", ".exr", 3},
+                                         {"f@.exr", "f", ".exr", 1},
+                                         {"a%/f#2@x.%03d.exr", "a%/f#2@x.", ".exr", 3}}) {
+    const auto pattern = parse_name_pattern(c.text);
+    ASSERT_TRUE(pattern.ok() && *pattern) << c.text;
+    EXPECT_EQ((*pattern)->before, c.before);
+    EXPECT_EQ((*pattern)->after, c.after);
+    EXPECT_EQ((*pattern)->digits, c.digits);
+  }
+  for (const char* text : {"f.exr", "a#/b@/c%d/f.exr", ""})
+    EXPECT_EQ(*parse_name_pattern(text), std::nullopt) << text;
+  for (const char* text : {"%x", "%", "%04d-%d", "%d%", "%%", "#-#", "@_@", "%13d", "#############"}) {
+    EXPECT_TRUE(is_usage_error(parse_name_pattern(text).status())) << text;
+  }
+  EXPECT_EQ((NamePattern{"f.", ".exr", 4}.path(12)), "f.0012.exr");
+  EXPECT_EQ((NamePattern{"f.", ".exr", 4}.path(12345)), "f.12345.exr");
+  EXPECT_EQ((NamePattern{"f.", ".exr", 4}.text()), "f.%04d.exr");
+  EXPECT_EQ((NamePattern{"f.", ".exr", 1}.text()), "f.%d.exr");
+}
+
+class SequenceTest : public ::testing::Test {
+ protected:
+  void make(const std::vector<std::string>& names) const {
+    for (const std::string& name : names) {
+      std::filesystem::create_directories(std::filesystem::path(folder_.path(name)).parent_path());
+      write_file(folder_.path(name), "");
+    }
+  }
+
+  // The inputs are names in the folder.
+  absl::StatusOr<Sequence> find(const std::vector<std::string>& inputs, SequenceChoice choice = {}) const {
+    for (const std::string& input : inputs) choice.inputs.push_back(folder_.path(input));
+    return find_sequence(choice);
+  }
+
+  static std::vector<uint64_t> numbers(const absl::StatusOr<Sequence>& sequence) {
+    std::vector<uint64_t> numbers;
+    if (!sequence.ok()) return numbers;
+    for (const SequenceFrame& frame : sequence->frames) numbers.push_back(frame.number);
+    return numbers;
+  }
+
+  using Numbers = std::vector<uint64_t>;
+  const TemporaryFolder folder_;
+};
+
+TEST_F(SequenceTest, NumbersComeFromTheNamesByEveryInput) {
+  make({"in/frame.0099.exr", "in/frame.0100.exr", "in/frame.0101.exr"});
+  for (const std::vector<std::string>& inputs : std::vector<std::vector<std::string>>{
+           {"in"},
+           {"in/*.exr"},
+           {"in/frame.%04d.exr"},
+           {"in/frame.%d.exr"},
+           {"in/frame.####.exr"},
+           {"in/frame.#.exr"},
+           {"in/frame.@@@@.exr"},
+           {"in/frame.@.exr"},
+           {"in/frame.0101.exr", "in/./frame.0099.exr", "in/frame.0100.exr"}}) {
+    const auto sequence = find(inputs);
+    ASSERT_TRUE(sequence.ok()) << sequence.status();
+    EXPECT_EQ(numbers(sequence), (Numbers{99, 100, 101})) << inputs.front();
+    EXPECT_EQ(sequence->zero, 99u);
+    EXPECT_EQ(sequence->session_number(2), 2u);
+    EXPECT_EQ(sequence->index_of(2), 2u);
+    EXPECT_EQ(sequence->media_time_ns(101, {10, 1}), 200'000'000);
+    EXPECT_EQ(sequence->names->path(7).substr(folder_.path("").size()).find("in/"), 0u);
+    EXPECT_EQ(std::filesystem::path(sequence->names->path(7)).filename(), "frame.0007.exr");
+    EXPECT_EQ(sequence->notes, std::vector<std::string>());
+  }
+  EXPECT_EQ(find({"in/frame.#####.exr"}).status().code(), absl::StatusCode::kNotFound) << "five digits";
+}
+
+TEST_F(SequenceTest, TheNumberIsTheLastOneWithTheSameTextAroundItInAllNames) {
+  make({"a/s01_0003_v2.exr", "a/s01_0004_v2.hdr", "b/x2_7.exr", "c/9.exr", "c/10.exr", "d/take5_01.exr"});
+  EXPECT_EQ(numbers(find({"a"})), (Numbers{3, 4}));
+  EXPECT_EQ(numbers(find({"b"})), (Numbers{7}));
+  EXPECT_EQ(numbers(find({"c"})), (Numbers{9, 10}));
+  EXPECT_EQ(find({"c"})->names->digits, 1);
+  EXPECT_EQ(numbers(find({"d"})), (Numbers{1}));
+  EXPECT_EQ(numbers(find({"d/take%d_01.exr"})), (Numbers{5})) << "the pattern says which";
+}
+
+TEST_F(SequenceTest, FilesWithoutACommonNumberAreCountedAndANoteSaysSo) {
+  make({"a/beauty.0003.exr", "a/depth.0003.exr", "b/1.exr", "c/2.exr", "d/x.1234567890123.exr",
+        "d/x.1234567890124.exr", "e/still.exr"});
+  for (const std::vector<std::string>& inputs :
+       std::vector<std::vector<std::string>>{{"a"}, {"b", "c"}, {"d"}}) {
+    const auto sequence = find(inputs);
+    EXPECT_EQ(numbers(sequence), (Numbers{0, 1}));
+    ASSERT_EQ(sequence->notes.size(), 1u);
+    EXPECT_NE(sequence->notes[0].find("do not look like a sequence"), std::string::npos);
+    EXPECT_NE(sequence->notes[0].find("candela render IN... OUTDIR/"), std::string::npos);
+  }
+  EXPECT_EQ(find({"e"})->notes.size(), 0u) << "one file is no mistake";
+}
+
+TEST_F(SequenceTest, AFileWithAPatternsOwnNameIsJustThatFile) {
+  make({"in/a#1.exr", "in/f.@@.exr", "in/f.%04d.exr", "in/f.07.exr"});
+  for (const char* name : {"in/a#1.exr", "in/f.@@.exr", "in/f.%04d.exr"}) {
+    const auto sequence = find({name});
+    ASSERT_EQ(sequence->frames.size(), 1u);
+    EXPECT_EQ(sequence->frames[0].path, folder_.path(name));
+  }
+  EXPECT_EQ(numbers(find({"in/f.##.exr"})), (Numbers{7}));
+  EXPECT_EQ(find({"in/a#*.exr"})->frames.size(), 1u) << "* with # is a pattern of the shell's kind";
+}
+
+TEST_F(SequenceTest, TwoFilesWithOneNumberAreRefused) {
+  make({"in/f1.exr", "in/f001.exr", "in/f002.exr"});
+  const absl::Status status = find({"in/f%d.exr"}).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(message(status).find("are both frame 1;"), std::string::npos) << status;
+  EXPECT_EQ(numbers(find({"in/f%03d.exr"})), (Numbers{1, 2})) << "a pattern tells them apart";
+}
+
+TEST_F(SequenceTest, AGapIsRefusedByItsNumbers) {
+  make({"in/f.1.exr", "in/f.2.exr", "in/f.3.exr", "in/f.5.exr", "in/f.6.exr", "in/f.9.exr"});
+  const absl::Status status = find({"in"}).status();
+  EXPECT_EQ(
+      message(status),
+      folder_.path("in/f.%d.exr") +
+          ": frames 4, 7-8 are missing; --missing skip renders the others, --missing hold repeats the frame "
+          "before");
+  EXPECT_FALSE(is_usage_error(status)) << "the command is right, the files are not";
+}
+
+TEST_F(SequenceTest, AGapIsKeptAsTimeOrFilled) {
+  make({"in/f.3.exr", "in/f.5.exr", "in/f.8.exr"});
+  const auto skipped = find({"in"}, {.missing = MissingFrames::kSkip});
+  EXPECT_EQ(numbers(skipped), (Numbers{3, 5, 8}));
+  EXPECT_EQ(skipped->missing, (std::vector<NumberRange>{{4, 4, 1}, {6, 7, 1}}));
+  EXPECT_EQ(skipped->media_time_ns(8, {1, 1}), 5'000'000'000);
+  EXPECT_EQ(skipped->images(), 3u);
+  ASSERT_EQ(skipped->notes.size(), 1u);
+  EXPECT_NE(skipped->notes[0].find("frames 4, 6-7 are missing"), std::string::npos) << skipped->notes[0];
+
+  const auto held = find({"in"}, {.missing = MissingFrames::kHold});
+  EXPECT_EQ(numbers(held), (Numbers{3, 5, 8}));
+  EXPECT_EQ(held->frames[0].holds, (Numbers{4}));
+  EXPECT_EQ(held->frames[1].holds, (Numbers{6, 7}));
+  EXPECT_EQ(held->frames[2].place, 5u);
+  EXPECT_EQ(held->images(), 6u);
+  EXPECT_EQ(held->session_number(2), skipped->session_number(2)) << "later frames are the same ones";
+}
+
+TEST_F(SequenceTest, ARangeChoosesAndKeepsTheTimeOfTheWhole) {
+  make({"in/f.01.exr", "in/f.02.exr", "in/f.03.exr", "in/f.05.exr", "in/f.07.exr"});
+  const auto odd = find({"in"}, {.range = {{1, 7, 2}}});
+  ASSERT_TRUE(odd.ok()) << odd.status();
+  EXPECT_EQ(numbers(odd), (Numbers{1, 3, 5, 7}));
+  EXPECT_TRUE(odd->missing.empty()) << "steps are no gaps";
+  const auto part = find({"in"}, {.range = {{2, 3, 1}}});
+  EXPECT_EQ(numbers(part), (Numbers{2, 3}));
+  EXPECT_EQ(part->zero, 1u);
+  EXPECT_EQ(part->session_number(0), 1u);
+  EXPECT_EQ(part->media_time_ns(2, {1, 1}), 1'000'000'000);
+  EXPECT_EQ(numbers(find({"in"}, {.range = {{5, kLargestFrameNumber, 2}}})), (Numbers{5, 7}));
+  EXPECT_NE(message(find({"in"}, {.range = {{3, 5, 1}}}).status()).find("frame 4 is missing"),
+            std::string::npos);
+  EXPECT_NE(message(find({"in"}, {.range = {{6, 8, 1}}}).status()).find("frames 6, 8 are missing"),
+            std::string::npos);
+  const absl::Status none = find({"in"}, {.range = {{30, 40, 1}}}).status();
+  EXPECT_NE(message(none).find("--range 30-40: there is no such frame; there are frames 1 to 7"),
+            std::string::npos)
+      << none;
+}
+
+TEST_F(SequenceTest, TheFirstChosenFrameCannotRepeatAnother) {
+  make({"in/f.03.exr", "in/f.05.exr"});
+  const absl::Status status = find({"in"}, {.range = {{2, 5, 1}}, .missing = MissingFrames::kHold}).status();
+  EXPECT_NE(
+      message(status).find("frame 2 is missing, and no frame before it can be repeated; begin --range at 3"),
+      std::string::npos)
+      << status;
+  EXPECT_EQ(numbers(find({"in"}, {.range = {{2, 5, 1}}, .missing = MissingFrames::kSkip})), (Numbers{3, 5}));
+  const auto after = find({"in"}, {.range = {{3, 7, 1}}, .missing = MissingFrames::kHold});
+  EXPECT_EQ(after->frames[1].holds, (Numbers{6, 7})) << "the last frame is held to the range's end";
+}
+
+TEST_F(SequenceTest, ASequenceOnTwosIsToldItsRange) {
+  make({"in/f.1.exr", "in/f.3.exr", "in/f.5.exr", "in/f.7.exr"});
+  const std::string said = message(find({"in"}).status());
+  EXPECT_NE(said.find("frames 2-6x2 are missing; --range 1-7x2 takes the frames in steps of 2, "),
+            std::string::npos)
+      << said;
+}
+
+TEST_F(SequenceTest, AHugeGapTakesNoMemory) {
+  make({"in/f.1.exr", "in/f.999999999999.exr"});
+  const auto skipped = find({"in"}, {.missing = MissingFrames::kSkip});
+  ASSERT_TRUE(skipped.ok()) << skipped.status();
+  EXPECT_EQ(count_of(skipped->missing), 999'999'999'997u);
+  EXPECT_EQ(find({"in"}, {.missing = MissingFrames::kHold}).status().code(),
+            absl::StatusCode::kResourceExhausted);
+  EXPECT_NE(message(find({"in"}).status()).find("candela render IN... OUTDIR/"), std::string::npos);
+  EXPECT_TRUE(check_media_time(*skipped, {1000, 1}).ok());
+  EXPECT_NE(message(check_media_time(*skipped, {24, 1})).find("146 years"), std::string::npos);
+}
+
+TEST_F(SequenceTest, CutsAreNumbersOfTheNames) {
+  make({"in/f.10.exr", "in/f.11.exr", "in/f.13.exr", "in/f.14.exr"});
+  const auto cuts = [](const absl::StatusOr<Sequence>& sequence) {
+    Numbers numbers;
+    for (const SequenceFrame& frame : sequence->frames) {
+      if (frame.cut) numbers.push_back(frame.number);
+    }
+    return numbers;
+  };
+  const auto skip = MissingFrames::kSkip;
+  EXPECT_EQ(cuts(find({"in"}, {.missing = skip, .cuts = {11, 14}})), (Numbers{11, 14}));
+  EXPECT_EQ(cuts(find({"in"}, {.missing = skip, .cuts = {12}})), (Numbers{13}))
+      << "the scene begins all the same";
+  EXPECT_EQ(cuts(find({"in"}, {.range = {{13, 14, 1}}, .cuts = {11, 14}})), (Numbers{14}))
+      << "a cut in another part of the sequence is none here";
+  EXPECT_EQ(cuts(find({"in"}, {.range = {{10, 11, 1}}, .cuts = {13}})), Numbers());
+  EXPECT_EQ(cuts(find({"in"}, {.range = {{12, 14, 1}}, .missing = skip, .cuts = {12}})), (Numbers{13}));
+  EXPECT_NE(message(find({"in"}, {.missing = skip, .cuts = {87}}).status())
+                .find("--cut-at 87: there is no such frame; there are frames 10 to 14"),
+            std::string::npos);
+}
+
+TEST_F(SequenceTest, AContinuedSessionSaysWhereItsTimeBegan) {
+  make({"in/f.50.exr", "in/f.51.exr"});
+  const auto sequence = find({"in"}, {.zero = 1});
+  EXPECT_EQ(sequence->session_number(0), 49u);
+  EXPECT_EQ(sequence->index_of(50), 1u);
+  EXPECT_EQ(find({"in"}, {.zero = 51}).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(ChosenRate, TheUsersRateWinsThenTheFiles) {
+  EXPECT_EQ(choose_rate(FrameRate{25, 1}, kFilm).rate, (FrameRate{25, 1}));
+  EXPECT_EQ(choose_rate(std::nullopt, kFilm).from, "the file");
+  EXPECT_EQ(choose_rate(std::nullopt, std::nullopt).rate, (FrameRate{24, 1}));
+}
+
+TEST(OutputNames, ANumberIsWrittenInAnySpelling) {
+  for (const auto& [output, path] :
+       std::vector<std::pair<std::string, std::string>>{{"out/%04d.png", "out/0012.png"},
+                                                        {"out/####.png", "out/0012.png"},
+                                                        {"out/@@@.png", "out/012.png"},
+                                                        {"out/#.png", "out/12.png"},
+                                                        {"out/f%d.png", "out/f12.png"}}) {
+    const auto names = OutputNames::parse(output, ".png");
+    ASSERT_TRUE(names.ok()) << names.status();
+    EXPECT_FALSE(names->is_folder());
+    EXPECT_EQ(names->path(12, "in/a.exr"), path);
+    EXPECT_EQ(names->extension(), ".png");
+  }
+  for (const char* folder : {"out", "shot#3", "renders@home"}) {
+    const auto names = OutputNames::parse(folder, ".png");
+    ASSERT_TRUE(names.ok()) << names.status();
+    EXPECT_TRUE(names->is_folder());
+    EXPECT_EQ(names->path(12, "in/frame.0007.exr"), std::string(folder) + "/frame.0007.png");
+    EXPECT_EQ(names->path(12, ""), std::string(folder) + "/0012.png");
+  }
+  EXPECT_TRUE(is_usage_error(OutputNames::parse("out/one.png", ".png").status()));
+  EXPECT_TRUE(is_usage_error(OutputNames::parse("out/#-#.png", ".png").status()));
+}
+
+}  // namespace
+}  // namespace candela
