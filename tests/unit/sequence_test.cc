@@ -63,7 +63,7 @@ TEST(FrameNumbers, NumbersAreSaidAsRangesAndSteps) {
   EXPECT_EQ(to_text(ranges_of({4, 10}), ", "), "4, 10");
   EXPECT_EQ(to_text(ranges_of({2, 4, 6, 8, 20, 21})), "2-8x2,20-21");
   EXPECT_EQ(to_text(ranges_of({1, 2, 4, 6, 8})), "1-2,4-8x2");
-  EXPECT_EQ(to_text({}), "");
+  EXPECT_EQ(to_text(std::vector<NumberRange>()), "");
   EXPECT_EQ(to_text({{1, 1, 1}, {5, 9, 1}, {20, 21, 1}}, ", ", 1), "1 and 7 more");
   EXPECT_EQ(count_of({{1, 9, 2}, {20, 21, 1}}), 7u);
 }
@@ -78,7 +78,7 @@ TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
     const auto parsed = parse_frame_rate("--fps", text);
     ASSERT_TRUE(parsed.ok()) << parsed.status();
     EXPECT_EQ(*parsed, rate) << text;
-    if (text != "48/2") EXPECT_EQ(to_text(*parsed), text);
+    EXPECT_EQ(to_text(*parsed), text == "48/2" ? "24" : text);
   }
   for (const char* text : {"", "0", "-24", "nan", "inf", "24/0", "0/1", "24/", "/2", "1/2/3", "24000:1001",
                            "100001", "1/1001", "0.0009", "99999999999999/99999999999999"}) {

@@ -27,8 +27,9 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
                                                       const FrameFacts& facts,
                                                       const WriteOptions& options) try {
   if (result.header.encoded_bytes() > 0) return write_bytes(path, result);
-  const absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
+  absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
   if (!picture.ok()) return picture.status();
+  picture->frame_rate = facts.frame_rate;
   return write_image(path, *picture, options);
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));

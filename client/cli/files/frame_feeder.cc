@@ -28,6 +28,7 @@ absl::Status FrameFeeder::begin_with(const Image& first) {
     of_file.reset();
   }
   rate_ = choose_rate(options_.rate, of_file);
+  if (options_.rate || of_file) said_rate_ = rate_.rate;
   first_index_ = next_->index;
   first_width_ = first.width;
   first_height_ = first.height;
@@ -128,7 +129,7 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read) {
   const std::vector<std::string> differences = this->differences(index, read);
   {
     const absl::MutexLock lock(&mutex_);
-    facts_[index] = {read.has_alpha, read.pixel_aspect};
+    facts_[index] = {read.has_alpha, read.pixel_aspect, said_rate_};
     notes_.insert(read.notes.begin(), read.notes.end());
     notes_.insert(differences.begin(), differences.end());
   }

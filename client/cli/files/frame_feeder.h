@@ -28,6 +28,7 @@ namespace candela {
 struct FrameFacts {
   bool has_alpha = false;
   double pixel_aspect = 1;
+  std::optional<FrameRate> frame_rate;  // if the user gave it or a file says it
 };
 
 // What frames are sent with.
@@ -83,6 +84,7 @@ class FrameFeeder {
   const FeedOptions options_;
   FrameReader& reader_;
   ChosenRate rate_;
+  std::optional<FrameRate> said_rate_;  // nothing if rate_ is the default
   std::optional<FrameReader::Read> next_;
   // The first frame that could be read.
   uint64_t first_index_ = 0;

@@ -7,6 +7,7 @@
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 
+#include <cstdint>
 #include <exception>
 #include <stdexcept>
 
@@ -51,6 +52,11 @@ absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&
                        static_cast<float>(image.pixel_aspect));
     header.compression() = Imf::ZIP_COMPRESSION;
     Imf::addChromaticities(header, chromaticities_of(image));
+    if (const auto& rate = image.frame_rate;
+        rate && rate->frames <= INT32_MAX && rate->seconds <= UINT32_MAX) {
+      Imf::addFramesPerSecond(
+          header, Imf::Rational(static_cast<int>(rate->frames), static_cast<unsigned>(rate->seconds)));
+    }
     Imf::FrameBuffer frame;
     const char* const names[] = {"R", "G", "B", "A"};
     for (size_t c = 0; c < (image.has_alpha ? 4 : 3); ++c) {
