@@ -112,8 +112,7 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   line("time",
        absl::StrFormat("%.2f s, %.4g frames/s, mean latency %.0f ms", absl::ToDoubleSeconds(summary.time),
                        per_second(summary), mean_latency_ms(summary)));
-  line("media time", absl::StrFormat("frames %d to %d at %s fps, from %s", summary.first, summary.last,
-                                     to_text(summary.rate.rate), summary.rate.from));
+  line("rate", to_text(summary.rate));
   if (!summary.missing.empty()) {
     line("missing", summary.missing + (summary.held > 0 ? ", held" : ""));
   }

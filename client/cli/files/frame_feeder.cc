@@ -48,9 +48,8 @@ std::vector<std::string> FrameFeeder::differences(uint64_t index, const Image& i
   }
   if (!rate_differs_ && !options_.rate && image.frame_rate && *image.frame_rate != rate_.rate) {
     rate_differs_ = true;
-    notes.push_back(
-        absl::StrFormat("%s says %s fps; all frames are shown at %s fps, from %s; --fps changes it", path,
-                        to_text(*image.frame_rate), to_text(rate_.rate), rate_.from));
+    notes.push_back(absl::StrFormat("%s says %s fps; all frames are shown at %s; --fps changes it", path,
+                                    to_text(*image.frame_rate), to_text(rate_)));
   }
   return notes;
 }

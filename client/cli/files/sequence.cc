@@ -271,8 +271,15 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
 
 ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optional<FrameRate>& of_file) {
   if (given) return {*given, "--fps"};
-  if (of_file) return {*of_file, "the file"};
-  return {FrameRate{}, "the default"};
+  if (of_file) return {*of_file, "file"};
+  return {FrameRate{}, "default"};
+}
+
+std::string to_text(const ChosenRate& rate) {
+  return absl::StrFormat("%s fps, %s", to_text(rate.rate),
+                         rate.from == "--fps"  ? "from --fps"
+                         : rate.from == "file" ? "from the file"
+                                               : "the default");
 }
 
 absl::Status check_media_time(const Sequence& sequence, FrameRate rate) {

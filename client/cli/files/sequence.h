@@ -75,8 +75,11 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice);
 // The frame rate of a sequence, and where it comes from.
 struct ChosenRate {
   FrameRate rate;
-  std::string from;  // "--fps", "the file" or "the default"
+  std::string from;  // "--fps", "file" or "default"
 };
+
+// "24000/1001 fps, from the file"
+std::string to_text(const ChosenRate& rate);
 
 // `of_file` is the first file's own rate.
 ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optional<FrameRate>& of_file);

@@ -237,7 +237,7 @@ absl::Status refused(const CLI::App& app, const CLI::Error& error) {
     what = what.substr(0, what.find(':')) + " needs a value";
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !commands.empty()) {
-    what = absl::StrFormat("\"%s\" is one argument too many", commands.front()->remaining().front());
+    what = absl::StrFormat("\"%s\" is one argument too many", app.remaining(true).back());
   }
   return usage_error(absl::StrFormat("%s; see candela%s --help", what,
                                      commands.empty() ? "" : " " + commands.front()->get_name()));
