@@ -342,6 +342,7 @@ TEST_F(SequenceTest, AContinuedSessionSaysWhereItsTimeBegan) {
 TEST(ChosenRate, TheUsersRateWinsThenTheFiles) {
   EXPECT_EQ(choose_rate(FrameRate{25, 1}, kFilm).rate, (FrameRate{25, 1}));
   EXPECT_EQ(to_text(choose_rate(std::nullopt, kFilm)), "24000/1001 fps, from the file");
+  EXPECT_EQ(to_text(choose_rate(std::nullopt, FrameRate{24024, 1001})), "24 fps, from the file");
   EXPECT_EQ(choose_rate(std::nullopt, std::nullopt).rate, (FrameRate{24, 1}));
 }
 

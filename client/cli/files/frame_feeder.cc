@@ -46,7 +46,7 @@ std::vector<std::string> FrameFeeder::differences(uint64_t index, const Image& i
         "renders each for itself",
         first, first_width_, first_height_, path, image.width, image.height));
   }
-  if (!rate_differs_ && !options_.rate && image.frame_rate && *image.frame_rate != rate_.rate) {
+  if (!rate_differs_ && !options_.rate && image.frame_rate && reduced(*image.frame_rate) != rate_.rate) {
     rate_differs_ = true;
     notes.push_back(absl::StrFormat("%s says %s fps; all frames are shown at %s; --fps changes it", path,
                                     to_text(*image.frame_rate), to_text(rate_)));

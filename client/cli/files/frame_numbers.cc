@@ -49,11 +49,6 @@ std::optional<NumberRange> parse_one_range(absl::string_view text) {
   return NumberRange{*first, *last, *step};
 }
 
-FrameRate reduced(uint64_t frames, uint64_t seconds) {
-  const uint64_t common = std::gcd(frames, seconds);
-  return {frames / common, seconds / common};
-}
-
 // The ranges, with three and more single numbers in equal steps joined to one range.
 std::vector<NumberRange> with_steps(const std::vector<NumberRange>& ranges) {
   std::vector<NumberRange> joined;
@@ -179,10 +174,10 @@ absl::StatusOr<FrameRate> parse_frame_rate(const std::string& option, const std:
   double decimal = 0;
   if (parts.size() == 2 && absl::SimpleAtoi(parts[0], &frames) && absl::SimpleAtoi(parts[1], &seconds) &&
       frames > 0 && frames <= kMostOfFraction && seconds > 0 && seconds <= kMostOfFraction) {
-    rate = reduced(frames, seconds);
+    rate = reduced({frames, seconds});
   } else if (parts.size() == 1 && absl::SimpleAtod(text, &decimal) && decimal >= kFps.min &&
              decimal <= kFps.max) {
-    rate = reduced(static_cast<uint64_t>(std::llround(decimal * kDecimal)), kDecimal);
+    rate = reduced({static_cast<uint64_t>(std::llround(decimal * kDecimal)), kDecimal});
   }
   if (rate && is_usable(*rate)) return *rate;
   return usage_error(absl::StrFormat(
@@ -194,6 +189,11 @@ bool is_usable(FrameRate rate) {
   if (rate.frames == 0 || rate.seconds == 0) return false;
   const double value = static_cast<double>(rate.frames) / static_cast<double>(rate.seconds);
   return value >= kFps.min && value <= kFps.max;
+}
+
+FrameRate reduced(FrameRate rate) {
+  const uint64_t common = std::gcd(rate.frames, rate.seconds);
+  return {rate.frames / common, rate.seconds / common};
 }
 
 std::string to_text(FrameRate rate) {

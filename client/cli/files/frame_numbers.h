@@ -56,6 +56,9 @@ absl::StatusOr<FrameRate> parse_frame_rate(const std::string& option, const std:
 // Whether the rate is one that parse_frame_rate() would accept.
 bool is_usable(FrameRate rate);
 
+// The same rate in its smallest numbers.
+FrameRate reduced(FrameRate rate);
+
 // "24", "23.976", "24000/1001": exactly this rate.
 std::string to_text(FrameRate rate);
 

@@ -271,7 +271,7 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
 
 ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optional<FrameRate>& of_file) {
   if (given) return {*given, "--fps"};
-  if (of_file) return {*of_file, "file"};
+  if (of_file) return {reduced(*of_file), "file"};
   return {FrameRate{}, "default"};
 }
 
