@@ -20,8 +20,7 @@ constexpr absl::string_view kOpenToAll = "/grpc.health.v1.Health/";
 // The answer for a missing token and for an unknown one.
 constexpr char kWhatToDo[] =
     "this server requires a token: send the metadata authorization: Bearer TOKEN, or pass --token-file FILE "
-    "to "
-    "candela; ask the operator of the server for a token";
+    "to candela; ask the operator of the server for a token";
 
 absl::string_view view_of(const grpc_slice& slice) {
   return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
@@ -86,6 +85,7 @@ class Access::Port final : public grpc::ServerCredentials {
       done(call, authorization, authorization == nullptr ? 0 : 1, nullptr, 0, GRPC_STATUS_OK, nullptr);
     } else {
       port.metrics_.rejected(Rejection::kAccess);
+      port.access_.refusals_.add(shown.empty() ? Refusal::kNoToken : Refusal::kUnknownToken);
       done(call, nullptr, 0, nullptr, 0, GRPC_STATUS_UNAUTHENTICATED, kWhatToDo);
     }
   }

@@ -14,6 +14,7 @@
 #include "absl/synchronization/mutex.h"
 #include "server/access/bearer_tokens.h"
 #include "server/access/certificates.h"
+#include "server/access/refusal_log.h"
 #include "server/base/file_watch.h"
 #include "server/base/metrics.h"
 
@@ -31,7 +32,8 @@ class Access {
 
   // The credentials for one listening address of one server: TLS for TCP if there are certificates, and no
   // TLS for "unix:PATH". If there are tokens, every method needs one, except those of the standard health
-  // service. `metrics` counts calls without a valid token. This object and `metrics` outlive the server.
+  // service. `metrics` counts calls without a valid token, and the log says whether they had one. This object
+  // and `metrics` outlive the server.
   std::shared_ptr<grpc::ServerCredentials> credentials(const std::string& address, Metrics& metrics);
 
  private:
@@ -49,6 +51,7 @@ class Access {
   mutable absl::Mutex mutex_;
   std::shared_ptr<const Certificates> certificates_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<const BearerTokens> tokens_ ABSL_GUARDED_BY(mutex_);
+  RefusalLog refusals_;
   std::vector<std::shared_ptr<Port>> ports_;  // gRPC keeps only pointers to them
   std::optional<FileWatch> watch_;            // last, because its thread uses all of the above
 };

@@ -180,6 +180,10 @@ TEST_F(Tokens, EveryMethodButHealthAsksForOne) {
   }
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0);
+  // Only the log tells a missing token from an unknown one.
+  for (const char* reason : {"no token", "unknown token"}) {
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), reason)) << daemon.errors();
+  }
   EXPECT_FALSE(absl::StrContains(daemon.errors(), "0123456789abcdef")) << daemon.errors();
 }
 

@@ -1,0 +1,30 @@
+// The log of calls that were refused for their token. Only the log tells a missing token from an unknown one:
+// the answer to the client is the same, so that it does not help to guess tokens.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
+
+namespace candela {
+
+enum class Refusal { kNoToken, kUnknownToken };
+
+// Writes at most one line a second for each reason, however many calls a stranger makes. Any thread.
+class RefusalLog {
+ public:
+  void add(Refusal refusal);
+
+ private:
+  struct Reason {
+    uint64_t calls = 0;  // that no line counts yet
+    absl::Time next = absl::InfinitePast();
+  };
+  absl::Mutex mutex_;
+  std::array<Reason, 2> reasons_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace candela
