@@ -48,9 +48,6 @@ struct Config {
   absl::Duration heartbeat_limit = absl::Seconds(30);
 };
 
-// candelad listens here by default.
-inline constexpr char kDefaultListen[] = "127.0.0.1:50051";
-
 // $XDG_CACHE_HOME/candela or ~/.cache/candela; empty if neither variable is set to an absolute path.
 std::string default_cache_dir();
 

@@ -150,6 +150,12 @@ std::string variable_name(const Option& option) {
   return "CANDELA_" + absl::AsciiStrToUpper(absl::StrReplaceAll(option.name, {{"-", "_"}}));
 }
 
+std::vector<std::string> variable_names() {
+  std::vector<std::string> names;
+  for (const Option& option : kOptions) names.push_back(variable_name(option));
+  return names;
+}
+
 std::string range_text(const Option& option) {
   return std::visit([](const auto& kind) { return range_of(kind); }, option.kind);
 }

@@ -63,6 +63,9 @@ std::span<const Option> option_table();
 // The option's environment variable, such as "CANDELA_MAX_CALLS".
 std::string variable_name(const Option& option);
 
+// The environment variables of all options.
+std::vector<std::string> variable_names();
+
 // The option's range, "1 .. 4096"; empty if its kind has none.
 std::string range_text(const Option& option);
 

@@ -2,12 +2,15 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdlib>
+#include <memory>
 #include <type_traits>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "proto/candela/v1/address.h"
 #include "server/base/units.h"
+#include "server/daemon/config_file.h"
 #include "server/option_table.h"
 
 #ifndef CANDELA_VERSION
@@ -24,7 +27,7 @@ absl::Status store(absl::StatusOr<Value> parsed, Value& field) {
   return parsed.status();
 }
 
-// set() reads a value of each kind that CLI11 does not know.
+// set() reads a value of each kind.
 absl::Status set(const TextOption& kind, const std::string& text, Config& config) {
   config.*kind.field = text;
   return absl::OkStatus();
@@ -46,6 +49,17 @@ absl::Status set(const DurationOption& kind, const std::string& text, Config& co
 
 absl::Status set(const LogLevelOption& kind, const std::string& text, Config& config) {
   return store(parse_log_level(text), config.*kind.field);
+}
+
+// CLI11 reads these by itself in flags and variables.
+absl::Status set(const FlagOption& kind, const std::string& text, Config& config) {
+  if (CLI::detail::lexical_cast(text, config.*kind.field)) return absl::OkStatus();
+  return absl::InvalidArgumentError("it must be true or false");
+}
+
+absl::Status set(const NumberOption& kind, const std::string& text, Config& config) {
+  if (CLI::detail::lexical_cast(text, config.*kind.field)) return absl::OkStatus();
+  return absl::InvalidArgumentError("it must be a whole number");
 }
 
 std::string value_name(const TextOption& kind) { return kind.value_name; }
@@ -85,6 +99,18 @@ void add_options(CLI::App& app, Config& config) {
   }
 }
 
+// Whether the option takes this value of the configuration file.
+absl::Status check_value(const Option& option, const std::string& value) {
+  Config config;
+  const absl::Status status =
+      std::visit([&](const auto& kind) { return set(kind, value, config); }, option.kind);
+  if (!status.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s is \"%s\": %s", option.name, value, status.message()));
+  }
+  return check_ranges(config);
+}
+
 // Without this, CLI11 would let the file override the environment.
 void apply_environment(CLI::App& app) {
   for (CLI::Option* option : app.get_options()) {
@@ -99,13 +125,14 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 
 absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   Invocation invocation;
-  invocation.config.listen = {kDefaultListen};
+  invocation.config.listen = {v1::kDefaultAddress};
   const Config defaults = invocation.config;
   CLI::App app("candelad: a gRPC server that renders HDR frames.\n", "candelad");
   app.footer(
       "Each option is also an environment variable (CANDELA_MEMORY_BUDGET for --memory-budget) and a key of\n"
       "the --config file (memory-budget). Flags override variables, and variables override the file.");
   app.allow_config_extras(CLI::config_extras_mode::error);
+  app.config_formatter(std::make_shared<ConfigFile>(check_value));
   add_options(app, invocation.config);
   app.set_config("--config", "", "Configuration file with lines KEY = VALUE; see --print-config")
       ->type_name("FILE");
@@ -129,6 +156,9 @@ absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
     return absl::InvalidArgumentError(
         absl::StrFormat("--config: cannot read %s; name a file such as deploy/candelad.conf",
                         app.get_config_ptr()->as<std::string>()));
+  } catch (const ConfigLineError& error) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s:%d: %s", app.get_config_ptr()->as<std::string>(), error.line, error.what));
   } catch (const CLI::Error& error) {
     return absl::InvalidArgumentError(first_line(error.what()) + "; see candelad --help");
   }

@@ -15,11 +15,13 @@
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "proto/candela/v1/variables.h"
 #include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
 #include "server/daemon/flags.h"
 #include "server/daemon/service_manager.h"
+#include "server/option_table.h"
 #include "server/rpc/grpc_log.h"
 #include "server/server.h"
 #include "server/vulkan/device.h"
@@ -125,8 +127,17 @@ void keep_freed_memory() {
   if (read_cgroup_limits().memory_bytes) mallopt(M_ARENA_MAX, kFewArenas);
 }
 
+// A variable with a typing error would otherwise go unnoticed.
+void warn_of_unknown_variables() {
+  for (const auto& [name, words] : v1::unknown_variables(variable_names())) {
+    log_event(LogLevel::kWarning, "nothing reads this environment variable",
+              {{"name", name}, {"hint", words}});
+  }
+}
+
 int serve(const Invocation& invocation) {
   start_logging({invocation.config.log_level, invocation.config.log_json});
+  warn_of_unknown_variables();
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();

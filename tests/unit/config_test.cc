@@ -161,6 +161,42 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
   }
 }
 
+TEST(Config, AnErrorInTheFileNamesItsLineAndKey) {
+  for (const auto& [text, words] : std::vector<std::pair<std::string, std::string>>{
+           {"# calls\nmax-cals = 5\n", ":2: unknown key \"max-cals\"; did you mean max-calls? see"},
+           {"max_calls = 5\n", ":1: unknown key \"max_calls\"; did you mean max-calls?"},
+           {"zzz = 5\n", ":1: unknown key \"zzz\"; see candelad --print-config"},
+           {"a.b = 5\n", ":1: unknown key \"a.b\""},
+           {"config = 5\n", ":1: unknown key \"config\""},
+           {"\n\nmax-calls = 0\n", ":3: max-calls is 0; it must be 1 .. 4096"},
+           {"max-calls = many\n", ":1: max-calls is \"many\": it must be a whole number"},
+           {"max-calls\n", ":1: max-calls is \"true\": it must be a whole number"},
+           {"log-json = perhaps\n", ":1: log-json is \"perhaps\": it must be true or false"},
+           {"memory-budget = \"2 sheep\"\n", ":1: memory-budget is \"2 sheep\": "},
+           {"idle-timeout = \"60\"\n", ":1: idle-timeout is \"60\": "},
+           {"log-level = \"loud\"\n", ":1: log-level is \"loud\": "},
+           {"max-calls = 5\n\nmax-calls = 6\n", ":3: max-calls is given in line 1, too; remove one of them"},
+           {"max-calls = 5\nmax-calls = 5\n", ":2: max-calls is given in line 1, too"},
+           {"token-file = a b\n", ":1: token-file has 2 values; write one, in quotes"},
+           {"log-json = true\n[server]\nmax-calls = 5\n", ":2: the section [server] is not known"}}) {
+    const TemporaryFile file(text);
+    const absl::Status status = parse({"--config", file.path().c_str()}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << text;
+    EXPECT_EQ(std::string(status.message()).find(file.path() + words), 0u) << status;
+    EXPECT_EQ(std::string(status.message()).find('\n'), std::string::npos) << status;
+  }
+}
+
+TEST(Config, TheFileMayListAddressesAsTomlDoes) {
+  for (const char* text : {"listen = \"a:1,unix:/tmp/c.sock\"\ninsecure = true\n",
+                           "insecure = true\nlisten = [\"a:1\", \"unix:/tmp/c.sock\"]\n"}) {
+    const TemporaryFile file(text);
+    const absl::StatusOr<Invocation> invocation = parse({"--config", file.path().c_str()});
+    ASSERT_TRUE(invocation.ok()) << invocation.status();
+    EXPECT_EQ(invocation->config.listen, (std::vector<std::string>{"a:1", "unix:/tmp/c.sock"}));
+  }
+}
+
 TEST(ListenAddress, BeyondLoopbackNeedsInsecure) {
   for (const char* loopback :
        {"127.0.0.1:50051", "127.9.9.9:0", "localhost:1", "[::1]:65535", "unix:/run/c.sock"}) {

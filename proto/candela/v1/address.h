@@ -8,6 +8,9 @@
 
 namespace candela::v1 {
 
+// candelad listens here by default, and `candela health` asks there.
+inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
+
 // Whether the address has the form "unix:PATH".
 bool is_unix_address(absl::string_view address);
 
