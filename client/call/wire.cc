@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "client/call/channel_credentials.h"
 #include "client/call/tls_probe.h"
+#include "client/call/transport_words.h"
 #include "proto/candela/v1/address.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
@@ -82,6 +83,7 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
   const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
   const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
                                                     : std::string(plain.message()));
+  if (std::optional<absl::Status> error = not_from_candelad(address, status)) return *std::move(error);
   switch (status.error_code()) {
     case grpc::UNAVAILABLE:
       // A server's own refusal has details. Without details the error is the transport's.
@@ -89,15 +91,13 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
       if (connected) {
         return absl::UnavailableError(
             absl::StrFormat("lost the server at %s: %s; it may have stopped, so check its log and try again",
-                            address, message));
+                            address, loss_words(message)));
       }
       if (may_be_about_tls(message)) {
         const std::string why = why_tls_fails(address, peer.security);
         if (!why.empty()) return absl::UnavailableError(why);
       }
-      return absl::UnavailableError(
-          absl::StrFormat("cannot reach %s: %s; start one with candelad --listen %s or leave out --server",
-                          address, message, address));
+      return absl::UnavailableError(unreachable_words(address, message));
     case grpc::CANCELLED:
       // The client never cancels. The server does, through gRPC when it stops and when its idle timeout
       // passes.
@@ -105,13 +105,19 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
           absl::StrFormat("the server at %s ended the call: it is stopping, or the client read nothing for "
                           "longer than its --idle-timeout; try again",
                           address));
-    case grpc::UNIMPLEMENTED:
-      return absl::UnimplementedError(
-          absl::StrFormat("%s does not speak candela.v1: %s; is it a candelad?", address, message));
     case grpc::DEADLINE_EXCEEDED:
       if (message != "Deadline Exceeded") break;
-      return absl::DeadlineExceededError(
-          absl::StrFormat("no answer from %s in the time given; allow more", address));
+      return absl::DeadlineExceededError(absl::StrFormat(
+          "no answer from %s in the time given: it is busy, hangs or is not a candelad; allow more "
+          "time, or name another server",
+          address));
+    case grpc::UNAUTHENTICATED:
+      // The server's answer is the same for a missing token and for one that it does not know.
+      if (peer.security.token_file.empty()) break;
+      return absl::UnauthenticatedError(absl::StrFormat(
+          "%s does not accept the token in %s; ask its operator for a token that it knows, and "
+          "name its file with --token-file",
+          address, peer.security.token_file));
     default:
       break;
   }

@@ -107,7 +107,7 @@ TEST(UnreachableServer, TheErrorNamesTheAddressAndTheWayOut) {
     EXPECT_TRUE(absl::IsUnavailable(status)) << status;
     const std::string message(status.message());
     EXPECT_EQ(message.rfind("cannot reach 127.0.0.1:1: ", 0), 0u) << message;
-    EXPECT_NE(message.find("candelad --listen 127.0.0.1:1 or leave out --server"), std::string::npos)
+    EXPECT_NE(message.find("candelad --listen 127.0.0.1:1, or name another server"), std::string::npos)
         << message;
   }
 }

@@ -17,8 +17,7 @@ absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
   absl::StatusOr<v1::GetServerInfoResponse> info = server.server_info(absl::Now() + kAnswerTimeout);
   if (!absl::IsDeadlineExceeded(info.status())) return info;
   return absl::DeadlineExceededError(
-      absl::StrFormat("no answer from %s within %s; it hangs or is not a candelad; use another --server, or "
-                      "none for the built-in one",
+      absl::StrFormat("no answer from %s within %s; it hangs or is not a candelad; name another server",
                       server.address(), absl::FormatDuration(kAnswerTimeout)));
 }
 
