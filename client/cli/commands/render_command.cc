@@ -69,7 +69,10 @@ class Rendering {
     absl::StatusOr<Image> image = read_image(
         options_.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()});
     read_ms_ = ms_since(begin);
-    if (image.ok()) add_notes(std::exchange(image->notes, {}));
+    if (!image.ok()) return image;
+    add_notes(std::exchange(image->notes, {}));
+    absl::Status status = check_view_input(*image, options_.input, options_.settings, options_.view);
+    if (!status.ok()) return status;
     return image;
   }
 

@@ -108,6 +108,9 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
       if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
       continue;
     }
+    absl::Status input =
+        check_view_input(*next_->image, reader_.path(next_->index), options_.settings, options_.view);
+    if (!input.ok()) return input;
     v1::Settings own = settings_for(*next_->image, options_.settings);
     if (own.input_chromaticities().SerializeAsString() !=
         settings.input_chromaticities().SerializeAsString()) {

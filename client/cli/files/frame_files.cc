@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/cli/options/settings_options.h"
+#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
@@ -13,6 +14,10 @@ ImageFormat image_format(v1::OutputFormat format) {
   return format == v1::OUTPUT_FORMAT_RGBA16F  ? ImageFormat::kRgba16f
          : format == v1::OUTPUT_FORMAT_RGBA16 ? ImageFormat::kRgba16
                                               : ImageFormat::kRgba8;
+}
+
+bool has_primaries(const v1::Settings& settings) {
+  return settings.has_input_chromaticities() || settings.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
 }
 
 }  // namespace
@@ -29,11 +34,19 @@ FrameView view_of(const Image& image) {
 }
 
 v1::Settings settings_for(const Image& image, v1::Settings settings) {
-  const bool given =
-      settings.has_input_chromaticities() || settings.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
-  if (image.chromaticities && !given)
+  if (image.chromaticities && !has_primaries(settings))
     *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
   return settings;
+}
+
+absl::Status check_view_input(const Image& image, const std::string& path, const v1::Settings& settings,
+                              const ViewChoice& view) {
+  if (view.input.empty() || !image.chromaticities || has_primaries(settings)) return absl::OkStatus();
+  return usage_error(
+      absl::StrFormat("%s: its chromaticities convert it to Rec.709, and --ocio-input %s would convert it "
+                      "once more; leave out "
+                      "--ocio-input, or add --primaries rec709 to give the view the file's own values",
+                      path, view.input));
 }
 
 absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect) {

@@ -24,6 +24,11 @@ FrameView view_of(const Image& image);
 // Adds the chromaticities of the file unless the user set some.
 v1::Settings settings_for(const Image& image, v1::Settings settings);
 
+// A usage error if the file's chromaticities and --ocio-input would both convert the image. With --primaries
+// the user has decided.
+absl::Status check_view_input(const Image& image, const std::string& path, const v1::Settings& settings,
+                              const ViewChoice& view);
+
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
 absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect);
 

@@ -26,6 +26,8 @@ class FrameReader {
   // Waits for the next file in order. Returns nothing after the last.
   std::optional<Read> next();
 
+  const std::string& path(size_t index) const { return paths_[index]; }
+
  private:
   void read_ahead();
 
