@@ -9,11 +9,15 @@
 #include <new>
 #include <type_traits>
 
+#include "absl/strings/str_format.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/embedded_server.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/options.h"
+#include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/temporary_path.h"
+#include "proto/candela/v1/variables.h"
 
 namespace candela {
 namespace {
@@ -64,9 +68,37 @@ absl::Status run(const Invocation& invocation) {
       invocation);
 }
 
+bool is_quiet(const Invocation& invocation) {
+  return std::visit(
+      [](const auto& options) {
+        if constexpr (requires { options.quiet; }) return options.quiet;
+        return false;
+      },
+      invocation);
+}
+
+// A variable with a typing error would otherwise go unnoticed.
+void tell_of_unknown_variables() {
+  for (const auto& [name, words] : v1::unknown_variables(EmbeddedServer::daemon_variables())) {
+    print_note(absl::StrFormat("nothing reads the variable %s%s", name, words.empty() ? "" : "; " + words));
+  }
+}
+
+// Adds to the error where the server's address is from.
+absl::Status explained(const absl::Status& status, const Invocation& invocation) {
+  return std::visit(
+      [&status](const auto& options) {
+        if constexpr (requires { options.server; }) return name_source(status, options.server);
+        return status;
+      },
+      invocation);
+}
+
 absl::Status run_line(int argc, char** argv) try {
   const absl::StatusOr<Invocation> invocation = parse_command_line(argc, argv);
-  return invocation.ok() ? run(*invocation) : invocation.status();
+  if (!invocation.ok()) return invocation.status();
+  if (!is_quiet(*invocation)) tell_of_unknown_variables();
+  return explained(run(*invocation), *invocation);
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(
       "out of memory; render a smaller image, or give this process more memory");

@@ -77,7 +77,6 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"sample", "scene.exr", "--size", "0x5"}, "1x1 .. 16384x16384"},
            {{"sample", "scene.exr", "--size", "1920"}, "WIDTHxHEIGHT"},
            {{"sample", "scene.exr", "--size", "16385x1"}, "1x1 .. 16384x16384"},
-           {{"health"}, "--server is required"},
            {{"health", "--server", "a:1", "--timeout", "0"}, "0.001 .. 3600"}}) {
     SCOPED_TRACE(::testing::PrintToString(arguments));
     expect_error(candela(arguments), 2, words);

@@ -4,11 +4,14 @@
 
 #include "server/base/driver_environment.h"
 #include "server/memory_budget.h"
+#include "server/option_table.h"
 #include "server/server.h"
 
 namespace candela {
 
 void EmbeddedServer::prepare() { prepare_driver_environment(); }
+
+std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
 
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device) {
   Config config;

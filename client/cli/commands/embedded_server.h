@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 
@@ -19,6 +20,9 @@ class EmbeddedServer {
   // Sets the environment variables of the Vulkan driver. Call it before
   // other threads start, because they may read the environment.
   static void prepare();
+
+  // The environment variables that candelad reads.
+  static std::vector<std::string> daemon_variables();
 
   // Takes hundreds of milliseconds. `device` means the same as candelad's --device.
   static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const std::string& device);

@@ -118,6 +118,7 @@ absl::Status run_meter(const MeterOptions& options) {
       (*server)->meter(settings_for(*image, options.settings), view_of(*image), absl::Now() + kMeterTimeout);
   progress.clear();
   if (!metered.ok()) return name_file(metered.status(), options.input);
+  for (const std::string& note : options.notes) print_note(note);
   for (const std::string& note : image->notes) print_note(note);
   if (!json->to_stdout()) {
     if (absl::Status status = print(to_text(options.input, *image, *metered)); !status.ok()) return status;

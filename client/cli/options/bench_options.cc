@@ -1,5 +1,6 @@
 #include "client/cli/options/bench_options.h"
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/picture_options.h"
@@ -16,7 +17,7 @@ constexpr v1::Range<double> kSessions{1, 256};
 
 absl::Status set_fps(const std::string& text, double& fps) {
   fps = 0;
-  if (text == "max") return absl::OkStatus();
+  if (absl::EqualsIgnoreCase(text, "max")) return absl::OkStatus();
   const absl::StatusOr<double> number = parse_number("--fps", text, kFps);
   if (!number.ok()) return usage_error(absl::StrFormat("%s, or max", number.status().message()));
   fps = *number;

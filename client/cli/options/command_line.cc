@@ -1,5 +1,8 @@
 // The command line's grammar: subcommands, help, and errors for words that are not in it.
 #include <CLI/CLI.hpp>
+#include <iterator>
+#include <limits>
+#include <map>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -9,6 +12,8 @@
 #include "absl/strings/str_split.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/bench_options.h"
+#include "client/cli/options/check_words.h"
+#include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/options.h"
 #include "client/cli/options/render_options.h"
@@ -17,6 +22,7 @@
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/stream_options.h"
 #include "client/cli/options/usage.h"
+#include "proto/candela/v1/address.h"
 
 #ifndef CANDELA_VERSION
 #error "the build sets CANDELA_VERSION"
@@ -31,7 +37,7 @@ constexpr char kExamples[] =
     "  candela render scene.exr scene.png    render it here, without a server\n"
     "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
     "  candela info                          describe the device this machine renders on\n"
-    "`candela COMMAND --help` lists a command's options.";
+    "`candela help COMMAND` lists a command's options. $CANDELA_SERVER is the default of --server.";
 
 constexpr char kRenderExamples[] =
     "Examples:\n"
@@ -52,6 +58,32 @@ constexpr char kBenchExamples[] =
     "  candela bench --server 127.0.0.1:50051 --sessions 4 --size 1280x720\n"
     "  candela bench --server 127.0.0.1:50051 --fps 24 --seconds 60 --json figures.json";
 
+constexpr char kMeterExamples[] =
+    "Examples:\n"
+    "  candela meter in.exr\n"
+    "  candela meter in.exr --percentiles 5,95 --json -";
+
+constexpr char kSampleExamples[] =
+    "Examples:\n"
+    "  candela sample scene.exr --size 1280x720\n"
+    "  candela sample --sequence in --frames 96";
+
+constexpr char kReportExamples[] =
+    "Examples:\n"
+    "  candela report out --quick\n"
+    "  candela report out --images a.exr b.hdr";
+
+constexpr char kInfoExamples[] =
+    "`candela info --json -` also lists every setting with its range, default and choices.\n\n"
+    "Examples:\n"
+    "  candela info\n"
+    "  candela info --server 127.0.0.1:50051 --json -";
+
+constexpr char kHealthExamples[] =
+    "Examples:\n"
+    "  candela health\n"
+    "  candela health --server render.example:50051 --tls-ca ca.pem --timeout 1";
+
 struct Arguments {
   RenderArguments render;
   StreamArguments stream;
@@ -61,6 +93,7 @@ struct Arguments {
   ReportOptions report;
   InfoOptions info;
   HealthOptions health;
+  std::string help;  // the command of `candela help`
 };
 
 void add_sample(CLI::App& app, SampleOptions& sample) {
@@ -90,10 +123,8 @@ void add_meter(CLI::App& app, MeterOptions& options) {
 }
 
 void add_health(CLI::App& app, HealthOptions& health) {
-  add_text(app, "Options", "--server", "ADDRESS", "Address of the candelad to ask, HOST:PORT or unix:PATH",
-           health.address)
-      ->required();
-  add_security_options(app, "Options", health.security);
+  add_running_server_option(app, "Options", health.server);
+  add_security_options(app, "Options", health.server.security);
   add_number(app, "Options", "--timeout", "SECONDS", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
              "How long to wait for an answer",
              [&health](double seconds) { health.timeout = absl::Seconds(seconds); });
@@ -111,69 +142,37 @@ void define(CLI::App& app, Arguments& arguments) {
       *app.add_subcommand("stream", "Renders a sequence of frames with exposure that adapts over time.");
   stream.footer(kStreamExamples);
   add_stream_options(stream, arguments.stream);
-  add_meter(*app.add_subcommand("meter", "Reports the exposure that metering chooses for an image, and why."),
-            arguments.meter);
-  add_sample(*app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them."),
-             arguments.sample);
-  add_report_options(*app.add_subcommand("report", "Measures this machine and writes a report page."),
-                     arguments.report);
+  CLI::App& meter =
+      *app.add_subcommand("meter", "Reports the exposure that metering chooses for an image, and why.");
+  meter.footer(kMeterExamples);
+  add_meter(meter, arguments.meter);
+  CLI::App& sample = *app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them.");
+  sample.footer(kSampleExamples);
+  add_sample(sample, arguments.sample);
+  CLI::App& report = *app.add_subcommand("report", "Measures this machine and writes a report page.");
+  report.footer(kReportExamples);
+  add_report_options(report, arguments.report);
   CLI::App& bench = *app.add_subcommand("bench", "Measures a server under the load of several sessions.");
   bench.footer(kBenchExamples);
   add_bench_options(bench, arguments.bench);
   CLI::App& info = *app.add_subcommand("info", "Describes a server: device, formats, curves, limits.");
-  info.footer("`candela info --json -` also lists every setting with its range, default and choices.");
+  info.footer(kInfoExamples);
   add_json_option(info, kOutputSection, "Write it as one line of JSON, with every setting",
                   arguments.info.json);
   add_server_options(info, arguments.info.server);
-  add_health(*app.add_subcommand("health", "Checks whether a server is serving: exit code 0 if so, else 1."),
-             arguments.health);
+  CLI::App& health =
+      *app.add_subcommand("health", "Checks whether a server is serving: exit code 0 if so, else 1.");
+  health.footer(kHealthExamples);
+  add_health(health, arguments.health);
+  app.add_subcommand("help", "Prints the help of a command.")
+      ->add_option("COMMAND", arguments.help, "One of the commands (default: all of them, in short)")
+      ->option_text(" ");
   app.footer(kExamples);
 }
 
-std::vector<std::string> option_names(const CLI::App& app) {
-  std::vector<std::string> names;
-  for (const CLI::Option* option : app.get_options()) {
-    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
-  }
-  return names;
-}
-
-// Finds unknown words first, because CLI11 would report only what follows from them.
-absl::Status check_words(const CLI::App& app, const std::vector<std::string>& words) {
-  if (words.empty()) return absl::OkStatus();
-  const CLI::App* command = &app;
-  size_t at = 0;
-  if (!absl::StartsWith(words[0], "-")) {
-    const auto named = [&words](const CLI::App* known) { return known->check_name(words[0]); };
-    const std::vector<const CLI::App*> found = app.get_subcommands(named);
-    if (found.empty()) {
-      std::vector<std::string> names;
-      for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
-      return unknown_word("command", words[0], names);
-    }
-    command = found.front();
-    at = 1;
-  }
-  for (; at < words.size() && words[at] != "--"; ++at) {
-    if (!absl::StartsWith(words[at], "-") || words[at] == "-") continue;
-    const std::string name = words[at].substr(0, words[at].find('='));
-    const CLI::Option* option = command->get_option_no_throw(name);
-    if (option != nullptr) {
-      const bool value_follows = option->get_items_expected_max() > 0 && name == words[at];
-      if (value_follows) ++at;
-      continue;
-    }
-    const std::string meant = nearest(name, option_names(*command));
-    return usage_error(absl::StrFormat("unknown option %s;%s see candela%s --help", name,
-                                       meant.empty() ? "" : absl::StrFormat(" did you mean %s?", meant),
-                                       command == &app ? "" : " " + command->get_name()));
-  }
-  return absl::OkStatus();
-}
-
 // CLI11 leaves two empty lines between sections, and marks OUT as repeatable with the inputs.
-std::string help(const CLI::App& app) {
-  return absl::StrReplaceAll(app.help(), {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
+std::string help(const CLI::App& app, const std::string& before = "") {
+  return absl::StrReplaceAll(app.help(before), {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
 }
 
 absl::Status finish_sample_options(const SampleOptions& sample) {
@@ -193,23 +192,87 @@ absl::Status finish_sample_options(const SampleOptions& sample) {
       absl::StrFormat("%s: a scene is written as .exr or .pfm; `candela render` makes a .png of it", path));
 }
 
-absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
+// The options on the command line and their values.
+std::map<std::string, std::string> given_options(const std::vector<std::string>& words) {
+  std::map<std::string, std::string> given;
+  for (size_t i = 0; i < words.size() && words[i] != "--"; ++i) {
+    if (!absl::StartsWith(words[i], "--")) continue;
+    const std::pair<std::string, std::string> parts = absl::StrSplit(words[i], absl::MaxSplits('=', 1));
+    const bool own_word = parts.first == words[i] && i + 1 < words.size();
+    given[parts.first] = own_word ? words[i + 1] : parts.second;
+  }
+  return given;
+}
+
+// Adds a note for each option that changes nothing.
+template <typename Options>
+Options with_notes(Options options, const std::vector<std::string>& words, Request request) {
+  request.settings = options.settings;
+  if (!options.server.address.empty()) request.servers = {options.server.address};
+  request.servers.insert(request.servers.end(), options.server.others.begin(), options.server.others.end());
+  request.given = given_options(words);
+  std::vector<std::string> notes = idle_options(std::move(request));
+  std::move(notes.begin(), notes.end(), std::back_inserter(options.notes));
+  return options;
+}
+
+// The kind of the images that a pattern or folder of `candela stream` gets.
+OutputKind stream_kind(const StreamOptions& options) {
+  if (options.encoding == v1::ENCODING_JPEG) return OutputKind::kJpeg;
+  const absl::StatusOr<OutputKind> kind = output_kind(options.output);
+  return kind.ok() ? *kind : OutputKind::kPng;
+}
+
+absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<std::string>& words,
+                                         Arguments& arguments) {
   if (app.got_subcommand("render")) {
     if (absl::Status status = finish_render_options(arguments.render); !status.ok()) return status;
-    return std::move(arguments.render.options);
+    const RenderOptions& options = arguments.render.options;
+    return with_notes(options, words,
+                      {.kind = *output_kind(options.output),
+                       .view = !options.view.config.empty(),
+                       .adapts = options.previous.exposure() > 0,
+                       .elapsed_seconds = options.previous.elapsed_seconds()});
   }
   if (app.got_subcommand("stream")) {
     if (absl::Status status = finish_stream_options(arguments.stream); !status.ok()) return status;
-    return std::move(arguments.stream.options);
+    const StreamOptions& options = arguments.stream.options;
+    return with_notes(options, words,
+                      {.kind = stream_kind(options),
+                       .view = !options.view.config.empty(),
+                       .adapts = true,
+                       .elapsed_seconds = std::numeric_limits<double>::infinity()});
   }
-  if (app.got_subcommand("meter")) {
-    absl::Status status = check_settings_options(arguments.meter.settings);
-    status.Update(check_server_options(arguments.meter.server));
-    if (!status.ok()) return status;
-    return arguments.meter;
+  absl::Status status = check_settings_options(arguments.meter.settings);
+  status.Update(finish_server_options(arguments.meter.server));
+  if (!status.ok()) return status;
+  return with_notes(arguments.meter, words, {});
+}
+
+absl::StatusOr<Invocation> finish_help(const CLI::App& app, const std::string& command) {
+  if (command.empty()) return TextToPrint{help(app)};
+  const auto named = [&command](const CLI::App* known) { return known->check_name(command); };
+  const std::vector<const CLI::App*> found = app.get_subcommands(named);
+  if (found.empty()) return unknown_word("command", command, command_names(app));
+  return TextToPrint{help(*found.front(), app.get_name())};
+}
+
+absl::StatusOr<Invocation> finish_health(HealthOptions health) {
+  if (absl::Status status = finish_server_options(health.server); !status.ok()) return status;
+  if (health.server.address.empty()) {
+    health.server.address = v1::kDefaultAddress;
+    health.server.source = "candelad's default; --server names another";
+  }
+  return health;
+}
+
+absl::StatusOr<Invocation> finish(const CLI::App& app, const std::vector<std::string>& words,
+                                  Arguments& arguments) {
+  if (app.got_subcommand("render") || app.got_subcommand("stream") || app.got_subcommand("meter")) {
+    return finish_images(app, words, arguments);
   }
   if (app.got_subcommand("bench")) {
-    if (absl::Status status = check_server_options(arguments.bench.server); !status.ok()) return status;
+    if (absl::Status status = finish_server_options(arguments.bench.server); !status.ok()) return status;
     return arguments.bench;
   }
   if (app.got_subcommand("sample")) {
@@ -221,10 +284,11 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, Arguments& arguments) {
     return arguments.report;
   }
   if (app.got_subcommand("info")) {
-    if (absl::Status status = check_server_options(arguments.info.server); !status.ok()) return status;
+    if (absl::Status status = finish_server_options(arguments.info.server); !status.ok()) return status;
     return arguments.info;
   }
-  if (app.got_subcommand("health")) return arguments.health;
+  if (app.got_subcommand("health")) return finish_health(std::move(arguments.health));
+  if (app.got_subcommand("help")) return finish_help(app, arguments.help);
   return TextToPrint{help(app)};
 }
 
@@ -253,7 +317,7 @@ absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv)
   if (absl::Status status = check_words(app, words); !status.ok()) return status;
   try {
     app.parse(argc, argv);
-    return finish(app, arguments);
+    return finish(app, words, arguments);
   } catch (const CLI::CallForHelp&) {
     return TextToPrint{help(app)};
   } catch (const CLI::CallForVersion& version) {

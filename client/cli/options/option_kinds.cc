@@ -3,9 +3,9 @@
 #include <cmath>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/settings.h"
 
@@ -47,13 +47,10 @@ absl::StatusOr<double> parse_number(const std::string& name, const std::string& 
   return value;
 }
 
-absl::StatusOr<int> enum_value(const google::protobuf::EnumDescriptor& type, const std::string& what,
-                               const std::string& word) {
-  for (int i = 0; i < type.value_count(); ++i) {
-    const int value = type.value(i)->number();
-    if (value != 0 && v1::enum_word(type, value) == word) return value;
-  }
-  return unknown_word(what, word, v1::enum_words(type));
+absl::StatusOr<bool> parse_switch(const std::string& name, const std::string& text) {
+  if (absl::EqualsIgnoreCase(text, "on")) return true;
+  if (absl::EqualsIgnoreCase(text, "off")) return false;
+  return usage_error(absl::StrFormat("%s is \"%s\"; it must be on or off", name, text));
 }
 
 void add_number(CLI::App& app, const std::string& section, const std::string& name, const std::string& unit,
@@ -72,8 +69,8 @@ void add_number(CLI::App& app, const std::string& section, const std::string& na
 void add_enum_value(CLI::App& app, const std::string& section, const std::string& name,
                     const std::string& what, const google::protobuf::EnumDescriptor& type, int initial,
                     const std::string& help, std::function<void(int)> set) {
-  const std::string text = absl::StrFormat(
-      "%s: %s (default %s)", help, absl::StrJoin(v1::enum_words(type), ", "), v1::enum_word(type, initial));
+  const std::string text =
+      absl::StrFormat("%s: %s (default %s)", help, choice_help(type), v1::enum_word(type, initial));
   add_text(app, section, name, "NAME", text, [what, &type, set = std::move(set)](const std::string& typed) {
     const absl::StatusOr<int> value = enum_value(type, what, typed);
     if (value.ok()) set(*value);

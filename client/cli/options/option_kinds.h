@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/cli/options/choice_words.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -49,9 +50,8 @@ void add_quiet_option(CLI::App& app, const std::string& section, bool& quiet);
 absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
                                     bool whole = false);
 
-// Parses a word as an enum value. The usage error suggests the nearest word. `what` is, for example, "curve".
-absl::StatusOr<int> enum_value(const google::protobuf::EnumDescriptor& type, const std::string& what,
-                               const std::string& word);
+// Parses "on" or "off" for the option `name`. Fails with a usage error.
+absl::StatusOr<bool> parse_switch(const std::string& name, const std::string& text);
 
 std::string format_range(v1::Range<double> range);  // "0 .. 10"
 

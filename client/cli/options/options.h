@@ -21,6 +21,7 @@ namespace candela {
 struct ServerChoice {
   std::string address;                   // "HOST:PORT" or "unix:PATH"; empty: the built-in server
   std::vector<std::string> others = {};  // more addresses, for a session that loses the first server
+  std::string source = {};               // of the address: "--server", "from CANDELA_SERVER", ...; "": none
   ClientSecurity security = {};          // for running servers
   std::string device;  // of the built-in server: a part of its name, or its index; empty: the best one
 };
@@ -30,7 +31,7 @@ struct PictureOptions {
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;
-  std::vector<std::string> notes;  // options that change nothing for this output
+  std::vector<std::string> notes;  // what the user should know before the result
 };
 
 struct RenderOptions : PictureOptions {
@@ -67,6 +68,7 @@ struct MeterOptions {
   v1::Settings settings;
   ServerChoice server;
   std::string json;
+  std::vector<std::string> notes;  // as in PictureOptions
 };
 
 struct BenchOptions {
@@ -107,8 +109,7 @@ struct InfoOptions {
 };
 
 struct HealthOptions {
-  std::string address;
-  ClientSecurity security;
+  ServerChoice server;  // never the built-in one
   absl::Duration timeout = absl::Seconds(5);
 };
 

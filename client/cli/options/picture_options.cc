@@ -61,10 +61,6 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
   if (arguments.quality != 0 && *kind != OutputKind::kJpeg) {
     return usage_error(absl::StrFormat("--quality is for .jpg; %s loses nothing", output));
   }
-  if (!encoded && options.view.config.empty() && options.settings.transfer() != v1::TRANSFER_UNSPECIFIED) {
-    options.notes.push_back(
-        absl::StrFormat("--transfer changes nothing: %s holds display-linear light", output));
-  }
   options.settings.set_output_format(!encoded               ? v1::OUTPUT_FORMAT_RGBA16F
                                      : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
                                                             : v1::OUTPUT_FORMAT_RGBA8);

@@ -82,7 +82,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
     status.Update(usage_error("--elapsed needs --previous-exposure; give both"));
   }
   status.Update(check_error_map(options));
-  status.Update(check_server_options(options.server));
+  status.Update(finish_server_options(options.server));
   return status;
 }
 

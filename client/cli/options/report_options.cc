@@ -50,7 +50,7 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
 
 absl::Status finish_report_options(ReportOptions& options) {
   if (options.megapixels.empty()) options.megapixels = {0.25, 1, 2, 8, 33};
-  return check_server_options(options.server);
+  return finish_server_options(options.server);
 }
 
 }  // namespace candela

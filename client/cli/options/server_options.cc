@@ -1,54 +1,82 @@
 #include "client/cli/options/server_options.h"
 
+#include <cstdlib>
+#include <functional>
 #include <vector>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
+#include "proto/candela/v1/address.h"
+#include "proto/candela/v1/variables.h"
 
 namespace candela {
 namespace {
 
 constexpr char kServer[] = "Server";
+constexpr char kOption[] = "--server";
 
-// Parses "ADDRESS,ADDRESS,..." into the first address and the others.
-absl::Status set_servers(const std::string& text, ServerChoice& choice) {
+// Parses "ADDRESS,ADDRESS,..." of `source` into the first address and the others.
+absl::Status set_servers(const std::string& source, const std::string& text, ServerChoice& choice) {
   const std::vector<std::string> addresses = absl::StrSplit(text, ',');
   for (const std::string& address : addresses) {
     if (address.empty()) {
       return usage_error(
-          absl::StrFormat("--server is \"%s\"; it must be addresses separated by commas", text));
+          absl::StrFormat("%s is \"%s\"; it must be addresses separated by commas", source, text));
     }
   }
   choice.address = addresses.front();
   choice.others.assign(addresses.begin() + 1, addresses.end());
+  choice.source = source;
   return absl::OkStatus();
+}
+
+std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice) {
+  return [&choice](const std::string& address) {
+    choice.address = address;
+    choice.source = kOption;
+    return absl::OkStatus();
+  };
 }
 
 void add_security_and_device(CLI::App& app, ServerChoice& choice) {
   add_security_options(app, kServer, choice.security);
   add_text(app, kServer, "--device", "NAME|INDEX",
-           "Vulkan device for the built-in server: part of its name, or its index (default: the best one)",
+           "Vulkan device of the built-in server, which it also chooses: part of its name, or its index "
+           "(default: the "
+           "best one)",
            choice.device);
 }
 
 }  // namespace
 
 void add_server_options(CLI::App& app, ServerChoice& choice) {
-  add_text(app, kServer, "--server", "ADDRESS",
-           "A running candelad, HOST:PORT or unix:PATH (default: a server built into this process)",
-           choice.address);
+  add_text(
+      app, kServer, kOption, "ADDRESS",
+      "A running candelad, HOST:PORT or unix:PATH (default: $CANDELA_SERVER, or else a server built into "
+      "this process)",
+      set_server(choice));
   add_security_and_device(app, choice);
 }
 
 void add_servers_options(CLI::App& app, ServerChoice& choice) {
   add_text(
-      app, kServer, "--server", "ADDRESS[,...]",
+      app, kServer, kOption, "ADDRESS[,...]",
       "Running candelads, HOST:PORT or unix:PATH: the first that answers, and the next one if it is lost "
-      "(default: a server built into this process)",
-      [&choice](const std::string& text) { return set_servers(text, choice); });
+      "(default: $CANDELA_SERVER, or else a server built into this process)",
+      [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
   add_security_and_device(app, choice);
+}
+
+void add_running_server_option(CLI::App& app, const std::string& section, ServerChoice& choice) {
+  add_text(
+      app, section, kOption, "ADDRESS",
+      absl::StrFormat("The candelad to ask, HOST:PORT or unix:PATH (default: $CANDELA_SERVER, or else %s)",
+                      v1::kDefaultAddress),
+      set_server(choice));
 }
 
 void add_security_options(CLI::App& app, const std::string& section, ClientSecurity& security) {
@@ -59,22 +87,39 @@ void add_security_options(CLI::App& app, const std::string& section, ClientSecur
   app.add_flag("--tls", security.tls,
                "Use TLS and trust this system's CAs, or $CANDELA_CLIENT_TLS; unix:PATH needs no TLS")
       ->group(section)
-      ->envname("CANDELA_CLIENT_TLS");
-  add("--tls-ca", "CANDELA_CLIENT_TLS_CA", "FILE", security.ca_file,
-      "Use TLS and trust the CAs in this PEM file");
-  add("--tls-name", "CANDELA_CLIENT_TLS_NAME", "NAME", security.server_name,
+      ->envname(v1::kTlsVariable);
+  add("--tls-ca", v1::kTlsCaVariable, "FILE", security.ca_file, "Use TLS and trust the CAs in this PEM file");
+  add("--tls-name", v1::kTlsNameVariable, "NAME", security.server_name,
       "Use TLS and expect this name in the server's certificate instead of the address");
-  add("--tls-cert", "CANDELA_CLIENT_TLS_CERT", "FILE", security.cert_file,
+  add("--tls-cert", v1::kTlsCertVariable, "FILE", security.cert_file,
       "Use TLS and show this client certificate, PEM");
-  add("--tls-key", "CANDELA_CLIENT_TLS_KEY", "FILE", security.key_file, "Private key of --tls-cert, PEM");
-  add("--token-file", "CANDELA_CLIENT_TOKEN_FILE", "FILE", security.token_file,
+  add("--tls-key", v1::kTlsKeyVariable, "FILE", security.key_file, "Private key of --tls-cert, PEM");
+  add("--token-file", v1::kTokenFileVariable, "FILE", security.token_file,
       "File with the bearer token to send, on its first line; never sent unencrypted to another machine");
 }
 
-absl::Status check_server_options(const ServerChoice& choice) {
-  if (choice.address.empty() || choice.device.empty()) return absl::OkStatus();
-  return usage_error(
-      "--device chooses the built-in server's device and has no effect with --server; give one of them");
+absl::Status finish_server_options(ServerChoice& choice, bool takes_several) {
+  if (!choice.address.empty() && !choice.device.empty()) {
+    return usage_error(
+        "--device chooses the built-in server's device and has no effect with --server; give one of them");
+  }
+  const char* variable = std::getenv(v1::kServerVariable);
+  if (!choice.source.empty() || !choice.device.empty() || variable == nullptr || *variable == '\0') {
+    return absl::OkStatus();
+  }
+  absl::Status status = set_servers(v1::kServerVariable, variable, choice);
+  choice.source = absl::StrCat("from ", v1::kServerVariable);
+  if (!takes_several) choice.others.clear();
+  return status;
+}
+
+absl::Status name_source(const absl::Status& status, const ServerChoice& choice) {
+  if (status.ok() || choice.source.empty() || choice.source == kOption) return status;
+  bool named = absl::StrContains(status.message(), choice.address);
+  for (const std::string& other : choice.others) named |= absl::StrContains(status.message(), other);
+  if (!named) return status;
+  const std::string words = absl::StrFormat("%s (the address is %s)", status.message(), choice.source);
+  return is_usage_error(status) ? usage_error(words) : absl::Status(status.code(), words);
 }
 
 }  // namespace candela

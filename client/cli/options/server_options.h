@@ -20,7 +20,14 @@ void add_servers_options(CLI::App& app, ServerChoice& choice);
 // CANDELA_CLIENT_TLS_CA for --tls-ca; "CLIENT" sets them apart from candelad's variables.
 void add_security_options(CLI::App& app, const std::string& section, ClientSecurity& security);
 
-// After parsing: refuses options that conflict.
-absl::Status check_server_options(const ServerChoice& choice);
+// Defines --server for a command that asks a running server and has no built-in one.
+void add_running_server_option(CLI::App& app, const std::string& section, ServerChoice& choice);
+
+// After parsing: takes CANDELA_SERVER if neither --server nor --device is given, and refuses options that
+// conflict. Of several addresses in the variable, a command that uses one takes the first.
+absl::Status finish_server_options(ServerChoice& choice, bool takes_several = false);
+
+// Adds to an error that names the server's address where that address is from, unless it is from --server.
+absl::Status name_source(const absl::Status& status, const ServerChoice& choice);
 
 }  // namespace candela

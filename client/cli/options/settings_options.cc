@@ -14,6 +14,7 @@
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/near_words.h"
 
 namespace candela {
 namespace {
@@ -56,8 +57,8 @@ absl::Status set_exposure(v1::Exposure& exposure, const std::string& text) {
   const v1::Range<double> ev_range = range_of(setting_at("exposure.manual_ev"));
   exposure.clear_manual_ev();
   exposure.set_mode(v1::Exposure::MODE_AUTO);
-  if (text == "auto") return absl::OkStatus();
-  if (nearest(text, {"auto"}) == "auto") {
+  if (absl::EqualsIgnoreCase(text, "auto")) return absl::OkStatus();
+  if (!v1::near_words(text, {"auto"}).empty()) {
     return usage_error(absl::StrFormat("--exposure is \"%s\"; did you mean auto? It is auto or an EV, %s",
                                        text, format_range(ev_range)));
   }
@@ -121,7 +122,7 @@ absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
   settings.clear_input_primaries();
   settings.clear_input_chromaticities();
   if (!absl::StrContains(text, ',')) {
-    const absl::StatusOr<int> named = enum_value(*v1::Primaries_descriptor(), "--primaries", text);
+    const absl::StatusOr<int> named = enum_value(*v1::Primaries_descriptor(), "primaries", text);
     if (!named.ok()) return named.status();
     settings.set_input_primaries(static_cast<v1::Primaries>(*named));
     return absl::OkStatus();
@@ -138,8 +139,7 @@ void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& se
   add_text(app, setting.declaration().group(), "--primaries", "NAME|XY",
            absl::StrFormat("%s: %s, or the x,y of red, green, blue and white as eight numbers (default: the "
                            "file's, or rec709)",
-                           setting.declaration().help(),
-                           absl::StrJoin(v1::enum_words(*v1::Primaries_descriptor()), ", ")),
+                           setting.declaration().help(), choice_help(*v1::Primaries_descriptor())),
            [&settings](const std::string& text) { return set_primaries(settings, text); });
 }
 
@@ -198,29 +198,20 @@ void add_switch(CLI::App& app, const SettingField& setting, Message& holder) {
   }
   add_text(app, declaration.group(), name, "on|off", declaration.help() + " (default on)",
            [name, set](const std::string& text) {
-             if (text != "on" && text != "off") {
-               return usage_error(absl::StrFormat("%s is \"%s\"; it must be on or off", name, text));
-             }
-             set(text == "on");
-             return absl::OkStatus();
+             const absl::StatusOr<bool> on = parse_switch(name, text);
+             if (on.ok()) set(*on);
+             return on.status();
            });
 }
 
 void add_choice(CLI::App& app, const SettingField& setting, Message& holder) {
   const v1::Setting& declaration = setting.declaration();
   const google::protobuf::EnumDescriptor& type = *setting.field->enum_type();
-  std::vector<std::string> words = v1::enum_words(type);
-  // --ocio makes the table, so a user cannot choose that curve by name.
-  if (&type == v1::ToneCurve_descriptor()) std::erase(words, v1::word_of(v1::TONE_CURVE_TABLE));
   add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
-           absl::StrFormat("%s: %s (default %s)", declaration.help(), absl::StrJoin(words, ", "),
+           absl::StrFormat("%s: %s (default %s)", declaration.help(), choice_help(type),
                            declaration.default_word()),
-           [&setting, &type, &holder, words](const std::string& word) {
-             const std::string& flag = setting.declaration().flag();
-             if (std::find(words.begin(), words.end(), word) == words.end()) {
-               return unknown_word(flag, word, words);
-             }
-             const absl::StatusOr<int> value = enum_value(type, flag, word);
+           [&setting, &type, &holder](const std::string& word) {
+             const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
              if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
              return value.status();
            });
@@ -231,7 +222,7 @@ void add_word(CLI::App& app, const SettingField& setting, Message& holder) {
   add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
            absl::StrFormat("%s (default %s)", declaration.help(), declaration.default_word()),
            [&setting, &holder](const std::string& text) {
-             holder.GetReflection()->SetString(&holder, setting.field, text);
+             holder.GetReflection()->SetString(&holder, setting.field, absl::AsciiStrToLower(text));
              return absl::OkStatus();
            });
 }

@@ -120,7 +120,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
     return usage_error(absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them",
                                        jpeg ? "JPEG" : "PNG", options.output));
   }
-  return check_server_options(options.server);
+  return finish_server_options(options.server, true);
 }
 
 }  // namespace candela

@@ -12,10 +12,6 @@ namespace candela {
 absl::Status usage_error(const std::string& message);
 bool is_usage_error(const absl::Status& status);
 
-// The word that the user most likely meant by `typed`, or "" if none is near. A word is near if at most a
-// third of its letters are wrong, missing, superfluous or swapped, or if only it begins with `typed`.
-std::string nearest(const std::string& typed, const std::vector<std::string>& words);
-
 // `unknown curve "aces-hil"; did you mean aces-hill? There are: linear, aces-hill`. `what` is "curve".
 absl::Status unknown_word(const std::string& what, const std::string& typed,
                           const std::vector<std::string>& words);

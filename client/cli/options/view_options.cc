@@ -39,9 +39,6 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
   if (options.settings.curve() != v1::TONE_CURVE_UNSPECIFIED) {
     return usage_error("--ocio replaces --curve; give only one of them");
   }
-  if (options.settings.transfer() != v1::TRANSFER_UNSPECIFIED) {
-    options.notes.push_back("--transfer changes nothing: the view of --ocio has its own encoding");
-  }
   if (!encoded) {
     options.notes.push_back(absl::StrFormat("%s holds the view's display values, not linear light", output));
   }

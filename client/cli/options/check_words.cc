@@ -1,0 +1,71 @@
+#include "client/cli/options/check_words.h"
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_format.h"
+#include "client/cli/options/usage.h"
+#include "proto/candela/v1/near_words.h"
+
+namespace candela {
+namespace {
+
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+// Refuses an option where the value of another option should be. A number may begin with a minus.
+absl::Status check_value(const CLI::App& command, const CLI::Option& option, const std::string& value) {
+  const bool is_option = absl::StartsWith(value, "--") || command.get_option_no_throw(value) != nullptr;
+  if (!absl::StartsWith(value, "-") || value == "-" || !is_option) return absl::OkStatus();
+  const std::string name = "--" + option.get_lnames().front();
+  const std::string& values = option.get_option_text();
+  const std::string way_out = absl::EndsWith(values, "|-")
+                                  ? absl::StrFormat("write %s - for stdout", name)
+                                  : absl::StrFormat("if it is meant, write %s=%s", name, value);
+  return usage_error(
+      absl::StrFormat("%s needs a value, %s, but %s is an option; %s", name, values, value, way_out));
+}
+
+}  // namespace
+
+std::vector<std::string> command_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
+  return names;
+}
+
+absl::Status check_words(const CLI::App& app, const std::vector<std::string>& words) {
+  if (words.empty()) return absl::OkStatus();
+  const CLI::App* command = &app;
+  size_t at = 0;
+  if (!absl::StartsWith(words[0], "-")) {
+    const auto named = [&words](const CLI::App* known) { return known->check_name(words[0]); };
+    const std::vector<const CLI::App*> found = app.get_subcommands(named);
+    if (found.empty()) {
+      return unknown_word("command", words[0], command_names(app));
+    }
+    command = found.front();
+    at = 1;
+  }
+  for (; at < words.size() && words[at] != "--"; ++at) {
+    if (!absl::StartsWith(words[at], "-") || words[at] == "-") continue;
+    const std::string name = words[at].substr(0, words[at].find('='));
+    const CLI::Option* option = command->get_option_no_throw(name);
+    if (option != nullptr) {
+      const bool needs_value = option->get_items_expected_min() > 0 && name == words[at];
+      if (!needs_value || at + 1 == words.size()) continue;
+      if (absl::Status status = check_value(*command, *option, words[++at]); !status.ok()) return status;
+      continue;
+    }
+    const std::string meant = v1::did_you_mean(v1::near_words(name, option_names(*command)));
+    return usage_error(absl::StrFormat("unknown option %s; %ssee candela%s --help", name,
+                                       meant.empty() ? "" : meant + " ",
+                                       command == &app ? "" : " " + command->get_name()));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace candela

@@ -1,0 +1,112 @@
+#include "client/cli/options/idle_options.h"
+
+#include <algorithm>
+#include <set>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/address.h"
+#include "proto/candela/v1/near_words.h"
+#include "proto/candela/v1/settings.h"
+
+namespace candela {
+namespace {
+
+bool is_fixed(const Request& r) { return r.settings.exposure().mode() == v1::Exposure::MODE_MANUAL; }
+
+bool has_bloom(const Request& r, v1::Bloom::Kind kind) {
+  return r.settings.bloom().intensity() > 0 && r.settings.bloom().kind() == kind;
+}
+
+bool is_light(const Request& r) {
+  return r.kind && *r.kind != OutputKind::kPng && *r.kind != OutputKind::kJpeg && !r.view;
+}
+
+bool is_float(const Request& r) { return r.kind == OutputKind::kExr || r.kind == OutputKind::kPfm; }
+
+bool all_unix(const Request& r) {
+  return !r.servers.empty() && std::all_of(r.servers.begin(), r.servers.end(), v1::is_unix_address);
+}
+
+// Whether `option` is given with another value than the one that `stronger` implies.
+bool contradicts(const Request& r, const char* option, const char* stronger, const char* implied) {
+  const auto at = r.given.find(option);
+  return at != r.given.end() && r.given.contains(stronger) && v1::folded(at->second) != implied;
+}
+
+struct Row {
+  std::vector<const char*> options;
+  bool (*applies)(const Request&);  // the settings are complete
+  const char* words;                // after the option's name
+};
+
+// The first row that applies to an option counts.
+const Row kRows[] = {
+    {{"--compensation", "--key", "--min-exposure", "--max-exposure", "--adaptation", "--speed-up",
+      "--speed-down", "--previous-exposure", "--elapsed", "--lookahead"},
+     is_fixed,
+     "changes nothing: --exposure fixes the exposure"},
+    {{"--metering"},
+     [](const Request& r) { return contradicts(r, "--metering", "--percentiles", "percentile"); },
+     "changes nothing: --percentiles asks for percentile metering"},
+    {{"--weights"},
+     [](const Request& r) { return contradicts(r, "--weights", "--spot", "spot"); },
+     "changes nothing: --spot asks for the weights spot"},
+    {{"--metering", "--percentiles", "--weights", "--spot", "--ignore-below"},
+     [](const Request& r) { return is_fixed(r) && r.kind && !has_bloom(r, v1::Bloom::KIND_GAUSSIAN); },
+     "changes nothing in the image: --exposure fixes the exposure"},
+    {{"--adaptation", "--speed-up", "--speed-down"},
+     [](const Request& r) { return !r.adapts; },
+     "changes nothing: an image by itself takes its target; --previous-exposure gives one to adapt from"},
+    {{"--adaptation", "--speed-up", "--speed-down"},
+     [](const Request& r) { return r.elapsed_seconds == 0; },
+     "changes nothing: no time passed since --previous-exposure; give --elapsed SECONDS"},
+    {{"--bloom", "--bloom-threshold", "--bloom-softness", "--bloom-levels", "--bloom-firefly"},
+     [](const Request& r) { return r.settings.bloom().intensity() == 0; },
+     "changes nothing: --bloom-intensity 0 turns bloom off"},
+    {{"--bloom-threshold", "--bloom-softness", "--bloom-firefly"},
+     [](const Request& r) { return has_bloom(r, v1::Bloom::KIND_CONSERVE); },
+     "changes nothing: --bloom conserve spreads all light"},
+    {{"--bloom-softness", "--bloom-levels", "--bloom-firefly"},
+     [](const Request& r) { return has_bloom(r, v1::Bloom::KIND_GAUSSIAN); },
+     "changes nothing: --bloom gaussian does not use it"},
+    {{"--curve-white"},
+     [](const Request& r) { return r.settings.curve() != v1::TONE_CURVE_REINHARD_EXTENDED; },
+     "changes nothing: only --curve reinhard-extended uses it"},
+    {{"--background"},
+     [](const Request& r) { return r.settings.alpha() != v1::ALPHA_OVER; },
+     "changes nothing: only --alpha over uses it"},
+    {{"--transfer"},
+     [](const Request& r) { return r.view; },
+     "changes nothing: the view of --ocio has its own encoding"},
+    {{"--transfer"}, is_light, "changes nothing: .exr and .pfm files hold display-linear light"},
+    {{"--dither"}, is_float, "changes nothing: .exr and .pfm files hold floats, which need none"},
+    {{"--bits"},
+     [](const Request& r) { return r.kind != OutputKind::kPng; },
+     "changes nothing: only .png files have a choice of bits"},
+    {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key", "--token-file", "--resume"},
+     [](const Request& r) { return r.servers.empty(); },
+     "changes nothing: the server is built into this process; --server names another"},
+    {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key"},
+     all_unix,
+     "changes nothing: a connection to unix:PATH has no TLS"},
+};
+
+}  // namespace
+
+std::vector<std::string> idle_options(Request request) {
+  // A setting that is wrong beside the others is the server's to refuse.
+  if (!v1::complete_settings(request.settings).ok()) return {};
+  std::set<std::string> told;
+  std::vector<std::string> notes;
+  for (const Row& row : kRows) {
+    if (!row.applies(request)) continue;
+    for (const char* option : row.options) {
+      if (!request.given.contains(option) || !told.insert(option).second) continue;
+      notes.push_back(absl::StrFormat("%s %s", option, row.words));
+    }
+  }
+  return notes;
+}
+
+}  // namespace candela

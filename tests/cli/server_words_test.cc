@@ -1,0 +1,241 @@
+// Where the command looks for its server, and what it says if none is there, or something else is.
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <memory>
+#include <thread>
+
+#include "tests/cli/command.h"
+#include "tests/cli/images.h"
+#include "tests/service/test_ca.h"
+#include "tests/support/daemon.h"
+#include "tests/support/files.h"
+
+namespace candela {
+namespace {
+
+bool says(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
+
+void expect_failure(const Outcome& outcome, const std::string& words) {
+  EXPECT_EQ(outcome.code, 1) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, words)) << "\"" << words << "\" is not in " << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  for (const char* raw : {"ipv4:", "last error", "UNKNOWN", "C-ares", "http2 header", "failed to connect"}) {
+    EXPECT_FALSE(says(outcome.err, raw)) << outcome.err;
+  }
+}
+
+// Sets CANDELA_SERVER during a test.
+class ServerVariable {
+ public:
+  explicit ServerVariable(const std::string& value) { setenv("CANDELA_SERVER", value.c_str(), 1); }
+  ~ServerVariable() { unsetenv("CANDELA_SERVER"); }
+};
+
+// Listens on a free port and gives each connection to `talk`, which leaves it open.
+class RawServer {
+ public:
+  using Talk = void (*)(int socket);
+  explicit RawServer(Talk talk) : listener_(socket(AF_INET, SOCK_STREAM, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    EXPECT_EQ(bind(listener_, reinterpret_cast<sockaddr*>(&address), size), 0);
+    EXPECT_EQ(listen(listener_, 8), 0);
+    getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size);
+    port_ = ntohs(address.sin_port);
+    thread_ = std::thread([this, talk] {
+      for (int one = accept(listener_, nullptr, nullptr); one >= 0;
+           one = accept(listener_, nullptr, nullptr)) {
+        talk(one);
+        close(one);
+      }
+    });
+  }
+  ~RawServer() {
+    shutdown(listener_, SHUT_RDWR);
+    thread_.join();
+    close(listener_);
+  }
+  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  const int listener_;
+  int port_ = 0;
+  std::thread thread_;
+};
+
+void send_text(int socket, const std::string& text) {
+  EXPECT_EQ(send(socket, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+}
+
+void read_to_end(int socket) {
+  char bytes[4096];
+  while (recv(socket, bytes, sizeof bytes, 0) > 0) {
+  }
+}
+
+void speak_http1(int socket) {
+  send_text(socket, "HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
+}
+
+// Speaks HTTP/2 and answers stream 1 with this :status, as HPACK writes it.
+void answer_http2(int socket, const std::string& status) {
+  const auto frame = [](char type, char flags, char stream, const std::string& body) {
+    const char head[] = {0, 0, static_cast<char>(body.size()), type, flags, 0, 0, 0, stream};
+    return std::string(head, sizeof head) + body;
+  };
+  send_text(socket, frame(4, 0, 0, "") + frame(4, 1, 0, ""));
+  std::string read;
+  char bytes[4096];
+  size_t at = 24;  // after the client's preface
+  while (true) {
+    while (read.size() >= at + 9) {
+      const auto byte = [&](size_t i) { return static_cast<unsigned char>(read[at + i]); };
+      if (byte(3) == 1) {
+        send_text(socket, frame(1, 5, static_cast<char>(byte(8)), status));
+        return read_to_end(socket);
+      }
+      at += 9 + (size_t{byte(0)} << 16 | size_t{byte(1)} << 8 | byte(2));
+    }
+    const ssize_t count = recv(socket, bytes, sizeof bytes, 0);
+    if (count <= 0) return;
+    read.append(bytes, static_cast<size_t>(count));
+  }
+}
+
+TEST(ServerErrors, NothingListens) {
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"health"}, {"info"}}) {
+    std::vector<std::string> arguments = command;
+    arguments.insert(arguments.end(), {"--server", "127.0.0.1:1"});
+    expect_failure(
+        candela(arguments),
+        "cannot reach 127.0.0.1:1: nothing listens there; start one with candelad --listen 127.0.0.1:1, or "
+        "name another server");
+  }
+  expect_failure(candela({"info", "--server", "unix:/no/such/socket"}), "there is no such socket");
+}
+
+TEST(ServerErrors, NoMachineHasTheName) {
+  const Outcome outcome = candela({"health", "--server", "no-such-host.invalid:1"});
+  // Without a network there may be no answer about the name either.
+  expect_failure(outcome,
+                 says(outcome.err, "no machine") ? "no machine has this name; check the name" : "looked up");
+}
+
+TEST(ServerErrors, SomethingElseListens) {
+  const RawServer http1(speak_http1);
+  expect_failure(candela({"health", "--server", http1.address()}), "it does not speak gRPC; check the port");
+  const RawServer not_found([](int socket) { answer_http2(socket, "\x8d"); });
+  expect_failure(candela({"health", "--server", not_found.address()}),
+                 not_found.address() + " is a web server and no candelad (HTTP status 404)");
+  const RawServer proxy([](int socket) {
+    answer_http2(socket,
+                 "\x48\x03"
+                 "503");
+  });
+  expect_failure(candela({"info", "--server", proxy.address()}), "is a proxy that reaches no candelad now");
+  const RawServer hangs(read_to_end);
+  expect_failure(candela({"health", "--server", hangs.address(), "--timeout", "0.3"}), "no answer from");
+  const RawServer closes([](int) {});
+  expect_failure(candela({"health", "--server", closes.address()}), "it closed the connection at once");
+}
+
+TEST(ServerErrors, TlsAndNoTlsAreToldApart) {
+  const TemporaryFolder folder;
+  const testing::TestCa ca("Candela test CA");
+  const testing::Issued issued = ca.issue("server");
+  for (const auto& [name, text] :
+       {std::pair("ca.pem", ca.cert()), {"server.pem", issued.cert}, {"server.key", issued.key}}) {
+    write_file(folder.path(name), text);
+    ASSERT_EQ(chmod(folder.path(name).c_str(), S_IRUSR | S_IWUSR), 0);
+  }
+  const ListeningDaemon secure(
+      {"--tls-cert", folder.path("server.pem"), "--tls-key", folder.path("server.key")});
+  expect_failure(candela({"health", "--server", secure.address()}), "speaks TLS and the client did not");
+  const ListeningDaemon plain;
+  expect_failure(candela({"health", "--server", plain.address(), "--tls-ca", folder.path("ca.pem")}),
+                 "does not speak TLS");
+}
+
+TEST(ServerErrors, ATokenThatIsNotTakenIsNamedByItsFile) {
+  const TemporaryFolder folder;
+  for (const auto& [name, token] :
+       {std::pair("tokens", "0123456789abcdef\n"), {"token", "fedcba9876543210\n"}}) {
+    write_file(folder.path(name), token);
+    ASSERT_EQ(chmod(folder.path(name).c_str(), S_IRUSR | S_IWUSR), 0);
+  }
+  const ListeningDaemon daemon({"--token-file", folder.path("tokens")});
+  expect_failure(candela({"info", "--server", daemon.address()}), "this server requires a token");
+  expect_failure(candela({"info", "--server", daemon.address(), "--token-file", folder.path("token")}),
+                 "does not accept the token in " + folder.path("token"));
+}
+
+TEST(ServerVariables, ItStandsForTheOption) {
+  const ListeningDaemon daemon;
+  ASSERT_NE(daemon.address(), "");
+  const TemporaryFolder folder;
+  write_small_exr(folder.path("in.exr"));
+  {
+    const ServerVariable variable(daemon.address() + ",127.0.0.1:1");
+    EXPECT_EQ(candela({"health"}).out, "SERVING\n");
+    EXPECT_EQ(candela_json({"info"}).at("address"), daemon.address());
+    for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+             {"render", folder.path("in.exr"), folder.path("out.png"), "-q"},
+             {"stream", folder.path("in.exr"), folder.path("out_%d.png"), "-q"},
+             {"meter", folder.path("in.exr")}}) {
+      const Outcome outcome = candela(command);
+      EXPECT_EQ(outcome.code, 0) << outcome.err;
+    }
+    EXPECT_EQ(candela_json({"info"}).at("frames_rendered"), 3);
+    expect_failure(candela({"info", "--server", "127.0.0.1:1"}), "name another server\n");
+    EXPECT_EQ(candela_json({"info", "--device", "0"}).at("address"), "");
+  }
+  const ServerVariable none("");
+  EXPECT_EQ(candela_json({"info"}).at("address"), "");
+}
+
+TEST(ServerVariables, ASessionMovesAlongItsList) {
+  const ListeningDaemon daemon;
+  const TemporaryFolder folder;
+  write_small_exr(folder.path("in.exr"));
+  const ServerVariable variable("127.0.0.1:1," + daemon.address());
+  const Outcome outcome = candela({"stream", folder.path("in.exr"), folder.path("out_%d.png"), "-q"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+}
+
+TEST(ServerVariables, ErrorsSayThatTheAddressIsFromIt) {
+  {
+    const ServerVariable variable("127.0.0.1:1");
+    expect_failure(candela({"info"}), "cannot reach 127.0.0.1:1: nothing listens there");
+    expect_failure(candela({"info"}), "(the address is from CANDELA_SERVER)\n");
+    expect_failure(candela({"health"}), "(the address is from CANDELA_SERVER)\n");
+  }
+  for (const auto& [value, words] :
+       {std::pair("nowhere", "neither HOST:PORT"), {"a:1,,b:2", "CANDELA_SERVER is \"a:1,,b:2\""}}) {
+    const ServerVariable variable(value);
+    const Outcome outcome = candela({"info"});
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_TRUE(says(outcome.err, words) && says(outcome.err, "CANDELA_SERVER")) << outcome.err;
+  }
+}
+
+TEST(Health, AsksWhereCandeladListensByDefault) {
+  const Outcome outcome = candela({"health"});
+  if (outcome.code == 0) {  // this machine's own candelad answers
+    EXPECT_EQ(outcome.out, "SERVING\n");
+    return;
+  }
+  expect_failure(outcome, "127.0.0.1:50051");
+  EXPECT_TRUE(says(outcome.err, "(the address is candelad's default; --server names another)"))
+      << outcome.err;
+}
+
+}  // namespace
+}  // namespace candela
