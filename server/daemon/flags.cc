@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "proto/candela/v1/address.h"
+#include "proto/candela/v1/near_words.h"
 #include "server/base/units.h"
 #include "server/daemon/config_file.h"
 #include "server/option_table.h"
@@ -111,12 +112,29 @@ absl::Status check_value(const Option& option, const std::string& value) {
   return check_ranges(config);
 }
 
-// Without this, CLI11 would let the file override the environment.
-void apply_environment(CLI::App& app) {
-  for (CLI::Option* option : app.get_options()) {
-    const char* value = option->get_envname().empty() ? nullptr : std::getenv(option->get_envname().c_str());
-    if (value != nullptr && *value != '\0') option->add_result(value);
+// Without this, CLI11 would let the file override the environment. Fails for a variable whose value its
+// option refuses.
+absl::Status apply_environment(CLI::App& app) {
+  for (const Option& option : option_table()) {
+    const std::string name = variable_name(option);
+    const char* value = std::getenv(name.c_str());
+    if (value == nullptr || *value == '\0') continue;
+    if (absl::Status status = check_value(option, value); !status.ok()) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": ", status.message()));
+    }
+    app.get_option(absl::StrCat("--", option.name))->add_result(value);
   }
+  return absl::OkStatus();
+}
+
+// Suggests an option for a word that CLI11 does not know.
+std::string unknown_argument(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) names.push_back(option->get_name());
+  const std::string word = app.remaining().empty() ? "" : app.remaining().front();
+  const std::string meant = v1::did_you_mean(v1::near_words(word, names));
+  return absl::StrFormat("unknown argument \"%s\"; %ssee candelad --help", word,
+                         meant.empty() ? "" : meant + " ");
 }
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -143,7 +161,8 @@ absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   app.add_flag("--list-devices", invocation.list_devices, "List the Vulkan devices and exit")
       ->configurable(false);
   app.set_version_flag("--version", "candelad " CANDELA_VERSION, "Print the version and exit");
-  app.preparse_callback([&app](size_t) { apply_environment(app); });
+  absl::Status environment;
+  app.preparse_callback([&](size_t) { environment = apply_environment(app); });
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp&) {
@@ -159,10 +178,14 @@ absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   } catch (const ConfigLineError& error) {
     return absl::InvalidArgumentError(
         absl::StrFormat("%s:%d: %s", app.get_config_ptr()->as<std::string>(), error.line, error.what));
+  } catch (const CLI::ExtrasError&) {
+    return absl::InvalidArgumentError(unknown_argument(app));
   } catch (const CLI::Error& error) {
+    if (!environment.ok()) return environment;
     return absl::InvalidArgumentError(first_line(error.what()) + "; see candelad --help");
   }
-  if (absl::Status status = check_config(invocation.config); !status.ok()) return status;
+  environment.Update(check_config(invocation.config));
+  if (!environment.ok()) return environment;
   if (print_config) invocation.text = annotated_file(defaults);
   return invocation;
 }

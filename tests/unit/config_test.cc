@@ -4,6 +4,7 @@
 
 #include <cstdlib>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -149,7 +150,8 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
       {{"--tls-client-ca", "ca"}, "tls-client-ca"},
       {{"--log-level", "loud"}, "log-level"},
       {{"--listen", "nowhere"}, "nowhere"},
-      {{"--lisen", "127.0.0.1:1"}, "--lisen"},
+      {{"--lisen", "127.0.0.1:1"}, "unknown argument \"--lisen\"; did you mean --listen? see"},
+      {{"serve"}, "unknown argument \"serve\"; see candelad --help"},
       {{"--config", "/no/such/file"}, "/no/such/file"},
       {{"--config", unknown_key.path().c_str()}, "max-cals"},
   };
@@ -184,6 +186,21 @@ TEST(Config, AnErrorInTheFileNamesItsLineAndKey) {
     EXPECT_TRUE(absl::IsInvalidArgument(status)) << text;
     EXPECT_EQ(std::string(status.message()).find(file.path() + words), 0u) << status;
     EXPECT_EQ(std::string(status.message()).find('\n'), std::string::npos) << status;
+  }
+}
+
+TEST(Config, AnErrorInAVariableNamesIt) {
+  for (const auto& [name, value, words] : std::vector<std::tuple<const char*, const char*, std::string>>{
+           {"CANDELA_MAX_CALLS", "many",
+            "CANDELA_MAX_CALLS: max-calls is \"many\": it must be a whole number"},
+           {"CANDELA_MAX_CALLS", "0", "CANDELA_MAX_CALLS: max-calls is 0; it must be 1 .. 4096"},
+           {"CANDELA_INSECURE", "perhaps",
+            "CANDELA_INSECURE: insecure is \"perhaps\": it must be true or false"},
+           {"CANDELA_IDLE_TIMEOUT", "60", "CANDELA_IDLE_TIMEOUT: idle-timeout is \"60\": "}}) {
+    const Variable variable(name, value);
+    const absl::Status status = parse({}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << name;
+    EXPECT_EQ(std::string(status.message()).find(words), 0u) << status;
   }
 }
 

@@ -133,6 +133,8 @@ void add_health(CLI::App& app, HealthOptions& health) {
 void define(CLI::App& app, Arguments& arguments) {
   app.require_subcommand(0, 1);
   app.get_formatter()->column_width(32);
+  app.get_formatter()->label("SUBCOMMAND", "COMMAND");
+  app.get_formatter()->label("Positionals", "Arguments");
   app.set_help_flag("--help,-h", "Print this help and exit");
   app.set_version_flag("--version", "candela " CANDELA_VERSION, "Print the version and exit");
   CLI::App& render = *app.add_subcommand("render", "Renders an HDR image: exposure, bloom, tone curve.");
@@ -167,12 +169,17 @@ void define(CLI::App& app, Arguments& arguments) {
   app.add_subcommand("help", "Prints the help of a command.")
       ->add_option("COMMAND", arguments.help, "One of the commands (default: all of them, in short)")
       ->option_text(" ");
+  for (CLI::App* command : app.get_subcommands({})) command->group("Commands");
   app.footer(kExamples);
 }
 
-// CLI11 leaves two empty lines between sections, and marks OUT as repeatable with the inputs.
-std::string help(const CLI::App& app, const std::string& before = "") {
-  return absl::StrReplaceAll(app.help(before), {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
+// The help of a command, or of the whole program for null. CLI11 leaves two empty lines between sections, and
+// marks OUT as repeatable with the inputs.
+std::string help(const CLI::App& app, const CLI::App* command) {
+  const CLI::App& shown = command == nullptr ? app : *command;
+  const std::string name = command == nullptr ? app.get_name() : app.get_name() + " " + command->get_name();
+  const std::string text = app.get_formatter()->make_help(&shown, name, CLI::AppFormatMode::Normal);
+  return absl::StrReplaceAll(text, {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
 }
 
 absl::Status finish_sample_options(const SampleOptions& sample) {
@@ -250,11 +257,11 @@ absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<
 }
 
 absl::StatusOr<Invocation> finish_help(const CLI::App& app, const std::string& command) {
-  if (command.empty()) return TextToPrint{help(app)};
+  if (command.empty()) return TextToPrint{help(app, nullptr)};
   const auto named = [&command](const CLI::App* known) { return known->check_name(command); };
   const std::vector<const CLI::App*> found = app.get_subcommands(named);
   if (found.empty()) return unknown_word("command", command, command_names(app));
-  return TextToPrint{help(*found.front(), app.get_name())};
+  return TextToPrint{help(app, found.front())};
 }
 
 absl::StatusOr<Invocation> finish_health(HealthOptions health) {
@@ -289,7 +296,7 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, const std::vector<std::st
   }
   if (app.got_subcommand("health")) return finish_health(std::move(arguments.health));
   if (app.got_subcommand("help")) return finish_help(app, arguments.help);
-  return TextToPrint{help(app)};
+  return TextToPrint{help(app, nullptr)};
 }
 
 // CLI11's own message, in one line.
@@ -319,7 +326,8 @@ absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv)
     app.parse(argc, argv);
     return finish(app, words, arguments);
   } catch (const CLI::CallForHelp&) {
-    return TextToPrint{help(app)};
+    const std::vector<CLI::App*> commands = app.get_subcommands();
+    return TextToPrint{help(app, commands.empty() ? nullptr : commands.front())};
   } catch (const CLI::CallForVersion& version) {
     return TextToPrint{absl::StrFormat("%s\n", version.what())};
   } catch (const CLI::Error& error) {

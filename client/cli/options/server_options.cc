@@ -82,10 +82,13 @@ void add_running_server_option(CLI::App& app, const std::string& section, Server
 void add_security_options(CLI::App& app, const std::string& section, ClientSecurity& security) {
   const auto add = [&app, &section](const char* name, const char* variable, const char* placeholder,
                                     std::string& value, const std::string& help) {
-    add_text(app, section, name, placeholder, help + ", or $" + variable, value)->envname(variable);
+    add_text(app, section, name, placeholder, help + " (default: $" + variable + ")", value)
+        ->envname(variable);
   };
-  app.add_flag("--tls", security.tls,
-               "Use TLS and trust this system's CAs, or $CANDELA_CLIENT_TLS; unix:PATH needs no TLS")
+  app.add_flag(
+         "--tls", security.tls,
+         "Use TLS and trust this system's CAs; $CANDELA_CLIENT_TLS=true does the same; unix:PATH has no TLS")
+      ->option_text(" ")
       ->group(section)
       ->envname(v1::kTlsVariable);
   add("--tls-ca", v1::kTlsCaVariable, "FILE", security.ca_file, "Use TLS and trust the CAs in this PEM file");
