@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_format.h"
+#include "server/encode/icc_profile.h"
 #include "server/encode/picture.h"
 
 namespace candela {
@@ -35,7 +36,7 @@ struct Encoded {
 
 // False on failure. It has no locals with destructors, because libjpeg leaves it by longjmp.
 bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const PictureView& picture,
-            int quality) {
+            int quality, const std::string& profile) {
   codec.err = jpeg_std_error(&failure.manager);
   failure.manager.error_exit = on_error;
   failure.manager.output_message = on_message;
@@ -56,6 +57,10 @@ bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const P
   codec.X_density = picture.aspect_height;
   codec.Y_density = picture.aspect_width;
   jpeg_start_compress(&codec, TRUE);
+  if (!profile.empty()) {
+    jpeg_write_icc_profile(&codec, reinterpret_cast<const JOCTET*>(profile.data()),
+                           static_cast<unsigned>(profile.size()));
+  }
   for (uint32_t y = 0; y < picture.height; ++y) {
     auto* row = reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(picture.row(y)));
     jpeg_write_scanlines(&codec, &row, 1);
@@ -66,11 +71,11 @@ bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const P
 
 }  // namespace
 
-absl::Status encode_jpeg(const PictureView& picture, int quality, ByteSink sink) {
+absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink) {
   jpeg_compress_struct codec{};
   Failure failure;
   Encoded encoded;
-  const bool whole = encode(codec, failure, encoded, picture, quality);
+  const bool whole = encode(codec, failure, encoded, picture, options.quality, icc_profile(options.transfer));
   jpeg_destroy_compress(&codec);
   if (!whole) {
     // Do not free encoded.bytes: libjpeg may have freed them already while growing the buffer. A rare leak is

@@ -41,8 +41,14 @@ struct PngOptions {
 // Writes colour as it is, not divided by alpha. INTERNAL with libpng's reason, or if the sink returned false.
 absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink);
 
+struct JpegOptions {
+  int quality = 92;  // 1 .. 100
+  // The file carries an ICC profile of it, or none if it is unknown.
+  EncodedTransfer transfer = EncodedTransfer::kSrgb;
+};
+
 // Keeps colour at full resolution (4:4:4), because lamps on a dark background smear otherwise. `picture` must
-// not be wide; `quality` is 1 .. 100. INTERNAL with libjpeg's reason, or if the sink returned false.
-absl::Status encode_jpeg(const PictureView& picture, int quality, ByteSink sink);
+// not be wide. INTERNAL with libjpeg's reason, or if the sink returned false.
+absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink);
 
 }  // namespace candela

@@ -49,7 +49,7 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
   };
   absl::Status status;
   if (encoding == v1::ENCODING_JPEG) {
-    status = encode_jpeg(picture, quality, append);
+    status = encode_jpeg(picture, {quality, encoded_transfer(output_transfer(*settings))}, append);
   } else {
     const bool alpha = picture.wide ? alpha_varies<uint16_t>(picture) : alpha_varies<uint8_t>(picture);
     status = encode_png(picture, {alpha, encoded_transfer(output_transfer(*settings))}, append);

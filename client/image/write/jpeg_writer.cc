@@ -14,7 +14,7 @@ absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions
         absl::StrFormat("%s: JPEG quality %d is not within 1 .. 100", file.path(), options.jpeg_quality));
   }
   const absl::Status status =
-      encode_jpeg(picture_of(image), options.jpeg_quality,
+      encode_jpeg(picture_of(image), {options.jpeg_quality, options.transfer},
                   [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
   if (!status.ok() && !file.failed()) {
     return absl::InternalError(absl::StrFormat("%s: %s", file.path(), status.message()));
