@@ -69,15 +69,28 @@ std::string printable(absl::string_view text, size_t most) {
   return result;
 }
 
-absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits) {
+absl::StatusOr<FileKind> file_kind(FileReader& file) {
+  const std::string magic = file.peek(4);
+  if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
+  if (magic.starts_with("#?")) return FileKind::kRadiance;
+  if (magic.starts_with("PF") || magic.starts_with("Pf")) return FileKind::kPfm;
+  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
+  return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
+}
+
+absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits,
+                                 const PictureChoice& choice) {
   absl::StatusOr<FileReader> file = FileReader::open(path);
   if (!file.ok()) return file.status();
-  const std::string magic = file->peek(4);
-  if (magic == "\x76\x2f\x31\x01") return read_exr(*file, limits);
-  if (magic.starts_with("#?")) return read_radiance(*file, limits);
-  if (magic.starts_with("PF") || magic.starts_with("Pf")) return read_pfm(*file, limits);
-  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", path));
-  return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", path));
+  const absl::StatusOr<FileKind> kind = file_kind(*file);
+  if (!kind.ok()) return kind.status();
+  if (*kind == FileKind::kExr) return read_exr(*file, limits, choice);
+  if (!choice.empty()) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture", path,
+        *kind == FileKind::kRadiance ? "Radiance" : "PFM"));
+  }
+  return *kind == FileKind::kRadiance ? read_radiance(*file, limits) : read_pfm(*file, limits);
 }
 
 }  // namespace candela

@@ -34,12 +34,13 @@ struct Image {
   uint32_t width = 0;
   uint32_t height = 0;
   ImageFormat format = ImageFormat::kRgba16f;
-  PixelBuffer pixels;         // bytes() bytes
-  bool has_alpha = false;     // false: every alpha is 1
-  double pixel_aspect = 1.0;  // width / height of one pixel
+  PixelBuffer pixels;                   // bytes() bytes
+  bool has_alpha = false;               // false: every alpha is 1
+  double pixel_aspect = 1.0;            // width / height of one pixel
   std::optional<FrameRate> frame_rate;  // of the sequence that the image belongs to
   // CIE 1931 xy of red, green, blue and white: rx ry gx gy bx by wx wy. Without them: Rec.709 and D65.
   std::optional<std::array<float, 8>> chromaticities;
+  bool names_primaries = false;    // the file says what its primaries are, which may be Rec.709
   std::vector<std::string> notes;  // messages for the user, such as "EXPOSURE 0.5 divided out"
 
   uint64_t row_bytes() const { return uint64_t{width} * bytes_per_pixel(format); }
@@ -60,12 +61,24 @@ struct ImageLimits {
   uint64_t max_chunk_bytes = 256u << 20;
 };
 
+// Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the first
+// part, view and layer with colour.
+struct PictureChoice {
+  std::string part{};   // its name, or its number, counted from 1
+  std::string layer{};  // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey
+  std::string view{};   // of a stereo or multi-view file, such as "left"
+
+  bool empty() const { return part.empty() && layer.empty() && view.empty(); }
+};
+
 // Reads an OpenEXR, Radiance or PFM file; its first bytes tell the kind, not its name. Half-float files
 // become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and radiance_reader.cc say
-// what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND,
-// PERMISSION_DENIED, INVALID_ARGUMENT (not an image, damaged, nothing to render), RESOURCE_EXHAUSTED (beyond
-// the limits) or UNIMPLEMENTED (deep images).
-absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {});
+// what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND (also for a
+// part, layer or view, with a list of those that exist), PERMISSION_DENIED, INVALID_ARGUMENT (not an image,
+// damaged, nothing to render, nothing to choose from), RESOURCE_EXHAUSTED (beyond the limits) or
+// UNIMPLEMENTED (deep images).
+absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
+                                 const PictureChoice& choice = {});
 
 enum class OutputKind { kPng, kJpeg, kExr, kPfm };
 
@@ -78,8 +91,8 @@ absl::StatusOr<OutputKind> output_kind(const std::string& path);
 absl::StatusOr<OutputKind> check_output_path(const std::string& path);
 
 struct WriteOptions {
-  // The transfer of the integer formats. A PNG gets an sRGB or gAMA chunk that says so, or none if it is
-  // unknown.
+  // The transfer of the integer formats. A PNG gets an sRGB chunk, or gAMA and cHRM chunks, that say so, and
+  // a JPEG an ICC profile. Neither gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   int jpeg_quality = 92;  // 1..100
   // Keywords (1..79 characters) and texts for a PNG's tEXt chunks, in Latin-1. Other formats ignore them.

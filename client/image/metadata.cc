@@ -3,12 +3,11 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "client/image/primaries.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
 namespace {
-
-constexpr std::array<float, 8> kRec709{0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
 
 // Whether the primaries span a plane and can be mixed to white.
 bool has_matrix(const std::array<float, 8>& xy) {
@@ -37,7 +36,8 @@ void set_chromaticities(const std::array<float, 8>& xy, Image& image) {
         "the file's chromaticities are singular and were ignored; its colours are taken as Rec.709");
     return;
   }
-  const bool rec709 = std::equal(xy.begin(), xy.end(), kRec709.begin(),
+  image.names_primaries = true;
+  const bool rec709 = std::equal(xy.begin(), xy.end(), kRec709.xy.begin(),
                                  [](float a, float b) { return std::fabs(a - b) <= 1e-4f; });
   if (!rec709) image.chromaticities = xy;
 }

@@ -13,6 +13,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "client/image/describe.h"
 #include "client/image/image.h"
 #include "tests/fuzz/expect.h"
 
@@ -57,6 +58,20 @@ void check_image(const Image& image) {
   }
 }
 
+void check_description(const FileFacts& facts) {
+  for (const PartFacts& part : facts.parts) {
+    expect(is_plain(part.name), "a part's name is plain text", part.name);
+    for (const auto* names : {&part.views, &part.layers}) {
+      for (const std::string& name : *names) expect(is_plain(name), "a view or layer is plain text", name);
+    }
+    for (const ChannelFacts& channel : part.channels) {
+      expect(is_plain(channel.name), "a channel's name is plain text", channel.name);
+    }
+  }
+  expect(is_plain(facts.shown), "what is shown is plain text", facts.shown);
+  for (const std::string& note : facts.notes) expect(is_plain(note), "a note is plain text", note);
+}
+
 void check_error(const absl::Status& status, const std::string& path) {
   const absl::StatusCode code = status.code();
   expect(code == absl::StatusCode::kInvalidArgument || code == absl::StatusCode::kResourceExhausted ||
@@ -78,6 +93,24 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     check_image(*image);
   } else {
     check_error(image.status(), file.path());
+  }
+  const absl::StatusOr<FileFacts> facts = describe_image(file.path(), kLimits);
+  if (facts.ok()) {
+    check_description(*facts);
+    if (!facts->renderable.ok()) check_error(facts->renderable, file.path());
+    expect(!image.ok() || facts->renderable.ok(), "what can be read is described as such");
+    // Every part can be chosen, or says why not.
+    for (size_t part = 2; part <= std::min<size_t>(facts->parts.size(), 4); ++part) {
+      const absl::StatusOr<Image> chosen = read_image(file.path(), kLimits, {.part = std::to_string(part)});
+      if (chosen.ok()) {
+        check_image(*chosen);
+      } else {
+        check_error(chosen.status(), file.path());
+      }
+    }
+  } else {
+    check_error(facts.status(), file.path());
+    expect(!image.ok(), "what can be read can be described");
   }
   return 0;
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/image/describe.h"
 #include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
@@ -173,6 +174,43 @@ TEST_F(ImageData, WindowsShowTheSamePixelsMoved) {
   moved("t13.exr", 399, 299);
   moved("t15.exr", -40, -40);
   EXPECT_EQ(read("display_window/t15.exr").pixel_aspect, 1.5);
+}
+
+TEST_F(ImageData, EveryViewOfAStereoFileIsTheSameInOnePartAndInMany) {
+  const std::string single = root_ + "/sequence/beachball/singlepart.0001.exr",
+                    multi = root_ + "/sequence/beachball_multipart/multipart.0001.exr";
+  std::vector<Image> views;
+  for (const char* view : {"left", "right"}) {
+    const absl::StatusOr<Image> one = read_image(single, {}, {.view = view});
+    absl::StatusOr<Image> many = read_image(multi, {}, {.view = view});
+    ASSERT_TRUE(one.ok()) << one.status();
+    ASSERT_TRUE(many.ok()) << many.status();
+    EXPECT_TRUE(same_pixels(*one, *many)) << view;
+    views.push_back(*std::move(many));
+  }
+  EXPECT_FALSE(same_pixels(views[0], views[1]));
+}
+
+TEST_F(ImageData, EveryViewAndPartIsListedAndCanBeChosen) {
+  const std::string path = root_ + "/exr/Adjuster.exr";
+  absl::StatusOr<FileFacts> facts = describe_image(path);
+  ASSERT_TRUE(facts.ok()) << facts.status();
+  EXPECT_EQ(facts->parts[0].views.size(), 3u);
+  for (const std::string& view : facts->parts[0].views) {
+    EXPECT_TRUE(read_image(path, {}, {.view = view}).ok()) << view;
+  }
+  const std::string multi = root_ + "/sequence/beachball_multipart/multipart.0001.exr";
+  facts = describe_image(multi);
+  ASSERT_TRUE(facts.ok()) << facts.status();
+  ASSERT_EQ(facts->parts.size(), 10u);
+  for (const PartFacts& part : facts->parts) {
+    // A part of motion vectors has two channels, which are no picture; each of them can be chosen.
+    const absl::StatusOr<Image> image = read_image(multi, {}, {.part = part.name});
+    EXPECT_EQ(image.ok(), part.channels.size() != 2) << part.name << ": " << image.status();
+    for (const ChannelFacts& channel : part.channels) {
+      EXPECT_TRUE(read_image(multi, {}, {.part = part.name, .layer = channel.name}).ok()) << channel.name;
+    }
+  }
 }
 
 TEST_F(ImageData, AMultiPartFileShowsWhatTheSinglePartOneDoes) {

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <lcms2.h>
 #include <png.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -41,7 +42,7 @@ Image test_image(uint32_t width, uint32_t height, ImageFormat format, bool alpha
 struct Png {
   uint32_t width = 0, height = 0;
   int depth = 0, channels = 0, srgb = 0;
-  double gamma = 0;
+  double gamma = 0, red_x = 0;
   uint32_t density_x = 0, density_y = 0;
   std::vector<uint8_t> rows;  // 16 bit: big endian
 
@@ -65,6 +66,8 @@ Png read_png(const std::string& path) {
   int intent = 0, unit = 0;
   out.srgb = png_get_sRGB(png, info, &intent) != 0;
   png_get_gAMA(png, info, &out.gamma);
+  double ignored = 0;
+  png_get_cHRM(png, info, &ignored, &ignored, &out.red_x, &ignored, &ignored, &ignored, &ignored, &ignored);
   png_get_pHYs(png, info, &out.density_x, &out.density_y, &unit);
   const size_t row_bytes = png_get_rowbytes(png, info);
   out.rows.resize(row_bytes * out.height);
@@ -119,8 +122,11 @@ TEST_F(ImageWriter, SaysInAPngHowItIsEncodedAndWhatShapeItsPixelsHave) {
   png = read_png(folder_.path("out.png"));
   EXPECT_FALSE(png.srgb);
   EXPECT_NEAR(png.gamma, 1 / 2.2, 1e-4);
+  EXPECT_NEAR(png.red_x, 0.64, 1e-4);
   write("out.png", image, {.transfer = EncodedTransfer::kLinear});
   EXPECT_NEAR(read_png(folder_.path("out.png")).gamma, 1.0, 1e-4);
+  write("deep.png", test_image(2, 2, ImageFormat::kRgba16, false));
+  EXPECT_TRUE(read_png(folder_.path("deep.png")).srgb);
 }
 
 TEST_F(ImageWriter, DropsAnAlphaThatWouldHideTheWholePicture) {
@@ -173,11 +179,71 @@ TEST_F(ImageWriter, WritesJpegAtFullChromaWithItsAspect) {
   std::fclose(file);
 }
 
+// The ICC profile in a JPEG file.
+std::string profile_in(const std::string& path) {
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  jpeg_decompress_struct codec{};
+  jpeg_error_mgr errors{};
+  codec.err = jpeg_std_error(&errors);
+  jpeg_create_decompress(&codec);
+  jpeg_stdio_src(&codec, file);
+  jpeg_save_markers(&codec, JPEG_APP0 + 2, 0xffff);
+  jpeg_read_header(&codec, TRUE);
+  JOCTET* bytes = nullptr;
+  unsigned size = 0;
+  std::string profile;
+  if (jpeg_read_icc_profile(&codec, &bytes, &size)) profile.assign(reinterpret_cast<char*>(bytes), size);
+  std::free(bytes);
+  jpeg_destroy_decompress(&codec);
+  std::fclose(file);
+  return profile;
+}
+
+TEST_F(ImageWriter, AJpegCarriesTheProfileOfItsTransfer) {
+  const Image image = test_image(4, 4, ImageFormat::kRgba8, false);
+  for (const auto& [transfer, code] :
+       std::vector<std::pair<EncodedTransfer, double>>{{EncodedTransfer::kSrgb, 188},
+                                                       {EncodedTransfer::kGamma22, 186},
+                                                       {EncodedTransfer::kLinear, 128}}) {
+    write("a.jpg", image, {.transfer = transfer});
+    const std::string profile = profile_in(folder_.path("a.jpg"));
+    ASSERT_LT(profile.size(), 1000u);
+    // Half the light of the screen's white has `code` in that transfer; sRGB has 188.
+    cmsHPROFILE from = cmsOpenProfileFromMem(profile.data(), static_cast<cmsUInt32Number>(profile.size()));
+    ASSERT_NE(from, nullptr);
+    cmsHPROFILE to = cmsCreate_sRGBProfile();
+    cmsHTRANSFORM transform =
+        cmsCreateTransform(from, TYPE_RGB_8, to, TYPE_RGB_8, INTENT_RELATIVE_COLORIMETRIC, cmsFLAGS_NOCACHE);
+    ASSERT_NE(transform, nullptr);
+    const auto value = static_cast<uint8_t>(code);
+    const uint8_t in[] = {value, value, value, 255, 0, 0};
+    uint8_t out[6] = {};
+    cmsDoTransform(transform, in, out, 2);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(out[c], 188, 1) << code;
+    const int red[] = {255, 0, 0};  // the same primaries
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(out[3 + c], red[c], 1) << code;
+    cmsDeleteTransform(transform);
+    cmsCloseProfile(from);
+    cmsCloseProfile(to);
+  }
+  write("unknown.jpg", image, {.transfer = EncodedTransfer::kUnknown});
+  EXPECT_EQ(profile_in(folder_.path("unknown.jpg")), "");
+}
+
+TEST_F(ImageWriter, TheSameJpegIsTheSameBytesAtAnyTime) {
+  const Image image = test_image(4, 4, ImageFormat::kRgba8, false);
+  write("a.jpg", image);
+  // The date in an ICC profile's header: 1 January 2010, 0:00.
+  EXPECT_EQ(profile_in(folder_.path("a.jpg")).substr(24, 12),
+            std::string("\x07\xda\0\1\0\1\0\0\0\0\0\0", 12));
+}
+
 TEST_F(ImageWriter, RoundTripsOpenExrBitForBit) {
   for (const auto format : {ImageFormat::kRgba16f, ImageFormat::kRgba32f}) {
     for (const bool alpha : {false, true}) {
       Image image = test_image(33, 19, format, alpha);
       image.pixel_aspect = 2;
+      image.frame_rate = FrameRate{24000, 1001};
       for (size_t x = 0; !alpha && x < 33 * 19; ++x) {
         const uint16_t half_one = 0x3c00;
         const float one = 1;
@@ -191,6 +257,8 @@ TEST_F(ImageWriter, RoundTripsOpenExrBitForBit) {
       EXPECT_TRUE(same_pixels(image, *back));
       EXPECT_EQ(back->has_alpha, alpha);
       EXPECT_EQ(back->pixel_aspect, 2);
+      EXPECT_EQ(back->frame_rate, image.frame_rate);
+      EXPECT_TRUE(back->names_primaries);
       EXPECT_FALSE(back->chromaticities.has_value());
     }
   }

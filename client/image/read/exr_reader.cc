@@ -1,125 +1,32 @@
 // Reads OpenEXR files.
 //
 // Choices: the display window is the picture, and its pixels outside the data window are 0 with alpha 0. Of
-// several parts the first with colour is used, of several levels the largest. Unsigned integers are plain
-// values. Deep images are refused. Luminance-chroma files go through OpenEXR's own RGBA interface, which has
-// the chroma filters and weighs Y by the file's chromaticities.
+// several levels the largest is used. Unsigned integers are plain values. Deep images are refused.
+// exr_choice.h chooses the part and its channels. Luminance-chroma parts go through OpenEXR's own RGBA
+// interface, which has the chroma filters and weighs Y by the part's chromaticities.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfChromaticitiesAttribute.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
-#include <OpenEXR/ImfPartType.h>
-#include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 
 #include <algorithm>
-#include <exception>
-#include <new>
+#include <iterator>
 
+#include "absl/algorithm/container.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_replace.h"
-#include "client/image/read/exr_channels.h"
-#include "client/image/read/exr_header.h"
+#include "client/image/read/exr_checks.h"
+#include "client/image/read/exr_choice.h"
+#include "client/image/read/exr_file.h"
+#include "client/image/read/exr_luma_chroma.h"
 #include "client/image/read/exr_windows.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
 namespace {
-
-constexpr size_t kMaxLibraryText = 1000;  // characters of an OpenEXR error that are passed on
-
-struct Part {
-  int index = 0;
-  ExrChannels channels;
-};
-
-absl::StatusOr<Part> choose_part(const std::string& path, const Imf::MultiPartInputFile& file) {
-  bool deep = false;
-  for (const bool lone : {false, true}) {
-    for (int i = 0; i < file.parts(); ++i) {
-      const Imf::Header& header = file.header(i);
-      if (header.hasType() && Imf::isDeepData(header.type())) {
-        deep = true;
-      } else if (auto channels = choose_exr_channels(header.channels(), lone)) {
-        return Part{i, *std::move(channels)};
-      }
-    }
-  }
-  if (deep) {
-    return absl::UnimplementedError(
-        absl::StrFormat("%s: this is a deep image, which cannot be rendered; flatten it first", path));
-  }
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s: no colour channels (it has %s); it needs R G B, Y, Y RY BY or a single channel",
-                      path, channel_names(file.header(0).channels())));
-}
-
-// The scan lines in a chunk (https://openexr.com/en/latest/OpenEXRFileLayout.html, "Scan line blocks").
-int64_t rows_of_chunk(Imf::Compression compression) {
-  switch (compression) {
-    case Imf::NO_COMPRESSION:
-    case Imf::RLE_COMPRESSION:
-    case Imf::ZIPS_COMPRESSION:
-      return 1;
-    case Imf::ZIP_COMPRESSION:
-    case Imf::PXR24_COMPRESSION:
-      return 16;
-    case Imf::PIZ_COMPRESSION:
-    case Imf::B44_COMPRESSION:
-    case Imf::B44A_COMPRESSION:
-    case Imf::DWAA_COMPRESSION:
-      return 32;
-    default:
-      return 256;  // DWAB has the tallest chunks
-  }
-}
-
-absl::Status check_chunk(const std::string& path, const Imf::Header& header, const Window& data,
-                         uint64_t max_bytes) {
-  uint64_t pixel_bytes = 0;
-  for (auto i = header.channels().begin(); i != header.channels().end(); ++i) {
-    pixel_bytes += i.channel().type == Imf::HALF ? 2 : 4;
-  }
-  const int64_t rows = std::min(data.height(), rows_of_chunk(header.compression()));
-  auto pixels = static_cast<uint64_t>(data.width() * rows);
-  if (header.hasTileDescription()) {
-    // OpenEXR holds a row of tiles while it returns scan lines from it.
-    const Imf::TileDescription& tile = header.tileDescription();
-    pixels = std::max(uint64_t{tile.xSize}, static_cast<uint64_t>(data.width())) * tile.ySize;
-  }
-  if (pixels > max_bytes || pixels * pixel_bytes > max_bytes) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: its chunks of %d pixels with %d bytes each exceed the limit of %d bytes; "
-                        "store fewer channels or "
-                        "smaller tiles",
-                        path, pixels, pixel_bytes, max_bytes));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status check_sampling(const std::string& path, const Imf::Header& header, const ExrChannels& channels) {
-  for (const std::string& name : {channels.red, channels.green, channels.blue, channels.alpha}) {
-    const Imf::Channel* channel = name.empty() ? nullptr : header.channels().findChannel(name);
-    if (channel != nullptr && (channel->xSampling != 1 || channel->ySampling != 1)) {
-      return absl::UnimplementedError(absl::StrFormat(
-          "%s: channel %s is subsampled %dx%d, but only RY and BY may be; store it at full size", path,
-          printable(name), channel->xSampling, channel->ySampling));
-    }
-  }
-  return absl::OkStatus();
-}
-
-bool is_half(const Imf::Header& header, const ExrChannels& channels) {
-  if (channels.kind == ExrChannels::Kind::kLumaChroma) return true;  // the RGBA interface is half
-  for (const std::string& name : {channels.red, channels.green, channels.blue, channels.alpha}) {
-    const Imf::Channel* channel = name.empty() ? nullptr : header.channels().findChannel(name);
-    if (channel != nullptr && channel->type != Imf::HALF) return false;
-  }
-  return true;
-}
 
 ReadRows rgb_rows(Imf::InputPart& input, const ExrChannels& channels, const Image& image) {
   return [&](char* origin, size_t row_bytes, int64_t y0, int64_t y1) {
@@ -139,13 +46,6 @@ ReadRows rgb_rows(Imf::InputPart& input, const ExrChannels& channels, const Imag
   };
 }
 
-ReadRows luma_chroma_rows(Imf::RgbaInputFile& input) {
-  return [&](char* origin, size_t row_bytes, int64_t y0, int64_t y1) {
-    input.setFrameBuffer(reinterpret_cast<Imf::Rgba*>(origin), 1, row_bytes / sizeof(Imf::Rgba));
-    input.readPixels(static_cast<int>(y0), static_cast<int>(y1));
-  };
-}
-
 void read_attributes(const Imf::Header& header, Image& image) {
   set_pixel_aspect(header.pixelAspectRatio(), image);
   if (Imf::hasFramesPerSecond(header)) {
@@ -159,45 +59,32 @@ void read_attributes(const Imf::Header& header, Image& image) {
   }
 }
 
+bool covers(const Window& data, const Window& display) {
+  return data.x0 <= display.x0 && data.y0 <= display.y0 && data.x1 >= display.x1 && data.y1 >= display.y1;
+}
+
 absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInputFile& file,
-                                     const ImageLimits& limits) {
-  absl::StatusOr<Part> part = choose_part(path, file);
-  if (!part.ok()) return part.status();
-  const ExrChannels& channels = part->channels;
-  const Imf::Header& header = file.header(part->index);
+                                     const ImageLimits& limits, const PictureChoice& choice) {
+  absl::StatusOr<ExrPicture> picture = choose_exr_picture(path, file, choice);
+  if (!picture.ok()) return picture.status();
+  const ExrChannels& channels = picture->channels;
+  const Imf::Header& header = file.header(picture->part);
   const Window data(header.dataWindow()), display(header.displayWindow());
-  const ImageFormat format = is_half(header, channels) ? ImageFormat::kRgba16f : ImageFormat::kRgba32f;
-  absl::Status status = check_image_size(path, "image", display.width(), display.height(), format, limits);
-  status.Update(check_image_size(path, "data window", data.width(), data.height(), format, limits));
-  status.Update(check_chunk(path, header, data, limits.max_chunk_bytes));
-  status.Update(check_sampling(path, header, channels));
-  if (!status.ok()) return status;
+  if (absl::Status status = check_exr_picture(path, header, channels, limits); !status.ok()) return status;
 
   absl::StatusOr<Image> image =
-      make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()), format);
+      make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),
+                 exr_format(header, channels));
   if (!image.ok()) return image;
-  const bool covered =
-      data.x0 <= display.x0 && data.y0 <= display.y0 && data.x1 >= display.x1 && data.y1 >= display.y1;
-  image->has_alpha = !channels.alpha.empty() || !covered;
+  image->has_alpha = !channels.alpha.empty() || !covers(data, display);
   read_attributes(header, *image);
-  if (part->index > 0) {
-    image->notes.push_back(absl::StrFormat("part %d of %d, %s, is shown", part->index + 1, file.parts(),
-                                           header.hasName() ? printable(header.name()) : "unnamed"));
-  }
-  if (!channels.layer.empty())
-    image->notes.push_back(absl::StrFormat("layer %s is shown", printable(channels.layer)));
+  absl::c_move(picture->notes, std::back_inserter(image->notes));
 
   if (channels.kind == ExrChannels::Kind::kLumaChroma) {
-    if (part->index > 0) {
-      return absl::UnimplementedError(
-          absl::StrFormat("%s: luminance-chroma channels can only be read from the first part; these are in "
-                          "part %d; store R G B",
-                          path, part->index + 1));
-    }
-    Imf::RgbaInputFile input(path.c_str(), channels.layer);
-    read_windows(data, display, false, luma_chroma_rows(input), *image);
+    LumaChromaRows rows(path, file, picture->part, channels.prefix, limits.max_bytes);
+    read_windows(data, display, false, rows.reader(), *image);
   } else {
-    Imf::InputPart input(file, part->index);
+    Imf::InputPart input(file, picture->part);
     const bool grey = channels.kind == ExrChannels::Kind::kGrey;
     read_windows(data, display, grey, rgb_rows(input, channels, *image), *image);
   }
@@ -206,24 +93,14 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
 
 }  // namespace
 
-absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits) {
-  if (absl::Status status = check_exr_header(opened); !status.ok()) return status;
-  const std::string& path = opened.path();
-  try {
-    Imf::MultiPartInputFile file(path.c_str());
-    return read_open_file(path, file, limits);
-  } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: not enough memory to decode it; scale it down", path));
-  } catch (const std::exception& error) {
-    // Removes the file's name, which the library adds and our message has already. The text may quote the
-    // file's content.
-    const std::string quoted = absl::StrCat(" \"", path, "\"");
-    const std::string text =
-        absl::StrReplaceAll(error.what(), {{absl::string_view(quoted), ""}, {"\n", " "}});
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: damaged OpenEXR file: %s", path, printable(text, kMaxLibraryText)));
-  }
+absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits, const PictureChoice& choice) {
+  absl::StatusOr<Image> image;
+  const absl::Status status = with_exr_file(opened, [&](Imf::MultiPartInputFile& file) {
+    image = read_open_file(opened.path(), file, limits, choice);
+    return image.status();
+  });
+  if (!status.ok()) return status;
+  return image;
 }
 
 }  // namespace candela

@@ -17,6 +17,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "client/image/primaries.h"
 #include "client/image/read/radiance_scanline.h"
 #include "client/image/read/readers.h"
 
@@ -98,7 +99,7 @@ absl::StatusOr<Resolution> read_resolution(FileReader& file) {
 
 void apply_header(const Header& header, Image& image) {
   if (header.xyz) {
-    image.chromaticities = {1, 0, 0, 1, 0, 0, 1 / 3.0f, 1 / 3.0f};
+    set_chromaticities(kXyz.xy, image);
   } else if (!header.primaries.empty()) {
     std::array<float, 8> xy{};
     const std::vector<std::string> words =

@@ -10,12 +10,19 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "client/image/describe.h"
 #include "client/image/image.h"
 #include "client/image/read/file_reader.h"
 
 namespace candela {
 
-absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits);
+enum class FileKind { kExr, kRadiance, kPfm };
+
+// The kind by the file's first bytes. INVALID_ARGUMENT, with the file's name, for all others.
+absl::StatusOr<FileKind> file_kind(FileReader& file);
+
+absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
+absl::StatusOr<FileFacts> describe_exr(FileReader& file, const ImageLimits& limits);
 absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits);
 absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits);
 
@@ -29,7 +36,7 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
 // Otherwise a file could put line ends or terminal commands into a message.
 std::string printable(absl::string_view text, size_t most = 40);
 
-// Sets the image's primaries and white from the file. Leaves them out if they are Rec.709 and D65 within
+// Sets the image's primaries and white, and that the file names them. Leaves them out if they are Rec.709 and D65 within
 // 1e-4. Ignores them with a note if they give no matrix: not finite, a white without luminance, or primaries
 // on a line.
 void set_chromaticities(const std::array<float, 8>& xy, Image& image);

@@ -1,0 +1,22 @@
+// What an OpenEXR picture must keep to, checked by its header before memory is taken.
+#pragma once
+
+#include <OpenEXR/ImfHeader.h>
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "client/image/image.h"
+#include "client/image/read/exr_channels.h"
+
+namespace candela {
+
+// The format that these channels are read to: halves only if all of them are.
+ImageFormat exr_format(const Imf::Header& header, const ExrChannels& channels);
+
+// RESOURCE_EXHAUSTED if the windows or chunks exceed the limits, INVALID_ARGUMENT for an empty window,
+// UNIMPLEMENTED for channels that are subsampled in an unusual way. Errors name `path`.
+absl::Status check_exr_picture(const std::string& path, const Imf::Header& header,
+                               const ExrChannels& channels, const ImageLimits& limits);
+
+}  // namespace candela

@@ -1,0 +1,30 @@
+// Chooses the picture of an OpenEXR file: a part, and channels in it.
+#pragma once
+
+#include <OpenEXR/ImfMultiPartInputFile.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/image/image.h"
+#include "client/image/read/exr_channels.h"
+
+namespace candela {
+
+struct ExrPicture {
+  int part = 0;  // counted from 0
+  ExrChannels channels;
+  std::vector<std::string> notes;  // what the reader chose where there is more than one picture
+};
+
+// Takes the first part, view and layer that `choice` allows and that has colour. Without any, it takes a part
+// with a single channel besides alpha, and, if the user chose a part, a view or a layer, also a vector or a
+// single channel. NOT_FOUND for a part, layer or view that is not there, with a list of those that are,
+// INVALID_ARGUMENT if there is nothing to show, and UNIMPLEMENTED for deep images. Errors name `path`.
+absl::StatusOr<ExrPicture> choose_exr_picture(const std::string& path, const Imf::MultiPartInputFile& file,
+                                              const PictureChoice& choice);
+
+bool is_deep(const Imf::Header& header);
+
+}  // namespace candela
