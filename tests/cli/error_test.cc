@@ -35,9 +35,15 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"rendr", "a", "b"}, "unknown command \"rendr\"; did you mean render?"},
            {{"bogus"}, "there are: render, stream, meter, sample, report, bench, info, health"},
            {{"--verson"}, "did you mean --version?"},
-           {{"render"}, "IN is required"},
-           {{"render", "in.exr"}, "OUT is required"},
-           {render({"more"}), "\"more\" is one argument too many"},
+           {{"render"}, "IN... OUT is required"},
+           {{"render", "in.exr"}, "render needs an image and an output"},
+           {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
+           {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
+           {render({"more"}), "out.png is no image that candela reads, and more is taken as a folder"},
+           {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
+           {{"render", "in.exr", "out/", "--as", "jpgg"}, "did you mean jpg?"},
+           {{"render", "in.exr", "out/", "--as", "jpg", "--bits", "16"}, "--bits 16 is for .png"},
+           {{"render", "in.exr", "out/", "--error-map", "map.png"}, "name a file as OUT"},
            {render({"--exposre", "1"}), "unknown option --exposre; did you mean --exposure?"},
            {{"render", "--exposre=1", "a"}, "did you mean --exposure?"},
            {{"info", "--sever", "a:1"}, "did you mean --server?"},
@@ -137,11 +143,50 @@ TEST_F(Failure, ABadPixelUnderRejectIsNamed) {
 }
 
 TEST_F(Failure, OutputsThatCannotBeWrittenAreKnownBeforeTheWork) {
-  expect_error(candela({"render", in_, folder_.path("no/folder/out.png")}), 1, "cannot write");
-  mkdir(folder_.path("a.png").c_str(), 0700);
-  expect_error(candela({"render", in_, folder_.path("a.png")}), 1, "Is a directory");
-  expect_error(candela({"render", in_, out_, "--json", folder_.path("no/frame.json")}), 1, "cannot write");
-  expect_error(candela({"sample", folder_.path("no/scene.exr")}), 1, "cannot write");
+  expect_error(candela({"render", in_, out_ + "/folder/out.png"}), 1, "cannot write");
+  mkdir(folder_.path("a.json").c_str(), 0700);
+  expect_error(candela({"render", in_, out_, "--json", folder_.path("a.json")}), 1, "Is a directory");
+  expect_error(candela({"render", in_, out_, "--json", out_ + "/frame.json"}), 1, "cannot write");
+  expect_error(candela({"sample", out_ + "/scene.exr"}), 1, "cannot write");
+}
+
+TEST_F(Failure, AnOutputThatIsAnInputIsRefused) {
+  const std::string before = read_file(in_);
+  const std::string link = folder_.path("link.exr"), hard = folder_.path("hard.exr"),
+                    other_way = folder_.path("./in.exr");
+  ASSERT_EQ(symlink("in.exr", link.c_str()), 0);
+  ASSERT_EQ(::link(in_.c_str(), hard.c_str()), 0);
+  expect_error(candela({"render", in_, in_}), 1, in_ + " is the input; write the image to another file");
+  for (const std::string& same : {link, hard, other_way}) {
+    expect_error(candela({"render", in_, same}), 1, same + " is the input, " + in_ + "; write the image");
+    expect_error(candela({"render", same, in_}), 1, in_ + " is the input, " + same);
+    expect_error(candela({"render", in_, out_, "--json", same}), 1, "write the JSON to another file");
+    expect_error(candela({"meter", in_, "--json", same}), 1, "write the JSON to another file");
+    expect_error(candela({"info", in_, "--json", same}), 1, "write the JSON to another file");
+  }
+  expect_error(candela({"render", in_, folder_.path(""), "--as", "exr"}), 1, "is the input");
+  expect_error(candela({"render", in_, folder_.path("new.png"), "--json", folder_.path("./new.png")}), 1,
+               "the image and the JSON would be one file");
+  expect_error(candela({"report", folder_.path(""), "--images", in_, file("index.html", "kept")}), 1,
+               "is one of the inputs");
+  EXPECT_TRUE(read_file(in_) == before);
+}
+
+TEST_F(Failure, MissingPartsLayersAndViewsListWhatThereIs) {
+  for (const char* command : {"render", "meter"}) {
+    std::vector<std::string> arguments{command, in_};
+    if (command == std::string("render")) arguments.push_back(out_);
+    const auto with = [&](const char* option, const char* name) {
+      std::vector<std::string> all = arguments;
+      all.insert(all.end(), {option, name});
+      return candela(all);
+    };
+    expect_error(with("--part", "2"), 1, "there is no part \"2\"; there are: 1");
+    expect_error(with("--layer", "depth"), 1, "there is no layer \"depth\"; there are: B, G, R");
+    expect_error(with("--view", "left"), 1, "there is no view \"left\"; the file names no views");
+  }
+  expect_error(candela({"stream", in_, folder_.path("%04d.png"), "--layer", "depth"}), 1,
+               "there are: B, G, R");
 }
 
 TEST_F(Failure, AFileOfFewBytesAndManyPixelsTakesNoMemory) {

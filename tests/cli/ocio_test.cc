@@ -161,7 +161,7 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
   expect_error(render({"--ocio", folder_.path("empty.ocio")}), 1, "OpenColorIO cannot use it: ");
   expect_error(render({"--display", "sRGB"}), 2,
                "--display is part of an OpenColorIO configuration; name one with --ocio CONFIG");
-  expect_error(render({"--view", "ACES"}), 2, "--view is part of");
+  expect_error(render({"--view", "ACES"}), 1, "there is no view \"ACES\"; the file names no views");
   expect_error(render({"--ocio-input", "ACEScg"}), 2, "--ocio-input is part of");
   expect_error(render({"--ocio", studio_, "--curve", "agx"}), 2, "--ocio replaces --curve");
   expect_error(render({"--ocio", studio_, "--view", ""}), 2, "--view is empty");

@@ -34,7 +34,7 @@ class Render : public ::testing::Test {
 TEST_F(Render, TheSampleSceneBecomesAPngOfItsSize) {
   const std::string scene = folder_.path("scene.exr"), png = folder_.path("scene.png");
   ASSERT_EQ(candela({"sample", scene, "--size", "321x179"}).code, 0);
-  const Outcome outcome = candela({"render", scene, png});
+  const Outcome outcome = candela({"render", scene, png, "-v"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const PngFacts facts = png_facts(png);
   EXPECT_EQ(facts.width, 321u);

@@ -1,10 +1,12 @@
 // The reports of the commands: JSON, text, notes and server information.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
 
+#include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
@@ -32,6 +34,9 @@ TEST_F(Report, JsonIsOneLineWithEveryKey) {
   EXPECT_EQ(frame.at("input"), in_);
   EXPECT_EQ(frame.at("output"), out_);
   EXPECT_EQ(frame.at("size").at("width"), 31);
+  EXPECT_EQ(frame.at("primaries").at("name"), "Rec.709");
+  EXPECT_EQ(frame.at("primaries").at("from"), "file");
+  EXPECT_EQ(frame.at("curve"), "aces-hill");
   EXPECT_EQ(frame.at("size").at("height"), 17);
   EXPECT_TRUE(frame.at("device").is_string());
   EXPECT_EQ(frame.at("tier"), "standard");
@@ -89,7 +94,7 @@ TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
     // The legend is below the map. A map that is narrower than the legend is padded.
     EXPECT_GE(png_facts(map).width, 31u);
     EXPECT_GT(png_facts(map).height, 17u);
-    const Outcome text = candela({"render", in_, out_, "--error-map", map});
+    const Outcome text = candela({"render", in_, out_, "--error-map", map, "-v"});
     EXPECT_NE(text.out.find(scale), std::string::npos) << text.out;
   }
 }
@@ -108,6 +113,80 @@ TEST_F(Report, JsonGoesToAFileOrADeviceAndTheTextToStdout) {
   EXPECT_EQ(json::parse(read_file(path)).at("output"), out_);
   EXPECT_EQ(candela({"render", in_, out_, "--json", "/dev/null"}).code, 0);
   EXPECT_EQ(folder_.list(), (std::vector<std::string>{"frame.json", "in.exr", "out.png"}));
+}
+
+TEST_F(Report, TheTextIsOneLineAndVerboseSaysTheRest) {
+  const Outcome line = candela({"render", in_, out_});
+  ASSERT_EQ(line.code, 0) << line.err;
+  EXPECT_EQ(line.out.find(in_ + " -> " + out_ + ": 31x17; Rec.709, from the file; exposure "), 0u)
+      << line.out;
+  EXPECT_NE(line.out.find(" EV); aces-hill; "), std::string::npos) << line.out;
+  EXPECT_EQ(std::count(line.out.begin(), line.out.end(), '\n'), 1) << line.out;
+  const Outcome all = candela({"render", in_, out_, "--verbose"});
+  for (const char* words :
+       {"\n  device ", "\n  primaries  Rec.709, from the file\n", "\n  plan ", "\n  time "}) {
+    EXPECT_NE(all.out.find(words), std::string::npos) << words << " is not in\n" << all.out;
+  }
+}
+
+TEST_F(Report, EveryResultSaysWhichPrimariesWereUsedAndWhoSaidSo) {
+  const std::string pfm = folder_.path("in.pfm"), exr = folder_.path("ap1.exr");
+  ASSERT_EQ(candela({"sample", pfm, "--size", "32x16", "-q"}).code, 0);
+  absl::StatusOr<Image> image = read_image(in_);
+  ASSERT_TRUE(image.ok()) << image.status();
+  image->chromaticities = {0.713f, 0.293f, 0.165f, 0.83f, 0.128f, 0.044f, 0.32168f, 0.33767f};
+  ASSERT_TRUE(write_image(exr, *image).ok());
+  struct Case {
+    std::vector<std::string> input;
+    std::string words, from;
+  };
+  for (const auto& [input, words, from] :
+       std::vector<Case>{{{pfm}, "Rec.709, assumed", "assumed"},
+                         {{exr}, "AP1, from the file", "file"},
+                         {{exr, "--primaries", "rec2020"}, "Rec.2020, from --primaries", "option"},
+                         {{pfm, "--primaries", "0.7,0.3,0.2,0.7,0.1,0.1,0.3127,0.329"},
+                          "primaries red 0.7 0.3, green 0.2 0.7, blue 0.1 0.1, white 0.3127 0.329, from "
+                          "--primaries",
+                          "option"}}) {
+    std::vector<std::string> render{"render"}, meter{"meter"}, stream{"stream"};
+    render.insert(render.end(), input.begin(), input.end());
+    render.insert(render.begin() + 2, out_);
+    stream.insert(stream.end(), input.begin(), input.end());
+    stream.insert(stream.begin() + 2, folder_.path("frames"));
+    meter.insert(meter.end(), input.begin(), input.end());
+    for (const std::vector<std::string>& command : {render, meter, stream}) {
+      const Outcome text = candela(command);
+      EXPECT_NE(text.out.find(words), std::string::npos) << words << " is not in\n" << text.out << text.err;
+      std::vector<std::string> with_json = command;
+      with_json.insert(with_json.end(), {"--json", "-"});
+      const std::string lines = candela(with_json).out;
+      const json first = json::parse(lines.substr(0, lines.find('\n')), nullptr, false);
+      ASSERT_TRUE(first.is_object()) << lines;
+      EXPECT_EQ(first.at("primaries").at("from"), from);
+      EXPECT_EQ(first.at("primaries").at("xy").size(), 8u);
+      EXPECT_EQ(first.at("primaries").at("name").is_null(), words.starts_with("primaries"));
+    }
+  }
+}
+
+TEST_F(Report, InfoDescribesFiles) {
+  const Outcome text = candela({"info", in_});
+  ASSERT_EQ(text.code, 0) << text.err;
+  for (const char* words : {": OpenEXR\n", "  renders    R G B\n", "  size       31x17 at 0,0\n",
+                            "compression ZIP", "  primaries  Rec.709\n", "  channels   B G R half\n"}) {
+    EXPECT_NE(text.out.find(words), std::string::npos) << words << " is not in\n" << text.out;
+  }
+  const json file = candela_json({"info", in_});
+  EXPECT_EQ(file.at("file"), in_);
+  EXPECT_EQ(file.at("shown"), "R G B");
+  EXPECT_EQ(file.at("error"), nullptr);
+  EXPECT_EQ(file.at("parts").at(0).at("channels").at(0),
+            json({{"name", "B"}, {"type", "half"}, {"x_sampling", 1}, {"y_sampling", 1}}));
+  const Outcome several = candela({"info", in_, folder_.path("missing.exr"), in_});
+  EXPECT_EQ(several.code, 1);
+  EXPECT_EQ(several.out, text.out + text.out);
+  EXPECT_NE(several.err.find("missing.exr: cannot read"), std::string::npos) << several.err;
+  EXPECT_NE(several.err.find("1 of 3 files cannot be described"), std::string::npos) << several.err;
 }
 
 TEST_F(Report, QuietSaysNothing) {

@@ -3,8 +3,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 #include "proto/candela/v1/settings.h"
 
@@ -130,19 +132,46 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
   return server.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-}  // namespace
-
-absl::Status run_info(const InfoOptions& options) {
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
   ServerLink link(options.server);
   const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   if (!info.ok()) return info.status();
   const std::string& address = options.server.address;
-  if (!json->to_stdout()) {
+  if (!json.to_stdout()) {
     if (absl::Status status = print(to_text(*info, address)); !status.ok()) return status;
   }
-  return json->write(to_json(*info, address));
+  return json.write(to_json(*info, address));
+}
+
+// A file that cannot be described does not stop the others.
+absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& json) {
+  size_t failed = 0;
+  for (const std::string& file : files) {
+    const absl::StatusOr<FileFacts> facts = describe_image(file);
+    if (!facts.ok()) {
+      if (files.size() == 1) return facts.status();
+      print_error(facts.status());
+      ++failed;
+      continue;
+    }
+    absl::Status status;
+    if (!json.to_stdout()) status = print(to_text(file, *facts));
+    status.Update(json.add(to_json(file, *facts)));
+    if (!status.ok()) return status;
+  }
+  if (absl::Status status = json.close(); !status.ok() || failed == 0) return status;
+  return absl::UnknownError(absl::StrFormat("%d of %d files cannot be described", failed, files.size()));
+}
+
+}  // namespace
+
+absl::Status run_info(const InfoOptions& options) {
+  if (absl::Status status = check_outputs_apart(options.files, {{options.json, "the JSON"}}); !status.ok()) {
+    return status;
+  }
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  return options.files.empty() ? describe_server(options, *json) : describe_files(options.files, *json);
 }
 
 }  // namespace candela

@@ -9,6 +9,8 @@
 #include "client/cli/commands/stream_report.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
+#include "client/cli/files/primaries_used.h"
 #include "client/cli/files/terminal.h"
 
 namespace candela {
@@ -54,13 +56,15 @@ std::string histogram_text(const v1::MeterResponse& metered) {
   return text;
 }
 
-std::string to_text(const std::string& path, const Image& image, const v1::MeterResponse& metered) {
+std::string to_text(const std::string& path, const Image& image, const PrimariesUsed& primaries,
+                    const v1::MeterResponse& metered) {
   const v1::FrameStatistics& statistics = metered.statistics();
   std::string text = absl::StrFormat("%s\n", path);
   const auto line = [&text](const char* name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
   line("size", absl::StrFormat("%dx%d", image.width, image.height));
+  line("primaries", words_of(primaries));
   line("exposure", absl::StrFormat("%.6g (%+.3f EV), target %.6g", metered.exposure(),
                                    std::log2(metered.exposure()), metered.target()));
   line("luminance", absl::StrFormat("%.4g .. %.4g, mean 2^%.3f", statistics.min_luminance(),
@@ -74,7 +78,8 @@ std::string to_text(const std::string& path, const Image& image, const v1::Meter
   return text + (histogram.empty() ? "  nothing is metered\n" : histogram);
 }
 
-std::string to_json(const std::string& path, const Image& image, const v1::MeterResponse& metered) {
+std::string to_json(const std::string& path, const Image& image, const PrimariesUsed& primaries,
+                    const v1::MeterResponse& metered) {
   const v1::FrameStatistics& statistics = metered.statistics();
   nlohmann::ordered_json stages = nlohmann::ordered_json::object();
   for (const v1::StageTime& stage : metered.stages())
@@ -82,6 +87,7 @@ std::string to_json(const std::string& path, const Image& image, const v1::Meter
   const nlohmann::ordered_json json = {
       {"input", path},
       {"size", {{"width", image.width}, {"height", image.height}}},
+      {"primaries", to_json(primaries)},
       {"exposure", metered.exposure()},
       {"target", metered.target()},
       {"mean_log2_luminance", statistics.mean_log2_luminance()},
@@ -102,6 +108,10 @@ std::string to_json(const std::string& path, const Image& image, const v1::Meter
 }  // namespace
 
 absl::Status run_meter(const MeterOptions& options) {
+  if (absl::Status status = check_outputs_apart({options.input}, {{options.json, "the JSON"}});
+      !status.ok()) {
+    return status;
+  }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   Progress progress(true);
@@ -110,7 +120,8 @@ absl::Status run_meter(const MeterOptions& options) {
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image = read_image(
-      options.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()});
+      options.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
+      options.shown);
   if (!image.ok()) return image.status();
   const absl::StatusOr<const Connection*> server = link.connection();
   if (!server.ok()) return server.status();
@@ -119,11 +130,13 @@ absl::Status run_meter(const MeterOptions& options) {
   progress.clear();
   if (!metered.ok()) return name_file(metered.status(), options.input);
   for (const std::string& note : options.notes) print_note(note);
+  const PrimariesUsed primaries = primaries_used(*image, options.settings);
   for (const std::string& note : image->notes) print_note(note);
   if (!json->to_stdout()) {
-    if (absl::Status status = print(to_text(options.input, *image, *metered)); !status.ok()) return status;
+    if (absl::Status status = print(to_text(options.input, *image, primaries, *metered)); !status.ok())
+      return status;
   }
-  return json->write(to_json(options.input, *image, *metered));
+  return json->write(to_json(options.input, *image, primaries, *metered));
 }
 
 }  // namespace candela

@@ -1,19 +1,24 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <algorithm>
+#include <optional>
 #include <thread>
 #include <utility>
 
-#include "absl/strings/str_format.h"
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/render_batch.h"
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/error_map.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/image/image.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -21,23 +26,100 @@ namespace {
 // Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
 
+// How often an image of many is offered to a busy server again. The waits double, 3 s in all.
+constexpr int kTries = 4;
+constexpr absl::Duration kFirstWait = absl::Milliseconds(200);
+
+std::string curve_word(v1::Settings settings) {
+  (void)v1::complete_settings(settings);  // the default, if the user chose none; parsing has checked the rest
+  return v1::word_of(settings.curve());
+}
+
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
+
+// What the images of a run share: the server, its limits, and the baked view of --ocio. Any thread may use
+// it.
+class Shared {
+ public:
+  explicit Shared(const RenderOptions& options) : options_(options), link_(options.server) {}
+
+  // Bakes the view of --ocio, if it is set, into a table. Call it before the others.
+  absl::Status bake() {
+    if (options_.view.config.empty()) return absl::OkStatus();
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<BakedView> baked = candela::bake(options_.view);
+    if (!baked.ok()) return baked.status();
+    view_ = *std::move(baked);
+    bake_ms_ = ms_since(begin);
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<v1::Limits> limits() {
+    const absl::MutexLock lock(&mutex_);
+    if (!limits_) limits_ = link_.limits();
+    return *limits_;
+  }
+
+  // Waits for the built-in server.
+  absl::StatusOr<const Connection*> connection() {
+    const absl::MutexLock lock(&mutex_);
+    if (server_) return *server_;
+    server_ = link_.connection();
+    if (!server_->ok()) return *server_;
+    if (absl::Status status = link_.check_tier(options_.settings.tier()); !status.ok()) server_ = status;
+    return *server_;
+  }
+
+  // Why no image can be rendered; OK as long as they can.
+  absl::Status failure() {
+    const absl::MutexLock lock(&mutex_);
+    if (limits_ && !limits_->ok()) return limits_->status();
+    return server_ && !server_->ok() ? server_->status() : absl::OkStatus();
+  }
+
+  // Stops the built-in server and frees its memory. Connections must not be used any more.
+  void close() {
+    const absl::MutexLock lock(&mutex_);
+    link_.close();
+  }
+
+  const std::optional<BakedView>& view() const { return view_; }
+  double bake_ms() const { return bake_ms_; }
+  // Call it after connection().
+  double start_ms() const { return link_.start_ms(); }
+
+ private:
+  const RenderOptions& options_;
+  absl::Mutex mutex_;
+  ServerLink link_;
+  std::optional<absl::StatusOr<v1::Limits>> limits_ ABSL_GUARDED_BY(mutex_);
+  std::optional<absl::StatusOr<const Connection*>> server_ ABSL_GUARDED_BY(mutex_);
+  std::optional<BakedView> view_;
+  double bake_ms_ = 0;
+};
 
 // Renders one file: reads it, has the server render it, and writes the result.
 class Rendering {
  public:
-  Rendering(const RenderOptions& options, Progress& progress)
-      : options_(options), progress_(progress), link_(options.server) {}
+  // `only` says that no other image follows: the server is stopped before the image is written.
+  Rendering(const RenderOptions& options, const RenderJob& job, bool only, Shared& shared, Progress& progress)
+      : options_(options), job_(job), only_(only), shared_(shared), progress_(progress) {}
 
   absl::StatusOr<RenderReport> run() {
-    report_.input = options_.input;
-    report_.output = options_.output;
+    report_.input = job_.input;
+    report_.output = job_.output;
     report_.error_map = options_.error_map;
     report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL;
     report_.notes = options_.notes;
-    if (absl::Status status = bake(); !status.ok()) return status;
+    report_.curve = curve_word(options_.settings);
+    if (shared_.view()) {
+      report_.view = shared_.view()->report;
+      report_.curve = report_.view->view;
+      add_notes(shared_.view()->notes);
+    }
     absl::StatusOr<Image> image = read();
     if (!image.ok()) return image.status();
+    report_.primaries = primaries_used(*image, options_.settings);
     absl::StatusOr<Image> picture = render(*std::move(image));
     if (!picture.ok()) return picture.status();
     if (absl::Status status = write(*picture); !status.ok()) return status;
@@ -47,27 +129,14 @@ class Rendering {
   }
 
  private:
-  // Bakes the view of --ocio, if it is set, into a table.
-  absl::Status bake() {
-    if (options_.view.config.empty()) return absl::OkStatus();
-    progress_.show("baking " + options_.view.config);
-    const absl::Time begin = absl::Now();
-    absl::StatusOr<BakedView> baked = candela::bake(options_.view);
-    if (!baked.ok()) return baked.status();
-    table_ = std::move(baked->table);
-    report_.view = std::move(baked->report);
-    add_notes(std::move(baked->notes));
-    bake_ms_ = ms_since(begin);
-    return absl::OkStatus();
-  }
-
   absl::StatusOr<Image> read() {
-    progress_.show("reading " + options_.input);
-    const absl::StatusOr<v1::Limits> limits = link_.limits();
+    progress_.show("reading " + job_.input);
+    const absl::StatusOr<v1::Limits> limits = shared_.limits();
     if (!limits.ok()) return limits.status();
     const absl::Time begin = absl::Now();
     absl::StatusOr<Image> image = read_image(
-        options_.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()});
+        job_.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
+        options_.shown);
     read_ms_ = ms_since(begin);
     if (!image.ok()) return image;
     add_notes(std::exchange(image->notes, {}));
@@ -76,36 +145,44 @@ class Rendering {
     return image;
   }
 
-  // Frees the frame and stops the built-in server before it
-  // returns, so that only the picture stays in memory.
+  // Frees the frame, and stops the built-in server after the only image, before it returns, so that only the
+  // picture stays in memory.
   absl::StatusOr<Image> render(Image frame) {
-    progress_.show("rendering " + options_.input);
-    const absl::StatusOr<const Connection*> server = link_.connection();
+    progress_.show("rendering " + job_.input);
+    const absl::StatusOr<const Connection*> server = shared_.connection();
     if (!server.ok()) return server.status();
-    if (absl::Status status = link_.check_tier(options_.settings.tier()); !status.ok()) return status;
     const absl::Time begin = absl::Now();
     FrameView view = view_of(frame);
     if (options_.previous.exposure() > 0) view.previous = options_.previous;
     view.verify = options_.verify;
     view.error_map = !options_.error_map.empty();
-    view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
+    if (only_) view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
     v1::Settings settings = settings_for(frame, options_.settings);
-    if (table_.size() != 0) *settings.mutable_table() = std::move(table_);
+    if (shared_.view()) *settings.mutable_table() = shared_.view()->table;
     absl::StatusOr<RenderResult> result = (*server)->render(settings, view, begin + kRenderTimeout);
+    // Several images at once may be too many for the server's memory.
+    absl::Duration wait = kFirstWait;
+    for (int again = 0; !only_ && again < kTries && absl::IsUnavailable(result.status());
+         ++again, wait *= 2) {
+      absl::SleepFor(wait);
+      result = (*server)->render(settings, view, begin + kRenderTimeout);
+    }
     const double call_ms = ms_since(begin);
-    if (!result.ok()) return name_file(result.status(), options_.input);
-    link_.close();
+    if (!result.ok()) return name_file(result.status(), job_.input);
+    if (only_) shared_.close();
 
     report_.header = result->header;
     error_map_ = std::move(result->error_map);
     add_stages(call_ms);
-    return picture_of(*result, frame.has_alpha, frame.pixel_aspect);
+    absl::StatusOr<Image> picture = picture_of(*result, frame.has_alpha, frame.pixel_aspect);
+    if (picture.ok()) picture->frame_rate = frame.frame_rate;
+    return picture;
   }
 
   absl::Status write(const Image& picture) {
-    progress_.show("writing " + options_.output);
+    progress_.show("writing " + job_.output);
     const absl::Time begin = absl::Now();
-    absl::StatusOr<std::vector<std::string>> notes = write_image(options_.output, picture, options_.write);
+    absl::StatusOr<std::vector<std::string>> notes = write_image(job_.output, picture, options_.write);
     if (!notes.ok()) return notes.status();
     report_.stage_ms.emplace_back("write", ms_since(begin));
     add_notes(*std::move(notes));
@@ -126,8 +203,8 @@ class Rendering {
   }
 
   void add_stages(double call_ms) {
-    if (link_.start_ms() > 0) report_.stage_ms.emplace_back("start", link_.start_ms());
-    if (report_.view) report_.stage_ms.emplace_back("view", bake_ms_);
+    if (shared_.start_ms() > 0) report_.stage_ms.emplace_back("start", shared_.start_ms());
+    if (report_.view) report_.stage_ms.emplace_back("view", shared_.bake_ms());
     report_.stage_ms.emplace_back("read", read_ms_);
     double server_ms = 0;
     for (const v1::StageTime& stage : report_.header.stages()) {
@@ -140,37 +217,77 @@ class Rendering {
 
   const absl::Time begin_ = absl::Now();
   const RenderOptions& options_;
+  const RenderJob& job_;
+  const bool only_;
+  Shared& shared_;
   Progress& progress_;
-  ServerLink link_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
-  v1::ColorTable table_;  // size 0 if there is no view
-  double bake_ms_ = 0;
   double read_ms_ = 0;
 };
+
+// Checks the files to write before the work, and makes their folders.
+absl::Status prepare_outputs(const RenderOptions& options, const std::vector<RenderJob>& jobs) {
+  std::vector<std::string> inputs;
+  std::vector<OutputFile> outputs;
+  for (const RenderJob& job : jobs) {
+    inputs.push_back(job.input);
+    outputs.push_back({job.output, "the image"});
+  }
+  if (!options.view.config.empty()) inputs.push_back(options.view.config);
+  outputs.push_back({options.error_map, "the error map"});
+  outputs.push_back({options.json, "the JSON"});
+  if (absl::Status status = check_outputs_apart(inputs, outputs); !status.ok()) return status;
+  for (const std::string& path : {jobs.front().output, options.error_map}) {
+    if (path.empty()) continue;
+    if (absl::Status status = make_folder_of(path); !status.ok()) return status;
+    if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status render_one(const RenderOptions& options, const RenderJob& job, JsonOutput& json,
+                        Progress& progress) {
+  Shared shared(options);
+  if (!options.view.config.empty()) progress.show("baking " + options.view.config);
+  if (absl::Status status = shared.bake(); !status.ok()) return status;
+  const absl::StatusOr<RenderReport> report = Rendering(options, job, true, shared, progress).run();
+  progress.clear();
+  if (!report.ok()) return report.status();
+  if (!options.quiet) {
+    for (const std::string& note : notes_for_user(*report)) print_note(note);
+    if (!json.to_stdout()) {
+      if (absl::Status status = print(to_text(*report, options.verbose)); !status.ok()) return status;
+    }
+  }
+  return json.write(to_json(*report));
+}
+
+absl::Status render_folder(const RenderOptions& options, const std::vector<RenderJob>& jobs, JsonOutput& json,
+                           Progress& progress) {
+  Shared shared(options);
+  if (!options.view.config.empty()) progress.show("baking " + options.view.config);
+  if (absl::Status status = shared.bake(); !status.ok()) return status;
+  const auto render = [&](const RenderJob& job) {
+    Progress silent(false);
+    return Rendering(options, job, false, shared, silent).run();
+  };
+  return render_batch(
+      options, jobs, render, [&shared] { return shared.failure(); }, json, progress);
+}
 
 }  // namespace
 
 absl::Status run_render(const RenderOptions& options) {
-  for (const std::string& path : {options.output, options.error_map}) {
-    if (path.empty()) continue;
-    if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
-  }
+  const absl::StatusOr<std::vector<RenderJob>> jobs = render_jobs(options);
+  if (!jobs.ok()) return jobs.status();
+  if (absl::Status status = prepare_outputs(options, *jobs); !status.ok()) return status;
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   Progress progress(!options.quiet);
-  Rendering rendering(options, progress);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  const absl::StatusOr<RenderReport> report = rendering.run();
-  progress.clear();
-  if (!report.ok()) return report.status();
-  if (!options.quiet) {
-    for (const std::string& note : report->notes) print_note(note);
-    if (!json->to_stdout()) {
-      if (absl::Status status = print(to_text(*report)); !status.ok()) return status;
-    }
-  }
-  return json->write(to_json(*report));
+  return options.extension.empty() ? render_one(options, jobs->front(), *json, progress)
+                                   : render_folder(options, *jobs, *json, progress);
 }
 
 }  // namespace candela

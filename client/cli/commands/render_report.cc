@@ -81,18 +81,23 @@ nlohmann::ordered_json to_json(const std::optional<ViewReport>& view) {
           {"p999_codes", view->p999_codes}, {"mean_codes", view->mean_codes}};
 }
 
-}  // namespace
+std::string summary_line(const RenderReport& report) {
+  const v1::ResultHeader& header = report.header;
+  return absl::StrFormat("%s -> %s: %dx%d; %s; exposure %.4g (%+.2f EV); %s; %.2f s\n", report.input,
+                         report.output, header.width(), header.height(), words_of(report.primaries),
+                         header.exposure(), std::log2(header.exposure()), report.curve,
+                         report.total_ms / 1000);
+}
 
-std::string to_text(const RenderReport& report) {
+void add_everything(const RenderReport& report, std::string& text,
+                    const std::function<void(const char*, std::string)>& line) {
   const v1::ResultHeader& header = report.header;
   const v1::FrameStatistics& statistics = header.statistics();
-  std::string text = absl::StrFormat("%s -> %s\n", report.input, report.output);
-  const auto line = [&text](const char* name, const std::string& words) {
-    absl::StrAppendFormat(&text, kLine, name, words);
-  };
+  text = absl::StrFormat("%s -> %s\n", report.input, report.output);
   line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
   if (!header.tier_reason().empty()) line("", header.tier_reason());
   line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
+  line("primaries", words_of(report.primaries));
   line("exposure", exposure_words(report));
   line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
   const std::string bad = bad_value_words(statistics);
@@ -105,7 +110,32 @@ std::string to_text(const RenderReport& report) {
   for (int i = 0; i < header.plan_size(); ++i) line(i == 0 ? "plan" : "", header.plan(i));
   add_verification(report, line);
   line("time", time_words(report));
+}
+
+}  // namespace
+
+std::string to_text(const RenderReport& report, bool verbose) {
+  std::string text;
+  const auto line = [&text](const char* name, const std::string& words) {
+    absl::StrAppendFormat(&text, kLine, name, words);
+  };
+  if (verbose) {
+    add_everything(report, text, line);
+  } else {
+    text = summary_line(report);
+    add_verification(report, line);
+  }
   return text;
+}
+
+std::vector<std::string> notes_for_user(const RenderReport& report) {
+  std::vector<std::string> notes = report.notes;
+  const v1::FrameStatistics& statistics = report.header.statistics();
+  if (statistics.nan_components() + statistics.infinite_components() > 0) {
+    notes.push_back(absl::StrFormat("%d NaN and %d infinite components were taken as 0 and +-65504",
+                                    statistics.nan_components(), statistics.infinite_components()));
+  }
+  return notes;
 }
 
 std::string to_json(const RenderReport& report) {
@@ -117,6 +147,8 @@ std::string to_json(const RenderReport& report) {
       {"input", report.input},
       {"output", report.output},
       {"size", {{"width", header.width()}, {"height", header.height()}}},
+      {"primaries", to_json(report.primaries)},
+      {"curve", report.curve},
       {"device", header.device()},
       {"tier", header.tier()},
       {"tier_reason", header.tier_reason()},

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "candela/v1/render.pb.h"
+#include "client/cli/files/primaries_used.h"
 
 namespace candela {
 
@@ -27,6 +28,8 @@ struct ViewReport {
 struct RenderReport {
   std::string input;
   std::string output;
+  PrimariesUsed primaries;
+  std::string curve;  // its word, or the name of the view of --ocio
   v1::ResultHeader header;
   std::string error_map;  // "" if none is written
   bool metered = true;    // false if the user set the exposure
@@ -39,10 +42,15 @@ struct RenderReport {
   std::vector<std::string> notes;
 };
 
-// Several lines, each with a line end.
-std::string to_text(const RenderReport& report);
+// The result in one line, with a line end, and if the frame was verified the lines about that. `verbose`: all
+// about it in several lines.
+std::string to_text(const RenderReport& report, bool verbose);
 
-// One object on one line, with the keys input, output, size {width, height}, device, tier, tier_reason,
+// The report's notes, and one about values that were no numbers, if there were any.
+std::vector<std::string> notes_for_user(const RenderReport& report);
+
+// One object on one line, with the keys input, output, size {width, height}, primaries {name, xy, from} (name
+// null if they have none; from is assumed, file or option), curve, device, tier, tier_reason,
 // exposure, target, mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, view
 // {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
 // plan, stage_ms, total_ms, notes. A verified frame also has verify and verify_unrounded {max_error_codes,

@@ -1,5 +1,6 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/image/sample.h"
@@ -32,6 +33,7 @@ absl::Status make_sequence(const SampleOptions& options) {
 
 absl::Status run_sample(const SampleOptions& options) {
   if (!options.sequence.empty()) return make_sequence(options);
+  if (absl::Status status = make_folder_of(options.output); !status.ok()) return status;
   if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
   Progress progress(!options.quiet);
   progress.show("making the scene");

@@ -1,9 +1,7 @@
 #include <OpenEXR/ImfThreading.h>
-#include <sys/stat.h>
 
 #include <map>
 #include <optional>
-#include <set>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -18,6 +16,7 @@
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
@@ -82,7 +81,7 @@ class Streaming {
     progress_.show("reading " + sequence_.frames.front().path);
     FrameReader reader(paths_of(sequence_),
                        {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                       kReadAhead);
+                       kReadAhead, options_.shown);
     FrameFeeder feeder(
         sequence_, {options_.settings, options_.timeout, options_.skip_bad, options_.sequence.rate}, reader);
     const absl::StatusOr<const Image*> first = feeder.first();
@@ -162,6 +161,8 @@ class Streaming {
       return images_.skip(std::move(frame), holds_of(index));
     }
     frame.header = result.image.header;
+    frame.primaries = facts.primaries;
+    summary_.primaries.insert(words_of(facts.primaries));
     frame.latency = result.latency;
     exposure_ = frame.header.exposure();
     summary_.curve.push_back({static_cast<double>(frame.media_time_ns) * 1e-9, exposure_,
@@ -238,35 +239,24 @@ class Streaming {
   uint64_t resumes_ = 0;
 };
 
-// Identifies a file independently of its path.
-using FileId = std::pair<dev_t, ino_t>;
-std::optional<FileId> file_id(const std::string& path) {
-  struct stat about {};
-  if (stat(path.c_str(), &about) != 0) return std::nullopt;
-  return FileId{about.st_dev, about.st_ino};
-}
-
-// Refuses sequences in which two frames would become the same image, or an image would overwrite a frame.
-absl::Status check_outputs(const std::vector<NamedImage>& images, const OutputNames& names) {
-  std::set<FileId> frames;
-  for (const NamedImage& image : images) {
-    if (const std::optional<FileId> frame = file_id(image.input)) frames.insert(*frame);
-  }
-  std::map<std::string, std::string> inputs;
+// Refuses sequences in which two frames would become the same image, or an output would replace an input.
+absl::Status check_outputs(const StreamOptions& options, const std::vector<NamedImage>& images,
+                           const OutputNames& names) {
+  std::map<std::string, std::string> sources;
+  std::vector<std::string> inputs = {options.view.config};
+  std::vector<OutputFile> outputs = {{options.json, "the JSON"}, {options.plot, "the plot"}};
   for (const auto& [number, input, output] : images) {
-    const auto [other, fresh] = inputs.emplace(output, input);
+    const auto [other, fresh] = sources.emplace(output, input);
     if (!fresh) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s and %s would both become %s; write to a pattern such "
                           "as out/%%04d%s",
                           other->second, input, output, names.extension()));
     }
-    if (const std::optional<FileId> there = file_id(output); there && frames.contains(*there)) {
-      return absl::InvalidArgumentError(
-          absl::StrFormat("%s is one of the frames; write the images to another folder", output));
-    }
+    inputs.push_back(input);
+    outputs.push_back({output, "the images"});
   }
-  return absl::OkStatus();
+  return check_outputs_apart(inputs, outputs);
 }
 
 }  // namespace
@@ -278,7 +268,7 @@ absl::Status run_stream(const StreamOptions& options) {
   const absl::StatusOr<Sequence> sequence = find_sequence(options.sequence);
   if (!sequence.ok()) return sequence.status();
   const std::vector<NamedImage> images = named_images(*sequence, *names, options.first);
-  if (absl::Status status = check_outputs(images, *names); !status.ok()) return status;
+  if (absl::Status status = check_outputs(options, images, *names); !status.ok()) return status;
   if (!options.plot.empty()) {
     if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
   }

@@ -7,6 +7,8 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/plot.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
@@ -66,6 +68,7 @@ std::string to_json(const StreamFrame& frame) {
   }
   const v1::ResultHeader& header = frame.header;
   const v1::FrameStatistics& statistics = header.statistics();
+  json["primaries"] = to_json(frame.primaries);
   Json stages = Json::object();
   for (const v1::StageTime& stage : header.stages())
     stages[stage.name()] = static_cast<double>(stage.ns()) * 1e-6;
@@ -126,6 +129,7 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
                                      std::log2(least->exposure), std::log2(most->exposure),
                                      cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
   }
+  if (!summary.primaries.empty()) line("primaries", absl::StrJoin(summary.primaries, "; "));
   if (summary.skipped > 0) line("skipped", absl::StrFormat("%d frames", summary.skipped));
   if (summary.session.resumes > 0) {
     line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames resent, %.2f s without results",
@@ -146,6 +150,7 @@ absl::Status check_plot(const std::string& path) {
     return usage_error(absl::StrFormat("--exposure-plot %s: a plot is written as .png or .svg", path));
   }
   if (absl::Status status = check_gnuplot(); !status.ok()) return status;
+  if (absl::Status status = make_folder_of(path); !status.ok()) return status;
   return writable_destination(path).status();
 }
 

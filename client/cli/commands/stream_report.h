@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
 #include "client/session.h"
 
@@ -19,7 +20,8 @@ struct StreamFrame {
   std::string input;  // of a held frame: the one that it repeats
   std::string output;
   int64_t media_time_ns = 0;
-  bool held = false;        // a missing frame with the image of the one before
+  bool held = false;  // a missing frame with the image of the one before
+  PrimariesUsed primaries;
   absl::Status status;      // why there is no image: reading, rendering or writing failed
   v1::ResultHeader header;  // only if the frame was rendered
   absl::Duration latency;
@@ -47,11 +49,13 @@ struct StreamSummary {
   absl::Duration latency;  // the sum over all frames
   std::vector<PlottedExposure> curve;
   SessionStats session;
-  std::set<std::string> notes;  // notes about the files
+  std::set<std::string> notes;      // notes about the files
+  std::set<std::string> primaries;  // words_of() of those that frames had
 };
 
 // One line with the keys frame (its number), input, output, media_time_ns, and either error, or held (true),
-// or width, height, exposure, exposure_before, target, mean_log2_luminance, min_luminance, max_luminance,
+// or primaries {name, xy, from},
+// width, height, exposure, exposure_before, target, mean_log2_luminance, min_luminance, max_luminance,
 // cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 

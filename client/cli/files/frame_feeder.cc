@@ -131,7 +131,7 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read) {
   const std::vector<std::string> differences = this->differences(index, read);
   {
     const absl::MutexLock lock(&mutex_);
-    facts_[index] = {read.has_alpha, read.pixel_aspect, said_rate_};
+    facts_[index] = {read.has_alpha, read.pixel_aspect, said_rate_, primaries_used(read, options_.settings)};
     notes_.insert(read.notes.begin(), read.notes.end());
     notes_.insert(differences.begin(), differences.end());
   }

@@ -18,6 +18,7 @@
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/frame_reader.h"
+#include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
 #include "client/image/image.h"
 #include "client/session.h"
@@ -29,6 +30,7 @@ struct FrameFacts {
   bool has_alpha = false;
   double pixel_aspect = 1;
   std::optional<FrameRate> frame_rate;  // if the user gave it or a file says it
+  PrimariesUsed primaries;
 };
 
 // What frames are sent with.

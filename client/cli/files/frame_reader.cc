@@ -7,8 +7,9 @@
 
 namespace candela {
 
-FrameReader::FrameReader(std::vector<std::string> paths, const ImageLimits& limits, size_t ahead)
-    : paths_(std::move(paths)), limits_(limits), ahead_(ahead) {
+FrameReader::FrameReader(std::vector<std::string> paths, const ImageLimits& limits, size_t ahead,
+                         PictureChoice choice)
+    : paths_(std::move(paths)), limits_(limits), choice_(std::move(choice)), ahead_(ahead) {
   read_ahead();
 }
 
@@ -16,7 +17,7 @@ void FrameReader::read_ahead() {
   for (; at_ < paths_.size() && reading_.size() < ahead_; ++at_) {
     reading_.push_back(std::async(std::launch::async, [&path = paths_[at_], this]() -> absl::StatusOr<Image> {
       try {
-        return read_image(path, limits_);
+        return read_image(path, limits_, choice_);
       } catch (const std::bad_alloc&) {
         return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));
       }

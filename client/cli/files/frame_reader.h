@@ -17,7 +17,8 @@ namespace candela {
 class FrameReader {
  public:
   // Holds at most `ahead` (at least 1) images that next() has not returned yet.
-  FrameReader(std::vector<std::string> paths, const ImageLimits& limits, size_t ahead);
+  FrameReader(std::vector<std::string> paths, const ImageLimits& limits, size_t ahead,
+              PictureChoice choice = {});
 
   struct Read {
     size_t index;  // of its path in the list
@@ -33,6 +34,7 @@ class FrameReader {
 
   const std::vector<std::string> paths_;
   const ImageLimits limits_;
+  const PictureChoice choice_;
   const size_t ahead_;
   size_t at_ = 0;  // the next file to start reading
   std::deque<std::future<absl::StatusOr<Image>>> reading_;

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 
 namespace candela {
@@ -28,6 +29,7 @@ absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
     if (access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
     return output;
   }
+  if (absl::Status status = make_folder_of(path); !status.ok()) return status;
   absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
   if (!file.ok()) return file.status();
   output.file_.emplace(*std::move(file));

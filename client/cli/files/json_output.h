@@ -14,8 +14,8 @@ namespace candela {
 // Opened before the work starts, so that a path that cannot be written fails early. Used by one thread.
 class JsonOutput {
  public:
-  // `path` is a file, "-" for stdout, or "" for nowhere. A file appears whole or not at all. Pipes and
-  // devices are written directly.
+  // `path` is a file, "-" for stdout, or "" for nowhere. A file appears whole or not at all; its folder is
+  // made if it is missing. Pipes and devices are written directly.
   static absl::StatusOr<JsonOutput> open(const std::string& path);
 
   bool to_stdout() const { return path_ == "-"; }

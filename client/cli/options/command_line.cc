@@ -16,6 +16,7 @@
 #include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/options.h"
+#include "client/cli/options/picture_options.h"
 #include "client/cli/options/render_options.h"
 #include "client/cli/options/report_options.h"
 #include "client/cli/options/server_options.h"
@@ -35,6 +36,7 @@ constexpr char kExamples[] =
     "Examples:\n"
     "  candela sample scene.exr              make a scene to try things on\n"
     "  candela render scene.exr scene.png    render it here, without a server\n"
+    "  candela render 'in/*.exr' out/         render each image for itself\n"
     "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
     "  candela info                          describe the device this machine renders on\n"
     "`candela help COMMAND` lists a command's options. $CANDELA_SERVER is the default of --server.";
@@ -43,6 +45,7 @@ constexpr char kRenderExamples[] =
     "Examples:\n"
     "  candela render in.exr out.png\n"
     "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
+    "  candela render a.exr b.hdr 'more/*.exr' out/ --as jpg\n"
     "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -";
 
 constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
@@ -74,9 +77,11 @@ constexpr char kReportExamples[] =
     "  candela report out --images a.exr b.hdr";
 
 constexpr char kInfoExamples[] =
+    "`candela info FILE...` also says what would be rendered of each file.\n"
     "`candela info --json -` also lists every setting with its range, default and choices.\n\n"
     "Examples:\n"
     "  candela info\n"
+    "  candela info shot.exr\n"
     "  candela info --server 127.0.0.1:50051 --json -";
 
 constexpr char kHealthExamples[] =
@@ -117,6 +122,9 @@ void add_meter(CLI::App& app, MeterOptions& options) {
   app.add_option("IN", options.input, "Image to meter: OpenEXR, Radiance .hdr or PFM")
       ->required()
       ->option_text(" ");
+  add_choice_options(app, options.shown);
+  add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
+           options.shown.view);
   add_settings_options(app, options.settings, changes_metering);
   add_json_option(app, kOutputSection, "Write the numbers as one line of JSON", options.json);
   add_server_options(app, options.server);
@@ -157,9 +165,13 @@ void define(CLI::App& app, Arguments& arguments) {
   CLI::App& bench = *app.add_subcommand("bench", "Measures a server under the load of several sessions.");
   bench.footer(kBenchExamples);
   add_bench_options(bench, arguments.bench);
-  CLI::App& info = *app.add_subcommand("info", "Describes a server: device, formats, curves, limits.");
+  CLI::App& info = *app.add_subcommand(
+      "info", "Describes image files: parts, layers, channels, windows. Without files, describes a server.");
   info.footer(kInfoExamples);
-  add_json_option(info, kOutputSection, "Write it as one line of JSON, with every setting",
+  info.add_option("FILE", arguments.info.files, "Images to describe (default: describe the server)")
+      ->option_text("...");
+  add_json_option(info, kOutputSection,
+                  "Write one line of JSON a file, or one for the server with every setting",
                   arguments.info.json);
   add_server_options(info, arguments.info.server);
   CLI::App& health =

@@ -28,6 +28,7 @@ struct ServerChoice {
 
 // The settings of frames and the format of images.
 struct PictureOptions {
+  PictureChoice shown;    // of the files that hold several pictures
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;
@@ -35,14 +36,16 @@ struct PictureOptions {
 };
 
 struct RenderOptions : PictureOptions {
-  std::string input;
-  std::string output;
-  v1::ExposureState previous;  // exposure 0: none
+  std::vector<std::string> inputs;  // files, and quoted patterns and folders
+  std::string output;               // a file, or a folder
+  std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
+  v1::ExposureState previous;       // exposure 0: none
   ServerChoice server;
   bool verify = false;    // compare the image with the reference
   std::string error_map;  // a .png, "" for none; only with `verify`
   std::string json;       // a path, "-" for stdout, "" for none
   bool quiet = false;
+  bool verbose = false;
 };
 
 struct StreamOptions : PictureOptions {
@@ -65,6 +68,7 @@ struct StreamOptions : PictureOptions {
 
 struct MeterOptions {
   std::string input;
+  PictureChoice shown;  // as in PictureOptions
   v1::Settings settings;
   ServerChoice server;
   std::string json;
@@ -104,6 +108,7 @@ struct ReportOptions {
 };
 
 struct InfoOptions {
+  std::vector<std::string> files;  // to describe; none: the server
   ServerChoice server;
   std::string json;  // as in RenderOptions
 };

@@ -25,6 +25,17 @@ EncodedTransfer encoded_transfer(v1::Transfer transfer) {
 
 }  // namespace
 
+void add_choice_options(CLI::App& app, PictureChoice& shown) {
+  add_text(app, kInputSection, "--part", "N|NAME",
+           "Part of a multi-part OpenEXR file, by number from 1 or by name (default: the first with colour)",
+           shown.part);
+  add_text(
+      app, kInputSection, "--layer", "NAME",
+      "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one channel by its full name, as grey "
+      "(default: the first with colour)",
+      shown.layer);
+}
+
 void add_image_options(CLI::App& app, PictureArguments& arguments) {
   add_text(app, kOutputSection, "--bits", "8|16", "Bits per component of a .png (default 8)",
            [&arguments](const std::string& text) {

@@ -1,5 +1,9 @@
 #include "client/cli/options/render_options.h"
 
+#include <filesystem>
+
+#include "absl/algorithm/container.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/server_options.h"
@@ -43,6 +47,11 @@ void add_verification_options(CLI::App& app, RenderOptions& options) {
 
 absl::Status check_error_map(const RenderOptions& options) {
   if (options.error_map.empty()) return absl::OkStatus();
+  if (!options.extension.empty()) {
+    return usage_error(absl::StrFormat(
+        "--error-map %s: it shows the error of one image, but %s is a folder; name a file as OUT",
+        options.error_map, options.output));
+  }
   const absl::StatusOr<OutputKind> kind = output_kind(options.error_map);
   if (!kind.ok() || *kind != OutputKind::kPng) {
     return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", options.error_map));
@@ -54,30 +63,92 @@ absl::Status check_error_map(const RenderOptions& options) {
   return absl::OkStatus();
 }
 
+bool is_folder(const std::string& path) {
+  std::error_code failed;
+  return absl::EndsWith(path, "/") || std::filesystem::is_directory(path, failed);
+}
+
+// Whether an input may name more than one image.
+bool is_pattern(const std::string& input) {
+  std::error_code failed;
+  if (std::filesystem::exists(input, failed)) return is_folder(input);
+  return input.find_first_of("*?[%#") != std::string::npos;
+}
+
+// Splits the files into inputs and output.
+absl::Status set_files(RenderArguments& arguments) {
+  RenderOptions& options = arguments.options;
+  if (arguments.files.size() < 2) {
+    return usage_error("render needs an image and an output: candela render in.exr out.png");
+  }
+  options.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
+  options.output = arguments.files.back();
+  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
+  const bool several = options.inputs.size() > 1 || is_pattern(options.inputs.front());
+  const bool named = std::filesystem::path(options.output).has_extension();
+  if (!is_folder(options.output) && (!several || named)) {
+    if (several) {
+      return usage_error(absl::StrFormat("%s is one file; several images need a folder, such as %s/",
+                                         options.output,
+                                         std::filesystem::path(options.output).stem().string()));
+    }
+    if (arguments.kind.empty()) return absl::OkStatus();
+    return usage_error(absl::StrFormat("--as %s is for images in a folder; %s says its own kind",
+                                       arguments.kind, options.output));
+  }
+  for (const std::string& input : options.inputs) {
+    const absl::StatusOr<OutputKind> kind = output_kind(input);
+    if (kind.ok() && (*kind == OutputKind::kPng || *kind == OutputKind::kJpeg)) {
+      return usage_error(
+          absl::StrFormat("%s is no image that candela reads, and %s is taken as a folder; candela reads "
+                          "OpenEXR, Radiance and PFM",
+                          input, options.output));
+    }
+  }
+  const std::vector<std::string> kinds = {"png", "jpg", "exr", "pfm"};
+  if (arguments.kind.empty()) arguments.kind = kinds.front();
+  if (!absl::c_linear_search(kinds, arguments.kind)) return unknown_word("kind", arguments.kind, kinds);
+  options.extension = "." + arguments.kind;
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void add_render_options(CLI::App& app, RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
-  app.add_option("IN", options.input, "Image to render: OpenEXR, Radiance .hdr or PFM")
+  app.add_option("IN... OUT", arguments.files,
+                 "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: .png, .jpg, .exr "
+                 "(half floats) "
+                 "or .pfm. Several images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; "
+                 "each is rendered "
+                 "for itself and keeps its name")
       ->required()
       ->option_text(" ");
-  app.add_option("OUT", options.output, "File to write: .png, .jpg, .exr (half floats) or .pfm")
-      ->required()
-      ->option_text(" ");
+  add_choice_options(app, options.shown);
   add_settings_options(app, options.settings);
   add_view_options(app, options.view);
   add_previous_options(app, options);
   add_verification_options(app, options);
+  add_text(app, kOutputSection, "--as", "KIND",
+           "Kind of the images in a folder: png, jpg, exr, pfm (default png)", arguments.kind);
   add_image_options(app, arguments.picture);
-  add_json_option(app, kOutputSection, "Write the result's numbers as one line of JSON", options.json);
+  add_json_option(app, kOutputSection,
+                  "Write the result's numbers as one line of JSON an image; for a folder also one for all",
+                  options.json);
   add_quiet_option(app, kOutputSection, options.quiet);
+  app.add_flag("--verbose,-v", options.verbose, "Print everything about the result, not only a line")
+      ->group(kOutputSection);
   add_server_options(app, options.server);
 }
 
 absl::Status finish_render_options(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
-  absl::Status status = check_output_name(options.output);
-  status.Update(finish_picture_options(options, arguments.picture, options.output));
+  if (absl::Status status = set_files(arguments); !status.ok()) return status;
+  const std::string output =
+      options.extension.empty()
+          ? options.output
+          : (std::filesystem::path(options.output) / ("*" + options.extension)).string();
+  absl::Status status = finish_picture_options(options, arguments.picture, output);
   if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
     status.Update(usage_error("--elapsed needs --previous-exposure; give both"));
   }

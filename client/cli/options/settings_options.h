@@ -13,6 +13,7 @@
 namespace candela {
 
 // Sections of the help that other options join.
+inline constexpr char kInputSection[] = "Input";
 inline constexpr char kExposureSection[] = "Exposure";
 inline constexpr char kToneSection[] = "Tone";
 inline constexpr char kOutputSection[] = "Output";

@@ -67,6 +67,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   app.add_flag("--skip-bad", options.skip_bad,
                "Skip files that cannot be read and frames that fail; the others keep their time and number")
       ->group(kSession);
+  add_choice_options(app, options.shown);
   add_settings_options(app, options.settings);
   add_view_options(app, options.view);
   add_image_options(app, arguments.picture);

@@ -19,7 +19,11 @@ void add_view_options(CLI::App& app, ViewChoice& view) {
   };
   add("--ocio", "CONFIG", "Instead of a curve: a view of this OpenColorIO configuration", view.config);
   add("--display", "NAME", "Display of --ocio (default: the configuration's)", view.display);
-  add("--view", "NAME", "View of --ocio (default: the display's)", view.view);
+  add("--view", "NAME",
+      "View of --ocio (default: the display's); without --ocio, view of a multi-view OpenEXR file, such as "
+      "left "
+      "(with --ocio use --layer or --part for it)",
+      view.view);
   add("--ocio-input", "NAME", "Colour space of --ocio that is linear Rec.709 (default: Candela looks for it)",
       view.input);
 }
@@ -27,8 +31,9 @@ void add_view_options(CLI::App& app, ViewChoice& view) {
 absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded) {
   const ViewChoice& view = options.view;
   if (view.config.empty()) {
-    for (const auto& [name, value] : {std::pair("--display", view.display), std::pair("--view", view.view),
-                                      std::pair("--ocio-input", view.input)}) {
+    options.shown.view = view.view;
+    for (const auto& [name, value] :
+         {std::pair("--display", view.display), std::pair("--ocio-input", view.input)}) {
       if (!value.empty()) {
         return usage_error(
             absl::StrFormat("%s is part of an OpenColorIO configuration; name one with --ocio CONFIG", name));

@@ -1,7 +1,6 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -9,19 +8,20 @@
 #include <utility>
 
 #include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/error_map.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/report/aces.h"
 #include "client/cli/report/bounds.h"
 #include "client/cli/report/errors.h"
 #include "client/cli/report/files.h"
 #include "client/cli/report/times.h"
-#include "client/image/write/atomic_file.h"
 
 namespace candela {
 namespace {
@@ -48,11 +48,16 @@ TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
   return plan;
 }
 
-absl::Status make_folder(const std::string& path) {
-  std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (!error && std::filesystem::is_directory(path)) return absl::OkStatus();
-  return cannot_write(path, error ? error.value() : ENOTDIR);
+// The files that the report writes, as far as an image could have their names.
+std::vector<OutputFile> outputs_of(const ReportOptions& options) {
+  std::vector<OutputFile> outputs;
+  for (const char* name : {"index.html", "report.json", "times.csv", "hard_cases.csv", "aces.csv"}) {
+    outputs.push_back({absl::StrCat(options.directory, "/", name), "the report"});
+  }
+  for (size_t i = 1; i <= options.images.size(); ++i) {
+    outputs.push_back({absl::StrCat(options.directory, "/image_", i, ".png"), "the report"});
+  }
+  return outputs;
 }
 
 absl::StatusOr<ReportImage> cut_to(double megapixels, std::string name, Image image) {
@@ -189,7 +194,9 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
 }  // namespace
 
 absl::Status run_report(const ReportOptions& options) {
-  if (absl::Status status = make_folder(options.directory); !status.ok()) return status;
+  absl::Status status = check_outputs_apart(options.images, outputs_of(options));
+  if (status.ok()) status = make_folder(options.directory);
+  if (!status.ok()) return status;
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   const absl::StatusOr<double> seconds = make_report(options, progress);

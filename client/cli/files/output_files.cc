@@ -1,0 +1,76 @@
+#include "client/cli/files/output_files.h"
+
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/image/write/atomic_file.h"
+
+namespace candela {
+namespace {
+namespace fs = std::filesystem;
+
+// Device and inode of a file that exists, else its path.
+using FileId = std::tuple<dev_t, ino_t, std::string>;
+
+// Nothing for a path that is no regular file and cannot become one.
+std::optional<FileId> file_id(const std::string& path) {
+  if (path.empty() || path == "-") return std::nullopt;
+  struct stat about {};
+  if (stat(path.c_str(), &about) == 0) {
+    if (!S_ISREG(about.st_mode)) return std::nullopt;
+    return FileId{about.st_dev, about.st_ino, ""};
+  }
+  std::error_code failed;
+  const fs::path whole = fs::weakly_canonical(fs::absolute(path, failed), failed);
+  return FileId{0, 0, failed ? path : whole.string()};
+}
+
+}  // namespace
+
+absl::Status check_outputs_apart(const std::vector<std::string>& inputs,
+                                 const std::vector<OutputFile>& outputs) {
+  std::map<FileId, std::string> read;
+  for (const std::string& input : inputs) {
+    if (const std::optional<FileId> id = file_id(input)) read.emplace(*id, input);
+  }
+  std::map<FileId, const OutputFile*> written;
+  for (const OutputFile& output : outputs) {
+    const std::optional<FileId> id = file_id(output.path);
+    if (!id) continue;
+    if (const auto input = read.find(*id); input != read.end()) {
+      const std::string which = input->second == output.path ? "" : absl::StrFormat(", %s", input->second);
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s is %s%s; write %s to another file", output.path,
+                          inputs.size() == 1 ? "the input" : "one of the inputs", which, output.what));
+    }
+    const auto [other, fresh] = written.emplace(*id, &output);
+    if (!fresh) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: %s and %s would be one file; write one elsewhere", output.path,
+                          other->second->what, output.what));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status make_folder_of(const std::string& path) {
+  if (path.empty() || path == "-") return absl::OkStatus();
+  return make_folder(fs::path(path).parent_path().string());
+}
+
+absl::Status make_folder(const std::string& folder) {
+  std::error_code failed;
+  if (folder.empty() || fs::is_directory(folder, failed)) return absl::OkStatus();
+  fs::create_directories(folder, failed);
+  if (failed) return cannot_write(folder, failed.value());
+  return fs::is_directory(folder, failed) ? absl::OkStatus() : cannot_write(folder, ENOTDIR);
+}
+
+}  // namespace candela

@@ -1,0 +1,29 @@
+// The files that a command writes: checked before the work, so that none of them replaces an input.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+
+namespace candela {
+
+struct OutputFile {
+  std::string path;  // "" and "-", which is stdout, are no files and always good
+  std::string what;  // in the user's words: "the image", "the JSON"
+};
+
+// Refuses an output that is one of the inputs, and two outputs that are one file. Files are the same if their
+// device and inode are, so links and other spellings of a path do not hide it; a file that does not exist yet
+// is known by its path without links. Pipes and devices are good. Inputs that are not there are ignored.
+// INVALID_ARGUMENT that names both.
+absl::Status check_outputs_apart(const std::vector<std::string>& inputs,
+                                 const std::vector<OutputFile>& outputs);
+
+// Makes the folder of a file to write if it is missing. Fails with the folder and the system's reason.
+absl::Status make_folder_of(const std::string& path);
+
+// The same for a folder itself.
+absl::Status make_folder(const std::string& folder);
+
+}  // namespace candela
