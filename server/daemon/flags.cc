@@ -137,15 +137,7 @@ std::string unknown_argument(const CLI::App& app) {
                          meant.empty() ? "" : meant + " ");
 }
 
-std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
-
-}  // namespace
-
-absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
-  Invocation invocation;
-  invocation.config.listen = {v1::kDefaultAddress};
-  const Config defaults = invocation.config;
-  CLI::App app("candelad: a gRPC server that renders HDR frames.\n", "candelad");
+void define(CLI::App& app, Invocation& invocation, bool& print_config) {
   app.footer(
       "Each option is also an environment variable (CANDELA_MEMORY_BUDGET for --memory-budget) and a key of\n"
       "the --config file (memory-budget). Flags override variables, and variables override the file.");
@@ -154,13 +146,25 @@ absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   add_options(app, invocation.config);
   app.set_config("--config", "", "Configuration file with lines KEY = VALUE; see --print-config")
       ->type_name("FILE");
-  bool print_config = false;
   app.add_flag("--print-config", print_config,
                "Print a configuration file that explains every option, and exit")
       ->configurable(false);
   app.add_flag("--list-devices", invocation.list_devices, "List the Vulkan devices and exit")
       ->configurable(false);
   app.set_version_flag("--version", "candelad " CANDELA_VERSION, "Print the version and exit");
+}
+
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+}  // namespace
+
+absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
+  Invocation invocation;
+  invocation.config.listen = {v1::kDefaultAddress};
+  const Config defaults = invocation.config;
+  bool print_config = false;
+  CLI::App app("candelad: a gRPC server that renders HDR frames.\n", "candelad");
+  define(app, invocation, print_config);
   absl::Status environment;
   app.preparse_callback([&](size_t) { environment = apply_environment(app); });
   try {

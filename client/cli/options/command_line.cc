@@ -235,10 +235,9 @@ Options with_notes(Options options, const std::vector<std::string>& words, Reque
   return options;
 }
 
-// The kind of the images that a pattern or folder of `candela stream` gets.
-OutputKind stream_kind(const StreamOptions& options) {
-  if (options.encoding == v1::ENCODING_JPEG) return OutputKind::kJpeg;
-  const absl::StatusOr<OutputKind> kind = output_kind(options.output);
+// The kind of the images that a file name, a pattern or a folder gets. Folders get .png by default.
+OutputKind image_kind(const std::string& output) {
+  const absl::StatusOr<OutputKind> kind = output_kind(output);
   return kind.ok() ? *kind : OutputKind::kPng;
 }
 
@@ -247,17 +246,19 @@ absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<
   if (app.got_subcommand("render")) {
     if (absl::Status status = finish_render_options(arguments.render); !status.ok()) return status;
     const RenderOptions& options = arguments.render.options;
-    return with_notes(options, words,
-                      {.kind = *output_kind(options.output),
-                       .view = !options.view.config.empty(),
-                       .adapts = options.previous.exposure() > 0,
-                       .elapsed_seconds = options.previous.elapsed_seconds()});
+    return with_notes(
+        options, words,
+        {.kind = image_kind(options.extension.empty() ? options.output : "*" + options.extension),
+         .view = !options.view.config.empty(),
+         .adapts = options.previous.exposure() > 0,
+         .elapsed_seconds = options.previous.elapsed_seconds()});
   }
   if (app.got_subcommand("stream")) {
     if (absl::Status status = finish_stream_options(arguments.stream); !status.ok()) return status;
     const StreamOptions& options = arguments.stream.options;
+    const bool jpeg = options.encoding == v1::ENCODING_JPEG;
     return with_notes(options, words,
-                      {.kind = stream_kind(options),
+                      {.kind = jpeg ? OutputKind::kJpeg : image_kind(options.output),
                        .view = !options.view.config.empty(),
                        .adapts = true,
                        .elapsed_seconds = std::numeric_limits<double>::infinity()});

@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/session_options.h"
@@ -24,7 +25,7 @@ absl::Status parse_missing(const std::string& word, MissingFrames& missing) {
       {"error", MissingFrames::kError}, {"skip", MissingFrames::kSkip}, {"hold", MissingFrames::kHold}};
   std::vector<std::string> known;
   for (const auto& [name, value] : words) {
-    if (word == name) {
+    if (absl::EqualsIgnoreCase(word, name)) {
       missing = value;
       return absl::OkStatus();
     }
