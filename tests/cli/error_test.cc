@@ -116,7 +116,6 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
   damaged.replace(whole.size() - 40, 40, 40, '\x55');
   for (const auto& [path, words] : std::vector<std::pair<std::string, std::string>>{
            {folder_.path("missing.exr"), "No such file"},
-           {folder_.path(""), "is a folder"},
            {"/dev/zero", "not a regular file"},
            {file("empty.exr", ""), "empty"},
            {file("text.exr", "this is not an image at all\n"), "not an OpenEXR, Radiance or PFM file"},
@@ -130,6 +129,11 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
     expect_error(outcome, 1, words);
     EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
   }
+}
+
+TEST_F(Failure, AFolderOfImagesNeedsAFolderForThem) {
+  expect_error(candela({"render", folder_.path(""), out_}), 2,
+               out_ + " is one file; several images need a folder");
 }
 
 TEST_F(Failure, ABadPixelUnderRejectIsNamed) {

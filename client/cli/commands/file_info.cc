@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/strip.h"
 #include "client/image/primaries.h"
 
 namespace candela {
@@ -84,8 +85,10 @@ std::string to_text(const std::string& path, const FileFacts& facts) {
   const auto line = [&text](const std::string& name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
-  line("renders",
-       facts.renderable.ok() ? facts.shown : absl::StrCat("nothing: ", facts.renderable.message()));
+  const absl::string_view why = facts.renderable.message();
+  line("renders", facts.renderable.ok()
+                      ? facts.shown
+                      : absl::StrCat("nothing: ", absl::StripPrefix(why, absl::StrCat(path, ": "))));
   for (const std::string& note : facts.notes) line("", note);
   for (size_t i = 0; i < facts.parts.size(); ++i) {
     const PartFacts& part = facts.parts[i];
