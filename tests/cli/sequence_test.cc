@@ -203,11 +203,17 @@ TEST_F(SequenceOfFrames, AnOutputThatIsAPipeOrLooksLikeAnOptionIsRefused) {
     EXPECT_EQ(outcome.code, 2);
     EXPECT_NE(outcome.err.find("cannot be written to a pipe"), std::string::npos) << outcome.err;
   }
-  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-           {"render", frame, "--", "-out"}, {"sample", "--sequence", "-out"}}) {
-    const Outcome outcome = candela(arguments);
-    EXPECT_EQ(outcome.code, 2);
-    EXPECT_NE(outcome.err.find("write ./-out if it is a name"), std::string::npos) << outcome.err;
+  const Outcome option = candela({"sample", "--sequence", "-out"});
+  EXPECT_EQ(option.code, 2);
+  EXPECT_NE(option.err.find("write ./-out if it is a name"), std::string::npos) << option.err;
+  // After -- a word is a path, whatever it begins with.
+  const Outcome path = candela({"render", frame, "--", "-out.gif"});
+  EXPECT_EQ(path.code, 2);
+  EXPECT_NE(path.err.find("./-out.gif: images are not written as '.gif'"), std::string::npos) << path.err;
+  for (const char* command : {"render", "stream"}) {
+    const Outcome made = candela({command, frame, in() + "/0001.exr", "--", folder_.path("--files")});
+    EXPECT_EQ(made.code, 0) << made.err;
+    EXPECT_EQ(names_in("--files"), (std::vector<std::string>{"0000.png", "0001.png"}));
   }
 }
 

@@ -140,7 +140,7 @@ class Rendering {
     read_ms_ = ms_since(begin);
     if (!image.ok()) return image;
     add_notes(std::exchange(image->notes, {}));
-    absl::Status status = check_view_input(*image, options_.input, options_.settings, options_.view);
+    absl::Status status = check_view_input(*image, job_.input, options_.settings, options_.view);
     if (!status.ok()) return status;
     return image;
   }

@@ -1,5 +1,6 @@
 // The command line's grammar: subcommands, help, and errors for words that are not in it.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -327,6 +328,18 @@ absl::Status refused(const CLI::App& app, const CLI::Error& error) {
                                      commands.empty() ? "" : " " + commands.front()->get_name()));
 }
 
+// The words for CLI11, last one first. All words after "--" are paths. CLI11 gives them to no list of files, so
+// "--" is left out, and a path that begins with "-" gets "./" before it.
+std::vector<std::string> for_parser(const std::vector<std::string>& words) {
+  const auto mark = std::find(words.begin(), words.end(), "--");
+  std::vector<std::string> parsed(words.begin(), mark);
+  for (auto word = mark; word != words.end(); ++word) {
+    if (word != mark) parsed.push_back(absl::StartsWith(*word, "-") ? "./" + *word : *word);
+  }
+  std::reverse(parsed.begin(), parsed.end());
+  return parsed;
+}
+
 }  // namespace
 
 absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv) {
@@ -336,7 +349,7 @@ absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv)
   const std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (absl::Status status = check_words(app, words); !status.ok()) return status;
   try {
-    app.parse(argc, argv);
+    app.parse(for_parser(words));
     return finish(app, words, arguments);
   } catch (const CLI::CallForHelp&) {
     const std::vector<CLI::App*> commands = app.get_subcommands();
