@@ -160,7 +160,12 @@ TEST_F(Words, OptionsThatMatterAreNot) {
   EXPECT_EQ(notes({"--curve-white", "8", "-q"}), "");
 }
 
-TEST_F(Words, MeterAndStreamNameThemToo) {
+TEST_F(Words, MeterStreamAndManyImagesNameThemToo) {
+  const std::string folder = folder_.path("images/");
+  write_small_exr(folder_.path("other.exr"));
+  const Outcome many = candela({"render", in_, folder_.path("other.exr"), folder, "--as", "exr", "--dither"});
+  EXPECT_TRUE(says(many.err, "--dither changes nothing: .exr and .pfm files hold floats")) << many.err;
+  EXPECT_EQ(many.code, 0);
   const Outcome meter = candela({"meter", in_, "--exposure", "1", "--key", "1"});
   EXPECT_EQ(meter.code, 0);
   EXPECT_TRUE(says(meter.err, "note: --key changes nothing")) << meter.err;
