@@ -176,6 +176,8 @@ TEST_F(SequenceOfFrames, TheRateIsTheFilesUnlessItIsGiven) {
   EXPECT_EQ(summary.at("fps"), "24000/1001");
   EXPECT_EQ(summary.at("fps_from"), "file");
   EXPECT_EQ(time({"--fps", "30000/1001"}).first, 66'733'333);
+  stream({}, "exr/%d.exr");
+  EXPECT_EQ(read_image(folder_.path("exr/3.exr"))->frame_rate, (FrameRate{24000, 1001})) << "images carry it";
   const Outcome said = candela({"stream", in(), folder_.path("out")});
   EXPECT_NE(said.out.find("24000/1001 fps, from the file"), std::string::npos) << said.out;
   EXPECT_NE(said.err.find("3.exr says 25 fps; all frames are shown at 24000/1001 fps"), std::string::npos)
