@@ -55,7 +55,7 @@ absl::Status RenderCall::take_start() {
   start_ = *std::move(start);
   if (work_ == Work::kMeter) {
     start_->verify = Verify::kNo;
-    start_->settings = start_->settings.for_metering();
+    start_->settings = start_->settings.for_metering(/*histogram=*/true);
   }
   state_ = State::kAdmission;
   admission_.begin({.desc = start_->desc,
@@ -92,8 +92,10 @@ absl::Status RenderCall::enqueue() {
   if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
   FrameJob job{.frame = frame_, .work = work_, .flow = flow_};
   job.deadline = absl::FromChrono(context_.deadline());
-  job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous](
-                   const FrameStats& stats) { return expose(exposure, previous, stats.metered_mean()); };
+  job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous,
+                given = start_->given](const FrameStats& stats) {
+    return expose(exposure, previous, stats.metered_mean(), given);
+  };
   job.done = [self = self()](absl::StatusOr<RenderedFrame> rendered) {
     self->on_rendered(std::move(rendered));
   };
@@ -117,12 +119,12 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   last_progress_ = absl::Now();
   if (work_ == Work::kMeter) {
     result_.emplace(std::make_shared<const std::string>(),
-                    v1::pack(meter_response(*rendered, frame_->settings, start_->previous)));
+                    v1::pack(meter_response(*rendered, frame_->settings, start_->previous, start_->given)));
     frame_->memory = {};
     return send_next();
   }
   v1::RenderResponse response;
-  *response.mutable_header() = result_header(*frame_, *rendered, service_.rendering.device);
+  *response.mutable_header() = result_header(*frame_, start_->desc, *rendered, service_.rendering.device);
   response.mutable_header()->set_tier_reason(tier_reason_);
   result_.emplace(frame_, v1::pack(response));
   send_next();

@@ -4,15 +4,17 @@
 
 #include "absl/time/clock.h"
 #include "proto/candela/v1/message_wire.h"
+#include "server/session/exposure_state.h"
 
 namespace candela {
 
-StreamAnswers::StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch,
-                             v1::Encoding encoding, std::string device)
+StreamAnswers::StreamAnswers(const TokenKeys& keys, const StreamStart& start, uint64_t epoch,
+                             std::string device)
     : keys_(keys),
-      session_(std::move(session)),
+      session_(start.session),
       epoch_(epoch),
-      encoding_(encoding),
+      encoding_(start.encoding),
+      return_state_(start.return_state),
       device_(std::move(device)) {}
 
 void StreamAnswers::notify(const v1::StreamResponse& notice) { notices_.push_back(v1::pack(notice)); }
@@ -36,7 +38,9 @@ bool StreamAnswers::next(SessionFrames& frames, grpc::ByteBuffer& message) {
     frames.pop();
     return true;
   }
-  if (due->file != nullptr) {
+  if (encoding_ == v1::ENCODING_NONE) {
+    writer_.emplace(std::make_shared<const std::string>(), result(*due, exposure));
+  } else if (due->file != nullptr) {
     writer_.emplace(due->file, result(*due, exposure));
   } else {
     writer_.emplace(due->frame, result(*due, exposure));
@@ -58,11 +62,12 @@ grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
                                        const ExposurePoint& exposure) const {
   v1::StreamResponse response;
   v1::ResultHeader& header = *response.mutable_header();
-  header = result_header(*frame.frame, {*frame.report, frame.queued}, device_);
+  header = result_header(*frame.frame, frame.layout.desc, {*frame.report, frame.queued}, device_);
   header.set_tier_reason(frame.tier_reason);
   header.set_exposure_before(frame.exposure.before);
   header.set_cut(frame.exposure.cut);
   header.set_resume_token(token(frame, exposure));
+  if (return_state_) *header.mutable_state() = state_of(exposure);
   header.set_encoding(encoding_);
   if (frame.file != nullptr) header.set_encoded_bytes(frame.file->size());
   return v1::pack(response);

@@ -13,6 +13,7 @@
 #include "server/schedule/image_file.h"
 #include "server/session/resume_token.h"
 #include "server/session/session_frames.h"
+#include "server/session/stream_start.h"
 
 namespace candela {
 
@@ -21,8 +22,7 @@ namespace candela {
 class StreamAnswers {
  public:
   // `keys` outlives this object. `device` is the name of the Vulkan device.
-  StreamAnswers(const TokenKeys& keys, std::string session, uint64_t epoch, v1::Encoding encoding,
-                std::string device);
+  StreamAnswers(const TokenKeys& keys, const StreamStart& start, uint64_t epoch, std::string device);
 
   void notify(const v1::StreamResponse& notice);
 
@@ -42,6 +42,7 @@ class StreamAnswers {
   const std::string session_;
   const uint64_t epoch_;
   const v1::Encoding encoding_;
+  const bool return_state_;
   const std::string device_;
   std::deque<grpc::ByteBuffer> notices_;
   std::optional<ResultWriter> writer_;  // of the first frame, while its result is sent

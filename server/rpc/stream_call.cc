@@ -22,9 +22,8 @@ StreamCall::Open::Open(OpenedSession opened, const ServiceState& state)
     : session(std::move(opened)),
       settings(session.start.settings, session.start.encoding),
       frames(session.start.lookahead, session.start.cut_threshold_ev, session.point.exposure,
-             state.limits.max_frames_in_flight),
-      answers(state.sessions.keys, session.start.session, session.epoch, session.start.encoding,
-              state.rendering.device) {
+             state.limits.max_frames_in_flight, session.start.draws()),
+      answers(state.sessions.keys, session.start, session.epoch, state.rendering.device) {
   if (session.resumed) settings.resume(session.point.sequence, session.point.tier);
 }
 
@@ -125,14 +124,18 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
     return status;
   }
   reading_ = Reading::kAdmission;
-  admission_.begin({.desc = layout->desc,
-                    .sequence = header.sequence(),
-                    .settings = settings.of_frame(),
-                    .choose_tier = settings.wants_tier(),
-                    .lookahead = open_->session.start.lookahead,
-                    .patience = idle_timeout()},
-                   [this](absl::StatusOr<Admission::Admitted> admitted)
-                       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
+  // A frame that is not drawn gives its memory back before it waits for later ones.
+  const StreamStart& start = open_->session.start;
+  const bool draws = start.draws();
+  admission_.begin(
+      {.desc = layout->desc,
+       .sequence = header.sequence(),
+       .settings = draws ? settings.of_frame() : settings.of_frame().for_metering(/*histogram=*/false),
+       .choose_tier = draws && settings.wants_tier(),
+       .lookahead = draws ? start.lookahead : 0,
+       .patience = idle_timeout()},
+      [this](absl::StatusOr<Admission::Admitted> admitted)
+          ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
   return absl::OkStatus();
 }
 
@@ -195,6 +198,11 @@ absl::Status StreamCall::submit(const EntryPtr& entry, Work work) {
 
 absl::Status StreamCall::submit_decided() {
   while (const EntryPtr entry = open_->frames.next_decided()) {
+    if (!open_->session.start.draws()) {
+      state_.metrics.frame_ended(absl::StatusCode::kOk);
+      ++state_.rendering.frames_rendered;
+      continue;
+    }
     if (absl::Status status = submit(entry, Work::kDraw); !status.ok()) return status;
   }
   return absl::OkStatus();
@@ -208,7 +216,9 @@ Exposed StreamCall::decide(Entry& entry, const FrameStats& stats) {
 void StreamCall::on_worked(const EntryPtr& entry, Work work, absl::StatusOr<RenderedFrame> rendered) {
   if (rendered.ok()) count_stages(state_.metrics, *rendered);
   if (rendered.ok() && work != Work::kMeter) ++state_.rendering.frames_rendered;
-  std::shared_ptr<Frame> freed;  // outlives the lock, because freeing a frame's memory takes time
+  // These outlive the lock, because freeing a frame's memory takes time.
+  std::shared_ptr<Frame> freed;
+  FrameMemory freed_memory;
   absl::MutexLock lock(&mutex_);
   if (entry->dropped) {
     freed = std::move(entry->frame);
@@ -217,6 +227,7 @@ void StreamCall::on_worked(const EntryPtr& entry, Work work, absl::StatusOr<Rend
   absl::Status status = rendered.status();
   if (rendered.ok() && work == Work::kMeter) {
     open_->frames.metered(*entry, *std::move(rendered));
+    if (!open_->session.start.draws()) freed_memory = std::move(entry->frame->memory);
     status = submit_decided();
   } else if (rendered.ok()) {
     on_rendered(entry, *std::move(rendered));

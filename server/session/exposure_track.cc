@@ -14,10 +14,32 @@ ExposureTrack::ExposureTrack(uint32_t lookahead, double cut_threshold_ev, Exposu
       point_(std::move(point)),
       any_(point_.begun),
       last_sequence_(point_.sequence),
-      last_time_ns_(point_.media_time_ns) {}
+      last_time_ns_(point_.media_time_ns),
+      last_given_(point_.begun ? std::optional(point_.exposed.exposure) : std::nullopt) {}
 
 absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool cut,
-                                const v1::Exposure& settings) {
+                                const v1::Exposure& settings, std::optional<double> given) {
+  if (absl::Status status = check_order(sequence, media_time_ns); !status.ok()) return status;
+  if (given) {
+    if (absl::Status status = check_factor("frame.exposure", *given); !status.ok()) return status;
+  }
+  const bool repeat = any_ && sequence == last_sequence_;
+  if (repeat && given && given != last_given_) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame.exposure is %.17g and frame %d came first with another exposure; repeat the "
+                        "frame unchanged or give it a new number",
+                        *given, sequence));
+  }
+  frames_.push_back({sequence, media_time_ns, cut, settings, given});
+  if (!repeat) last_given_ = given;
+  any_ = true;
+  last_sequence_ = sequence;
+  last_time_ns_ = media_time_ns;
+  return absl::OkStatus();
+}
+
+// A frame may follow the last one that was added.
+absl::Status ExposureTrack::check_order(uint64_t sequence, int64_t media_time_ns) const {
   if (media_time_ns < v1::kMediaTimeNs.min || media_time_ns > v1::kMediaTimeNs.max) {
     return absl::InvalidArgumentError(
         absl::StrFormat("frame.media_time_ns is %d; it must be between %d and %d", media_time_ns,
@@ -39,10 +61,6 @@ absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool c
                         "unchanged or give it a new number",
                         media_time_ns, last_time_ns_, sequence));
   }
-  frames_.push_back({sequence, media_time_ns, cut, settings});
-  any_ = true;
-  last_sequence_ = sequence;
-  last_time_ns_ = media_time_ns;
   return absl::OkStatus();
 }
 
@@ -93,6 +111,12 @@ std::optional<double> ExposureTrack::mean_of_first() const {
   return sum / weights;
 }
 
+std::optional<double> ExposureTrack::deciding_mean() const {
+  const Waiting& frame = frames_.front();
+  if (frame.given) return frame.stats->metered_mean();
+  return frame.has_mean() ? mean_of_first() : std::nullopt;
+}
+
 std::optional<FrameExposure> ExposureTrack::next() {
   while (!frames_.empty() && frames_.front().failed) {
     // The next frame begins the scene that this one was to begin. A repeated frame begins none.
@@ -105,11 +129,8 @@ std::optional<FrameExposure> ExposureTrack::next() {
     frames_.pop_front();
     return FrameExposure{point_.sequence, point_};
   }
-  std::optional<double> mean;
-  if (frame.has_mean()) {
-    mean = mean_of_first();
-    if (!mean) return std::nullopt;
-  }
+  const std::optional<double> mean = deciding_mean();
+  if (frame.has_mean() && !mean) return std::nullopt;
   point_ = after_first(mean);
   frames_.pop_front();
   return FrameExposure{point_.sequence, point_};
@@ -124,7 +145,7 @@ ExposurePoint ExposureTrack::after_first(std::optional<double> mean) const {
     previous = {point_.exposed.exposure, static_cast<double>(elapsed_ns) * 1e-9};
   }
   const bool cut = takes_target || frame.cut;
-  const Exposed exposed = expose(frame.settings, previous, mean);
+  const Exposed exposed = expose(frame.settings, previous, mean, frame.given);
   std::optional<ScenePrint> print;
   if (cut_threshold_ev_ > 0.0) print = mean ? frame.stats->print : point_.print;
   return {.begun = true,

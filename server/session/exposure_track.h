@@ -49,10 +49,12 @@ class ExposureTrack {
   // Continues after `point`. With a `cut_threshold_ev` of 0 only the frames' own flags mark cuts.
   ExposureTrack(uint32_t lookahead, double cut_threshold_ev, ExposurePoint point);
 
-  // Adds the next frame, before it is metered. Frames are added in order. A frame with the number of the
-  // frame before repeats it: it gets the same exposure and does not affect later frames. INVALID_ARGUMENT for
-  // a lower number or an earlier time.
-  absl::Status add(uint64_t sequence, int64_t media_time_ns, bool cut, const v1::Exposure& settings);
+  // Adds the next frame, before it is metered. Frames are added in order. `given` is the exposure that the
+  // frame brings, if any. A frame with the number of the frame before repeats it: it gets the same exposure
+  // and does not affect later frames. INVALID_ARGUMENT for a lower number, an earlier time, a factor out of
+  // its range, or a repeat with another exposure.
+  absl::Status add(uint64_t sequence, int64_t media_time_ns, bool cut, const v1::Exposure& settings,
+                   std::optional<double> given = std::nullopt);
 
   // Each frame that was added is metered or fails, once and in any order. A failed frame has no exposure. It
   // keeps its position in the look-ahead of other frames, with no weight, so that they do not wait for one
@@ -72,6 +74,7 @@ class ExposureTrack {
     int64_t media_time_ns;
     bool cut;
     v1::Exposure settings;
+    std::optional<double> given;
     std::optional<FrameStats> stats = std::nullopt;
     bool failed = false;
 
@@ -79,10 +82,13 @@ class ExposureTrack {
     bool has_mean() const { return stats && stats->metered_weight > 0; }
   };
 
+  absl::Status check_order(uint64_t sequence, int64_t media_time_ns) const;
   Waiting& unmetered(uint64_t sequence);
   bool begins_scene(size_t index) const;
   // The mean over the look-ahead of the first frame, which has a mean; nothing while a later one is missing.
   std::optional<double> mean_of_first() const;
+  // The mean that decides the first frame, which is metered: its own if its exposure is given.
+  std::optional<double> deciding_mean() const;
   // The session's exposure after the first frame, which has that mean; absent if nothing of it is metered.
   ExposurePoint after_first(std::optional<double> mean) const;
 
@@ -94,6 +100,7 @@ class ExposureTrack {
   bool any_ = false;
   uint64_t last_sequence_ = 0;
   int64_t last_time_ns_ = 0;
+  std::optional<double> last_given_;
   std::deque<Waiting> frames_;  // added and not decided
 };
 

@@ -44,6 +44,17 @@ absl::StatusOr<std::optional<PreviousExposure>> previous_from(const v1::RenderSt
   return previous;
 }
 
+absl::StatusOr<std::optional<double>> given_from(const v1::RenderStart& start) {
+  if (!start.frame().has_exposure()) return std::nullopt;
+  const double given = start.frame().exposure();
+  if (absl::Status status = check_factor("frame.exposure", given); !status.ok()) return status;
+  if (start.has_previous()) {
+    return absl::InvalidArgumentError(
+        "frame.exposure and previous are both set; a frame takes the first or adapts from the second");
+  }
+  return given;
+}
+
 absl::StatusOr<Verify> verify_from(const v1::RenderStart& start) {
   if (!start.verify() && start.error_map()) {
     return absl::InvalidArgumentError("error_map is set and verify is not; set both, or neither");
@@ -75,11 +86,17 @@ absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, 
   if (absl::Status status = check_settings_for(*settings, layout->desc); !status.ok()) return status;
   absl::StatusOr<std::optional<PreviousExposure>> previous = previous_from(start);
   if (!previous.ok()) return previous.status();
+  const absl::StatusOr<std::optional<double>> given = given_from(start);
+  if (!given.ok()) return given.status();
   const absl::StatusOr<Verify> verify = verify_from(start);
   if (!verify.ok()) return verify.status();
-  return RenderStart{
-      layout->desc, start.frame().sequence(), layout->row_stride_bytes, *std::move(settings), *previous,
-      *verify};
+  return RenderStart{.desc = layout->desc,
+                     .sequence = start.frame().sequence(),
+                     .row_stride_bytes = layout->row_stride_bytes,
+                     .settings = *std::move(settings),
+                     .previous = *previous,
+                     .given = *given,
+                     .verify = *verify};
 }
 
 }  // namespace candela

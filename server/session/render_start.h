@@ -19,6 +19,7 @@ struct RenderStart {
   uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
   Settings settings;
   std::optional<PreviousExposure> previous;  // absent: the frame is rendered with its target exposure
+  std::optional<double> given;               // the frame's own exposure; then there is no `previous`
   Verify verify = Verify::kNo;
 };
 

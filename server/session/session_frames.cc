@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "absl/strings/str_format.h"
+
 namespace candela {
 namespace {
 
@@ -15,9 +17,10 @@ bool concerns_the_frame(const absl::Status& status) {
 }  // namespace
 
 SessionFrames::SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point,
-                             size_t capacity)
+                             size_t capacity, bool draws)
     : lookahead_(lookahead),
       capacity_(capacity + lookahead),
+      draws_(draws),
       track_(lookahead, cut_threshold_ev, point),
       told_(point) {}
 
@@ -29,7 +32,9 @@ bool SessionFrames::busy() const {
 
 absl::Status SessionFrames::add(const v1::FrameHeader& header, const WireLayout& layout,
                                 const v1::Exposure& settings, std::string settings_hash, absl::Time now) {
-  if (absl::Status status = track_.add(header.sequence(), header.media_time_ns(), header.cut(), settings);
+  const std::optional<double> given = header.has_exposure() ? std::optional(header.exposure()) : std::nullopt;
+  if (absl::Status status =
+          track_.add(header.sequence(), header.media_time_ns(), header.cut(), settings, given);
       !status.ok()) {
     return status;
   }
@@ -61,6 +66,7 @@ void SessionFrames::metered(Entry& entry, RenderedFrame metered) {
   entry.meter_stages = std::move(metered.report.stages);
   entry.stage = Stage::kWaiting;
   track_.metered(entry.sequence, metered.report.stats);
+  if (!draws_) entry.report = std::move(metered.report);
 }
 
 SessionFrames::EntryPtr SessionFrames::next_decided() {
@@ -71,7 +77,19 @@ SessionFrames::EntryPtr SessionFrames::next_decided() {
   });
   entry->exposure = decided->point;
   entry->decided = true;
+  if (!draws_) finish_undrawn(*entry);
   return entry;
+}
+
+void SessionFrames::finish_undrawn(Entry& entry) {
+  FrameReport& report = *entry.report;
+  report.exposure = entry.exposure.exposed.exposure;
+  report.target = entry.exposure.exposed.target;
+  report.stages = std::move(entry.meter_stages);
+  report.plan.words = {
+      absl::StrFormat("ingest %dx%d: meter", entry.layout.desc.width, entry.layout.desc.height),
+      "no image: the encoding is NONE"};
+  entry.stage = Stage::kDone;
 }
 
 void SessionFrames::rendered(Entry& entry, RenderedFrame rendered, bool encode) {

@@ -24,7 +24,8 @@ namespace candela {
 //   receiving -> queued -> (waiting -> drawing ->) (encoding ->) done
 //
 // Only sessions with look-ahead use waiting and drawing: a frame is metered first, and waits until the frames
-// that it looks ahead to are metered too. Not thread-safe.
+// that it looks ahead to are metered too. A session that draws nothing uses waiting, too: its frames are done
+// once they are decided. Not thread-safe.
 class SessionFrames {
  public:
   enum class Stage { kReceiving, kQueued, kWaiting, kDrawing, kEncoding, kDone, kFailed };
@@ -63,8 +64,10 @@ class SessionFrames {
   using EntryPtr = std::shared_ptr<Entry>;
   using Entries = std::vector<EntryPtr>;
 
-  // Continues behind `point`. At most `capacity` + `lookahead` frames are held at a time.
-  SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point, size_t capacity);
+  // Continues behind `point`. At most `capacity` + `lookahead` frames are held at a time. If not `draws`, the
+  // frames are only metered and decided.
+  SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point, size_t capacity,
+                bool draws = true);
 
   bool empty() const { return frames_.empty(); }
   bool has_room() const { return frames_.size() < capacity_; }
@@ -80,7 +83,7 @@ class SessionFrames {
   void close() { track_.end(); }
 
   // The work of a frame's first job.
-  Work first_work() const { return lookahead_ == 0 ? Work::kRender : Work::kMeter; }
+  Work first_work() const { return draws_ && lookahead_ == 0 ? Work::kRender : Work::kMeter; }
   // A job for that work is in the render loop.
   static void submitted(Entry& entry, Work work, Ticket ticket);
   // Decides the exposure of a frame whose job is kRender, between its two phases. Frames of a session are
@@ -89,7 +92,8 @@ class SessionFrames {
   Exposed decide(Entry& entry, const FrameStats& stats);
   // The frame is metered and waits for its exposure.
   void metered(Entry& entry, RenderedFrame metered);
-  // The next waiting frame whose exposure is decided, to be submitted with kDraw; null if there is none.
+  // The next waiting frame whose exposure is decided, to be submitted with kDraw; null if there is none. If
+  // the session draws nothing, the frame is done already.
   EntryPtr next_decided();
   // The frame is rendered, and still has to be encoded if `encode` is set.
   static void rendered(Entry& entry, RenderedFrame rendered, bool encode);
@@ -116,11 +120,13 @@ class SessionFrames {
   uint64_t answered() const { return answered_; }
 
  private:
+  static void finish_undrawn(Entry& entry);
   Entries end_at(size_t first);
   Entries drop_from(size_t first);
 
   const uint32_t lookahead_;
   const size_t capacity_;
+  const bool draws_;
   ExposureTrack track_;
   std::deque<EntryPtr> frames_;
   ExposurePoint told_;  // after the last frame that was answered

@@ -12,6 +12,7 @@ absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, Sessions&
   if (!start.ok()) return start.status();
   OpenedSession session;
   session.start = *std::move(start);
+  if (session.start.state) session.point.exposure = *session.start.state;
   session.resumed = !session.start.resume_token.empty();
   if (session.resumed) {
     absl::StatusOr<ResumePoint> point =

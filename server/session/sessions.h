@@ -27,7 +27,7 @@ struct OpenedSession {
   StreamStart start;
   uint64_t epoch = 0;  // 0, and one more each time the session is resumed
   bool resumed = false;
-  ResumePoint point;                      // default if not resumed
+  ResumePoint point;  // if not resumed, only its exposure counts: the default, or the state that was given
   std::shared_ptr<SessionCall> previous;  // the call that had this session until now; null if none
 };
 

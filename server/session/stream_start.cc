@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
+#include "server/session/exposure_state.h"
 #include "server/session/render_start.h"
 #include "server/session/resume_token.h"
 
@@ -40,6 +41,20 @@ absl::Status check_encoding(v1::Encoding encoding, v1::OutputFormat format) {
   return absl::OkStatus();
 }
 
+absl::Status take_state(const v1::StreamOpen& open, StreamStart& start) {
+  start.return_state = open.return_state();
+  if (!open.has_state()) return absl::OkStatus();
+  if (!open.resume_token().empty()) {
+    return absl::InvalidArgumentError(
+        "open.state and open.resume_token are both set; a new session begins with the first and a session "
+        "resumes with the second");
+  }
+  absl::StatusOr<ExposurePoint> point = point_from(open.state());
+  if (!point.ok()) return point.status();
+  start.state = *std::move(point);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, v1::Encoding encoding) {
@@ -70,7 +85,8 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
   start.cut_threshold_ev = open.cut_threshold_ev();
   if (!v1::Encoding_IsValid(open.encoding())) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "open.encoding is %d, which this server does not know; it knows RAW (1), PNG (2) and JPEG (3)",
+        "open.encoding is %d, which this server does not know; it knows RAW (1), PNG (2), JPEG (3) and "
+        "NONE (4)",
         static_cast<int>(open.encoding())));
   }
   if (open.encoding() != v1::ENCODING_UNSPECIFIED) start.encoding = open.encoding();
@@ -86,6 +102,7 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
                         open.resume_token().size(), v1::kMaxTokenBytes));
   }
   start.resume_token = open.resume_token();
+  if (absl::Status status = take_state(open, start); !status.ok()) return status;
   absl::StatusOr<SessionSettings> settings = session_settings_from(open.settings(), start.encoding);
   if (!settings.ok()) return settings.status();
   start.settings = *std::move(settings);

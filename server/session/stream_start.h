@@ -3,12 +3,14 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "server/render/settings/settings.h"
 #include "server/schedule/image_file.h"
+#include "server/session/exposure_track.h"
 
 namespace candela {
 
@@ -26,6 +28,11 @@ struct StreamStart {
   double cut_threshold_ev = 0.0;  // 0: cuts are not detected
   v1::Encoding encoding = v1::ENCODING_RAW;
   int jpeg_quality = 90;
+  std::optional<ExposurePoint> state;  // a new session continues after it
+  bool return_state = false;
+
+  // The frames are rendered; otherwise they are only metered.
+  bool draws() const { return encoding != v1::ENCODING_NONE; }
 };
 
 // INVALID_ARGUMENT with the field, its value and its range.

@@ -28,8 +28,8 @@ std::vector<uint64_t> numbers(const SessionFrames::Entries& entries) {
 // A session with frames numbered from 0. A frame's number is also its media time in seconds.
 class Line {
  public:
-  explicit Line(uint32_t lookahead = 0, const ExposurePoint& point = {})
-      : frames(lookahead, 0.0, point, 4), work_(frames.first_work()) {}
+  explicit Line(uint32_t lookahead = 0, const ExposurePoint& point = {}, bool draws = true)
+      : frames(lookahead, 0.0, point, 4, draws), work_(frames.first_work()) {}
 
   SessionFrames::EntryPtr receive(uint64_t sequence, bool cut = false, uint32_t timeout_ms = 0) {
     v1::FrameHeader header;
@@ -128,6 +128,30 @@ TEST(SessionFrames, LookAheadHoldsAFrameBackUntilLaterOnesAreMetered) {
   SessionFrames::rendered(*first, rendered_frame(), false);
   EXPECT_EQ(first->queued, absl::Milliseconds(2)) << "both jobs waited";
   EXPECT_EQ(first->report->stages.size(), 2u) << "the stages of both jobs";
+}
+
+TEST(SessionFrames, WithoutImagesAFrameIsDoneOnceItIsDecided) {
+  for (const uint32_t lookahead : {0u, 1u}) {
+    Line line(lookahead, {}, /*draws=*/false);
+    EXPECT_EQ(line.frames.first_work(), Work::kMeter);
+    const auto first = line.queue(0);
+    const auto second = line.queue(1);
+    line.frames.metered(*first, rendered_frame(1.0));
+    EXPECT_EQ(line.frames.next_decided(), lookahead == 0 ? first : nullptr);
+    line.frames.metered(*second, rendered_frame(2.0));
+    line.frames.close();
+    while (line.frames.next_decided() != nullptr) continue;
+    for (const auto& [entry, mean] : {std::pair(first, 1.0), std::pair(second, 2.0)}) {
+      ASSERT_EQ(line.frames.due(), entry);
+      EXPECT_EQ(entry->report->stats.mean_log2_luminance, mean);
+      EXPECT_EQ(entry->report->exposure, entry->exposure.exposed.exposure);
+      EXPECT_EQ(entry->report->target, entry->exposure.exposed.target);
+      EXPECT_EQ(entry->report->stages.size(), 1u);
+      EXPECT_EQ(entry->report->plan.words.back(), "no image: the encoding is NONE");
+      EXPECT_EQ(line.frames.answer(*entry), entry->exposure);
+      line.frames.pop();
+    }
+  }
 }
 
 TEST(SessionFrames, ADecidedFrameWaitsUntilItsJobIsSubmitted) {

@@ -28,6 +28,7 @@ struct Range {
 // frame's previous exposure.
 inline constexpr double kLeastPercentileRange = 1e-6;            // percent; from low to high
 inline constexpr Range<double> kExposureLimit{0x1p-40, 0x1p40};  // factor
+inline constexpr double kNothingMetered = -2.4739311883324124;   // EV; log2 0.18, the mean of nothing
 inline constexpr Range<double> kElapsedSeconds{0.0, 1e9};        // media time
 inline constexpr Range<uint32_t> kTableSize{2, 65};              // points a side
 inline constexpr Range<double> kTableEnd{1.0, 65504.0};          // exposed light
@@ -36,6 +37,7 @@ inline constexpr float kDefaultTableEnd = 32.0f;
 // Sessions.
 inline constexpr Range<uint32_t> kLookahead{0, 16};         // frames
 inline constexpr Range<double> kCutThresholdEv{0.0, 16.0};  // 0: no detection
+inline constexpr Range<float> kPictureEv{-64.0f, 64.0f};    // a cell of SessionState.picture
 inline constexpr Range<uint32_t> kJpegQuality{1, 100};
 inline constexpr Range<int64_t> kMediaTimeNs{0, int64_t{1} << 62};
 inline constexpr uint32_t kDefaultJpegQuality = 90;

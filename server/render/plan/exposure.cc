@@ -15,13 +15,16 @@ double exposure_target(const v1::Exposure& settings, double mean_log2_luminance)
   return std::clamp(wanted, settings.min_exposure(), settings.max_exposure());
 }
 
-absl::Status check_previous(const PreviousExposure& previous) {
+absl::Status check_factor(const char* field, double factor) {
   // Written so that NaN fails.
-  if (!(previous.exposure >= v1::kExposureLimit.min && previous.exposure <= v1::kExposureLimit.max)) {
-    return absl::InvalidArgumentError(absl::StrFormat("previous.exposure is %g; it must be between %g and %g",
-                                                      previous.exposure, v1::kExposureLimit.min,
-                                                      v1::kExposureLimit.max));
-  }
+  if (factor >= v1::kExposureLimit.min && factor <= v1::kExposureLimit.max) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat("%s is %g; it must be between %g and %g", field, factor,
+                                                    v1::kExposureLimit.min, v1::kExposureLimit.max));
+}
+
+absl::Status check_previous(const PreviousExposure& previous) {
+  if (absl::Status status = check_factor("previous.exposure", previous.exposure); !status.ok()) return status;
+  // Written so that NaN fails.
   if (!(previous.elapsed_seconds >= v1::kElapsedSeconds.min &&
         previous.elapsed_seconds <= v1::kElapsedSeconds.max)) {
     return absl::InvalidArgumentError(absl::StrFormat(
@@ -49,8 +52,9 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
 }
 
 Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
-               std::optional<double> mean_log2_luminance) {
+               std::optional<double> mean_log2_luminance, std::optional<double> given) {
   const double target = exposure_target(settings, mean_log2_luminance.value_or(kNothingMetered));
+  if (given) return {*given, target};
   if (settings.mode() == v1::Exposure::MODE_MANUAL) return {target, target};
   if (!mean_log2_luminance && previous) return {previous->exposure, target};
   return {adapt_exposure(settings.adaptation(), previous, target), target};

@@ -26,6 +26,9 @@ struct Exposed {
   bool operator==(const Exposed&) const = default;
 };
 
+// INVALID_ARGUMENT naming `field`, its value and its range unless it is a factor that a client may give.
+absl::Status check_factor(const char* field, double factor);
+
 // INVALID_ARGUMENT naming the field, its value and its range.
 absl::Status check_previous(const PreviousExposure& previous);
 
@@ -36,8 +39,9 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
                       double target);
 
 // Both together. Manual exposure does not adapt. Without a mean nothing is metered: the frame keeps the
-// factor of `previous`, or takes its target; the target is that of a mean of log2 0.18.
+// factor of `previous`, or takes its target; the target is that of a mean of log2 0.18. A `given` factor
+// replaces the exposure, not the target.
 Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
-               std::optional<double> mean_log2_luminance);
+               std::optional<double> mean_log2_luminance, std::optional<double> given = std::nullopt);
 
 }  // namespace candela

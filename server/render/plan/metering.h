@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "proto/candela/v1/limits.h"
+
 namespace candela {
 
 // Weights (0 .. 255) of the 256 steps of squared distance from the centre.
@@ -22,7 +24,7 @@ inline constexpr double kHistogramFirstEv = -14.0;
 inline constexpr uint32_t kHistogramBinsPerEv = 64;
 
 // The mean log2 luminance of a frame with nothing metered: log2 0.18.
-inline constexpr double kNothingMetered = -2.4739311883324124;
+inline constexpr double kNothingMetered = v1::kNothingMetered;
 
 // The mean log2 luminance between two percentiles of the weight. The bins are in rising luminance from
 // kHistogramFirstEv on. Each bin counts with its texels' mean, and the two end bins count in proportion. low

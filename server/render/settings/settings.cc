@@ -157,12 +157,12 @@ Settings Settings::for_measuring(const Tier& tier, const FrameDesc& desc) const 
   return Settings(std::move(state));
 }
 
-Settings Settings::for_metering() const {
+Settings Settings::for_metering(bool histogram) const {
   auto state = std::make_shared<State>(*state_);
   state->message.clear_max_error_codes();
   state->message.clear_max_ms();
   state->message.mutable_bloom()->set_intensity(0);
-  state->wants_histogram = true;
+  state->wants_histogram = histogram;
   return Settings(std::move(state));
 }
 

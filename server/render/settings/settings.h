@@ -44,8 +44,9 @@ class Settings {
   Settings with_tier(const std::string& name) const;
   // A copy for a test frame that the server measures in place of the client's; its spot is the whole frame.
   Settings for_measuring(const Tier& tier, const FrameDesc& desc) const;
-  // A copy for a frame that is only metered: with a histogram, and without bloom and promises.
-  Settings for_metering() const;
+  // A copy for a frame that is only metered: without bloom and promises, and with a histogram if it is
+  // wanted.
+  Settings for_metering(bool histogram) const;
 
   // A key for measured times and errors: the SHA-256, in hex, of every setting that the contract does not
   // mark `not_measured`.

@@ -59,9 +59,10 @@ void add_stages(const RenderedFrame& rendered, google::protobuf::RepeatedPtrFiel
 }  // namespace
 
 v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
-                                 const std::optional<PreviousExposure>& previous) {
+                                 const std::optional<PreviousExposure>& previous,
+                                 std::optional<double> given) {
   const FrameStats& stats = metered.report.stats;
-  const Exposed exposed = expose(settings->exposure(), previous, stats.metered_mean());
+  const Exposed exposed = expose(settings->exposure(), previous, stats.metered_mean(), given);
   v1::MeterResponse response;
   *response.mutable_statistics() = statistics(stats);
   response.set_exposure(exposed.exposure);
@@ -73,12 +74,13 @@ v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& s
   return response;
 }
 
-v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device) {
+v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const RenderedFrame& rendered,
+                               const std::string& device) {
   const FrameReport& report = rendered.report;
   v1::ResultHeader header;
   header.set_sequence(frame.sequence);
-  header.set_width(frame.memory.desc().width);
-  header.set_height(frame.memory.desc().height);
+  header.set_width(desc.width);
+  header.set_height(desc.height);
   header.set_format(frame.settings->output_format());
   *header.mutable_statistics() = statistics(report.stats);
   header.set_exposure(report.exposure);

@@ -14,19 +14,23 @@
 
 namespace candela {
 
-// `device` is the name of the Vulkan device.
-v1::ResultHeader result_header(const Frame& frame, const RenderedFrame& rendered, const std::string& device);
+// `desc` is the frame's size and format, and `device` the name of the Vulkan device. The frame's memory may
+// be gone.
+v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const RenderedFrame& rendered,
+                               const std::string& device);
 
-// The answer for a frame that was only metered, with its histogram. `previous` is the exposure to adapt from.
+// The answer for a frame that was only metered, with its histogram. `previous` is the exposure to adapt from,
+// and `given` the frame's own.
 v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
-                                 const std::optional<PreviousExposure>& previous);
+                                 const std::optional<PreviousExposure>& previous,
+                                 std::optional<double> given);
 
 // Not thread-safe.
 class ResultWriter {
  public:
   // Sends `header` and then the image of `frame`, which has been rendered.
   ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header);
-  // Sends `header` and then `file`, the encoded image of a session's frame.
+  // Sends `header` and then `file`, the encoded image of a session's frame; empty: no image.
   ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header);
 
   // Puts the next message into `message`. Returns false if there is none. If the rows are contiguous in
