@@ -26,6 +26,7 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
   header.set_height(frame.height);
   header.set_format(frame.format);
   header.set_total_bytes(frame.pixels.size());
+  if (frame.exposure) header.set_exposure(*frame.exposure);
   request.mutable_start()->set_verify(frame.verify);
   request.mutable_start()->set_error_map(frame.error_map);
   return v1::pack(request);
@@ -83,7 +84,7 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
     const absl::Status status = from_grpc(call.finish(), peer_, call.connected());
     return status.ok() ? not_the_protocol("it ended before its header") : status;
   }
-  ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map});
+  ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map, frame.exposure});
   do {
     if (absl::Status status = reader.read(message); !status.ok()) return status;
   } while (call.read(message));

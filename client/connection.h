@@ -34,6 +34,8 @@ struct FrameView {
   uint64_t sequence = 0;  // comes back in the result's header
   // The exposure to adapt from. Without it the frame takes its target exposure.
   std::optional<v1::ExposureState> previous = std::nullopt;
+  // The factor to render the frame with, 2^-40 .. 2^40; not with `previous`.
+  std::optional<double> exposure = std::nullopt;
   // Called once all of `pixels` is copied, before the result arrives.
   std::function<void()> on_sent = nullptr;
   bool verify = false;     // compare the image with the float64 reference; takes the server seconds
@@ -53,8 +55,8 @@ class Connection {
   explicit Connection(std::shared_ptr<grpc::Channel> channel);
 
   // Renders the frame and returns the image. It is sent in bands, and only one band is copied at a time. If
-  // the server refuses the frame by its header, no pixels are sent. UNIMPLEMENTED if `verify` is set and the
-  // server cannot verify.
+  // the server refuses the frame by its header, no pixels are sent. UNIMPLEMENTED if `verify` or
+  // `exposure` is set and the server does not know it.
   absl::StatusOr<RenderResult> render(const v1::Settings& settings, const FrameView& frame,
                                       absl::Time deadline = absl::InfiniteFuture()) const;
 

@@ -47,8 +47,12 @@ struct SessionOptions {
   std::string name;         // see StreamOpen.session; empty: a random name
   v1::Settings settings;    // from the first frame on
   uint32_t lookahead = 0;   // frames that auto exposure looks ahead, 0 .. 16; results are delayed by as many
-  double cut_threshold_ev = 0;  // EV, see StreamOpen; 0: only frames marked as cuts are cuts
-  v1::Encoding encoding = v1::ENCODING_RAW;
+  double cut_threshold_ev = 0;               // EV, see StreamOpen; 0: only frames marked as cuts are cuts
+  v1::Encoding encoding = v1::ENCODING_RAW;  // NONE: frames are metered and exposed, and no image is made
+  // Continues the exposure of another session after the frame that this is the state of. Frames must have
+  // later numbers, and times that are not earlier.
+  std::optional<v1::SessionState> state = std::nullopt;
+  bool return_state = false;  // every result's header holds the state after its frame
   uint32_t jpeg_quality = 0;  // 1 .. 100; 0: the server's default
   // The longest time without results after a loss; then the session ends. If a server says when to come back
   // (google.rpc.RetryInfo), the session does not call it earlier.
@@ -76,6 +80,8 @@ struct SessionFrame {
   uint64_t sequence = 0;      // greater than the previous frame's; comes back with the result
   int64_t media_time_ns = 0;  // presentation time, 0 .. 2^62 ns; not before the previous frame's
   bool cut = false;           // a new scene begins here: exposure jumps to this frame's target
+  // The factor to render the frame with, 2^-40 .. 2^40, instead of the one that metering decides.
+  std::optional<double> exposure = std::nullopt;
   // The longest time from the server's reading the frame's header to rendering it. If it passes, the result
   // is DEADLINE_EXCEEDED.
   absl::Duration timeout = absl::InfiniteDuration();
@@ -86,7 +92,7 @@ struct FrameResult {
   uint64_t sequence = 0;
   // INVALID_ARGUMENT or DEADLINE_EXCEEDED if this frame failed. The session continues.
   absl::Status status;
-  RenderResult image;      // set if status is OK
+  RenderResult image;      // set if status is OK; only its header if the encoding is NONE
   absl::Duration latency;  // from submit() to the arrival of the whole result
 };
 
@@ -142,7 +148,8 @@ class Session {
   // Waits for the next frame's result. Results come in the order of the frames, one for each. Returns nullopt
   // when finish() was called and every frame has its result. An error ends the session and comes after all
   // earlier results: the server's refusal (see Stream in render.proto), UNAVAILABLE if no server resumed the
-  // session within the resume limit, or DEADLINE_EXCEEDED if it sent nothing for the server's idle timeout.
+  // session within the resume limit, DEADLINE_EXCEEDED if it sent nothing for the server's idle timeout, or
+  // UNIMPLEMENTED if the server is too old for states or for the exposures of frames.
   absl::StatusOr<std::optional<FrameResult>> next_result();
 
   SessionStats stats() const;

@@ -9,6 +9,13 @@
 
 namespace candela {
 
+SessionLog::SessionLog(v1::Settings settings, const std::optional<v1::SessionState>& state)
+    : settings_(std::move(settings)) {
+  if (!state) return;
+  last_sequence_ = state->sequence();
+  last_time_ns_ = state->media_time_ns();
+}
+
 absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
   if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
       !status.ok()) {
@@ -23,6 +30,13 @@ absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "frame %d has media time %d ns; it must be at least the previous frame's, %d ns, and at most %d ns",
         frame.sequence, frame.media_time_ns, last_time_ns_, v1::kMediaTimeNs.max));
+  }
+  // Written so that NaN fails.
+  if (frame.exposure &&
+      !(*frame.exposure >= v1::kExposureLimit.min && *frame.exposure <= v1::kExposureLimit.max)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame %d has the exposure %g; it must be between %g and %g", frame.sequence,
+                        *frame.exposure, v1::kExposureLimit.min, v1::kExposureLimit.max));
   }
   last_sequence_ = frame.sequence;
   last_time_ns_ = frame.media_time_ns;

@@ -25,7 +25,8 @@ struct SessionStep {
 // Not thread-safe.
 class SessionLog {
  public:
-  explicit SessionLog(v1::Settings settings) : settings_(std::move(settings)) {}
+  // `state`, if there is one, is that of the frame before the first.
+  explicit SessionLog(v1::Settings settings, const std::optional<v1::SessionState>& state = std::nullopt);
 
   // Add a step. They fail like Session::submit() and Session::change_settings().
   absl::Status add(SessionFrame frame, absl::Time now);

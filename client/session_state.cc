@@ -8,7 +8,7 @@
 namespace candela {
 
 SessionState::SessionState(const SessionOptions& options, std::string server)
-    : lookahead_(options.lookahead), log_(options.settings) {
+    : lookahead_(options.lookahead), log_(options.settings, options.state) {
   stats_.server = std::move(server);
 }
 

@@ -18,7 +18,7 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
   if (!v1::unpack(message, response) || !response.has_header()) {
     return not_the_protocol("no header comes first");
   }
-  const auto [width, height, verify, error_map] = request_;
+  const auto& [width, height, verify, error_map, exposure] = request_;
   result_.header = std::move(*response.mutable_header());
   if (result_.header.width() != width || result_.header.height() != height) {
     return not_the_protocol("the image is not of the frame's size");
@@ -30,6 +30,10 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
         "the server does not verify frames, because it is older than this client; leave out verification or "
         "update "
         "it");
+  }
+  if (exposure && result_.header.exposure() != *exposure) {
+    return absl::UnimplementedError(
+        "the server ignores the exposures of frames, because it is older than this client; update it");
   }
   result_.bytes = uint64_t{width} * height * pixel_bytes;
   result_.data = std::make_unique_for_overwrite<std::byte[]>(result_.bytes);

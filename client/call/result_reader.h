@@ -4,6 +4,7 @@
 #include <grpcpp/support/byte_buffer.h>
 
 #include <cstdint>
+#include <optional>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -18,6 +19,7 @@ struct ResultRequest {
   uint32_t height = 1;  // pixels
   bool verify = false;
   bool error_map = false;
+  std::optional<double> exposure = std::nullopt;  // of the frame itself
 };
 
 // Used by one thread at a time.
@@ -27,7 +29,8 @@ class ResultReader {
 
   // Takes the next message: first the header, for which it allocates the memory, then bands of the image and
   // of the error map, which it copies into place. Returns UNIMPLEMENTED for a header without the requested
-  // verification and not_the_protocol() for any other unexpected message. Must not be called after a failure.
+  // verification or exposure, and not_the_protocol() for any other unexpected message. Must not be called
+  // after a failure.
   absl::Status read(grpc::ByteBuffer& message);
 
   // Returns the image. To be called once. not_the_protocol() if rows of it or of the map are missing.

@@ -52,6 +52,9 @@ grpc::Slice band_slice(const std::shared_ptr<const SessionFrame>& frame, uint64_
                      new std::shared_ptr<const SessionFrame>(frame));
 }
 
+// A server that is too old for states would ignore one silently. Its results hold none, which shows it.
+bool wants_state(const SessionOptions& options) { return options.return_state || options.state.has_value(); }
+
 v1::FrameHeader header_of(const SessionFrame& frame) {
   v1::FrameHeader header;
   header.set_sequence(frame.sequence);
@@ -61,6 +64,7 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
   header.set_total_bytes(frame.pixels.size());
   header.set_media_time_ns(frame.media_time_ns);
   header.set_cut(frame.cut);
+  if (frame.exposure) header.set_exposure(*frame.exposure);
   if (frame.timeout != absl::InfiniteDuration()) {
     header.set_timeout_ms(
         static_cast<uint32_t>(std::clamp<int64_t>(absl::ToInt64Milliseconds(frame.timeout), 1, UINT32_MAX)));
@@ -76,7 +80,8 @@ SessionStream::SessionStream(const SessionServer& server, const SessionOptions& 
       options_(options),
       name_(name),
       state_(state),
-      duplex_(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", name}}) {}
+      duplex_(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", name}}),
+      reader_({.image = options.encoding != v1::ENCODING_NONE, .state = wants_state(options)}) {}
 
 CallEnd SessionStream::run() {
   std::optional<SessionState::Start> start = state_.begin_call(peer_.address, duplex_);
@@ -107,6 +112,8 @@ v1::StreamRequest SessionStream::open_message(SessionState::Start start) const {
   v1::StreamOpen& open = *request.mutable_open();
   open.set_session(name_);
   *open.mutable_settings() = std::move(start.settings);
+  if (start.token.empty() && options_.state) *open.mutable_state() = *options_.state;
+  open.set_return_state(wants_state(options_));
   open.set_resume_token(std::move(start.token));
   open.set_lookahead(options_.lookahead);
   open.set_cut_threshold_ev(options_.cut_threshold_ev);

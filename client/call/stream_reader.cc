@@ -59,13 +59,34 @@ absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const 
   }
 }
 
-absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const SessionFrame* due) {
+absl::Status StreamReader::check_header(const v1::ResultHeader& header, const SessionFrame* due) const {
   if (!opened_ || inside_) return not_the_protocol("an unexpected header");
   if (due == nullptr || due->sequence != header.sequence()) {
     return not_the_protocol("a result for the wrong frame");
   }
   if (header.width() != due->width || header.height() != due->height) {
     return not_the_protocol("the image is not of the frame's size");
+  }
+  if (requested_.image == (header.encoding() == v1::ENCODING_NONE)) {
+    return not_the_protocol("the image is not in the session's encoding");
+  }
+  if (due->exposure && header.exposure() != *due->exposure) {
+    return absl::UnimplementedError(
+        "the server ignores the exposures of frames, because it is older than this client; update it");
+  }
+  if (requested_.state && !header.has_state()) {
+    return absl::UnimplementedError(
+        "the server ignores a session's state, because it is older than this client; update it");
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const SessionFrame* due) {
+  if (absl::Status status = check_header(header, due); !status.ok()) return status;
+  if (!requested_.image) {
+    result_ = {};
+    result_.header = std::move(header);
+    return answer();
   }
   const uint64_t pixel_bytes = bytes_per_pixel(header.format());
   if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");

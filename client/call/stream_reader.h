@@ -24,20 +24,31 @@ struct FrameAnswer {
 };
 using StreamEvent = std::variant<MoreToCome, v1::StreamOpened, FrameAnswer, v1::GoAway>;
 
+// What the session asked for in its open message.
+struct StreamRequested {
+  bool image = true;   // with every result
+  bool state = false;  // in every result's header
+};
+
 // Reads one call. Used by one thread at a time.
 class StreamReader {
  public:
+  explicit StreamReader(const StreamRequested& requested = {}) : requested_(requested) {}
+
   // Takes the next message. `due` is the frame that the next result is for, or null if no result is due. It
-  // must stay the same until the frame has its answer. Returns not_the_protocol() for an unexpected message.
-  // Must not be called after a failure.
+  // must stay the same until the frame has its answer. Returns not_the_protocol() for an unexpected message,
+  // and UNIMPLEMENTED for a header without the requested state or without the frame's own exposure. Must not
+  // be called after a failure.
   absl::StatusOr<StreamEvent> read(grpc::ByteBuffer& message, const SessionFrame* due);
 
  private:
+  absl::Status check_header(const v1::ResultHeader& header, const SessionFrame* due) const;
   absl::StatusOr<StreamEvent> take_header(v1::ResultHeader header, const SessionFrame* due);
   absl::StatusOr<StreamEvent> take_failure(const v1::FrameFailure& failure, const SessionFrame* due) const;
   absl::StatusOr<StreamEvent> take_part(const std::string& part);
   FrameAnswer answer();
 
+  const StreamRequested requested_;
   bool opened_ = false;
   bool inside_ = false;  // a result has begun
   RenderResult result_;

@@ -130,6 +130,64 @@ TEST(Session, WithoutATokenYetItOpensAnew) {
   for (const v1::StreamOpen& open : server.opens()) EXPECT_EQ(open.resume_token(), "");
 }
 
+TEST(Session, AStateOpensItAndATokenTakesItsPlace) {
+  const auto with_state = [](uint64_t sequence, Wire& stream) {
+    v1::StreamResponse response;
+    v1::ResultHeader& header = *response.mutable_header();
+    header.set_sequence(sequence);
+    header.set_width(kWidth);
+    header.set_height(kHeight);
+    header.set_encoding(v1::ENCODING_NONE);
+    header.set_resume_token("token");
+    header.mutable_state()->set_sequence(sequence);
+    stream.Write(response);
+    return grpc::Status(grpc::UNAVAILABLE, "dying");
+  };
+  // The first server dies before its first result, and the others after it.
+  FakeServer first([](uint64_t, Wire&) { return grpc::Status(grpc::UNAVAILABLE, "dying"); });
+  FakeServer second(with_state), third(with_state);
+  SessionOptions options = options_for({first.address(), second.address(), third.address()});
+  options.encoding = v1::ENCODING_NONE;
+  options.state.emplace().set_sequence(7);
+  options.state->set_exposure(0.3);
+  absl::StatusOr<Session> session = Session::open(options);
+  ASSERT_TRUE(session.ok()) << session.status();
+  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(frame(7)))) << "the state is of frame 7";
+  ASSERT_TRUE(session->submit(frame(8)).ok());
+  ASSERT_TRUE(session->submit(frame(9)).ok());
+  session->finish();
+  for (const uint64_t sequence : {8, 9}) {
+    const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_EQ((*result)->sequence, sequence);
+    EXPECT_EQ((*result)->image.header.state().sequence(), sequence);
+    EXPECT_EQ((*result)->image.bytes, 0u);
+  }
+  EXPECT_EQ(first.opens().at(0).state().exposure(), 0.3);
+  EXPECT_EQ(second.opens().at(0).state().exposure(), 0.3) << "there was no token yet";
+  EXPECT_TRUE(second.opens().at(0).return_state());
+  EXPECT_FALSE(third.opens().at(0).has_state());
+  EXPECT_EQ(third.opens().at(0).resume_token(), "token");
+}
+
+TEST(Session, AServerThatIsTooOldForStatesOrExposuresIsNotBelieved) {
+  FakeServer server;
+  SessionOptions options = options_for({server.address()});
+  options.return_state = true;
+  const Outcome stateless = run(options, 3);
+  EXPECT_TRUE(absl::IsUnimplemented(stateless.status)) << stateless.status;
+  EXPECT_NE(stateless.status.message().find("older than this client"), std::string::npos);
+  absl::StatusOr<Session> session = Session::open(options_for({server.address()}));
+  ASSERT_TRUE(session.ok()) << session.status();
+  SessionFrame exposed = frame(0);
+  exposed.exposure = 0.0;
+  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(exposed)));
+  exposed.exposure = 0.3;
+  ASSERT_TRUE(session->submit(exposed).ok());
+  session->finish();
+  EXPECT_TRUE(absl::IsUnimplemented(session->next_result().status()));
+}
+
 TEST(Session, AServerThatGoesAwayIsLeftInPeace) {
   FakeServer first([](uint64_t sequence, Wire& stream) {
     if (sequence != 4) return grpc::Status::OK;
