@@ -28,6 +28,7 @@
 #include "server/render/settings/settings.h"
 #include "server/rpc/wire/band_reader.h"
 #include "server/rpc/wire/parse_request.h"
+#include "server/session/exposure_state.h"
 #include "server/session/render_start.h"
 #include "server/session/resume_token.h"
 #include "server/session/stream_start.h"
@@ -166,6 +167,7 @@ void check_start(const RenderStart& start) {
          "the row stride is within its range");
   check_settings(start.settings);
   expect(check_settings_for(start.settings, desc).ok(), "the settings suit the frame");
+  if (start.given) expect(check_factor("given", *start.given).ok() && !start.previous, "it is a factor");
   if (start.previous) expect(check_previous(*start.previous).ok(), "the previous exposure is good");
   check_exposure(start.settings->exposure(), start.previous);
 }
@@ -225,6 +227,24 @@ void serve(const WireInput& input) {
   }
 }
 
+// A session continues after a client's state, and gives the state back as it came.
+void check_state(const StreamStart& start, const v1::SessionState& state) {
+  expect(start.resume_token.empty(), "a session begins with a state or a token");
+  expect(v1::deterministic_bytes(state_of(*start.state)).size() <= v1::kMaxTokenBytes, "a state is small");
+  ExposureTrack track(0, start.cut_threshold_ev, *start.state);
+  const v1::Exposure& settings = start.settings.settings->exposure();
+  if (!track.add(state.sequence() + 1, state.media_time_ns(), false, settings).ok()) {
+    expect(state.sequence() == UINT64_MAX, "a later frame follows a state");
+    return;
+  }
+  FrameStats stats;
+  stats.metered_weight = 1;
+  track.metered(state.sequence() + 1, stats);
+  const double exposure = track.next()->point.exposed.exposure;
+  expect(check_factor("exposure", exposure).ok() || settings.mode() == v1::Exposure::MODE_MANUAL,
+         "a state leads to a factor", absl::StrCat(exposure));
+}
+
 // The server reads a stream's open message and a resume token of any bytes.
 void open_stream(const WireInput& input) {
   if (input.messages.empty()) return;
@@ -247,6 +267,7 @@ void open_stream(const WireInput& input) {
              start->cut_threshold_ev <= v1::kCutThresholdEv.max,
          "the threshold of cuts is within its range");
   check_settings(start->settings.settings);
+  if (start->state) check_state(*start, request.open().state());
 }
 
 // The client reads a header, then bands of the image and of the error map.
@@ -291,6 +312,11 @@ void check_answer(const FrameAnswer& answer, const SessionFrame& due, const std:
   expect(header.sequence() == due.sequence, "the result is the due frame's");
   expect(header.width() == due.width && header.height() == due.height, "the image is of the frame's size");
   expect(header.resume_token().empty(), "the token is beside the header");
+  if (due.exposure) {
+    expect(header.exposure() == *due.exposure && header.has_state(), "the result is what was asked for");
+    expect(answer.image.bytes == 0, "a session without images has none");
+    return;
+  }
   expect(header.encoded_bytes() > 0 ? answer.image.bytes == header.encoded_bytes()
                                     : answer.image.bytes % (uint64_t{due.width} * due.height) == 0,
          "the image is whole");
@@ -312,8 +338,9 @@ std::string image_bytes(const std::string& message, size_t slice_bytes) {
 
 // A session's client reads one answer for each frame, in order, made of the messages since the previous one.
 void follow(const WireInput& input) {
-  StreamReader reader;
+  StreamReader reader({.image = !input.metered, .state = input.metered});
   SessionFrame due{.width = input.width, .height = input.height, .pixels = {}, .owner = {}};
+  if (input.metered) due.exposure = kGivenExposure;
   std::string sent;
   bool opened = false;
   for (const std::string& message : input.messages) {
@@ -321,8 +348,8 @@ void follow(const WireInput& input) {
     grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
     const absl::StatusOr<StreamEvent> event = reader.read(buffer, owed ? &due : nullptr);
     if (!event.ok()) {
-      expect(absl::IsInternal(event.status()), "a message is refused as no answer",
-             event.status().ToString());
+      expect(absl::IsInternal(event.status()) || (input.metered && absl::IsUnimplemented(event.status())),
+             "a message is refused as no answer", event.status().ToString());
       return;
     }
     if (std::holds_alternative<v1::StreamOpened>(*event)) {

@@ -183,6 +183,7 @@ void write_request(const std::string& path, v1::PixelFormat format, uint32_t pix
     request.mutable_start()->mutable_previous()->set_exposure(1.5);
     request.mutable_start()->mutable_previous()->set_elapsed_seconds(0.04);
   } else {
+    frame.set_exposure(kGivenExposure);
     v1::Settings& settings = *request.mutable_start()->mutable_settings();
     settings.set_max_error_codes(1);
     settings.set_max_ms(20);
@@ -259,6 +260,41 @@ void write_session(const std::string& path) {
   write_file(path, format_wire_input(input));
 }
 
+// A session without images: every result is a header with a state.
+void write_metered_session(const std::string& path) {
+  WireInput input{.reader = WireInput::Reader::kSession, .metered = true, .width = 3, .height = 4};
+  v1::StreamResponse message;
+  message.mutable_opened()->set_session("fuzz");
+  input.messages = {message.SerializeAsString()};
+  for (uint64_t i = 0; i < kSessionFrames; ++i) {
+    message = stream_header(i, 0);
+    message.mutable_header()->set_encoding(v1::ENCODING_NONE);
+    message.mutable_header()->set_exposure(kGivenExposure);
+    message.mutable_header()->mutable_state()->set_sequence(i);
+    input.messages.push_back(message.SerializeAsString());
+  }
+  write_file(path, format_wire_input(input));
+}
+
+// The open message of a session that continues after a state.
+void write_open_with_state(const std::string& path) {
+  v1::StreamRequest request;
+  v1::StreamOpen& open = *request.mutable_open();
+  open.set_session("fuzz");
+  open.set_cut_threshold_ev(1);
+  open.set_encoding(v1::ENCODING_NONE);
+  open.set_return_state(true);
+  open.mutable_state()->set_sequence(7);
+  open.mutable_state()->set_media_time_ns(291666667);
+  open.mutable_state()->set_exposure(0.3);
+  open.mutable_state()->set_target(0.25);
+  open.mutable_state()->set_cut_pending(true);
+  for (int i = 0; i < 64; ++i) open.mutable_state()->add_picture(static_cast<float>(i) / 8);
+  WireInput input;
+  input.messages = {request.SerializeAsString()};
+  write_file(path, format_wire_input(input));
+}
+
 void write_wire(const std::string& folder) {
   for (const bool all_fields : {false, true}) {
     const std::string path = folder + (all_fields ? "/all_" : "/plain_");
@@ -270,6 +306,8 @@ void write_wire(const std::string& folder) {
   write_response(folder + "/response_rgba16", v1::OUTPUT_FORMAT_RGBA16, 8, false);
   write_response(folder + "/response_rgba16f", v1::OUTPUT_FORMAT_RGBA16F, 8, true);
   write_session(folder + "/session");
+  write_metered_session(folder + "/metered_session");
+  write_open_with_state(folder + "/open_with_state");
 }
 
 }  // namespace
