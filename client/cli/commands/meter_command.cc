@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
@@ -105,38 +106,54 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-}  // namespace
+// A sequence is more than one file, or is asked for something that only a sequence has.
+bool is_single_image(const MeterOptions& options) {
+  const std::vector<std::string>& inputs = options.sequence.inputs;
+  std::error_code ignored;
+  return inputs.size() == 1 && options.state.empty() && options.save_exposures.empty() &&
+         options.plot.empty() && std::filesystem::exists(inputs[0], ignored) &&
+         !std::filesystem::is_directory(inputs[0], ignored);
+}
 
-absl::Status run_meter(const MeterOptions& options) {
-  if (absl::Status status = check_outputs_apart({options.input}, {{options.json, "the JSON"}});
-      !status.ok()) {
+absl::Status meter_image(const MeterOptions& options) {
+  const std::string& input = options.sequence.inputs.front();
+  if (absl::Status status = check_outputs_apart({input}, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
-  Progress progress(true);
-  progress.show("metering " + options.input);
+  Progress progress(!options.quiet);
+  progress.show("metering " + input);
   ServerLink link(options.server);
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
-  const absl::StatusOr<Image> image = read_image(
-      options.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-      options.shown);
+  const absl::StatusOr<Image> image =
+      read_image(input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
+                 options.shown);
   if (!image.ok()) return image.status();
   const absl::StatusOr<const Connection*> server = link.connection();
   if (!server.ok()) return server.status();
+  if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
   const absl::StatusOr<v1::MeterResponse> metered =
       (*server)->meter(settings_for(*image, options.settings), view_of(*image), absl::Now() + kMeterTimeout);
   progress.clear();
-  if (!metered.ok()) return name_file(metered.status(), options.input);
-  for (const std::string& note : options.notes) print_note(note);
+  if (!metered.ok()) return name_file(metered.status(), input);
   const PrimariesUsed primaries = primaries_used(*image, options.settings);
-  for (const std::string& note : image->notes) print_note(note);
-  if (!json->to_stdout()) {
-    if (absl::Status status = print(to_text(options.input, *image, primaries, *metered)); !status.ok())
-      return status;
+  if (!options.quiet) {
+    for (const std::string& note : options.notes) print_note(note);
+    for (const std::string& note : image->notes) print_note(note);
+    if (!json->to_stdout()) {
+      absl::Status status = print(to_text(input, *image, primaries, *metered));
+      if (!status.ok()) return status;
+    }
   }
-  return json->write(to_json(options.input, *image, primaries, *metered));
+  return json->write(to_json(input, *image, primaries, *metered));
+}
+
+}  // namespace
+
+absl::Status run_meter(const MeterOptions& options) {
+  return is_single_image(options) ? meter_image(options) : run_stream(options);
 }
 
 }  // namespace candela

@@ -13,6 +13,7 @@
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/error_map.h"
+#include "client/cli/files/exposure_file.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
@@ -42,6 +43,14 @@ double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now(
 class Shared {
  public:
   explicit Shared(const RenderOptions& options) : options_(options), link_(options.server) {}
+
+  // Reads the file of --locked-exposure, if it is given.
+  absl::Status read_exposure() {
+    if (options_.locked_exposure.empty()) return absl::OkStatus();
+    const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
+    if (file.ok()) locked_ = file->locked;
+    return file.status();
+  }
 
   // Bakes the view of --ocio, if it is set, into a table. Call it before the others.
   absl::Status bake() {
@@ -84,6 +93,8 @@ class Shared {
   }
 
   const std::optional<BakedView>& view() const { return view_; }
+  // The exposure of all images, if it is given.
+  std::optional<double> locked() const { return locked_; }
   double bake_ms() const { return bake_ms_; }
   // Call it after connection().
   double start_ms() const { return link_.start_ms(); }
@@ -95,6 +106,7 @@ class Shared {
   std::optional<absl::StatusOr<v1::Limits>> limits_ ABSL_GUARDED_BY(mutex_);
   std::optional<absl::StatusOr<const Connection*>> server_ ABSL_GUARDED_BY(mutex_);
   std::optional<BakedView> view_;
+  std::optional<double> locked_;
   double bake_ms_ = 0;
 };
 
@@ -154,6 +166,7 @@ class Rendering {
     const absl::Time begin = absl::Now();
     FrameView view = view_of(frame);
     if (options_.previous.exposure() > 0) view.previous = options_.previous;
+    view.exposure = shared_.locked();
     view.verify = options_.verify;
     view.error_map = !options_.error_map.empty();
     if (only_) view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
@@ -250,6 +263,7 @@ absl::Status render_one(const RenderOptions& options, const RenderJob& job, Json
                         Progress& progress) {
   Shared shared(options);
   if (!options.view.config.empty()) progress.show("baking " + options.view.config);
+  if (absl::Status status = shared.read_exposure(); !status.ok()) return status;
   if (absl::Status status = shared.bake(); !status.ok()) return status;
   const absl::StatusOr<RenderReport> report = Rendering(options, job, true, shared, progress).run();
   progress.clear();
@@ -267,6 +281,7 @@ absl::Status render_folder(const RenderOptions& options, const std::vector<Rende
                            Progress& progress) {
   Shared shared(options);
   if (!options.view.config.empty()) progress.show("baking " + options.view.config);
+  if (absl::Status status = shared.read_exposure(); !status.ok()) return status;
   if (absl::Status status = shared.bake(); !status.ok()) return status;
   const auto render = [&](const RenderJob& job) {
     Progress silent(false);

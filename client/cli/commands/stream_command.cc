@@ -1,7 +1,9 @@
 #include <OpenEXR/ImfThreading.h>
 
+#include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -10,6 +12,7 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/server_link.h"
+#include "client/cli/commands/shot_exposures.h"
 #include "client/cli/commands/stream_images.h"
 #include "client/cli/commands/stream_report.h"
 #include "client/cli/files/frame_feeder.h"
@@ -35,12 +38,13 @@ struct NamedImage {
 };
 
 // All images in order, held ones included. `first` numbers them; without it they have their frames' numbers.
-std::vector<NamedImage> named_images(const Sequence& sequence, const OutputNames& names,
+// Without names nothing is written, and no outputs are named.
+std::vector<NamedImage> named_images(const Sequence& sequence, const std::optional<OutputNames>& names,
                                      const std::optional<uint64_t>& first) {
   std::vector<NamedImage> images;
   const auto add = [&](uint64_t number, const std::string& input, const std::string& name) {
     const uint64_t counted = first ? *first + images.size() : number;
-    images.push_back({number, input, names.path(counted, name)});
+    images.push_back({number, input, names ? names->path(counted, name) : ""});
   };
   for (const SequenceFrame& frame : sequence.frames) {
     add(frame.number, frame.path, frame.path);
@@ -60,9 +64,10 @@ std::vector<std::string> paths_of(const Sequence& sequence) {
 // Renders a sequence: feeds its files to a session and writes the results, several at once.
 class Streaming {
  public:
-  Streaming(const StreamOptions& options, const Sequence& sequence, const std::vector<NamedImage>& named,
-            JsonOutput& json, Progress& progress)
+  Streaming(const StreamOptions& options, const ShotExposures& shot, const Sequence& sequence,
+            const std::vector<NamedImage>& named, JsonOutput& json, Progress& progress)
       : options_(options),
+        shot_(shot),
         sequence_(sequence),
         named_(named),
         progress_(progress),
@@ -82,11 +87,18 @@ class Streaming {
     FrameReader reader(paths_of(sequence_),
                        {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
                        kReadAhead, options_.shown);
-    FrameFeeder feeder(
-        sequence_, {options_.settings, options_.timeout, options_.skip_bad, options_.sequence.rate}, reader);
+    FrameFeeder feeder(sequence_,
+                       {.settings = options_.settings,
+                        .timeout = options_.timeout,
+                        .skip_bad = options_.skip_bad,
+                        .rate = shot_.rate(),
+                        .view = options_.view,
+                        .exposures = shot_.given()},
+                       reader);
     const absl::StatusOr<const Image*> first = feeder.first();
     if (!first.ok()) return first.status();
     summary_.rate = feeder.rate();
+    if (shot_.fixes_rate()) summary_.rate.from = "the exposure file";
     absl::Status status;
     if (*first != nullptr) {
       status = stream(**first, std::move(session), feeder);
@@ -100,6 +112,8 @@ class Streaming {
           "none of the %d frames could be rendered; run without --skip-bad to see the first failure",
           sequence_.frames.size()));
     }
+    summary_.locked = locked_exposure(options_.settings.exposure(), summary_.curve);
+    summary_.saved = options_.save_exposures;
     return std::move(summary_);
   }
 
@@ -122,6 +136,8 @@ class Streaming {
     options.lookahead = options_.lookahead;
     options.cut_threshold_ev = options_.cut_threshold_ev;
     options.encoding = options_.encoding;
+    options.state = shot_.state();
+    options.return_state = shot_.saved();
     options.jpeg_quality = static_cast<uint32_t>(options_.write.jpeg_quality);
     options.resume_limit = options_.resume_limit;
     progress_.show("opening a session");
@@ -158,17 +174,27 @@ class Streaming {
     frame.status = result.status;
     if (!result.status.ok()) {
       if (!options_.skip_bad) return name_file(result.status, frame.input);
-      return images_.skip(std::move(frame), holds_of(index));
+      return skip(index, std::move(frame));
     }
     frame.header = result.image.header;
     frame.primaries = facts.primaries;
     summary_.primaries.insert(words_of(facts.primaries));
     frame.latency = result.latency;
     exposure_ = frame.header.exposure();
-    summary_.curve.push_back({static_cast<double>(frame.media_time_ns) * 1e-9, exposure_,
-                              frame.header.target(), frame.header.statistics().mean_log2_luminance(),
-                              frame.header.cut()});
+    summary_.curve.push_back({.frame = frame.number,
+                              .media_time_ns = frame.media_time_ns,
+                              .exposure = exposure_,
+                              .target = frame.header.target(),
+                              .mean_log2_luminance = frame.header.statistics().mean_log2_luminance(),
+                              .cut = frame.header.cut()});
+    summary_.state = frame.header.state();
     return images_.write(std::move(frame), std::move(result.image), facts, holds_of(index));
+  }
+
+  // A frame without an image. If it should have begun a scene, the next frame begins it, as on the server.
+  absl::Status skip(size_t index, StreamFrame frame) {
+    if (sequence_.frames[index].cut) summary_.state.set_cut_pending(true);
+    return images_.skip(std::move(frame), holds_of(index));
   }
 
   // The image at this place in the sequence.
@@ -184,8 +210,10 @@ class Streaming {
 
   StreamFrame frame_of(size_t index) const { return image_at(sequence_.frames[index].place); }
 
+  // The missing frames that repeat the frame's image, if images are made.
   std::vector<StreamFrame> holds_of(size_t index) const {
     std::vector<StreamFrame> holds;
+    if (options_.encoding == v1::ENCODING_NONE) return holds;
     const SequenceFrame& file = sequence_.frames[index];
     for (uint64_t i = 1; i <= file.holds.size(); ++i) {
       holds.push_back(image_at(file.place + i));
@@ -199,7 +227,7 @@ class Streaming {
     for (auto& [index, why] : feeder.take_skipped(before)) {
       StreamFrame frame = frame_of(index);
       frame.status = std::move(why);
-      status.Update(images_.skip(std::move(frame), holds_of(index)));
+      status.Update(skip(index, std::move(frame)));
     }
     return status;
   }
@@ -228,6 +256,7 @@ class Streaming {
   }
 
   const StreamOptions& options_;
+  const ShotExposures& shot_;
   const Sequence& sequence_;
   const std::vector<NamedImage>& named_;
   Progress& progress_;
@@ -241,63 +270,104 @@ class Streaming {
 
 // Refuses sequences in which two frames would become the same image, or an output would replace an input.
 absl::Status check_outputs(const StreamOptions& options, const std::vector<NamedImage>& images,
-                           const OutputNames& names) {
+                           const std::optional<OutputNames>& names) {
   std::map<std::string, std::string> sources;
-  std::vector<std::string> inputs = {options.view.config};
-  std::vector<OutputFile> outputs = {{options.json, "the JSON"}, {options.plot, "the plot"}};
+  std::vector<std::string> inputs = {options.view.config, options.exposures, options.locked_exposure,
+                                     options.state};
+  std::vector<OutputFile> outputs = {
+      {options.json, "the JSON"}, {options.plot, "the plot"}, {options.save_exposures, "the exposures"}};
   for (const auto& [number, input, output] : images) {
+    inputs.push_back(input);
+    if (!names) continue;
     const auto [other, fresh] = sources.emplace(output, input);
     if (!fresh) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s and %s would both become %s; write to a pattern such "
                           "as out/%%04d%s",
-                          other->second, input, output, names.extension()));
+                          other->second, input, output, names->extension()));
     }
-    inputs.push_back(input);
     outputs.push_back({output, "the images"});
   }
   return check_outputs_apart(inputs, outputs);
 }
 
+struct StreamPlan {
+  std::optional<OutputNames> names;  // absent: no images are made
+  Sequence sequence;
+  std::vector<NamedImage> images;
+};
+
+// Finds the frames and names the images. Reads and writes no image.
+absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot) {
+  StreamPlan plan;
+  if (options.encoding != v1::ENCODING_NONE) {
+    const bool jpeg = options.encoding == v1::ENCODING_JPEG;
+    absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+    if (!names.ok()) return names.status();
+    plan.names = *std::move(names);
+  }
+  const absl::StatusOr<SequenceChoice> choice = shot.choice();
+  if (!choice.ok()) return choice.status();
+  absl::StatusOr<Sequence> sequence = find_sequence(*choice);
+  if (!sequence.ok()) return sequence.status();
+  plan.sequence = *std::move(sequence);
+  absl::StatusOr<std::vector<std::string>> notes = shot.check(plan.sequence);
+  if (!notes.ok()) return notes.status();
+  std::move(notes->begin(), notes->end(), std::back_inserter(plan.sequence.notes));
+  plan.images = named_images(plan.sequence, plan.names, options.first);
+  if (absl::Status status = check_outputs(options, plan.images, plan.names); !status.ok()) return status;
+  return plan;
+}
+
+// Prints the notes and the summary.
+absl::Status tell(const StreamOptions& options, const StreamSummary& summary, const std::string& where,
+                  bool json_to_stdout) {
+  if (options.quiet) return absl::OkStatus();
+  std::set<std::string> notes = summary.notes;
+  notes.insert(options.notes.begin(), options.notes.end());
+  size_t told = 0;
+  for (const std::string& note : notes) {
+    if (told++ < kMostNotes) print_note(note);
+  }
+  if (told > kMostNotes) print_note(absl::StrFormat("and %d more notes", told - kMostNotes));
+  return json_to_stdout ? absl::OkStatus() : print(to_text(summary, where));
+}
+
 }  // namespace
 
 absl::Status run_stream(const StreamOptions& options) {
-  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
-  if (!names.ok()) return names.status();
-  const absl::StatusOr<Sequence> sequence = find_sequence(options.sequence);
-  if (!sequence.ok()) return sequence.status();
-  const std::vector<NamedImage> images = named_images(*sequence, *names, options.first);
-  if (absl::Status status = check_outputs(options, images, *names); !status.ok()) return status;
+  const absl::StatusOr<ShotExposures> shot = ShotExposures::open(options);
+  if (!shot.ok()) return shot.status();
+  const absl::StatusOr<StreamPlan> plan = plan_stream(options, *shot);
+  if (!plan.ok()) return plan.status();
+  const auto& [names, sequence, images] = *plan;
   if (!options.plot.empty()) {
     if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
   }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
-  if (absl::Status status = names->make_folder(); !status.ok()) return status;
+  if (names) {
+    if (absl::Status status = names->make_folder(); !status.ok()) return status;
+  }
   if (!options.quiet) {
-    for (const std::string& note : sequence->notes) print_note(note);
+    for (const std::string& note : sequence.notes) print_note(note);
   }
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  absl::StatusOr<StreamSummary> summary = Streaming(options, *sequence, images, *json, progress).run();
+  const absl::StatusOr<StreamSummary> summary =
+      Streaming(options, *shot, sequence, images, *json, progress).run();
   progress.clear();
   if (!summary.ok()) return summary.status();
+  if (shot->saved()) {
+    absl::Status status = shot->save(sequence, summary->rate.rate, summary->curve, summary->state);
+    if (!status.ok()) return status;
+  }
   if (!options.plot.empty()) {
     if (absl::Status status = plot_exposure(summary->curve, options.plot); !status.ok()) return status;
   }
-  if (!options.quiet) {
-    summary->notes.insert(options.notes.begin(), options.notes.end());
-    size_t told = 0;
-    for (const std::string& note : summary->notes) {
-      if (told++ < kMostNotes) print_note(note);
-    }
-    if (told > kMostNotes) print_note(absl::StrFormat("and %d more notes", told - kMostNotes));
-    if (!json->to_stdout()) {
-      const std::string where = absl::StrFormat("%s .. %s", images.front().output, images.back().output);
-      if (absl::Status status = print(to_text(*summary, where)); !status.ok()) return status;
-    }
-  }
+  const std::string where =
+      names ? absl::StrFormat("%s .. %s", images.front().output, images.back().output) : "";
+  if (absl::Status status = tell(options, *summary, where, json->to_stdout()); !status.ok()) return status;
   if (absl::Status status = json->add(to_json(*summary)); !status.ok()) return status;
   return json->close();
 }

@@ -26,6 +26,7 @@ absl::StatusOr<std::vector<std::string>> write_bytes(const std::string& path, co
 absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, const RenderResult& result,
                                                       const FrameFacts& facts,
                                                       const WriteOptions& options) try {
+  if (result.header.encoding() == v1::ENCODING_NONE) return std::vector<std::string>();
   if (result.header.encoded_bytes() > 0) return write_bytes(path, result);
   absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
   if (!picture.ok()) return picture.status();

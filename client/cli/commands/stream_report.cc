@@ -47,6 +47,8 @@ double mean_latency_ms(const StreamSummary& summary) {
              : absl::ToDoubleMilliseconds(summary.latency) / static_cast<double>(summary.written);
 }
 
+double seconds(const ExposedFrame& frame) { return static_cast<double>(frame.media_time_ns) * 1e-9; }
+
 bool is_svg(const std::string& path) {
   return absl::AsciiStrToLower(std::filesystem::path(path).extension().string()) == ".svg";
 }
@@ -58,6 +60,7 @@ std::string to_json(const StreamFrame& frame) {
                {"input", frame.input},
                {"output", frame.output},
                {"media_time_ns", frame.media_time_ns}};
+  if (frame.output.empty()) json.erase("output");
   if (!frame.status.ok()) {
     json["error"] = std::string(frame.status.message());
     return line_of(json);
@@ -98,6 +101,7 @@ std::string to_json(const StreamSummary& summary) {
                     {"written", summary.written},
                     {"held", summary.held},
                     {"skipped", summary.skipped},
+                    {"locked_exposure", summary.locked},
                     {"seconds", absl::ToDoubleSeconds(summary.time)},
                     {"frames_per_second", per_second(summary)},
                     {"mean_latency_ms", mean_latency_ms(summary)},
@@ -108,7 +112,8 @@ std::string to_json(const StreamSummary& summary) {
 }
 
 std::string to_text(const StreamSummary& summary, const std::string& where) {
-  std::string text = absl::StrFormat("%d of %d frames -> %s\n", summary.written, summary.frames, where);
+  std::string text = absl::StrFormat("%d of %d frames %s\n", summary.written, summary.frames,
+                                     where.empty() ? "metered" : "-> " + where);
   const auto line = [&text](const char* name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
@@ -122,14 +127,19 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   if (!summary.curve.empty()) {
     const auto [least, most] = std::minmax_element(
         summary.curve.begin(), summary.curve.end(),
-        [](const PlottedExposure& a, const PlottedExposure& b) { return a.exposure < b.exposure; });
+        [](const ExposedFrame& a, const ExposedFrame& b) { return a.exposure < b.exposure; });
     const auto cuts = std::count_if(summary.curve.begin(), summary.curve.end(),
-                                    [](const PlottedExposure& point) { return point.cut; });
+                                    [](const ExposedFrame& point) { return point.cut; });
     line("exposure", absl::StrFormat("%.4g .. %.4g (%+.2f .. %+.2f EV)%s", least->exposure, most->exposure,
                                      std::log2(least->exposure), std::log2(most->exposure),
                                      cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
   }
   if (!summary.primaries.empty()) line("primaries", absl::StrJoin(summary.primaries, "; "));
+  if (where.empty() || !summary.saved.empty()) {
+    line("locked", absl::StrFormat("%.6g (%+.3f EV), one exposure for all frames", summary.locked,
+                                   std::log2(summary.locked)));
+  }
+  if (!summary.saved.empty()) line("saved", summary.saved);
   if (summary.skipped > 0) line("skipped", absl::StrFormat("%d frames", summary.skipped));
   if (summary.session.resumes > 0) {
     line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames resent, %.2f s without results",
@@ -154,19 +164,19 @@ absl::Status check_plot(const std::string& path) {
   return writable_destination(path).status();
 }
 
-absl::Status plot_exposure(const std::vector<PlottedExposure>& curve, const std::string& path) {
+absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::string& path) {
   std::string script = std::string(kPlotStyle) + "$curve << EOD\n";
-  for (const PlottedExposure& point : curve) {
-    absl::StrAppendFormat(&script, "%.9g %.9g %.9g %.9g\n", point.seconds, std::log2(point.exposure),
+  for (const ExposedFrame& point : curve) {
+    absl::StrAppendFormat(&script, "%.9g %.9g %.9g %.9g\n", seconds(point), std::log2(point.exposure),
                           std::log2(point.target), point.mean_log2_luminance);
   }
   script += "EOD\n";
-  for (const PlottedExposure& point : curve) {
+  for (const ExposedFrame& point : curve) {
     if (!point.cut) continue;
     absl::StrAppendFormat(&script,
                           "set arrow from first %.9g, graph 0 to first %.9g, graph 1 nohead dt 3 lc rgb "
                           "'#888888'\n",
-                          point.seconds, point.seconds);
+                          seconds(point), seconds(point));
   }
   // gnuplot cannot derive a range from a single point.
   if (curve.size() < 2) script += "set xrange [-1:1]\n";

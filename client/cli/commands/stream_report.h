@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "client/cli/files/exposure_file.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
 #include "client/session.h"
@@ -27,15 +28,6 @@ struct StreamFrame {
   absl::Duration latency;
 };
 
-// A point of the curve of exposure over time.
-struct PlottedExposure {
-  double seconds = 0;  // media time
-  double exposure = 1;
-  double target = 1;
-  double mean_log2_luminance = 0;
-  bool cut = false;
-};
-
 struct StreamSummary {
   uint64_t frames = 0;  // files
   uint64_t first = 0;   // the number of the first one
@@ -47,7 +39,10 @@ struct StreamSummary {
   uint64_t skipped = 0;    // unreadable, or refused by the server
   absl::Duration time;     // from the first frame to the last image
   absl::Duration latency;  // the sum over all frames
-  std::vector<PlottedExposure> curve;
+  std::vector<ExposedFrame> curve;
+  double locked = 1;       // the locked exposure of the curve
+  std::string saved;       // the exposure file that is written; "": none
+  v1::SessionState state;  // after the last frame, if it is saved
   SessionStats session;
   std::set<std::string> notes;      // notes about the files
   std::set<std::string> primaries;  // words_of() of those that frames had
@@ -63,7 +58,7 @@ std::string to_json(const StreamFrame& frame);
 // seconds, frames_per_second, mean_latency_ms, resumes, frames_sent_again, seconds_without_results, server}.
 std::string to_json(const StreamSummary& summary);
 
-// Several lines, each with a line end. `where` names the first and the last image.
+// Several lines, each with a line end. `where` names the first and the last image; "": there are none.
 std::string to_text(const StreamSummary& summary, const std::string& where);
 
 // "exposure 1.25 (+0.32 EV)"
@@ -71,7 +66,7 @@ std::string exposure_words(double exposure);
 
 // Draws exposure, target and luminance over media time. The
 // extension of `path`, .png or .svg, sets the format.
-absl::Status plot_exposure(const std::vector<PlottedExposure>& curve, const std::string& path);
+absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::string& path);
 
 // Checks before the work that the plot can be drawn. A usage error for
 // another extension; FAILED_PRECONDITION if gnuplot is missing.

@@ -97,6 +97,7 @@ std::set<std::string> FrameFeeder::take_notes() {
 
 absl::Status FrameFeeder::bad_file(uint64_t index, const absl::Status& status) {
   if (!options_.skip_bad) return status;
+  begins_scene_ |= sequence_.frames[index].cut;
   const absl::MutexLock lock(&mutex_);
   skipped_.emplace_back(index, status);
   return absl::OkStatus();
@@ -111,6 +112,12 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
     absl::Status input =
         check_view_input(*next_->image, reader_.path(next_->index), options_.settings, options_.view);
     if (!input.ok()) return input;
+    const absl::StatusOr<std::optional<double>> exposure =
+        options_.exposures.of(sequence_.frames[next_->index].number);
+    if (!exposure.ok()) {
+      if (absl::Status status = bad_file(next_->index, exposure.status()); !status.ok()) return status;
+      continue;
+    }
     v1::Settings own = settings_for(*next_->image, options_.settings);
     if (own.input_chromaticities().SerializeAsString() !=
         settings.input_chromaticities().SerializeAsString()) {
@@ -120,14 +127,15 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
       if (!session.change_settings(from, settings).ok()) return absl::OkStatus();
     }
     // If submit() fails, the session has ended, and its results say why.
-    if (!session.submit(frame(next_->index, *std::move(next_->image))).ok()) return absl::OkStatus();
+    if (!session.submit(frame(next_->index, *std::move(next_->image), *exposure)).ok())
+      return absl::OkStatus();
   }
   return absl::OkStatus();
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError("out of memory while reading frames; give this process more memory");
 }
 
-SessionFrame FrameFeeder::frame(uint64_t index, Image read) {
+SessionFrame FrameFeeder::frame(uint64_t index, Image read, std::optional<double> exposure) {
   const std::vector<std::string> differences = this->differences(index, read);
   {
     const absl::MutexLock lock(&mutex_);
@@ -143,7 +151,8 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read) {
           .owner = image,
           .sequence = sequence_.session_number(index),
           .media_time_ns = sequence_.media_time_ns(sequence_.frames[index].number, rate_.rate),
-          .cut = sequence_.frames[index].cut,
+          .cut = std::exchange(begins_scene_, false) || sequence_.frames[index].cut,
+          .exposure = exposure,
           .timeout = options_.timeout};
 }
 

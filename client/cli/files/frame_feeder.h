@@ -17,6 +17,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/cli/files/exposure_file.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
@@ -39,6 +40,8 @@ struct FeedOptions {
   absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
   bool skip_bad = false;                              // files that cannot be read do not end it
   std::optional<FrameRate> rate;                      // --fps
+  ViewChoice view;                                    // of --ocio
+  GivenExposures exposures;                           // of the frames, by their numbers
 };
 
 // Reads and submits the files on its own thread. Other members may be called meanwhile. A frame's `index` is
@@ -77,7 +80,7 @@ class FrameFeeder {
  private:
   absl::Status bad_file(uint64_t index, const absl::Status& status);
   absl::Status feed(Session& session, v1::Settings settings);
-  SessionFrame frame(uint64_t index, Image read);
+  SessionFrame frame(uint64_t index, Image read, std::optional<double> exposure);
   absl::Status begin_with(const Image& first);
   // Notes, once each, that frames have another size or another rate than the first.
   std::vector<std::string> differences(uint64_t index, const Image& image);
@@ -87,6 +90,7 @@ class FrameFeeder {
   FrameReader& reader_;
   ChosenRate rate_;
   std::optional<FrameRate> said_rate_;  // nothing if rate_ is the default
+  bool begins_scene_ = false;  // a frame that was to begin a scene was skipped, so the next one begins it
   std::optional<FrameReader::Read> next_;
   // The first frame that could be read.
   uint64_t first_index_ = 0;

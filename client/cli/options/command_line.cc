@@ -15,6 +15,7 @@
 #include "client/cli/options/bench_options.h"
 #include "client/cli/options/check_words.h"
 #include "client/cli/options/idle_options.h"
+#include "client/cli/options/meter_options.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/options.h"
 #include "client/cli/options/picture_options.h"
@@ -57,15 +58,17 @@ constexpr char kStreamExamples[] =
     "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
     "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json";
 
+constexpr char kMeterExamples[] =
+    "Examples:\n"
+    "  candela meter in.exr --percentiles 5,95 --json -\n"
+    "  candela meter 'shot/*.exr' --lookahead 4 --detect-cuts --save-exposures shot.json\n"
+    "  candela stream 'shot/*.exr' out/%04d.png --range 100-149 --exposures shot.json\n"
+    "  candela stream 'shot/*.exr' out/%04d.png --locked-exposure shot.json";
+
 constexpr char kBenchExamples[] =
     "Examples:\n"
     "  candela bench --server 127.0.0.1:50051 --sessions 4 --size 1280x720\n"
     "  candela bench --server 127.0.0.1:50051 --fps 24 --seconds 60 --json figures.json";
-
-constexpr char kMeterExamples[] =
-    "Examples:\n"
-    "  candela meter in.exr\n"
-    "  candela meter in.exr --percentiles 5,95 --json -";
 
 constexpr char kSampleExamples[] =
     "Examples:\n"
@@ -119,18 +122,6 @@ void add_sample(CLI::App& app, SampleOptions& sample) {
   add_quiet_option(app, "Options", sample.quiet);
 }
 
-void add_meter(CLI::App& app, MeterOptions& options) {
-  app.add_option("IN", options.input, "Image to meter: OpenEXR, Radiance .hdr or PFM")
-      ->required()
-      ->option_text(" ");
-  add_choice_options(app, options.shown);
-  add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
-           options.shown.view);
-  add_settings_options(app, options.settings, changes_metering);
-  add_json_option(app, kOutputSection, "Write the numbers as one line of JSON", options.json);
-  add_server_options(app, options.server);
-}
-
 void add_health(CLI::App& app, HealthOptions& health) {
   add_running_server_option(app, "Options", health.server);
   add_security_options(app, "Options", health.server.security);
@@ -153,10 +144,11 @@ void define(CLI::App& app, Arguments& arguments) {
       *app.add_subcommand("stream", "Renders a sequence of frames with exposure that adapts over time.");
   stream.footer(kStreamExamples);
   add_stream_options(stream, arguments.stream);
-  CLI::App& meter =
-      *app.add_subcommand("meter", "Reports the exposure that metering chooses for an image, and why.");
+  CLI::App& meter = *app.add_subcommand(
+      "meter",
+      "Reports the exposure that metering chooses for an image, and why, or for the frames of a shot.");
   meter.footer(kMeterExamples);
-  add_meter(meter, arguments.meter);
+  add_meter_options(meter, arguments.meter);
   CLI::App& sample = *app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them.");
   sample.footer(kSampleExamples);
   add_sample(sample, arguments.sample);
@@ -264,10 +256,9 @@ absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<
                        .adapts = true,
                        .elapsed_seconds = std::numeric_limits<double>::infinity()});
   }
-  absl::Status status = check_settings_options(arguments.meter.settings);
-  status.Update(finish_server_options(arguments.meter.server));
-  if (!status.ok()) return status;
-  return with_notes(arguments.meter, words, {});
+  if (absl::Status status = finish_meter_options(arguments.meter); !status.ok()) return status;
+  return with_notes(arguments.meter, words,
+                    {.adapts = true, .elapsed_seconds = std::numeric_limits<double>::infinity()});
 }
 
 absl::StatusOr<Invocation> finish_help(const CLI::App& app, const std::string& command) {

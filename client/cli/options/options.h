@@ -41,9 +41,10 @@ struct RenderOptions : PictureOptions {
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none
   ServerChoice server;
-  bool verify = false;    // compare the image with the reference
-  std::string error_map;  // a .png, "" for none; only with `verify`
-  std::string json;       // a path, "-" for stdout, "" for none
+  bool verify = false;          // compare the image with the reference
+  std::string error_map;        // a .png, "" for none; only with `verify`
+  std::string locked_exposure;  // as in StreamOptions
+  std::string json;             // a path, "-" for stdout, "" for none
   bool quiet = false;
   bool verbose = false;
 };
@@ -61,18 +62,19 @@ struct StreamOptions : PictureOptions {
   std::string session;  // its name; empty: a random one
   bool skip_bad = false;
   ServerChoice server;
-  std::string plot;  // .png or .svg, "" for none
-  std::string json;  // as in RenderOptions
+  // Exposure files, "" for none; at most one of the first three.
+  std::string exposures;        // gives each frame its exposure
+  std::string locked_exposure;  // gives all frames one exposure
+  std::string state;            // exposure continues after its last frame
+  std::string save_exposures;   // is written
+  std::string plot;             // .png or .svg, "" for none
+  std::string json;             // as in RenderOptions
   bool quiet = false;
 };
 
-struct MeterOptions {
-  std::string input;
-  PictureChoice shown;  // as in PictureOptions
-  v1::Settings settings;
-  ServerChoice server;
-  std::string json;
-  std::vector<std::string> notes;  // as in PictureOptions
+// A sequence that is metered without images, or a single image. Only options of metering are used.
+struct MeterOptions : StreamOptions {
+  MeterOptions() { encoding = v1::ENCODING_NONE; }
 };
 
 struct BenchOptions {

@@ -5,6 +5,7 @@
 #include "absl/algorithm/container.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "client/cli/options/exposure_options.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/settings_options.h"
@@ -128,6 +129,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_settings_options(app, options.settings);
   add_view_options(app, options.view);
   add_previous_options(app, options);
+  add_locked_exposure_option(app, options.locked_exposure);
   add_verification_options(app, options);
   add_text(app, kOutputSection, "--as", "KIND",
            "Kind of the images in a folder: png, jpg, exr, pfm (default png)", arguments.kind);
@@ -152,6 +154,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
     status.Update(usage_error("--elapsed needs --previous-exposure; give both"));
   }
+  status.Update(finish_locked_exposure(options));
   status.Update(check_error_map(options));
   status.Update(finish_server_options(options.server));
   return status;

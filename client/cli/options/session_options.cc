@@ -1,9 +1,47 @@
 #include "client/cli/options/session_options.h"
 
 #include "absl/strings/str_format.h"
+#include "client/cli/options/exposure_options.h"
 #include "client/cli/options/option_kinds.h"
+#include "client/cli/options/sequence_options.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/settings_options.h"
+#include "client/cli/options/usage.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
+namespace {
+
+constexpr char kSession[] = "Session";
+constexpr char kServer[] = "Server";
+constexpr double kGoodCutEv = 1;
+
+// The value is optional: --detect-cuts, --detect-cuts=0.7, --detect-cuts 0.7.
+void add_cuts(CLI::App& app, double& threshold_ev) {
+  const auto take = [&threshold_ev](const std::string& text) {
+    threshold_ev = kGoodCutEv;
+    if (text.empty()) return;
+    const absl::StatusOr<double> ev = parse_number("--detect-cuts", text, v1::kCutThresholdEv);
+    if (!ev.ok()) {
+      throw OptionError{usage_error(
+          absl::StrFormat("%s; --detect-cuts without a number must come last or before another option",
+                          ev.status().message()))};
+    }
+    threshold_ev = *ev;
+  };
+  app.add_option_function<std::string>(
+         "--detect-cuts", take,
+         absl::StrFormat("Detect cuts: a frame that differs from the previous one by more than this begins a "
+                         "scene, and exposure jumps to its target; %s (%s if no number is given; default: no "
+                         "detection)",
+                         format_range(v1::kCutThresholdEv), v1::format_number(kGoodCutEv)))
+      ->option_text("[EV]")
+      ->expected(0, 1)
+      ->group(kSession)
+      ->take_last();
+}
+
+}  // namespace
 
 void add_lookahead_option(CLI::App& app, const std::string& section, uint32_t& frames) {
   add_number(
@@ -27,6 +65,31 @@ void add_timeout_option(CLI::App& app, const std::string& section, absl::Duratio
              if (seconds.ok()) timeout = absl::Seconds(*seconds);
              return seconds.status();
            });
+}
+
+void add_session_options(CLI::App& app, StreamOptions& options) {
+  add_sequence_options(app, kSequenceSection, options.sequence);
+  add_lookahead_option(app, kSession, options.lookahead);
+  add_cuts(app, options.cut_threshold_ev);
+  add_state_option(app, kSession, options);
+  add_timeout_option(app, kSession, options.timeout);
+  app.add_flag("--skip-bad", options.skip_bad,
+               "Skip files that cannot be read and frames that fail; the others keep their time and number")
+      ->group(kSession);
+}
+
+void add_curve_options(CLI::App& app, StreamOptions& options) {
+  add_save_exposures_option(app, options);
+  add_text(app, kOutputSection, "--exposure-plot", "FILE",
+           "Draw exposure over time: .png or .svg (needs gnuplot)", options.plot);
+}
+
+void add_session_server_options(CLI::App& app, StreamOptions& options) {
+  add_servers_options(app, options.server);
+  add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
+             absl::ToDoubleSeconds(options.resume_limit), "How long to look for a server when one is lost",
+             [&options](double seconds) { options.resume_limit = absl::Seconds(seconds); });
+  add_text(app, kServer, "--session", "NAME", "Name of the session (default: a random one)", options.session);
 }
 
 }  // namespace candela

@@ -243,9 +243,8 @@ void add_setting(CLI::App& app, const SettingField& setting, v1::Settings& setti
 }  // namespace
 
 bool changes_metering(const SettingField& setting) {
-  return setting.declaration().group() == "Input" ||
-         (absl::StartsWith(setting.path, "exposure.") &&
-          !absl::StartsWith(setting.path, "exposure.adaptation."));
+  return setting.declaration().group() == "Input" || absl::StartsWith(setting.path, "exposure.") ||
+         setting.path == "tier";
 }
 
 void add_settings_options(CLI::App& app, v1::Settings& settings, const SettingFilter& filter) {

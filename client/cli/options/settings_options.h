@@ -20,7 +20,7 @@ inline constexpr char kOutputSection[] = "Output";
 
 using SettingFilter = std::function<bool(const v1::SettingField&)>;
 
-// Whether the setting changes the result of `candela meter`.
+// Whether the setting changes the result of `candela meter`, for an image or a sequence.
 bool changes_metering(const v1::SettingField& setting);
 
 // Defines an option for each setting that has a flag and passes the filter. Parsing fills `settings`, which

@@ -5,8 +5,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/files/sequence_files.h"
+#include "client/cli/options/exposure_options.h"
 #include "client/cli/options/option_kinds.h"
-#include "client/cli/options/sequence_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/session_options.h"
 #include "client/cli/options/settings_options.h"
@@ -17,36 +17,7 @@
 namespace candela {
 namespace {
 
-constexpr char kSession[] = "Session";
-constexpr char kServer[] = "Server";
-
 constexpr v1::Range<double> kFirst{0, 1e9};
-constexpr double kGoodCutEv = 1;
-
-// The value is optional: --detect-cuts, --detect-cuts=0.7, --detect-cuts 0.7.
-void add_cuts(CLI::App& app, double& threshold_ev) {
-  const auto take = [&threshold_ev](const std::string& text) {
-    threshold_ev = kGoodCutEv;
-    if (text.empty()) return;
-    const absl::StatusOr<double> ev = parse_number("--detect-cuts", text, v1::kCutThresholdEv);
-    if (!ev.ok()) {
-      throw OptionError{usage_error(
-          absl::StrFormat("%s; --detect-cuts without a number must come last or before another option",
-                          ev.status().message()))};
-    }
-    threshold_ev = *ev;
-  };
-  app.add_option_function<std::string>(
-         "--detect-cuts", take,
-         absl::StrFormat("Detect cuts: a frame that differs from the previous one by more than this begins a "
-                         "scene, and exposure jumps to its target; %s (%s if no number is given; default: no "
-                         "detection)",
-                         format_range(v1::kCutThresholdEv), v1::format_number(kGoodCutEv)))
-      ->option_text("[EV]")
-      ->expected(0, 1)
-      ->group(kSession)
-      ->take_last();
-}
 
 }  // namespace
 
@@ -60,15 +31,10 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
          "keeps the names")
       ->required()
       ->option_text(" ");
-  add_sequence_options(app, kSequenceSection, options.sequence);
-  add_lookahead_option(app, kSession, options.lookahead);
-  add_cuts(app, options.cut_threshold_ev);
-  add_timeout_option(app, kSession, options.timeout);
-  app.add_flag("--skip-bad", options.skip_bad,
-               "Skip files that cannot be read and frames that fail; the others keep their time and number")
-      ->group(kSession);
+  add_session_options(app, options);
   add_choice_options(app, options.shown);
   add_settings_options(app, options.settings);
+  add_given_exposure_options(app, options);
   add_view_options(app, options.view);
   add_image_options(app, arguments.picture);
   add_encoding_option(app, kOutputSection, options.encoding,
@@ -83,16 +49,11 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
         if (first.ok()) options.first = static_cast<uint64_t>(*first);
         return first.status();
       });
-  add_text(app, kOutputSection, "--exposure-plot", "FILE",
-           "Draw exposure over time: .png or .svg (needs gnuplot)", options.plot);
+  add_curve_options(app, options);
   add_json_option(app, kOutputSection, "Write one line of JSON a frame, and one for the whole session",
                   options.json);
   add_quiet_option(app, kOutputSection, options.quiet);
-  add_servers_options(app, options.server);
-  add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
-             absl::ToDoubleSeconds(options.resume_limit), "How long to look for a server when one is lost",
-             [&options](double seconds) { options.resume_limit = absl::Seconds(seconds); });
-  add_text(app, kServer, "--session", "NAME", "Name of the session (default: a random one)", options.session);
+  add_session_server_options(app, options);
 }
 
 absl::Status finish_stream_options(StreamArguments& arguments) {
@@ -121,6 +82,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
     return usage_error(absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them",
                                        jpeg ? "JPEG" : "PNG", options.output));
   }
+  if (absl::Status status = finish_exposure_options(options); !status.ok()) return status;
   return finish_server_options(options.server, true);
 }
 

@@ -1,0 +1,102 @@
+#include "client/cli/commands/shot_exposures.h"
+
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/cli/options/usage.h"
+#include "client/image/write/atomic_file.h"
+
+namespace candela {
+
+absl::StatusOr<ShotExposures> ShotExposures::open(const StreamOptions& options) {
+  ShotExposures shot(options);
+  if (shot.saved()) {
+    const absl::StatusOr<std::string> path = writable_destination(options.save_exposures);
+    if (!path.ok()) return path.status();
+  }
+  // The options refuse more than one of them.
+  for (const std::string& path : {options.exposures, options.locked_exposure, options.state}) {
+    if (!path.empty()) shot.path_ = path;
+  }
+  if (shot.path_.empty()) return shot;
+  absl::StatusOr<ExposureFile> file = read_exposures(shot.path_);
+  if (!file.ok()) return file.status();
+  if (!options.locked_exposure.empty()) {
+    shot.given_ = GivenExposures::locked(file->locked);
+    return shot;
+  }
+  if (!options.exposures.empty()) shot.given_ = GivenExposures::each(shot.path_, *file);
+  shot.read_ = *std::move(file);
+  return shot;
+}
+
+absl::StatusOr<SequenceChoice> ShotExposures::choice() const {
+  SequenceChoice choice = options_.sequence;
+  if (!read_) return choice;
+  if (choice.rate && *choice.rate != read_->rate) {
+    return usage_error(absl::StrFormat("--fps is %s and %s was made at %s; leave --fps out, or make it again",
+                                       to_text(*choice.rate), path_, to_text(read_->rate)));
+  }
+  choice.rate = rate();
+  choice.zero = read_->zero;
+  return choice;
+}
+
+absl::StatusOr<std::vector<std::string>> ShotExposures::check(const Sequence& sequence) const {
+  std::vector<std::string> notes;
+  if (!options_.skip_bad) {
+    for (const SequenceFrame& frame : sequence.frames) {
+      if (absl::Status status = given_.of(frame.number).status(); !status.ok()) return status;
+    }
+  }
+  if (options_.state.empty()) return notes;
+  if (absl::Status status = check_after_state(sequence); !status.ok()) return status;
+  if (options_.cut_threshold_ev > 0 && read_->state.picture().empty()) {
+    notes.push_back(absl::StrFormat("%s was made without --detect-cuts, so no cut is detected at frame %d",
+                                    path_, sequence.first()));
+  }
+  if (options_.lookahead > 0 || read_->lookahead > 0) {
+    notes.push_back(absl::StrFormat(
+        "the last frames of %s did not look ahead to frame %d; for the images of one run, meter the whole "
+        "shot and give --exposures",
+        path_, sequence.first()));
+  }
+  return notes;
+}
+
+absl::Status ShotExposures::check_after_state(const Sequence& sequence) const {
+  const uint64_t last = read_->state.sequence();
+  if (sequence.first() > last) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s ends after frame %d and the first frame here is %d; begin later, with --range %d-",
+                      path_, last, sequence.first(), last + 1));
+}
+
+std::optional<v1::SessionState> ShotExposures::state() const {
+  if (options_.state.empty()) return std::nullopt;
+  v1::SessionState state = read_->state;
+  state.set_sequence(state.sequence() - read_->zero);
+  return state;
+}
+
+absl::Status ShotExposures::save(const Sequence& sequence, FrameRate rate,
+                                 const std::vector<ExposedFrame>& frames,
+                                 const v1::SessionState& state) const {
+  const v1::Exposure& settings = options_.settings.exposure();
+  ExposureFile saved{.rate = rate,
+                     .zero = sequence.zero,
+                     .settings = settings,
+                     .lookahead = options_.lookahead,
+                     .cut_threshold_ev = options_.cut_threshold_ev,
+                     .frames = frames,
+                     .locked = locked_exposure(settings, frames),
+                     .state = state};
+  saved.state.set_sequence(state.sequence() + sequence.zero);
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(options_.save_exposures);
+  if (!file.ok()) return file.status();
+  const std::string text = to_text(saved);
+  file->write(text.data(), text.size());
+  return file->commit();
+}
+
+}  // namespace candela

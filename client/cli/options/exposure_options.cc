@@ -1,0 +1,85 @@
+#include "client/cli/options/exposure_options.h"
+
+#include "absl/strings/str_format.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/settings_options.h"
+#include "client/cli/options/usage.h"
+
+namespace candela {
+namespace {
+
+CLI::Option* add_file(CLI::App& app, const std::string& section, const std::string& name,
+                      const std::string& help, std::string& to) {
+  return add_text(app, section, name, "FILE", help, [name, &to](const std::string& path) {
+    if (path.empty()) return usage_error(absl::StrFormat("%s is empty; leave it out or name a file", name));
+    to = path;
+    return absl::OkStatus();
+  });
+}
+
+bool is_manual(const v1::Settings& settings) {
+  return settings.exposure().mode() == v1::Exposure::MODE_MANUAL;
+}
+
+absl::Status conflict(const std::string& one, const std::string& other) {
+  return usage_error(
+      absl::StrFormat("%s and %s both decide the exposure; give only one of them", one, other));
+}
+
+}  // namespace
+
+void add_locked_exposure_option(CLI::App& app, std::string& file) {
+  add_file(app, kExposureSection, "--locked-exposure",
+           "Expose every frame alike: by the locked exposure of this file, which --save-exposures wrote",
+           file);
+}
+
+void add_given_exposure_options(CLI::App& app, StreamOptions& options) {
+  add_file(
+      app, kExposureSection, "--exposures",
+      "Give each frame the exposure of its number in this file, which --save-exposures wrote; so parts of "
+      "a shot get the images of one run",
+      options.exposures);
+  add_locked_exposure_option(app, options.locked_exposure);
+}
+
+void add_state_option(CLI::App& app, const std::string& section, StreamOptions& options) {
+  add_file(app, section, "--state",
+           "Continue the exposure after the last frame of this file, which --save-exposures wrote",
+           options.state);
+}
+
+void add_save_exposures_option(CLI::App& app, StreamOptions& options) {
+  add_file(app, kOutputSection, "--save-exposures",
+           "Write the frames' exposures, one locked exposure for all of them and the state after the last "
+           "frame, as JSON; --exposures, --locked-exposure and --state read it",
+           options.save_exposures);
+}
+
+absl::Status finish_locked_exposure(const RenderOptions& options) {
+  if (options.locked_exposure.empty()) return absl::OkStatus();
+  if (is_manual(options.settings)) return conflict("--locked-exposure", "--exposure");
+  if (options.previous.exposure() != 0) return conflict("--locked-exposure", "--previous-exposure");
+  return absl::OkStatus();
+}
+
+absl::Status finish_exposure_options(StreamOptions& options) {
+  if (!options.exposures.empty() && !options.locked_exposure.empty()) {
+    return conflict("--exposures", "--locked-exposure");
+  }
+  const bool each = !options.exposures.empty();
+  if (!each && options.locked_exposure.empty()) return absl::OkStatus();
+  const std::string name = each ? "--exposures" : "--locked-exposure";
+  if (is_manual(options.settings)) return conflict(name, "--exposure");
+  if (!options.state.empty()) return conflict(name, "--state");
+  if (options.lookahead > 0) {
+    options.notes.push_back(absl::StrFormat("--lookahead changes no exposure beside %s", name));
+    options.lookahead = 0;
+  }
+  if (options.cut_threshold_ev > 0) {
+    options.notes.push_back(absl::StrFormat("--detect-cuts changes no exposure beside %s", name));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace candela

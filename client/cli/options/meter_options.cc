@@ -1,0 +1,37 @@
+#include "client/cli/options/meter_options.h"
+
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/picture_options.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/session_options.h"
+#include "client/cli/options/settings_options.h"
+
+namespace candela {
+
+void add_meter_options(CLI::App& app, MeterOptions& options) {
+  app.add_option(
+         "IN", options.sequence.inputs,
+         "An image to meter: OpenEXR, Radiance .hdr or PFM; or a sequence, as `candela stream` takes it: a "
+         "folder, files, 'in/*.exr', in/%04d.exr or in/####.exr")
+      ->required()
+      ->option_text(" ");
+  add_session_options(app, options);
+  add_choice_options(app, options.shown);
+  add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
+           options.shown.view);
+  add_settings_options(app, options.settings, changes_metering);
+  add_curve_options(app, options);
+  add_json_option(app, kOutputSection,
+                  "Write the numbers as one line of JSON; for a sequence one line a frame, and one for all",
+                  options.json);
+  add_quiet_option(app, kOutputSection, options.quiet);
+  add_session_server_options(app, options);
+}
+
+absl::Status finish_meter_options(MeterOptions& options) {
+  absl::Status status = check_settings_options(options.settings);
+  status.Update(finish_server_options(options.server, true));
+  return status;
+}
+
+}  // namespace candela
