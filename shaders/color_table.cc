@@ -12,11 +12,20 @@ using Vector = std::array<double, 3>;
 using Matrix = std::array<double, 9>;  // row by row
 
 constexpr Matrix kFromScene = {TABLE_FROM_SCENE};
+constexpr Matrix kFromSceneAp1 = {TABLE_FROM_SCENE_AP1};
+constexpr Vector kDesaturation = {RRT_DESATURATION};
 constexpr Matrix kToDisplay = {TABLE_TO_DISPLAY};
 constexpr Matrix kIdentity = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
-const Matrix& from_scene(uint32_t axes) { return axes == shader::AXES_REC709 ? kIdentity : kFromScene; }
+const Matrix& from_scene(uint32_t axes) {
+  if (axes == shader::AXES_AP1) return kFromSceneAp1;
+  return axes == shader::AXES_REC709 ? kIdentity : kFromScene;
+}
 const Matrix& to_display(uint32_t axes) { return axes == shader::AXES_REC709 ? kIdentity : kToDisplay; }
+
+double knee(uint32_t axes) {
+  return axes == shader::AXES_AP1 ? shader::TABLE_AXIS_KNEE_AP1 : shader::TABLE_AXIS_KNEE;
+}
 
 constexpr double kMinLight = -0.5;
 constexpr double kMaxLight = 1.5;
@@ -61,24 +70,31 @@ double table_octaves(double x) {
 
 std::array<float, 3> light_within_axes(const std::array<float, 3>& light, uint32_t axes, float end) {
   Vector v = multiply(from_scene(axes), {light[0], light[1], light[2]});
+  if (axes == shader::AXES_AP1) {
+    Vector beyond;
+    for (size_t k = 0; k < 3; ++k) beyond[k] = kDesaturation[k] * std::max(v[k] - end, 0.0);
+    for (size_t k = 0; k < 3; ++k)
+      v[k] = std::min<double>(v[k], end) + beyond[(k + 1) % 3] + beyond[(k + 2) % 3];
+  }
   for (double& c : v) c = std::clamp(c, 0.0, double{end});
   v = multiply(inverse(from_scene(axes)), v);
   return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
 }
 
-double table_axis_value(uint32_t i, uint32_t size, float end) {
+double table_axis_octaves(uint32_t axes, float end) { return table_octaves(end / knee(axes) + 1.0); }
+
+double table_axis_value(uint32_t i, uint32_t size, float end, uint32_t axes) {
   if (i == size - 1) return end;
-  constexpr double kKnee = shader::TABLE_AXIS_KNEE;
-  const double octaves = table_octaves(end / kKnee + 1.0) * i / (size - 1);
+  const double octaves = table_axis_octaves(axes, end) * i / (size - 1);
   const double whole = std::floor(octaves);
   const double mantissa = 2.0 - std::sqrt(4.0 - 3.0 * (octaves - whole));
-  return kKnee * (std::ldexp(1.0 + mantissa, static_cast<int>(whole)) - 1.0);
+  return knee(axes) * (std::ldexp(1.0 + mantissa, static_cast<int>(whole)) - 1.0);
 }
 
 std::vector<float> lattice_light(uint32_t size, uint32_t axes, float end) {
   const Matrix to_scene = inverse(from_scene(axes));
   std::vector<double> axis(size);
-  for (uint32_t i = 0; i < size; ++i) axis[i] = table_axis_value(i, size, end);
+  for (uint32_t i = 0; i < size; ++i) axis[i] = table_axis_value(i, size, end, axes);
   std::vector<float> rgb;
   rgb.reserve(size_t{size} * size * size * 3);
   for (const double b : axis) {

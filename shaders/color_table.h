@@ -1,11 +1,11 @@
 // A colour transform as a 3D table, which the curves `aces-1` and TABLE look up (docs/pipeline.md section 5).
 //
-// TABLE_FROM_SCENE takes exposed scene light, which is linear Rec.709 and never negative, to the primaries in
-// which film-like transforms work channel by channel. The lattice is in these primaries, with log-spaced
-// axes. A point holds the square roots of its display light, in primaries that TABLE_TO_DISPLAY takes back to
-// Rec.709. Between points the roots are interpolated over tetrahedra. So a table holds little more than one
-// curve per channel. The cut to the display's gamut, which a lattice cannot represent, follows the table and
-// is exact.
+// A matrix takes exposed scene light, which is linear Rec.709, to the table's axes: the primaries in which
+// film-like transforms work channel by channel. Light that is negative there is cut at 0. The lattice is in
+// these primaries, with log-spaced axes. A point holds the square roots of its display light, in primaries
+// that TABLE_TO_DISPLAY takes back to Rec.709. Between points the roots are interpolated over tetrahedra. So
+// a table holds little more than one curve per channel. The cut to the display's gamut, which a lattice
+// cannot represent, follows the table and is exact.
 //
 // The display light of a view is the view's value decoded by the sRGB curve, whatever encoding the view has.
 // It may be outside [0, 1].
@@ -47,11 +47,14 @@ ColorTable make_color_table(uint32_t size, uint32_t axes, float end, std::span<c
 // steps, and it differs from log2 by at most 0.02.
 double table_octaves(double x);
 
-// Exposed scene light, clamped to 0 .. `end` per component in the table's primaries, as a table sees it. The
-// result is in Rec.709 and may be negative.
+// Exposed scene light, clamped to 0 .. `end` per component in the table's primaries, as a table sees it; with
+// AXES_AP1, light beyond the end first desaturates the colour. The result is in Rec.709 and may be negative.
 std::array<float, 3> light_within_axes(const std::array<float, 3>& light, uint32_t axes, float end);
 
+// The octaves from the beginning to the end of an axis.
+double table_axis_octaves(uint32_t axes, float end);
+
 // The light at point i of an axis of `size` points: 0 at the first and `end` at the last.
-double table_axis_value(uint32_t i, uint32_t size, float end);
+double table_axis_value(uint32_t i, uint32_t size, float end, uint32_t axes = shader::AXES_ACES);
 
 }  // namespace candela

@@ -87,6 +87,7 @@ int min_luminance;
 uint max_magnitude;
 uint negative_halves;  // two counts of 16 bits
 uint negative_components;
+uint negative_scene_components;
 int max_light;
 uint nan_components;
 uint infinite_components;
@@ -101,6 +102,7 @@ void clear() {
   max_magnitude = 0u;
   negative_halves = 0u;
   negative_components = 0u;
+  negative_scene_components = 0u;
   max_light = 0;
   nan_components = 0u;
   infinite_components = 0u;
@@ -169,6 +171,10 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
     if (SCRUB) count_bad(wire, counted[i], y * p.frame.width + x + i);
 
     vec3 scene = ingest(p.frame, wire).rgb;
+    if (MATRIX) {
+      uvec3 negative = uvec3(lessThan(scene, vec3(0.0)));
+      negative_scene_components += (negative.r + negative.g + negative.b) & counted[i];
+    }
     float l = luminance(scene);
     // As integers, like in at_least(). A negative luminance is below every limit.
     uint metered = IGNORE && floatBitsToInt(l) < floatBitsToInt(p.ignore_below) ? 0u : counted[i];
@@ -211,6 +217,7 @@ void add_to_tile(uint tile) {
   }
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
+  uint negative_scene = MATRIX ? subgroupAdd(negative_scene_components) : 0u;
   uint light = LIGHT ? uint(subgroupMax(max_light)) : 0u;
   if (subgroupElect()) {
     atomicAdd(tiles[tile].v.log2_sum_low, low);
@@ -219,6 +226,7 @@ void add_to_tile(uint tile) {
     atomicMax(tiles[tile].v.min_luminance_bits_inverted, darkest);
     atomicMax(tiles[tile].v.max_magnitude_bits, magnitude);
     if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
+    if (negative_scene != 0u) atomicAdd(tiles[tile].v.negative_scene_components, negative_scene);
     if (LIGHT) atomicMax(tiles[tile].v.max_light_bits, light);
     if (SUM_WEIGHTS) atomicAdd(tiles[tile].v.weight_sum, weight);
   }

@@ -74,6 +74,7 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
     if (rounding == Rounding::kHalf) {
       for (float& v : c) v = to_half(v);
     }
+    for (int k = 0; k < 3; ++k) counts->negative_scene += c[k] < 0.0f;
     scene.texels[i] = c;
   }
   return scene;

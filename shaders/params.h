@@ -29,7 +29,9 @@ CANDELA_CONST(uint) CURVE_AGX = 7u;
 CANDELA_CONST(uint) CURVE_PBR_NEUTRAL = 8u;
 CANDELA_CONST(uint) CURVE_ACES_1 = 9u;
 CANDELA_CONST(uint) CURVE_TABLE = 10u;
-CANDELA_CONST(uint) CURVE_TABLE_REC709 = 11u;  // not on the wire: TABLE with AXES_REC709
+// Not on the wire: TABLE with AXES_REC709; TABLE with AXES_AP1, and ACES_1 of a frame with wide-gamut light.
+CANDELA_CONST(uint) CURVE_TABLE_REC709 = 11u;
+CANDELA_CONST(uint) CURVE_TABLE_AP1 = 12u;
 CANDELA_CONST(uint) WEIGHTS_AVERAGE = 1u;
 CANDELA_CONST(uint) WEIGHTS_CENTER = 2u;
 CANDELA_CONST(uint) WEIGHTS_SPOT = 3u;
@@ -86,10 +88,13 @@ CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 // Colour tables (shaders/color_table.h): below the knee an axis is linear, above it logarithmic. The largest
 // stored number stands for this square root of light.
 CANDELA_CONST(float) TABLE_AXIS_KNEE = 0.03125f;
+CANDELA_CONST(float) TABLE_AXIS_KNEE_AP1 = 0.02083333f;  // of AXES_AP1: 1/48
 CANDELA_CONST(float) TABLE_MAX_ROOT = 1.25f;
-// The primaries of a table's axes and of its values: those of the two matrices below, or Rec.709 unchanged.
+// The primaries of a table's axes: TABLE_FROM_SCENE, Rec.709 unchanged, or ACES AP1. Its values are in those
+// of TABLE_TO_DISPLAY, or with AXES_REC709 in Rec.709.
 CANDELA_CONST(uint) AXES_ACES = 1u;
 CANDELA_CONST(uint) AXES_REC709 = 2u;
+CANDELA_CONST(uint) AXES_AP1 = 3u;
 // Fraction bits of a position along an axis. The step, below 2^15, shares the word and leaves no more bits.
 CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
 // Rec.709 to the primaries in which the ACES 1.x tone curve works (AP1, desaturated as the RRT does), and
@@ -99,6 +104,15 @@ CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
   0.59719f, 0.35458f, 0.04823f, 0.07600f, 0.90834f, 0.01566f, 0.02840f, 0.13383f, 0.83777f
 #define TABLE_TO_DISPLAY \
   1.60475f, -0.53108f, -0.07367f, -0.10208f, 1.10813f, -0.00605f, -0.00327f, -0.07276f, 1.07602f
+// Rec.709 to ACES AP1, by Bradford; row by row. Source: AMPAS S-2014-004.
+#define TABLE_FROM_SCENE_AP1                                                                              \
+  0.61309740f, 0.33952315f, 0.04737945f, 0.07019372f, 0.91635388f, 0.01345240f, 0.02061559f, 0.10956977f, \
+      0.86981463f
+// What the RRT adds of AP1's R, G and B to the other two components. Source: AMPAS aces-dev 1.x, RRT_SAT_MAT.
+#define RRT_DESATURATION 0.01088918f, 0.02696327f, 0.00214758f
+// A component counts as cut if it is below this part of the colour's largest component. The halves of the
+// scene are rounded by less.
+CANDELA_CONST(float) GAMUT_TOLERANCE = 0.00048828125f;  // 2^-11
 
 #ifdef __cplusplus
 // The largest factor that exposes the scene. Up to it the arithmetic stays finite; beyond it no curve changes
@@ -150,6 +164,7 @@ struct ResolveConstants {
   uint dither;
   uint level_size;
   uint transfer_terms;  // number of terms of the sRGB transfer's polynomial
+  uint wide;            // some scene components are negative; also counts what the curve cuts
 };
 #endif
 
@@ -201,6 +216,9 @@ struct ResolveParams {
   uint dither_frame;  // the frame's sequence number, low 32 bits
   uint table_size;    // points a side; only for aces-1 and TABLE
   float table_scale;  // points an octave of the axes, times 2^TABLE_FRACTION_BITS; only for aces-1 and TABLE
+  float table_end;    // the light at the end of the axes; only for AXES_AP1
+  uint tiles_lo,
+      tiles_hi;  // the first TileRecord counts gamut_cut_components; only if the constant `wide` is set
 };
 
 // The statistics of one tile of the frame. All zeros is the empty record: a minimum is stored as the maximum
@@ -220,7 +238,10 @@ struct TileRecord {
   // These three are counted only with the scrub.
   uint nan_components;
   uint infinite_components;
-  uint first_bad_texel_inverted;  // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
+  uint first_bad_texel_inverted;   // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
+  uint negative_scene_components;  // of R, G and B; counted only if the constant `matrix` is set
+  // The components of the whole frame that the curve cut. Only in the first record, and only after resolve.
+  uint gamut_cut_components;
 };
 
 struct HistogramBin {

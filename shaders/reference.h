@@ -46,6 +46,7 @@ struct BadCounts {
   uint64_t nan = 0;
   uint64_t infinite = 0;
   uint64_t negative = 0;
+  uint64_t negative_scene = 0;  // of the scene that ingest() returns
   // y * width + x of the first texel with a NaN or an Inf in R, G or B.
   std::optional<uint64_t> first_bad_texel;
 };
@@ -77,16 +78,21 @@ struct BloomSpec {
   uint32_t level_size = 2;
 };
 
+// The primaries in which a curve cuts light at 0, after its first matrix: Rec.709 without a matrix, those of
+// aces-hill and of AXES_ACES, ACES AP1, AgX's inset.
+enum class Gamut { kRec709, kAces, kAp1, kAgx };
+
 struct ResolveParams {
   double exposure = 1.0;  // E * prescale
   uint bloom = shader::BLOOM_NONE;
   uint32_t level_size = 2;  // as in BloomSpec; 4 for BLOOM_GAUSSIAN
   double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
-  double curve_white = 4.0;  // for reinhard-extended
+  Gamut gamut = Gamut::kAces;  // the curve's; only for cut_components()
+  double curve_white = 4.0;    // for reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
-  // Exposed scene light to display light, not clamped. CURVE_ACES_1 and CURVE_TABLE need it, because they
-  // have no formula.
+  // Exposed scene light, which may be negative, to display light, not clamped. CURVE_ACES_1 and CURVE_TABLE
+  // need it, because they have no formula.
   std::function<Rgb(const Rgb&)> look;
 };
 
@@ -127,11 +133,17 @@ Level gaussian_bloom(const Scene& scene, double threshold);
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y);
 
+// How many components of row y the curve cuts because they lie outside its gamut: those that are negative in
+// its primaries by more than GAMUT_TOLERANCE of the colour's largest component. Computed in float32, so that
+// both twins count the same.
+uint64_t cut_components(const Scene& scene, const Level& bloom, uint32_t level_count,
+                        const ResolveParams& params, uint32_t y);
+
 // Display light for exposed scene light by a colour table, not clamped.
 Rgb look_up(const ColorTable& table, const Rgb& exposed);
 
-// Display-linear light in [0, 1] for exposed scene light, by a curve that has no table. `white` is for
-// reinhard-extended.
+// Display-linear light in [0, 1] for exposed scene light, which may be negative, by a curve that has no
+// table. `white` is for reinhard-extended.
 Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);
 // The display value in [0, 1] for display-linear light y in [0, 1].
 double transfer(uint transfer, double y);

@@ -2,13 +2,15 @@
 //
 // In: the wire's pixels, B_0 (unless BLOOM is BLOOM_NONE), and the table if the curve has one. Out: the image
 // in the format OUTPUT.
-// Method: docs/pipeline.md sections 4 and 5: scene plus bloom, negatives cut to 0, times E and prescale, tone
-// curve, transfer, dither, quantisation. An invocation makes RESOLVE_STEPS blocks along x, each of
+// Method: docs/pipeline.md sections 4 and 5: scene plus bloom, times E and prescale, tone curve, transfer,
+// dither, quantisation. Only a frame with negative components (WIDE) has something that the curve can cut; it
+// counts that. An invocation makes RESOLVE_STEPS blocks along x, each of
 // GROUP_TEXELS columns and RESOLVE_ROWS rows. It reads neighbours in memory one after the other, so that
 // processors prefetch them. The bloom rows that two rows of a block share stay in registers, already filtered
 // along x.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "glsl/common.glsl"
 
 layout(local_size_x = RESOLVE_GROUP_X, local_size_y = RESOLVE_GROUP_Y) in;
@@ -22,6 +24,9 @@ layout(constant_id = 6) const uint OUTPUT = OUTPUT_RGBA8;
 layout(constant_id = 7) const bool DITHER = false;
 layout(constant_id = 8) const uint LEVEL_SIZE = 2u;  // frame texels per bloom texel along a side: 2 or 4
 layout(constant_id = 9) const uint TRANSFER_TERMS = 8u;
+layout(constant_id = 10) const bool WIDE = false;  // some scene components are negative
+// The unquantised image is made beside another one, which counts.
+const bool COUNT = WIDE && OUTPUT != OUTPUT_FLOAT;
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
@@ -30,12 +35,32 @@ layout(push_constant) uniform Push { ResolveParams p; };
 #include "glsl/table.glsl"
 #include "glsl/curves.glsl"
 
-vec4 image_texel(vec4 wire, vec3 light) {
-  vec4 scene = ingest(p.frame, wire);
+layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
+
+uint gamut_cut_components;  // of this invocation's texels
+
+// Counts the components of curve_light() v that are cut. `counted` is 0 for a texel outside the frame.
+void count_cut(vec3 x, vec3 v, uint counted) {
+  vec3 size = abs(x);
+  float limit = -GAMUT_TOLERANCE * max(max(size.r, size.g), size.b);
+  uvec3 cut = uvec3(lessThan(v, vec3(limit)));
+  gamut_cut_components += (cut.r + cut.g + cut.b) * counted;
+}
+
+vec4 image_texel(vec4 wire, vec3 light, uint counted) {
+  vec4 scene = WIDE ? ingest_unrounded(p.frame, wire) : ingest(p.frame, wire);
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
   if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
-  vec3 y = curve(at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE), p.curve_white);
-  return vec4(encode(y), scene.a);
+  vec3 v;
+  if (WIDE) {
+    x = clamp(x * p.exposure, -MAX_EXPOSED_VALUE, MAX_EXPOSED_VALUE);
+    v = curve_light(x);
+    if (COUNT) count_cut(x, v, counted);
+    v = at_least(v, 0.0);
+  } else {
+    v = curve_light(at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE));
+  }
+  return vec4(encode(curve(v, p.curve_white)), scene.a);
 }
 
 // Triangular noise in (-1, 1) with mean zero, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano,
@@ -119,7 +144,8 @@ void resolve_row(uint x, uint y, BloomRow far, BloomRow near, float near_weight)
   WireGroup wire = load_wire(p.frame, x, y);
   Group g;
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
-    g.texel[i] = image_texel(wire_texel(wire, i), (1.0 - near_weight) * far.c[i] + near_weight * near.c[i]);
+    g.texel[i] = image_texel(wire_texel(wire, i), (1.0 - near_weight) * far.c[i] + near_weight * near.c[i],
+                             uint(x + i < p.frame.width));
   }
   write(x, y, g);
 }
@@ -153,5 +179,10 @@ void main() {
   uint x = gl_WorkGroupID.x * RESOLVE_STEPS * block + gl_LocalInvocationID.x * GROUP_TEXELS;
   uint x_end = min(x + RESOLVE_STEPS * block, p.frame.width);
   // A loop rather than an if(), because the software device executes the body that an if() skips.
+  gamut_cut_components = 0u;
   for (; x < x_end; x += block) resolve_block(x, first_row, rows_end);
+  if (COUNT) {
+    uint cut = subgroupAdd(gamut_cut_components);
+    if (subgroupElect()) atomicAdd(Tiles(uvec2(p.tiles_lo, p.tiles_hi)).v.gamut_cut_components, cut);
+  }
 }

@@ -17,12 +17,26 @@ Rgb multiply(const double (&m)[3][3], const Rgb& v) {
   return out;
 }
 
+// The scene's light with bloom, before exposure.
+Rgb composite(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
+              uint32_t x, uint32_t y) {
+  const auto& s = scene.at(x, y);
+  Rgb c = {s[0], s[1], s[2]};
+  if (params.bloom == shader::BLOOM_NONE) return c;
+  const double size = params.level_size;
+  const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
+  const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
+  for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
+  return c;
+}
+
 Rgb aces_hill(const Rgb& x) {
   static constexpr double kInput[3][3] = {
       {0.59719, 0.35458, 0.04823}, {0.07600, 0.90834, 0.01566}, {0.02840, 0.13383, 0.83777}};
   static constexpr double kOutput[3][3] = {
       {1.60475, -0.53108, -0.07367}, {-0.10208, 1.10813, -0.00605}, {-0.00327, -0.07276, 1.07602}};
   Rgb v = multiply(kInput, x);
+  for (double& c : v) c = std::max(c, 0.0);
   for (double& c : v) c = (c * (c + 0.0245786) - 0.000090537) / (c * (0.983729 * c + 0.4329510) + 0.238081);
   return multiply(kOutput, v);
 }
@@ -87,7 +101,8 @@ Rgb pbr_neutral(Rgb c) {
 
 }  // namespace
 
-Rgb tone_curve(uint curve, const Rgb& x, double white) {
+Rgb tone_curve(uint curve, const Rgb& light, double white) {
+  const Rgb x = {std::max(light[0], 0.0), std::max(light[1], 0.0), std::max(light[2], 0.0)};
   Rgb y = x;
   switch (curve) {
     case shader::CURVE_REINHARD:
@@ -100,13 +115,13 @@ Rgb tone_curve(uint curve, const Rgb& x, double white) {
       for (double& c : y) c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
       break;
     case shader::CURVE_ACES_HILL:
-      y = aces_hill(x);
+      y = aces_hill(light);
       break;
     case shader::CURVE_HABLE:
       for (double& c : y) c = hable(c);
       break;
     case shader::CURVE_AGX:
-      y = agx(x);
+      y = agx(light);
       break;
     case shader::CURVE_PBR_NEUTRAL:
       y = pbr_neutral(x);
@@ -143,20 +158,41 @@ std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& 
                                                const ResolveParams& params, uint32_t y) {
   std::vector<std::array<double, 4>> row(scene.width);
   for (uint32_t x = 0; x < scene.width; ++x) {
-    const auto& s = scene.at(x, y);
-    Rgb c = {s[0], s[1], s[2]};
-    if (params.bloom != shader::BLOOM_NONE) {
-      const double size = params.level_size;
-      const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
-      const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
-      for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
-    }
-    for (double& v : c) v = params.exposure * std::max(v, 0.0);
+    Rgb c = composite(scene, bloom, level_count, params, x, y);
+    for (double& v : c) v *= params.exposure;
     c = params.look ? params.look(c) : tone_curve(params.curve, c, params.curve_white);
     for (int n = 0; n < 3; ++n) row[x][n] = transfer(params.transfer, std::clamp(c[n], 0.0, 1.0));
-    row[x][3] = s[3];
+    row[x][3] = scene.at(x, y)[3];
   }
   return row;
+}
+
+uint64_t cut_components(const Scene& scene, const Level& bloom, uint32_t level_count,
+                        const ResolveParams& params, uint32_t y) {
+  static constexpr float kLinear[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  static constexpr float kAces[] = {TABLE_FROM_SCENE};
+  static constexpr float kAp1[] = {TABLE_FROM_SCENE_AP1};
+  static constexpr float kAgx[] = {0.842479062253094f,  0.0784335999999992f, 0.0792237451477643f,
+                                   0.0423282422610123f, 0.878468636469772f,  0.0791661274605434f,
+                                   0.0423756549057051f, 0.0784336f,          0.879142973793104f};
+  static constexpr const float* kMatrices[] = {kLinear, kAces, kAp1, kAgx};
+  const float* const m = kMatrices[static_cast<size_t>(params.gamut)];
+  uint64_t cut = 0;
+  for (uint32_t x = 0; x < scene.width; ++x) {
+    const Rgb c = composite(scene, bloom, level_count, params, x, y);
+    std::array<float, 3> light;
+    float largest = 0.0f;
+    for (size_t k = 0; k < 3; ++k) {
+      light[k] = static_cast<float>(c[k]) * static_cast<float>(params.exposure);
+      light[k] = std::clamp(light[k], -shader::MAX_EXPOSED_VALUE, shader::MAX_EXPOSED_VALUE);
+      largest = std::max(largest, std::abs(light[k]));
+    }
+    for (size_t k = 0; k < 3; ++k) {
+      const float v = (m[3 * k] * light[0] + m[3 * k + 1] * light[1]) + m[3 * k + 2] * light[2];
+      cut += v < -shader::GAMUT_TOLERANCE * largest;
+    }
+  }
+  return cut;
 }
 
 }  // namespace candela::reference

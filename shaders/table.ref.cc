@@ -9,13 +9,17 @@ namespace candela::reference {
 
 Rgb look_up(const ColorTable& table, const Rgb& exposed) {
   static constexpr double kFromScene[] = {TABLE_FROM_SCENE};
+  static constexpr double kFromSceneAp1[] = {TABLE_FROM_SCENE_AP1};
+  static constexpr double kDesaturation[] = {RRT_DESATURATION};
   static constexpr double kToDisplay[] = {TABLE_TO_DISPLAY};
   static constexpr double kIdentity[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   const bool rec709 = table.axes == shader::AXES_REC709;
-  const double* const from_scene = rec709 ? kIdentity : kFromScene;
+  const bool ap1 = table.axes == shader::AXES_AP1;
+  const double* const from_scene = rec709 ? kIdentity : ap1 ? kFromSceneAp1 : kFromScene;
   const double* const to_display = rec709 ? kIdentity : kToDisplay;
-  const auto octaves = [](double light) {
-    const double x = light / shader::TABLE_AXIS_KNEE + 1.0;
+  const double knee = ap1 ? shader::TABLE_AXIS_KNEE_AP1 : shader::TABLE_AXIS_KNEE;
+  const auto octaves = [knee](double light) {
+    const double x = light / knee + 1.0;
     const double e = std::floor(std::log2(x));
     const double m = x / std::exp2(e) - 1.0;
     return e + m * (4.0 - m) / 3.0;
@@ -27,10 +31,16 @@ Rgb look_up(const ColorTable& table, const Rgb& exposed) {
   std::array<Axis, 3> axes;
   size_t point = 0;
   size_t step = 1;
+  Rgb light{};
   for (size_t k = 0; k < 3; ++k) {
-    double v = 0.0;
-    for (size_t c = 0; c < 3; ++c) v += from_scene[3 * k + c] * exposed[c];
-    v = std::clamp(v, 0.0, double{table.end});
+    for (size_t c = 0; c < 3; ++c) light[k] += from_scene[3 * k + c] * exposed[c];
+  }
+  for (size_t k = 0; k < 3; ++k) {
+    double v = std::clamp(light[k], 0.0, double{table.end});
+    for (size_t c = 0; ap1 && c < 3; ++c) {
+      if (c != k) v += kDesaturation[c] * std::max(light[c] - table.end, 0.0);
+    }
+    v = std::min<double>(v, table.end);
     const double position = octaves(v) / octaves(table.end) * (table.size - 1);
     const double cell = std::clamp(std::floor(position), 0.0, table.size - 2.0);
     axes[k] = {position - cell, step};
@@ -43,7 +53,6 @@ Rgb look_up(const ColorTable& table, const Rgb& exposed) {
   const auto root = [&table](size_t at, size_t k) {
     return table.values[3 * at + k] / 65535.0 * shader::TABLE_MAX_ROOT;
   };
-  Rgb light;
   for (size_t k = 0; k < 3; ++k) {
     size_t at = point;
     double before = root(at, k);

@@ -47,7 +47,7 @@ absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& set
 
 absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, const Exposed& exposed) {
-  absl::StatusOr<std::shared_ptr<const ColorTable>> table = color_table_of(settings);
+  absl::StatusOr<std::shared_ptr<const ColorTable>> table = color_table_of(settings, metered);
   if (!table.ok()) return table.status();
   FrameReport report;
   report.stats = metered.stats;
@@ -56,8 +56,9 @@ absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& 
   report.stages = metered.stages;
   report.plan = plan_frame(memory.textures().layout, metered, settings,
                            {.exposure = exposed.exposure, .sequence = sequence, .table = *std::move(table)});
-  absl::Status drawn = executor_of(memory).draw(memory, report.plan, &report.stages);
-  if (!drawn.ok()) return drawn;
+  const absl::StatusOr<uint64_t> cut = executor_of(memory).draw(memory, report.plan, &report.stages);
+  if (!cut.ok()) return cut.status();
+  report.gamut_cut_components = *cut;
   if (memory.textures().exact) {
     const HostStage stage("verify", &report.stages);
     report.verification = verify_frame(memory, report.plan, report.stats);

@@ -1,6 +1,9 @@
 // Tone curves (docs/pipeline.md section 5): exposed scene light to display-linear light in [0, 1]. The
 // including shader declares CURVE and includes transfer.glsl and table.glsl.
 //
+// A curve has two parts: curve_light() takes the scene's Rec.709 to the curve's own primaries, and curve()
+// does the rest. Between them the light is cut at 0.
+//
 // Sources: reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital
 // Images",
 // 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the
@@ -17,13 +20,29 @@ vec3 rows(float m[9], vec3 x) {
               m[6] * x.r + m[7] * x.g + m[8] * x.b);
 }
 
-// Uses the same matrices as the colour tables.
-vec3 aces_hill(vec3 x) {
-  vec3 v = rrt_and_odt(rows(float[](TABLE_FROM_SCENE), x));
-  return rows(float[](TABLE_TO_DISPLAY), v);
+const float AGX_INSET[9] = float[](0.842479062253094, 0.0784335999999992, 0.0792237451477643,  //
+                                   0.0423282422610123, 0.878468636469772, 0.0791661274605434,  //
+                                   0.0423756549057051, 0.0784336, 0.879142973793104);
+
+// Exposed light in the primaries in which the curve works, component by component. No matrix has a negative
+// number, so light that is not negative stays so.
+vec3 curve_light(vec3 x) {
+  if (CURVE == CURVE_ACES_HILL || CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) {
+    return rows(float[](TABLE_FROM_SCENE), x);
+  }
+  if (CURVE == CURVE_TABLE_AP1) return rows(float[](TABLE_FROM_SCENE_AP1), x);
+  if (CURVE == CURVE_AGX) return rows(AGX_INSET, x);
+  return x;
 }
 
-vec3 table(vec3 x) { return rows(float[](TABLE_TO_DISPLAY), look_up(rows(float[](TABLE_FROM_SCENE), x))); }
+// A saturated light beyond the end of the axes brightens the other components, as the RRT's desaturation does.
+vec3 within_axes(vec3 v) {
+  vec3 beyond = at_least(v - p.table_end, 0.0) * vec3(RRT_DESATURATION);
+  return at_most(v, p.table_end) + vec3(beyond.g + beyond.b, beyond.r + beyond.b, beyond.r + beyond.g);
+}
+
+// aces-hill's last matrix is that of the colour tables.
+vec3 table(vec3 v) { return rows(float[](TABLE_TO_DISPLAY), look_up(v)); }
 
 vec3 hable_base(vec3 x) {
   return (x * (0.15 * x + 0.10 * 0.50) + 0.20 * 0.02) / (x * (0.15 * x + 0.50) + 0.20 * 0.30) - 0.02 / 0.30;
@@ -48,11 +67,7 @@ float agx_channel(float inset) {
   return power(at_least(0.5 - toe * below + shoulder * above, 0.0), 2.2);
 }
 
-vec3 agx(vec3 x) {
-  return vec3(agx_channel(0.842479062253094 * x.r + 0.0784335999999992 * x.g + 0.0792237451477643 * x.b),
-              agx_channel(0.0423282422610123 * x.r + 0.878468636469772 * x.g + 0.0791661274605434 * x.b),
-              agx_channel(0.0423756549057051 * x.r + 0.0784336 * x.g + 0.879142973793104 * x.b));
-}
+vec3 agx(vec3 inset) { return vec3(agx_channel(inset.r), agx_channel(inset.g), agx_channel(inset.b)); }
 
 vec3 pbr_neutral(vec3 x) {
   const float start = 0.8 - 0.04;
@@ -66,8 +81,8 @@ vec3 pbr_neutral(vec3 x) {
   return mix(x * (new_peak / peak), vec3(new_peak), desaturated);
 }
 
-// The tone curve of exposed light x, clamped to [0, 1]. `white` is the luminance that reinhard-extended maps
-// to 1.
+// The tone curve of curve_light() x >= 0, clamped to [0, 1]. `white` is the luminance that reinhard-extended
+// maps to 1.
 vec3 curve(vec3 x, float white) {
   vec3 y = x;
   if (CURVE == CURVE_REINHARD) y = x / (1.0 + x);
@@ -76,11 +91,12 @@ vec3 curve(vec3 x, float white) {
     y = x * ((1.0 + l / (white * white)) / (1.0 + l));
   }
   if (CURVE == CURVE_ACES_NARKOWICZ) y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
-  if (CURVE == CURVE_ACES_HILL) y = aces_hill(x);
+  if (CURVE == CURVE_ACES_HILL) y = rows(float[](TABLE_TO_DISPLAY), rrt_and_odt(x));
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);
   if (CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) y = table(x);
+  if (CURVE == CURVE_TABLE_AP1) y = table(within_axes(x));
   if (CURVE == CURVE_TABLE_REC709) y = look_up(x);
   return at_most(at_least(y, 0.0), 1.0);
 }

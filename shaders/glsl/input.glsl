@@ -48,8 +48,8 @@ vec4 wire_texel(WireGroup g, uint i) {
   return unpack_rgb9e5(g.words[0][i]);
 }
 
-// A scene texel from a wire texel: scrub, primaries, clamp, round to half.
-vec4 ingest(InputParams frame, vec4 wire) {
+// A scene texel from a wire texel before it is rounded: scrub, primaries, clamp.
+vec4 ingest_unrounded(InputParams frame, vec4 wire) {
   vec4 c = SCRUB ? scrub(wire) : wire;
   if (MATRIX) {
     precise float r = (frame.m00 * c.r + frame.m01 * c.g) + frame.m02 * c.b;
@@ -57,5 +57,11 @@ vec4 ingest(InputParams frame, vec4 wire) {
     precise float b = (frame.m20 * c.r + frame.m21 * c.g) + frame.m22 * c.b;
     c = clamp(vec4(r, g, b, c.a), -MAX_SCENE_VALUE, MAX_SCENE_VALUE);
   }
+  return c;
+}
+
+// A scene texel from a wire texel.
+vec4 ingest(InputParams frame, vec4 wire) {
+  vec4 c = ingest_unrounded(frame, wire);
   return PIXELS == PIXELS_RGBA32F || MATRIX ? round_to_half(c) : c;
 }

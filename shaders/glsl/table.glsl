@@ -1,5 +1,5 @@
-// Look-up in a colour table (docs/pipeline.md section 5). The including shader declares its push constants as
-// `p`.
+// Look-up in a colour table (docs/pipeline.md section 5). The including shader declares CURVE, and its push
+// constants as `p`.
 
 // Four words per lattice point. The low 16 bits are R, G and B of the point, the high 16 bits those of its
 // neighbour along the cell's diagonal.
@@ -11,7 +11,8 @@ const float UNIT = TABLE_MAX_ROOT / (65535.0 * FRACTIONS);
 // The position of x >= 0 along an axis, in lattice points with TABLE_FRACTION_BITS bits of fraction. At or
 // beyond the end of the axis it is just below the last point.
 uint table_position(float x) {
-  uint bits = floatBitsToUint(x * (1.0 / TABLE_AXIS_KNEE) + 1.0);
+  uint bits = floatBitsToUint(
+      x * (CURVE == CURVE_TABLE_AP1 ? 1.0 / TABLE_AXIS_KNEE_AP1 : 1.0 / TABLE_AXIS_KNEE) + 1.0);
   float octave = float(int(bits >> 23) - 127);
   float within = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
   float scale = p.table_scale;

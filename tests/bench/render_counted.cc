@@ -48,7 +48,7 @@ absl::Status render(const Workbench& bench, Passes& passes, const testing::WireF
   const auto meter = [&] { return (metered = bench.renderer->meter(*memory, settings)).status(); };
   if (absl::Status status = counted(kind + "/ingest", meter); !status.ok()) return status;
 
-  const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings);
+  const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings, *metered);
   if (!colors.ok()) return colors.status();
   const FrameTextures& textures = memory->textures();
   const Plan plan = plan_frame(textures.layout, *metered, settings, {.table = *colors});

@@ -97,7 +97,7 @@ TEST_F(Table, OfAClientIsItsFloat64LookUp) {
 
 TEST_F(Table, WithNoiseInEveryPointIsItsFloat64LookUp) {
   print_header("noise in every point");
-  for (uint32_t axes : {shader::AXES_ACES, shader::AXES_REC709}) {
+  for (uint32_t axes : {shader::AXES_ACES, shader::AXES_REC709, shader::AXES_AP1}) {
     auto table = std::make_shared<ColorTable>(ColorTable{9, axes, 8.0f, {}});
     for (uint32_t i = 0; i < 9 * 9 * 9 * 3; ++i)
       table->values.push_back(static_cast<uint16_t>(65535.0f * noise(i, 0, 0)));
@@ -200,13 +200,15 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     const char* input;
     const char* render;
     bool ap0;  // the file is AP0 but does not say so
+    double max = 1.0;
   };
-  const Case cases[] = {{"exr/Carrots.exr", "Carrots", false},
+  const Case cases[] = {{"exr/Carrots.exr", "Carrots", false, 1.2},
                         {"exr/StillLife.exr", "StillLife", false},
-                        {"exr/Desk.exr", "Desk", false},
+                        // Noise far outside of AP1.
+                        {"exr/Desk.exr", "Desk", false, 3.5},
                         {"exr/GoldenGate.exr", "GoldenGate", false},
                         {"exr/GrayRampsDiagonal.exr", "GrayRampsDiagonal", false},
-                        {"exr/WideColorGamut.exr", "WideColorGamut", false},
+                        {"exr/WideColorGamut.exr", "WideColorGamut", false, 2.3},
                         {"exr/Flowers.exr", "Flowers", false},
                         {"aces/target_ricd_190spectra.exr", "target_ricd_190spectra", true},
                         {"aces/ACES2065-1_ColorChecker2005.exr", "ColorChecker2005", true}};
@@ -235,19 +237,11 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     }
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
-    // The scene's light, so that negative components can be left out.
-    const std::optional<reference::Matrix> matrix = checked(settings).to_scene();
-    reference::BadCounts bad;
-    const reference::Scene scene =
-        reference::ingest(frame.pixels, frame.desc.row_bytes(), frame.desc.width, frame.desc.height,
-                          static_cast<uint32_t>(frame.desc.format), matrix, reference::Rounding::kHalf, &bad);
     std::vector<float> codes;
     for (uint32_t y = 0; y < png.height; ++y) {
       const std::byte* row = rendered->memory.output_row(y).data();
       for (uint32_t x = 0; x < png.width; ++x) {
         const size_t at = size_t{y} * png.width + x;
-        const std::array<float, 4>& light = scene.texels[at];
-        if (std::min({light[0], light[1], light[2]}) < 0.0f) continue;
         for (size_t k = 0; k < 3; ++k) {
           uint16_t value;
           std::memcpy(&value, row + 8 * x + 2 * k, sizeof value);
@@ -261,10 +255,9 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     for (float code : codes) sum += code;
     std::sort(codes.begin(), codes.end());
     const double p999 = codes[static_cast<size_t>(static_cast<double>(codes.size() - 1) * 0.999)];
-    std::printf("%-44s %9.5f %9.5f %9.6f  of %.1f %% of its pixels\n", c.render, codes.back(), p999,
-                sum / static_cast<double>(codes.size()),
-                100.0 * static_cast<double>(codes.size()) / static_cast<double>(png.rgb.size()));
-    EXPECT_LE(codes.back(), 1.0) << c.render;
+    std::printf("%-44s %9.5f %9.5f %9.6f\n", c.render, codes.back(), p999,
+                sum / static_cast<double>(codes.size()));
+    EXPECT_LE(codes.back(), c.max) << c.render;
     EXPECT_LE(p999, 0.6) << c.render;
   }
 }

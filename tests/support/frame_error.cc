@@ -40,6 +40,7 @@ void FrameErrorTest::check(const WireFrame& frame, const v1::Settings& settings,
   EXPECT_EQ(stats.nan_components, truth.nan_components) << what;
   EXPECT_EQ(stats.infinite_components, truth.infinite_components) << what;
   EXPECT_EQ(stats.negative_components, truth.negative_components) << what;
+  EXPECT_EQ(stats.negative_scene_components, truth.negative_scene_components) << what;
   EXPECT_NEAR(stats.max_luminance, truth.max_luminance, 1e-6 * truth.max_luminance) << what;
   // With negative components a luminance can be small by cancellation.
   const double cancelled = truth.negative_components > 0 ? 1e-6 * truth.max_luminance : 0.0;

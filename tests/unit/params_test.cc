@@ -119,6 +119,9 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
   EXPECT_OFFSET(resolve, ResolveParams, exposure);
   EXPECT_OFFSET(resolve, ResolveParams, bloom_scale);
   EXPECT_OFFSET(resolve, ResolveParams, dither_frame);
+  EXPECT_OFFSET(resolve, ResolveParams, table_end);
+  EXPECT_OFFSET(resolve, ResolveParams, tiles_hi);
+  EXPECT_OFFSET(resolve, TileRecord, gamut_cut_components);
 }
 
 TEST(Params, ConstantsHaveTheIdsOfTheirPlaces) {
@@ -163,6 +166,7 @@ TEST(Params, ConstantsHaveTheIdsOfTheirPlaces) {
   EXPECT_CONSTANT(resolve, ResolveConstants, dither, "DITHER");
   EXPECT_CONSTANT(resolve, ResolveConstants, level_size, "LEVEL_SIZE");
   EXPECT_CONSTANT(resolve, ResolveConstants, transfer_terms, "TRANSFER_TERMS");
+  EXPECT_CONSTANT(resolve, ResolveConstants, wide, "WIDE");
 }
 
 }  // namespace

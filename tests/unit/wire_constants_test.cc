@@ -42,7 +42,7 @@ const Constants kConstants[] = {
     {v1::Transfer_descriptor(),
      "TRANSFER_",
      {NAMED(TRANSFER, SRGB), NAMED(TRANSFER, GAMMA22), NAMED(TRANSFER, LINEAR)}},
-    {v1::ColorTable::Axes_descriptor(), "AXES_", {NAMED(AXES, ACES), NAMED(AXES, REC709)}},
+    {v1::ColorTable::Axes_descriptor(), "AXES_", {NAMED(AXES, ACES), NAMED(AXES, REC709), NAMED(AXES, AP1)}},
 };
 #undef NAMED
 

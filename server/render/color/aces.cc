@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -16,10 +17,12 @@ namespace {
 namespace ocio = OCIO_NAMESPACE;
 
 // Exposed light beyond this maps to white, whatever its colour, and would leave a float's range in the
-// transform.
+// transform. Negative light has the same limit.
 constexpr float kMaxLight = 0x1p40f;
 // The end of the table's axes. The tone curve is flat from 16.3 on; beyond that only the hue changes.
 constexpr float kTableEnd = 32.0f;
+// AP1's own axes come before the RRT's desaturation, so there a brighter light still changes.
+constexpr float kWideTableEnd = 320.0f;
 
 void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::TransformDirection direction) {
   const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
@@ -46,6 +49,18 @@ absl::StatusOr<ocio::ConstCPUProcessorRcPtr> make_processor() {
   }
 }
 
+absl::StatusOr<std::shared_ptr<const ColorTable>> kept_table(uint32_t size, uint32_t axes, float end) {
+  static std::mutex& mutex = *new std::mutex;
+  static auto& tables = *new std::map<std::pair<uint32_t, uint32_t>, std::shared_ptr<const ColorTable>>;
+  const std::lock_guard lock(mutex);
+  std::shared_ptr<const ColorTable>& table = tables[{size, axes}];
+  if (table) return table;
+  std::vector<float> rgb = lattice_light(size, axes, end);
+  if (absl::Status status = aces_1(rgb); !status.ok()) return status;
+  table = std::make_shared<const ColorTable>(make_color_table(size, axes, end, rgb));
+  return table;
+}
+
 }  // namespace
 
 absl::Status aces_1(std::span<float> rgb) {
@@ -53,7 +68,7 @@ absl::Status aces_1(std::span<float> rgb) {
       *new absl::StatusOr<ocio::ConstCPUProcessorRcPtr>(make_processor());
   if (!processor.ok()) return processor.status();
   if (rgb.empty()) return absl::OkStatus();
-  for (float& v : rgb) v = std::min(v, kMaxLight);
+  for (float& v : rgb) v = std::clamp(v, -kMaxLight, kMaxLight);
   try {
     ocio::PackedImageDesc image(rgb.data(), static_cast<long>(rgb.size() / 3), 1, 3);
     (*processor)->apply(image);
@@ -64,15 +79,11 @@ absl::Status aces_1(std::span<float> rgb) {
 }
 
 absl::StatusOr<std::shared_ptr<const ColorTable>> aces_1_table(uint32_t size) {
-  static std::mutex& mutex = *new std::mutex;
-  static auto& tables = *new std::map<uint32_t, std::shared_ptr<const ColorTable>>;
-  const std::lock_guard lock(mutex);
-  std::shared_ptr<const ColorTable>& table = tables[size];
-  if (table) return table;
-  std::vector<float> rgb = lattice_light(size, shader::AXES_ACES, kTableEnd);
-  if (absl::Status status = aces_1(rgb); !status.ok()) return status;
-  table = std::make_shared<const ColorTable>(make_color_table(size, shader::AXES_ACES, kTableEnd, rgb));
-  return table;
+  return kept_table(size, shader::AXES_ACES, kTableEnd);
+}
+
+absl::StatusOr<std::shared_ptr<const ColorTable>> aces_1_wide_table(uint32_t size) {
+  return kept_table(size, shader::AXES_AP1, kWideTableEnd);
 }
 
 }  // namespace candela

@@ -149,4 +149,16 @@ absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(
   return matrix;
 }
 
+absl::StatusOr<std::optional<std::array<float, 9>>> scene_matrix(const v1::Settings& settings) {
+  const bool named = settings.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
+  std::optional<White> white;
+  if (settings.has_white_balance()) white = white_of(settings.white_balance(), settings.tint());
+  if (named) return matrix_to_rec709(chromaticities(settings.input_primaries()), white);
+  if (settings.has_input_chromaticities()) {
+    return matrix_to_rec709(chromaticities(settings.input_chromaticities()), white);
+  }
+  if (!white) return std::nullopt;
+  return matrix_to_rec709(chromaticities(v1::PRIMARIES_REC709), white);
+}
+
 }  // namespace candela

@@ -42,4 +42,7 @@ White white_of(double kelvin, double tint);
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_to_rec709(
     const Chromaticities& from, const std::optional<White>& scene_white = std::nullopt);
 
+// The same for the primaries and the white balance that complete settings ask for.
+absl::StatusOr<std::optional<std::array<float, 9>>> scene_matrix(const v1::Settings& settings);
+
 }  // namespace candela

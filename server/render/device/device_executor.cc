@@ -91,7 +91,8 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   return sum_tiles(textures, plan);
 }
 
-absl::Status DeviceExecutor::draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) {
+absl::StatusOr<uint64_t> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan,
+                                              std::vector<StageTime>* stages) {
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
   const Buffer* table = nullptr;
@@ -105,9 +106,9 @@ absl::Status DeviceExecutor::draw(FrameMemory& memory, const Plan& plan, std::ve
   if (status.ok() && textures.exact) status = record_verification(textures, plan, table);
   if (!status.ok()) return status;
   recorder_.barrier_to_host();
-  status = recorder_.submit_and_wait();
-  if (status.ok()) add_timings(recorder_, stages);
-  return status;
+  if (absl::Status done = recorder_.submit_and_wait(); !done.ok()) return done;
+  add_timings(recorder_, stages);
+  return plan.resolve.inputs.constants.wide != 0 ? gamut_cut_components(textures) : 0;
 }
 
 absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const Plan& plan,
@@ -125,6 +126,9 @@ absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const 
   if (textures.readback) {
     recorder_.mark("download");
     recorder_.copy(textures.output.buffer(), textures.readback.buffer(), textures.output.buffer().bytes());
+    if (plan.resolve.inputs.constants.wide != 0) {
+      read_back(textures.tiles, textures.tiles_readback, recorder_);
+    }
   }
   return absl::OkStatus();
 }

@@ -20,8 +20,10 @@ class Executor {
   // Phase A: meters the wire pixels in `memory`.
   virtual absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) = 0;
   // Phase B: makes the finished image, and the unquantised one if the memory was taken for verification. Adds
-  // its times to *stages.
-  virtual absl::Status draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) = 0;
+  // its times to *stages. Returns how many of the frame's R, G and B components the curve cut because they
+  // lie outside its gamut.
+  virtual absl::StatusOr<uint64_t> draw(FrameMemory& memory, const Plan& plan,
+                                        std::vector<StageTime>* stages) = 0;
 };
 
 }  // namespace candela

@@ -115,6 +115,8 @@ absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const 
   const Target target = {output, layout.pitch * texel_bytes, layout.desc.height, kResolveGroupRows};
   auto inputs = step.inputs;
   inputs.constants.output_format = format;
+  inputs.params.tiles_lo = low(textures.tiles.buffer().address());
+  inputs.params.tiles_hi = high(textures.tiles.buffer().address());
   absl::Status status;
   if (!step.bloom_groups.empty()) {
     const VkBufferView bloom = textures.levels[0].buffer().view();

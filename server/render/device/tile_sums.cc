@@ -93,6 +93,7 @@ Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
     stats.nan_components += tile.nan_components;
     stats.infinite_components += tile.infinite_components;
     stats.negative_components += tile.negative_components;
+    stats.negative_scene_components += tile.negative_scene_components;
     if (!layout.level_sizes.empty()) stats.tile_light.push_back(std::bit_cast<float>(tile.max_light_bits));
     sums.first_bad_texel = std::min(sums.first_bad_texel, ~tile.first_bad_texel_inverted);
   }
@@ -118,6 +119,7 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan) {
   FrameStats& stats = sums.stats;
   const Totals totals = add_tiles(textures, sums);
   const shader::IngestConstants& constants = plan.inputs.constants;
+  if (constants.matrix == 0) stats.negative_scene_components = stats.negative_components;
   const bool weighted = constants.weights != shader::WEIGHTS_AVERAGE || constants.ignore != 0;
   stats.metered_weight = weighted ? totals.weight : uint64_t{desc.width} * desc.height;
   stats.mean_log2_luminance =
@@ -128,6 +130,10 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan) {
   stats.min_luminance = std::bit_cast<float>(~totals.darkest_inverted);
   sums.needs_scrub = totals.magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
   return sums;
+}
+
+uint64_t gamut_cut_components(const FrameTextures& textures) {
+  return tile_at(textures, 0).gamut_cut_components;
 }
 
 }  // namespace candela

@@ -17,4 +17,7 @@ struct TileSums {
 // Reads the tiles and the histogram in the textures' host buffers. `plan` is the one that ingest ran with.
 TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan);
 
+// What resolve counted in a plan with `wide` set.
+uint64_t gamut_cut_components(const FrameTextures& textures);
+
 }  // namespace candela

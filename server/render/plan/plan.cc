@@ -44,6 +44,33 @@ double exposure_factor(const Settings& settings, const FrameDecisions& decisions
   return std::min<double>(decisions.exposure * settings->prescale(), shader::MAX_EXPOSURE);
 }
 
+// Whether there is light outside of Rec.709, of which a curve may cut a part.
+bool wide(const Metered& metered) { return metered.stats.negative_scene_components > 0; }
+
+// Where the settings' curve cuts light.
+reference::Gamut gamut_of(const Settings& settings, const ColorTable* table) {
+  switch (settings->curve()) {
+    case v1::TONE_CURVE_ACES_HILL:
+      return reference::Gamut::kAces;
+    case v1::TONE_CURVE_AGX:
+      return reference::Gamut::kAgx;
+    case v1::TONE_CURVE_ACES_1:
+      return reference::Gamut::kAp1;
+    case v1::TONE_CURVE_TABLE:
+      return table->axes == shader::AXES_ACES  ? reference::Gamut::kAces
+             : table->axes == shader::AXES_AP1 ? reference::Gamut::kAp1
+                                               : reference::Gamut::kRec709;
+    default:
+      return reference::Gamut::kRec709;
+  }
+}
+
+uint32_t curve_constant(const Settings& settings, const ColorTable* table) {
+  if (table != nullptr && table->axes == shader::AXES_REC709) return shader::CURVE_TABLE_REC709;
+  if (table != nullptr && table->axes == shader::AXES_AP1) return shader::CURVE_TABLE_AP1;
+  return static_cast<uint32_t>(settings->curve());
+}
+
 bool dithers(const Settings& settings) {
   return settings->dither() && settings->output_format() != v1::OUTPUT_FORMAT_RGBA16F;
 }
@@ -68,25 +95,26 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
   plan.resolve.level_size = bloom.kind() == v1::Bloom::KIND_GAUSSIAN ? layout.level_size : kWholeBloom;
   plan.resolve.bloom_intensity = bloom.intensity();
   plan.resolve.curve = static_cast<uint32_t>(settings->curve());
+  plan.resolve.gamut = gamut_of(settings, decisions.table.get());
   plan.resolve.curve_white = settings->curve_white();
   plan.resolve.transfer = static_cast<uint32_t>(output_transfer(*settings));
   if (dithers(settings)) plan.dither_frame = static_cast<uint32_t>(decisions.sequence);
   return plan;
 }
 
-shader::ResolveConstants resolve_constants(const TextureLayout& layout, bool scrub, const Settings& settings,
-                                           const ColorTable* table, bool matrix) {
-  const bool rec709_table = table != nullptr && table->axes == shader::AXES_REC709;
+shader::ResolveConstants resolve_constants(const TextureLayout& layout, const Metered& metered,
+                                           const Settings& settings, const ColorTable* table, bool matrix) {
   return {.pixels = static_cast<uint32_t>(layout.desc.format),
           .matrix = matrix,
-          .scrub = scrub,
+          .scrub = metered.scrubbed,
           .bloom = static_cast<uint32_t>(settings->bloom().kind()),
-          .curve = rec709_table ? shader::CURVE_TABLE_REC709 : static_cast<uint32_t>(settings->curve()),
+          .curve = curve_constant(settings, table),
           .transfer = static_cast<uint32_t>(output_transfer(*settings)),
           .output_format = static_cast<uint32_t>(settings->output_format()),
           .dither = dithers(settings),
           .level_size = layout.level_size,
-          .transfer_terms = settings.tier().transfer_terms};
+          .transfer_terms = settings.tier().transfer_terms,
+          .wide = wide(metered)};
 }
 
 shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings& settings,
@@ -100,8 +128,9 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
   if (const ColorTable* table = decisions.table.get()) {
     params.table_size = table->size;
+    params.table_end = table->end;
     params.table_scale = static_cast<float>(std::ldexp(table->size - 1, shader::TABLE_FRACTION_BITS) /
-                                            table_octaves(table->end / shader::TABLE_AXIS_KNEE + 1.0));
+                                            table_axis_octaves(table->axes, table->end));
   }
   if (bloom) {
     params.level_width = layout.level_sizes[0].width;
@@ -188,11 +217,16 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   plan_bloom(layout, metered, settings->bloom(), matrix, plan);
   const bool bloom = plan.bloom();
   plan.resolve.inputs.constants =
-      resolve_constants(layout, metered.scrubbed, settings, plan.table.get(), matrix.has_value());
+      resolve_constants(layout, metered, settings, plan.table.get(), matrix.has_value());
   plan.resolve.inputs.params = resolve_params(layout, settings, decisions, bloom, matrix);
   Cover work = resolve_groups(layout, bloom_reach(layout, plan));
   plan.resolve.bloom_groups = std::move(work.groups);
   plan.resolve.plain_groups = std::move(work.rest);
+  if (wide(metered)) {
+    plan.words.push_back(
+        absl::StrFormat("resolve counts what the curve cuts: %d components are negative in Rec.709",
+                        metered.stats.negative_scene_components));
+  }
   plan.words.push_back(absl::StrFormat(
       "resolve%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "", v1::word_of(settings->curve()),
       settings->output_format() == v1::OUTPUT_FORMAT_RGBA16F ? "display-linear"
@@ -203,10 +237,11 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   return plan;
 }
 
-absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings) {
-  const uint32_t points = settings.tier().table_size;
-  if (settings->curve() != v1::TONE_CURVE_ACES_1 || points == 0) return settings.table();
-  return aces_1_table(points);
+absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings,
+                                                                 const Metered& metered) {
+  const Tier& tier = settings.tier();
+  if (settings->curve() != v1::TONE_CURVE_ACES_1 || tier.host_reference) return settings.table();
+  return wide(metered) ? aces_1_wide_table(tier.wide_table_size) : aces_1_table(tier.table_size);
 }
 
 }  // namespace candela

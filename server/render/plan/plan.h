@@ -106,8 +106,10 @@ struct FrameDecisions {
 Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Settings& settings,
                 const FrameDecisions& decisions);
 
-// The table that resolve looks colours up in: the settings' own, or the one that is baked for aces-1; null
-// for curves that are formulas. Fails as aces_1_table does. Any thread.
-absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings);
+// The table that resolve looks colours up in: the settings' own, or one of the two that are baked for aces-1,
+// as the frame has light outside of Rec.709 or not; null for curves that are formulas. Fails as aces_1_table
+// does. Any thread.
+absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings,
+                                                                 const Metered& metered);
 
 }  // namespace candela

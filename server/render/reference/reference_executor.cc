@@ -69,7 +69,8 @@ absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const Inge
   return metered;
 }
 
-absl::Status ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) {
+absl::StatusOr<uint64_t> ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan,
+                                                 std::vector<StageTime>* stages) {
   const HostStage stage(kReferenceStage, stages);
   FrameTextures& textures = memory.textures();
   std::optional<MeteredScene> scene = std::exchange(textures.metered_scene, std::nullopt);
@@ -78,7 +79,7 @@ absl::Status ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan, std:
   for_row_parts(height, row_parts(height), [&](uint32_t first, uint32_t last, uint32_t) {
     for (uint32_t y = first; y < last; ++y) render_row(textures, frame, y);
   });
-  return absl::OkStatus();
+  return plan.resolve.inputs.constants.wide != 0 ? frame.cut_components() : 0;
 }
 
 }  // namespace candela

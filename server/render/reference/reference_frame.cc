@@ -25,6 +25,18 @@ std::function<reference::Rgb(const reference::Rgb&)> look_of(const Plan& plan) {
   };
 }
 
+reference::Scene ingest_scene(const FrameTextures& textures, const std::optional<reference::Matrix>& matrix,
+                              reference::Rounding rounding, reference::BadCounts* bad) {
+  const FrameDesc& desc = textures.layout.desc;
+  const size_t stride = size_t{textures.layout.pitch} * bytes_per_pixel(desc.format);
+  reference::BadCounts counts;
+  reference::Scene scene =
+      reference::ingest({textures.host_input().mapped(), stride * desc.height}, stride, desc.width,
+                        desc.height, static_cast<uint32_t>(desc.format), matrix, rounding, &counts);
+  if (bad != nullptr) *bad = counts;
+  return scene;
+}
+
 }  // namespace
 
 double largest_code(uint32_t format) {
@@ -44,6 +56,11 @@ ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t le
   resolve_.look = look_of(plan);
 }
 
+void ReferenceFrame::unround(const FrameTextures& textures, const Plan& plan) {
+  metered_.scene = {};  // its memory is needed
+  metered_.scene = ingest_scene(textures, plan.reference.matrix, reference::Rounding::kNone, nullptr);
+}
+
 reference::Rgb ReferenceFrame::bloom_light(uint32_t x, uint32_t y) const {
   reference::Rgb light = bloom_.at(x, y);
   for (double& component : light) component /= levels_;
@@ -54,6 +71,14 @@ std::vector<std::array<double, 4>> ReferenceFrame::row(uint32_t y) const {
   return reference::resolve_row(metered_.scene, bloom_, levels_, resolve_, y);
 }
 
+uint64_t ReferenceFrame::cut_components() const {
+  uint64_t cut = 0;
+  for (uint32_t y = 0; y < height(); ++y) {
+    cut += reference::cut_components(metered_.scene, bloom_, levels_, resolve_, y);
+  }
+  return cut;
+}
+
 double ReferenceFrame::code(double value, double largest, uint32_t x, uint32_t y, size_t k) const {
   if (!dither_frame_) return value * largest;
   return std::clamp(value * largest + reference::dither_noise(x, y, *dither_frame_, k), 0.0, largest);
@@ -61,12 +86,8 @@ double ReferenceFrame::code(double value, double largest, uint32_t x, uint32_t y
 
 MeteredScene meter_scene(const FrameTextures& textures, const std::optional<reference::Matrix>& matrix,
                          const reference::MeterParams& params, reference::Rounding rounding) {
-  const FrameDesc& desc = textures.layout.desc;
-  const size_t stride = size_t{textures.layout.pitch} * bytes_per_pixel(desc.format);
   MeteredScene metered;
-  metered.scene =
-      reference::ingest({textures.host_input().mapped(), stride * desc.height}, stride, desc.width,
-                        desc.height, static_cast<uint32_t>(desc.format), matrix, rounding, &metered.bad);
+  metered.scene = ingest_scene(textures, matrix, rounding, &metered.bad);
   metered.meter = reference::meter(metered.scene, params);
   return metered;
 }

@@ -21,6 +21,9 @@ class ReferenceFrame {
   // `level_size` is TextureLayout::level_size: kWholeBloom, or a tier's own.
   ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size);
 
+  // Resolves from a scene that is not rounded; metering and bloom stay.
+  void unround(const FrameTextures& textures, const Plan& plan);
+
   const MeteredScene& metered() const { return metered_; }
   uint32_t width() const { return metered_.scene.width; }
   uint32_t height() const { return metered_.scene.height; }
@@ -30,6 +33,9 @@ class ReferenceFrame {
 
   // The display values of row y, before dither and quantising. Any thread.
   std::vector<std::array<double, 4>> row(uint32_t y) const;
+
+  // Of the whole frame: see reference::cut_components().
+  uint64_t cut_components() const;
 
   // Component k (0 .. 2) of texel (x, y) in codes of an output that has codes 0 to `largest`, dithered but
   // not rounded; `value` is its display value.

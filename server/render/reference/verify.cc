@@ -19,15 +19,19 @@ FrameStats stats_of(const MeteredScene& metered) {
   stats.nan_components = metered.bad.nan;
   stats.infinite_components = metered.bad.infinite;
   stats.negative_components = metered.bad.negative;
+  stats.negative_scene_components = metered.bad.negative_scene;
   return stats;
 }
 
-// `truth`, if not null, receives the reference's statistics.
+// `whole`, if not null, receives the reference's statistics and counts.
 Verification compare_with(reference::Rounding rounding, const FrameTextures& textures, const Plan& plan,
-                          const FrameStats& stats, uint32_t level_size, uint16_t* map, FrameStats* truth) {
+                          const FrameStats& stats, uint32_t level_size, uint16_t* map,
+                          FrameVerification* whole) {
   const TextureLayout& layout = textures.layout;
   const ReferencePlan& p = plan.reference;
-  const ReferenceFrame reference(meter_scene(textures, p.matrix, p.meter, rounding), plan, level_size);
+  ReferenceFrame reference(meter_scene(textures, p.matrix, p.meter, rounding), plan, level_size);
+  const bool wide = plan.resolve.inputs.constants.wide != 0;
+  if (wide && rounding == reference::Rounding::kHalf) reference.unround(textures, plan);
   const Picture image = {textures.host_output().mapped(), layout.pitch,
                          static_cast<uint32_t>(layout.output_format)};
   const Picture codes =
@@ -38,7 +42,10 @@ Verification compare_with(reference::Rounding rounding, const FrameTextures& tex
   if (textures.exact && !layout.by_reference) {
     v.bloom_error = bloom_error(reference, textures, plan.bloom());
   }
-  if (truth != nullptr) *truth = stats_of(metered);
+  if (whole != nullptr) {
+    whole->truth = stats_of(metered);
+    whole->gamut_cut_components = reference.cut_components();
+  }
   return v;
 }
 
@@ -53,7 +60,7 @@ FrameVerification verify_frame(FrameMemory& memory, const Plan& plan, const Fram
       textures.error_map ? reinterpret_cast<uint16_t*>(textures.error_map.buffer().mapped()) : nullptr;
   FrameVerification verification;
   verification.rounded = compare_with(layout.by_reference ? Rounding::kNone : Rounding::kHalf, textures, plan,
-                                      stats, bloom_level_size, map, &verification.truth);
+                                      stats, bloom_level_size, map, &verification);
   // If there is no matrix, the scenes of other formats are already halves.
   const bool rounds = !layout.by_reference &&
                       (layout.desc.format == v1::PIXEL_FORMAT_RGBA32F || plan.reference.matrix.has_value());

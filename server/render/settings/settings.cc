@@ -50,7 +50,7 @@ absl::Status check_table_fields(const v1::ColorTable& table) {
   }
   if (!v1::ColorTable::Axes_IsValid(table.axes())) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("table.axes is %d; it must be ACES (1) or REC709 (2)", table.axes()));
+        absl::StrFormat("table.axes is %d; it must be ACES (1), REC709 (2) or AP1 (3)", table.axes()));
   }
   if (table.has_end() && !(table.end() >= v1::kTableEnd.min && table.end() <= v1::kTableEnd.max)) {
     return absl::InvalidArgumentError(absl::StrFormat("table.end is %g; it must be between %g and %g",
@@ -102,14 +102,7 @@ absl::StatusOr<std::optional<std::array<float, 9>>> matrix_from(const v1::Settin
     return absl::InvalidArgumentError(absl::StrFormat(
         "tint is %g and there is no white_balance; give both, or leave the tint out", message.tint()));
   }
-  std::optional<White> white;
-  if (message.has_white_balance()) white = white_of(message.white_balance(), message.tint());
-  if (named) return matrix_to_rec709(chromaticities(message.input_primaries()), white);
-  if (message.has_input_chromaticities()) {
-    return matrix_to_rec709(chromaticities(message.input_chromaticities()), white);
-  }
-  if (!white) return std::nullopt;
-  return matrix_to_rec709(chromaticities(v1::PRIMARIES_REC709), white);
+  return scene_matrix(message);
 }
 
 }  // namespace

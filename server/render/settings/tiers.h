@@ -15,7 +15,10 @@ struct Tier {
   uint32_t bloom_level_size;
   // Terms of the sRGB transfer's polynomial: 8 are within 0.0001 code of the exact curve, 6 within 0.083.
   uint32_t transfer_terms;
-  uint32_t table_size;  // points a side of the aces-1 table; unused with host_reference
+  // Points a side of the aces-1 table, and of the one for frames with light outside of Rec.709; unused with
+  // host_reference.
+  uint32_t table_size;
+  uint32_t wide_table_size;
   // Bloom and resolve run in the float64 reference on the host, and the scene is not rounded to halves. A
   // large frame takes seconds.
   bool host_reference;

@@ -85,6 +85,7 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
   *header.mutable_statistics() = statistics(report.stats);
   header.set_exposure(report.exposure);
   header.set_target(report.target);
+  header.set_gamut_cut_components(report.gamut_cut_components);
   header.set_prescale(frame.settings->prescale());
   for (const std::string& line : report.plan.words) header.add_plan(line);
   add_stages(rendered, *header.mutable_stages());
