@@ -6,8 +6,8 @@
 // from left to right, and adds its sums to each tile's record once. It reads neighbours in memory one after
 // the other, so that processors prefetch them. All sums are of integers, so the order of execution does not
 // change the result.
-// A frame is first read without SCRUB. Only if that finds bad values is it read again with SCRUB, which counts
-// them.
+// A frame is first read without SCRUB and ALPHA. Only if that finds bad values is it read again with SCRUB,
+// which counts them, and only if it finds an alpha other than 1, with ALPHA, which finds absent texels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -22,8 +22,9 @@ layout(constant_id = 4) const uint WEIGHTS = WEIGHTS_AVERAGE;
 layout(constant_id = 5) const bool HISTOGRAM = false;
 layout(constant_id = 6) const bool WHOLE = false;  // the width is a multiple of GROUP_TEXELS
 layout(constant_id = 7) const bool IGNORE = false;  // texels darker than p.ignore_below have no weight
+layout(constant_id = 8) const bool ALPHA = false;   // absent texels are counted and have no weight
 // The sum of the weights is not just the number of texels.
-const bool SUM_WEIGHTS = WEIGHTS != WEIGHTS_AVERAGE || IGNORE;
+const bool SUM_WEIGHTS = WEIGHTS != WEIGHTS_AVERAGE || IGNORE || ALPHA;
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "glsl/input.glsl"
@@ -84,7 +85,9 @@ uint weight_sum;
 // Luminance as bits, ordered as integers like in at_least(), so that a NaN in padding does no harm.
 int max_luminance;
 int min_luminance;
-uint max_magnitude;
+uint max_magnitude;  // as notes; see note_row()
+uint other_alphas;   // not 0 after an alpha other than 1; only with SCRUB and without ALPHA
+uint absent_texels;
 uint negative_halves;  // two counts of 16 bits
 uint negative_components;
 uint negative_scene_components;
@@ -100,6 +103,8 @@ void clear() {
   max_luminance = 0;
   min_luminance = 0x7fffffff;
   max_magnitude = 0u;
+  other_alphas = 0u;
+  absent_texels = 0u;
   negative_halves = 0u;
   negative_components = 0u;
   negative_scene_components = 0u;
@@ -136,38 +141,82 @@ void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
   }
 }
 
-// Records whether a component of the wire texel is beyond MAX_SCENE_VALUE and how many of R, G and B are
-// negative. `counted` is all ones, or 0 for a texel outside the frame.
-void note_halves(uvec2 words, uint counted) {
-  uvec2 magnitudes = words & 0x7fff7fffu;
+const uint ALPHA_MASK = ALPHA ? 0x7fff7fffu : 0xffff7fffu;
+const uint ALPHA_ADDEND = ALPHA ? 0x04000400u : 0xc4000400u;
+
+// What a row of a group shows of its components' magnitudes and of its alphas. For halves both are sums of two
+// components each, of which some bits count.
+struct Notes {
+  uint first;   // halves: R and G; floats: the largest magnitude
+  uint second;  // halves: B and alpha; floats: not 0 after an alpha other than 1
+};
+
+// Records whether a component of the wire texel is beyond MAX_SCENE_VALUE, whether alpha is 1 and how many of
+// R, G and B are negative. `counted` is all ones, or 0 for a texel outside the frame.
+void note_halves(uvec2 words, uint counted, inout Notes notes) {
+  uvec2 magnitudes = words & uvec2(0x7fff7fffu, ALPHA_MASK);
   // Bit 15 or 31 of the first sum is set if the exponent is all ones, and of the second if the magnitude is
-  // not 0.
-  uvec2 beyond = magnitudes + 0x04000400u;
-  max_magnitude |= (beyond.x | beyond.y) & counted;
+  // not 0. Without ALPHA the same addition takes 1 from alpha.
+  uvec2 beyond = magnitudes + uvec2(0x04000400u, ALPHA_ADDEND);
+  notes.first |= beyond.x & counted;
+  notes.second |= beyond.y & counted;
   uvec2 negative = (magnitudes + 0x7fff7fffu) & words & uvec2(0x80008000u, 0x00008000u);
   negative_halves += ((negative.x >> 15) + (negative.y >> 15)) & counted;
 }
 
-void note_floats(uvec4 words, uint counted) {
+void note_floats(uvec4 words, uint counted, inout Notes notes) {
   uvec4 magnitudes = words & 0x7fffffffu;
-  max_magnitude = max(max_magnitude, max(max(magnitudes.r, magnitudes.g), max(magnitudes.b, magnitudes.a)) & counted);
+  uint largest = max(max(magnitudes.r, magnitudes.g), magnitudes.b);
+  if (ALPHA) {
+    largest = max(largest, magnitudes.a);
+  } else {
+    notes.second |= (words.a ^ floatBitsToUint(1.0)) & counted;
+  }
+  notes.first = max(notes.first, largest & counted);
   uvec3 negative = ((magnitudes.rgb + 0x7fffffffu) & words.rgb) >> 31;
   negative_components += (negative.r + negative.g + negative.b) & counted;
 }
 
 // This also counts a NaN with its sign bit set as negative; count_bad() takes that back.
-void note(WireGroup wire, uint i, uint counted) {
-  if (PIXELS == PIXELS_RGBA16F) note_halves(half_words(wire, i), counted);
-  if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted);
+void note(WireGroup wire, uint i, uint counted, inout Notes notes) {
+  if (PIXELS == PIXELS_RGBA16F) note_halves(half_words(wire, i), counted, notes);
+  if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted, notes);
+}
+
+// Without ALPHA the frame's magnitudes and alphas share max_magnitude, because a register more would cost 3 %
+// of the pass. For halves, bits 16 to 30 are those of alphas other than 1 and -1, and bits 15 and 31 say that
+// a component is too large; if there are such alphas or -1, bit 31 may say so falsely, and a second read finds
+// out. For floats, bit 31 stands for an alpha other than 1.
+void note_row(Notes notes) {
+  const uint beyond = 0x80008000u;
+  if (PIXELS == PIXELS_RGBA16F) {
+    if (SCRUB && !ALPHA) {
+      max_magnitude |= (notes.first & beyond) | (notes.second & 0x8000u);
+      other_alphas |= notes.second >> 16;
+    } else {
+      max_magnitude |= (notes.first & beyond) | notes.second;
+    }
+  } else if (PIXELS == PIXELS_RGBA32F) {
+    max_magnitude = max(max_magnitude, notes.first);
+    if (!ALPHA) max_magnitude |= notes.second != 0u ? 0x80000000u : 0u;
+  }
+}
+
+// All ones for a texel without light whose alpha is 0 or less, after the scrub; else 0.
+uint absent(vec4 wire) {
+  uvec4 bits = floatBitsToUint(SCRUB ? scrub(wire) : wire);
+  bool dark = ((bits.r | bits.g | bits.b) << 1) == 0u;
+  return dark && int(bits.a) <= 0 ? 0xffffffffu : 0u;
 }
 
 // Counts and meters one row of a group. `counted` is all ones for each texel inside the frame, and 0 for the
 // others.
 void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
   WireGroup words = load_wire(p.frame, x, y);
+  Notes notes = Notes(0u, 0u);
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
     vec4 wire = wire_texel(words, i);
-    note(words, i, counted[i]);
+    note(words, i, counted[i], notes);
     if (SCRUB) count_bad(wire, counted[i], y * p.frame.width + x + i);
 
     vec3 scene = ingest(p.frame, wire).rgb;
@@ -178,6 +227,11 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
     float l = luminance(scene);
     // As integers, like in at_least(). A negative luminance is below every limit.
     uint metered = IGNORE && floatBitsToInt(l) < floatBitsToInt(p.ignore_below) ? 0u : counted[i];
+    if (ALPHA) {
+      uint missing = absent(wire);
+      metered &= ~missing;
+      absent_texels += missing & counted[i] & 1u;
+    }
     if (WEIGHTS == WEIGHTS_AVERAGE && !HISTOGRAM) {
       log2_sum += fixed_log2(l) & metered;
       if (SUM_WEIGHTS) weight_sum += metered & 1u;
@@ -189,6 +243,7 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
     min_luminance = min(min_luminance, order | int(~counted[i] & 0x7fffffffu));
     if (LIGHT) max_light = max(max_light, floatBitsToInt(luminance(at_least(scene, 0.0))) & int(counted[i]));
   }
+  note_row(notes);
 }
 
 // Meters a group's columns over INGEST_ROWS rows.
@@ -212,13 +267,19 @@ void add_to_tile(uint tile) {
   uint brightest = uint(subgroupMax(max_luminance));
   uint darkest = ~uint(max(subgroupMin(min_luminance), 0));
   if (PIXELS == PIXELS_RGBA16F) {
+    if (!SCRUB && !ALPHA) other_alphas = max_magnitude & 0x7fff0000u;
     max_magnitude = (max_magnitude & 0x80008000u) != 0u ? 0x7f800000u : 0u;
     negative_components += (negative_halves & 0xffffu) + (negative_halves >> 16);
+  }
+  if (PIXELS == PIXELS_RGBA32F && !ALPHA) {
+    other_alphas = max_magnitude >> 31;
+    max_magnitude &= 0x7fffffffu;
   }
   uint magnitude = subgroupMax(max_magnitude);
   uint negative = subgroupAdd(negative_components);
   uint negative_scene = MATRIX ? subgroupAdd(negative_scene_components) : 0u;
   uint light = LIGHT ? uint(subgroupMax(max_light)) : 0u;
+  uint alphas = ALPHA ? subgroupAdd(absent_texels) : subgroupOr(other_alphas);
   if (subgroupElect()) {
     atomicAdd(tiles[tile].v.log2_sum_low, low);
     atomicAdd(tiles[tile].v.log2_sum_high, high);
@@ -228,6 +289,8 @@ void add_to_tile(uint tile) {
     if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
     if (negative_scene != 0u) atomicAdd(tiles[tile].v.negative_scene_components, negative_scene);
     if (LIGHT) atomicMax(tiles[tile].v.max_light_bits, light);
+    if (ALPHA) atomicAdd(tiles[tile].v.absent_texels, alphas);
+    if (!ALPHA && alphas != 0u) atomicOr(tiles[tile].v.alpha_differs, alphas);
     if (SUM_WEIGHTS) atomicAdd(tiles[tile].v.weight_sum, weight);
   }
   if (SCRUB) {

@@ -50,7 +50,7 @@ float to_half(float x) { return imath_half_to_float(imath_float_to_half(x)); }
 Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t width, uint32_t height,
              uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts) {
   const size_t texel_bytes = pixels == shader::PIXELS_RGBA32F ? 16 : pixels == shader::PIXELS_RGBA16F ? 8 : 4;
-  Scene scene{width, height, {}};
+  Scene scene{width, height, {}, {}};
   scene.texels.resize(size_t{width} * height);
   *counts = {};
   for (size_t i = 0; i < scene.texels.size(); ++i) {
@@ -62,6 +62,10 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
       if (!std::isfinite(c[k]) && !counts->first_bad_texel) counts->first_bad_texel = i;
     }
     for (float& v : c) v = scrub(v);
+    if (c[0] == 0.0f && c[1] == 0.0f && c[2] == 0.0f && c[3] <= 0.0f) {
+      scene.absent.resize(scene.texels.size());
+      scene.absent[i] = true;
+    }
     if (matrix) {
       // The scene is defined in float32, so that both twins work on the same pixels.
       const Matrix& m = *matrix;
@@ -100,16 +104,19 @@ Meter meter(const Scene& scene, const MeterParams& params) {
     double sum = 0.0;
   };
   std::map<int, Bin> bins;  // by ascending luminance
-  Meter m{0.0, kHalfMax, 0.0, 0};
+  Meter m{0.0, kHalfMax, 0.0, 0, 0};
   double sum = 0.0;
   double lost = 0.0;  // Kahan summation, because the reference must not depend on 2^28 roundings
   for (uint32_t y = 0; y < scene.height; ++y) {
     for (uint32_t x = 0; x < scene.width; ++x) {
-      const auto& c = scene.texels[size_t{y} * scene.width + x];
+      const size_t at = size_t{y} * scene.width + x;
+      const auto& c = scene.texels[at];
       const double l = std::max(0.0, luminance({c[0], c[1], c[2]}));
       m.min_luminance = std::min(m.min_luminance, l);
       m.max_luminance = std::max(m.max_luminance, l);
-      if (luminance32(c) < params.ignore_below) continue;
+      const bool absent = params.ignore_absent && !scene.absent.empty() && scene.absent[at];
+      m.absent += absent;
+      if (absent || luminance32(c) < params.ignore_below) continue;
       const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
       m.weight += weight;
       const double log2_l = std::log2(std::max(l, kMinLuminance));

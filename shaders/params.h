@@ -42,6 +42,10 @@ CANDELA_CONST(uint) BLOOM_GAUSSIAN = 3u;
 CANDELA_CONST(uint) TRANSFER_SRGB = 1u;
 CANDELA_CONST(uint) TRANSFER_GAMMA22 = 2u;
 CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
+CANDELA_CONST(uint) ALPHA_ASSOCIATED = 1u;
+CANDELA_CONST(uint) ALPHA_STRAIGHT = 2u;
+CANDELA_CONST(uint) ALPHA_OVER = 3u;
+CANDELA_CONST(uint) ALPHA_IGNORE = 4u;
 
 // An invocation of a full-size pass handles GROUP_TEXELS texels of a row at a time; input and output rows are
 // padded to whole groups.
@@ -84,6 +88,9 @@ CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
 CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
+// With straight alpha, the most exposed light that a pixel's object has where it is nearly transparent; the
+// rest is light of its own.
+CANDELA_CONST(float) MAX_OBJECT_LIGHT = 8.0f;
 
 // Colour tables (shaders/color_table.h): below the knee an axis is linear, above it logarithmic. The largest
 // stored number stands for this square root of light.
@@ -131,6 +138,7 @@ struct IngestConstants {
   uint histogram;  // also fill the histogram
   uint whole;      // the frame's width is a multiple of GROUP_TEXELS
   uint ignore;     // texels darker than IngestParams.ignore_below have no weight
+  uint alpha;      // some alpha is not 1: absent texels are counted and have no weight
 };
 
 struct BrightPassConstants {
@@ -165,6 +173,7 @@ struct ResolveConstants {
   uint level_size;
   uint transfer_terms;  // number of terms of the sRGB transfer's polynomial
   uint wide;            // some scene components are negative; also counts what the curve cuts
+  uint alpha;           // ALPHA_*; ALPHA_ASSOCIATED if every alpha is 1
 };
 #endif
 
@@ -219,6 +228,7 @@ struct ResolveParams {
   float table_end;    // the light at the end of the axes; only for AXES_AP1
   uint tiles_lo,
       tiles_hi;  // the first TileRecord counts gamut_cut_components; only if the constant `wide` is set
+  float background_r, background_g, background_b;  // scene light; only for ALPHA_OVER
 };
 
 // The statistics of one tile of the frame. All zeros is the empty record: a minimum is stored as the maximum
@@ -227,11 +237,12 @@ struct TileRecord {
   uint log2_sum_low;  // sums of the low 16 and of the remaining bits of each invocation's weighted
                       // fixed-point sum
   uint log2_sum_high;
-  uint weight_sum;  // left 0 with WEIGHTS_AVERAGE, unless dark texels are ignored
+  uint weight_sum;  // left 0 with WEIGHTS_AVERAGE, unless dark or absent texels have no weight
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
-  // The largest magnitude of R, G, B and A on the wire. If it is larger than MAX_SCENE_VALUE, the frame needs
-  // the scrub. For halves it is either 0 or infinity.
+  // The largest magnitude of R, G and B on the wire, and of alpha with the constant `alpha`. If it is larger
+  // than MAX_SCENE_VALUE, the frame needs the scrub. For halves it is either 0 or infinity; without the
+  // constants `alpha` and `scrub` it may be infinity because of an alpha other than 1.
   uint max_magnitude_bits;
   uint negative_components;
   uint max_light_bits;  // the largest luminance with negative components cut to 0; only if LIGHT is set
@@ -242,6 +253,10 @@ struct TileRecord {
   uint negative_scene_components;  // of R, G and B; counted only if the constant `matrix` is set
   // The components of the whole frame that the curve cut. Only in the first record, and only after resolve.
   uint gamut_cut_components;
+  // Not 0 if some alpha on the wire is not 1; left 0 with the constant `alpha`. For halves without the
+  // constant `scrub`, -1 counts only as infinite.
+  uint alpha_differs;
+  uint absent_texels;  // counted only with the constant `alpha`
 };
 
 struct HistogramBin {

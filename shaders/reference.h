@@ -27,6 +27,7 @@ struct Scene {
   uint32_t width = 0;
   uint32_t height = 0;
   std::vector<std::array<float, 4>> texels;
+  std::vector<bool> absent;  // texels with no light on the wire and an alpha of 0 or less; empty: none
 
   // The texel at (x, y). Coordinates beyond the edge are clamped to it.
   const std::array<float, 4>& at(int64_t x, int64_t y) const;
@@ -58,6 +59,7 @@ struct MeterParams {
   uint weights = shader::WEIGHTS_AVERAGE;
   std::array<uint32_t, 4> spot{};  // for WEIGHTS_SPOT: x0, y0, x1, y1 in texels, ends excluded
   float ignore_below = 0.0f;       // texels of less luminance have no weight
+  bool ignore_absent = true;       // absent texels have no weight
 };
 
 struct Meter {
@@ -65,6 +67,7 @@ struct Meter {
   double min_luminance = 0.0;
   double max_luminance = 0.0;
   uint64_t weight = 0;  // the sum of all texels' weights; 0 if nothing is metered
+  uint64_t absent = 0;  // the number of absent texels; 0 if they are metered
 };
 
 struct BloomSpec {
@@ -91,6 +94,8 @@ struct ResolveParams {
   Gamut gamut = Gamut::kAces;  // the curve's; only for cut_components()
   double curve_white = 4.0;    // for reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
+  uint alpha = shader::ALPHA_ASSOCIATED;
+  Rgb background{};  // scene light, for ALPHA_OVER
   // Exposed scene light, which may be negative, to display light, not clamped. CURVE_ACES_1 and CURVE_TABLE
   // need it, because they have no formula.
   std::function<Rgb(const Rgb&)> look;
@@ -128,8 +133,9 @@ Level bloom(const Scene& scene, const BloomSpec& params, double mean_log2_lumina
 // BLOOM_GAUSSIAN's blurred quarter-size level.
 Level gaussian_bloom(const Scene& scene, double threshold);
 
-// The display values of row y before dither and quantisation; alpha is the scene's. It makes one row at a
-// time, because a whole image takes 32 bytes per texel. `bloom` is B_0; for BLOOM_NONE it may be empty.
+// The display values of row y before dither and quantisation, and alpha, which is not clamped. It makes one
+// row at a time, because a whole image takes 32 bytes per texel. `bloom` is B_0; for BLOOM_NONE it may be
+// empty.
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y);
 

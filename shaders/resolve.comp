@@ -27,6 +27,7 @@ layout(constant_id = 9) const uint TRANSFER_TERMS = 8u;
 layout(constant_id = 10) const bool WIDE = false;  // some scene components are negative
 // The unquantised image is made beside another one, which counts.
 const bool COUNT = WIDE && OUTPUT != OUTPUT_FLOAT;
+layout(constant_id = 11) const uint ALPHA = ALPHA_ASSOCIATED;  // if every alpha is 1, always this one
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(push_constant) uniform Push { ResolveParams p; };
@@ -47,20 +48,43 @@ void count_cut(vec3 x, vec3 v, uint counted) {
   gamut_cut_components += (cut.r + cut.g + cut.b) * counted;
 }
 
+// The display value of exposed light.
+vec3 shown(vec3 exposed) {
+  vec3 v = curve_light(exposed);
+  return encode(curve(WIDE ? at_least(v, 0.0) : v, p.curve_white));
+}
+
+// The display value of no light; only for ALPHA_STRAIGHT.
+vec3 black;
+
+// Straight alpha: a pixel's light is that of an object that covers a part of it, and light of its own. With
+// a = 1 the result has the bits of shown(exposed).
+vec4 straight(vec3 exposed, float a, uint counted) {
+  const float nothing = 1.0e-30;
+  bool whole = a == 1.0;
+  float rest = 1.0 - a;
+  float most = whole ? MAX_EXPOSED_VALUE : MAX_OBJECT_LIGHT * a / rest;
+  vec3 object = clamp(exposed, -most, most);
+  vec3 own = exposed - object;
+  if (COUNT) count_cut(object, curve_light(object), counted);
+  vec3 own_shown = own == vec3(0.0) ? vec3(0.0) : at_least(shown(own) - black, 0.0);
+  vec3 colour = a * shown(whole ? exposed : object / at_least(a, nothing)) + rest * own_shown;
+  float alpha = a + rest * max(max(own_shown.r, own_shown.g), own_shown.b);
+  if (whole) return vec4(colour, 1.0);
+  return alpha < nothing ? vec4(0.0) : vec4(at_most(colour / alpha, 1.0), alpha);
+}
+
 vec4 image_texel(vec4 wire, vec3 light, uint counted) {
   vec4 scene = WIDE ? ingest_unrounded(p.frame, wire) : ingest(p.frame, wire);
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
   if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
-  vec3 v;
-  if (WIDE) {
-    x = clamp(x * p.exposure, -MAX_EXPOSED_VALUE, MAX_EXPOSED_VALUE);
-    v = curve_light(x);
-    if (COUNT) count_cut(x, v, counted);
-    v = at_least(v, 0.0);
-  } else {
-    v = curve_light(at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE));
-  }
-  return vec4(encode(curve(v, p.curve_white)), scene.a);
+  float a = at_most(at_least(scene.a, 0.0), 1.0);
+  if (ALPHA == ALPHA_OVER) x += (1.0 - a) * vec3(p.background_r, p.background_g, p.background_b);
+  vec3 exposed = WIDE ? clamp(x * p.exposure, -MAX_EXPOSED_VALUE, MAX_EXPOSED_VALUE)
+                      : at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE);
+  if (ALPHA == ALPHA_STRAIGHT) return straight(exposed, a, counted);
+  if (COUNT) count_cut(exposed, curve_light(exposed), counted);
+  return vec4(shown(exposed), ALPHA == ALPHA_ASSOCIATED ? scene.a : 1.0);
 }
 
 // Triangular noise in (-1, 1) with mean zero, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano,
@@ -173,6 +197,7 @@ void resolve_block(uint x, uint first_row, uint rows_end) {
 }
 
 void main() {
+  if (ALPHA == ALPHA_STRAIGHT) black = shown(vec3(0.0));
   uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
   uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);
   uint block = RESOLVE_GROUP_X * GROUP_TEXELS;

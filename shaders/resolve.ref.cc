@@ -22,11 +22,16 @@ Rgb composite(const Scene& scene, const Level& bloom, uint32_t level_count, cons
               uint32_t x, uint32_t y) {
   const auto& s = scene.at(x, y);
   Rgb c = {s[0], s[1], s[2]};
-  if (params.bloom == shader::BLOOM_NONE) return c;
-  const double size = params.level_size;
-  const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
-  const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
-  for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
+  if (params.bloom != shader::BLOOM_NONE) {
+    const double size = params.level_size;
+    const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
+    const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
+    for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
+  }
+  if (params.alpha == shader::ALPHA_OVER) {
+    const double rest = 1.0 - std::clamp<double>(s[3], 0.0, 1.0);
+    for (int n = 0; n < 3; ++n) c[n] += rest * params.background[n];
+  }
   return c;
 }
 
@@ -99,6 +104,35 @@ Rgb pbr_neutral(Rgb c) {
   return c;
 }
 
+Rgb shown(const ResolveParams& params, const Rgb& exposed) {
+  Rgb y = params.look ? params.look(exposed) : tone_curve(params.curve, exposed, params.curve_white);
+  for (double& v : y) v = transfer(params.transfer, std::clamp(v, 0.0, 1.0));
+  return y;
+}
+
+// Colour and alpha of a pixel with exposed light `c` and alpha a, 0 .. 1, neither associated.
+std::array<double, 4> straight(const ResolveParams& params, const Rgb& c, double a) {
+  Rgb object{};  // divided by a
+  Rgb own{};
+  for (int n = 0; n < 3; ++n) {
+    const double most = a < 1.0 ? shader::MAX_OBJECT_LIGHT * a / (1.0 - a) : std::abs(c[n]);
+    const double part = std::clamp(c[n], -most, most);
+    own[n] = c[n] - part;
+    object[n] = a > 0.0 ? part / a : 0.0;
+  }
+  Rgb glow{};
+  if (own != Rgb{}) {
+    const Rgb black = shown(params, {});
+    glow = shown(params, own);
+    for (int n = 0; n < 3; ++n) glow[n] = std::max(0.0, glow[n] - black[n]);
+  }
+  const Rgb body = shown(params, object);
+  const double alpha = a + (1.0 - a) * std::max({glow[0], glow[1], glow[2]});
+  std::array<double, 4> pixel = {0.0, 0.0, 0.0, alpha};
+  for (int n = 0; n < 3 && alpha > 0.0; ++n) pixel[n] = (a * body[n] + (1.0 - a) * glow[n]) / alpha;
+  return pixel;
+}
+
 }  // namespace
 
 Rgb tone_curve(uint curve, const Rgb& light, double white) {
@@ -160,9 +194,13 @@ std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& 
   for (uint32_t x = 0; x < scene.width; ++x) {
     Rgb c = composite(scene, bloom, level_count, params, x, y);
     for (double& v : c) v *= params.exposure;
-    c = params.look ? params.look(c) : tone_curve(params.curve, c, params.curve_white);
-    for (int n = 0; n < 3; ++n) row[x][n] = transfer(params.transfer, std::clamp(c[n], 0.0, 1.0));
-    row[x][3] = scene.at(x, y)[3];
+    const double alpha = scene.at(x, y)[3];
+    if (params.alpha == shader::ALPHA_STRAIGHT) {
+      row[x] = straight(params, c, std::clamp(alpha, 0.0, 1.0));
+      continue;
+    }
+    c = shown(params, c);
+    row[x] = {c[0], c[1], c[2], params.alpha == shader::ALPHA_ASSOCIATED ? alpha : 1.0};
   }
   return row;
 }
@@ -180,11 +218,15 @@ uint64_t cut_components(const Scene& scene, const Level& bloom, uint32_t level_c
   uint64_t cut = 0;
   for (uint32_t x = 0; x < scene.width; ++x) {
     const Rgb c = composite(scene, bloom, level_count, params, x, y);
+    // With straight alpha only the object's light is counted.
+    const float a = std::clamp(scene.at(x, y)[3], 0.0f, 1.0f);
+    const bool part = params.alpha == shader::ALPHA_STRAIGHT && a < 1.0f;
+    const float most = part ? shader::MAX_OBJECT_LIGHT * a / (1.0f - a) : shader::MAX_EXPOSED_VALUE;
     std::array<float, 3> light;
     float largest = 0.0f;
     for (size_t k = 0; k < 3; ++k) {
       light[k] = static_cast<float>(c[k]) * static_cast<float>(params.exposure);
-      light[k] = std::clamp(light[k], -shader::MAX_EXPOSED_VALUE, shader::MAX_EXPOSED_VALUE);
+      light[k] = std::clamp(light[k], -most, most);
       largest = std::max(largest, std::abs(light[k]));
     }
     for (size_t k = 0; k < 3; ++k) {

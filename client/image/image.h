@@ -47,6 +47,10 @@ struct Image {
   uint64_t bytes() const { return row_bytes() * height; }
 };
 
+// Whether alpha is 0 everywhere although the picture has colour, as some renderers leave it. Then the whole
+// picture would be invisible.
+bool alpha_hides_everything(const Image& image);
+
 // An image of zeros. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format);
 
@@ -100,10 +104,10 @@ struct WriteOptions {
 };
 
 // Writes the image in the format of the path's extension: .png from kRgba8 or kRgba16, .jpg from kRgba8, .exr
-// and .pfm from kRgba16f or kRgba32f. Alpha is stored as it is, and colour is not divided by it; formats
-// without alpha drop it. The file appears complete or not at all; after a failure the old file is as it was.
-// A new file has the permissions of the one that it replaces, and links to it stay valid. Returns messages
-// for the user, such as "alpha dropped: .jpg has none".
+// and .pfm from kRgba16f or kRgba32f. Colour and alpha are stored as they are; formats without alpha drop it.
+// The file appears complete or not at all; after a failure the old file is as it was. A new file has the
+// permissions of the one that it replaces, and links to it stay valid. Returns messages for the user, such as
+// "alpha dropped: .jpg has none".
 absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
                                                      const WriteOptions& options = {});
 

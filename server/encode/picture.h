@@ -38,7 +38,7 @@ struct PngOptions {
   std::vector<std::pair<std::string, std::string>> text{};  // keyword and text, Latin-1
 };
 
-// Writes colour as it is, not divided by alpha. INTERNAL with libpng's reason, or if the sink returned false.
+// Writes colour and alpha as they are. INTERNAL with libpng's reason, or if the sink returned false.
 absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink);
 
 struct JpegOptions {

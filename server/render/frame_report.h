@@ -14,6 +14,7 @@ struct FrameReport {
   FrameStats stats;
   double exposure = 0.0;  // the factor E that was used
   double target = 0.0;    // the factor that metering chose
+  double target_before_limits = 0.0;
   uint64_t gamut_cut_components = 0;  // of R, G and B: negative in the curve's own primaries, and cut
   Plan plan;
   std::vector<StageTime> stages;

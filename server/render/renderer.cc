@@ -53,6 +53,7 @@ absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& 
   report.stats = metered.stats;
   report.exposure = exposed.exposure;
   report.target = exposed.target;
+  report.target_before_limits = exposed.target_before_limits;
   report.stages = metered.stages;
   report.plan = plan_frame(memory.textures().layout, metered, settings,
                            {.exposure = exposed.exposure, .sequence = sequence, .table = *std::move(table)});

@@ -2,21 +2,23 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 
 #include "server/encode/picture.h"
 
 namespace candela {
 namespace {
 
+// Whether a PNG needs its alpha. Without straight alpha a constant one says nothing.
 template <typename Component>
-bool alpha_varies(const PictureView& picture) {
+bool needs_alpha(const PictureView& picture, bool straight) {
   constexpr size_t kComponents = 4;
   const auto alpha = [&](uint32_t x, uint32_t y) {
     Component value;
     std::memcpy(&value, picture.row(y) + (size_t{x} * kComponents + 3) * sizeof value, sizeof value);
     return value;
   };
-  const Component first = alpha(0, 0);
+  const Component first = straight ? std::numeric_limits<Component>::max() : alpha(0, 0);
   for (uint32_t y = 0; y < picture.height; ++y) {
     for (uint32_t x = 0; x < picture.width; ++x) {
       if (alpha(x, y) != first) return true;
@@ -51,7 +53,9 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
   if (encoding == v1::ENCODING_JPEG) {
     status = encode_jpeg(picture, {quality, encoded_transfer(output_transfer(*settings))}, append);
   } else {
-    const bool alpha = picture.wide ? alpha_varies<uint16_t>(picture) : alpha_varies<uint8_t>(picture);
+    const bool straight = settings->alpha() == v1::ALPHA_STRAIGHT;
+    const bool alpha =
+        picture.wide ? needs_alpha<uint16_t>(picture, straight) : needs_alpha<uint8_t>(picture, straight);
     status = encode_png(picture, {alpha, encoded_transfer(output_transfer(*settings))}, append);
   }
   if (!status.ok()) return status;

@@ -117,6 +117,17 @@ std::optional<double> ExposureTrack::deciding_mean() const {
   return frame.has_mean() ? mean_of_first() : std::nullopt;
 }
 
+// Of a frame that repeats the last one. A resume token does not hold it; if look-ahead took part, this is the
+// frame's own.
+double ExposureTrack::before_limits_again(const Waiting& frame) const {
+  const Exposed& exposed = point_.exposed;
+  if (exposed.target_before_limits != 0) return exposed.target_before_limits;
+  const bool held =
+      exposed.target == frame.settings.min_exposure() || exposed.target == frame.settings.max_exposure();
+  if (!held) return exposed.target;
+  return target_before_limits(frame.settings, frame.stats->metered_mean().value_or(kNothingMetered));
+}
+
 std::optional<FrameExposure> ExposureTrack::next() {
   while (!frames_.empty() && frames_.front().failed) {
     // The next frame begins the scene that this one was to begin. A repeated frame begins none.
@@ -126,8 +137,10 @@ std::optional<FrameExposure> ExposureTrack::next() {
   if (frames_.empty() || !frames_.front().stats) return std::nullopt;
   const Waiting& frame = frames_.front();
   if (point_.is_of(frame.sequence)) {
+    FrameExposure again{point_.sequence, point_};
+    again.point.exposed.target_before_limits = before_limits_again(frame);
     frames_.pop_front();
-    return FrameExposure{point_.sequence, point_};
+    return again;
   }
   const std::optional<double> mean = deciding_mean();
   if (frame.has_mean() && !mean) return std::nullopt;

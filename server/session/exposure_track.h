@@ -89,6 +89,7 @@ class ExposureTrack {
   std::optional<double> mean_of_first() const;
   // The mean that decides the first frame, which is metered: its own if its exposure is given.
   std::optional<double> deciding_mean() const;
+  double before_limits_again(const Waiting& frame) const;
   // The session's exposure after the first frame, which has that mean; absent if nothing of it is metered.
   ExposurePoint after_first(std::optional<double> mean) const;
 

@@ -83,9 +83,13 @@ absl::Status render_all() {
   absl::StatusOr<Recorder> recorder = Recorder::create(*bench->device);
   if (!recorder.ok()) return recorder.status();
   Passes passes{*std::move(pipelines), *std::move(recorder), TableCache(*bench->device)};
-  const testing::WireFrame frame = testing::natural(kWidth, kHeight);
+  constexpr v1::PixelFormat kFormat = v1::PIXEL_FORMAT_RGBA16F;
+  const auto scene = testing::opaque(scenes::natural(kWidth, kHeight));
+  const testing::WireFrame frame = testing::make_frame(kWidth, kHeight, kFormat, scene);
+  const testing::WireFrame with_alpha = testing::natural(kWidth, kHeight);
   // This frame is larger, so that there is an area without light.
-  const testing::WireFrame tiles = testing::lit_tiles(2 * kWidth, 2 * kHeight);
+  const auto lights = testing::opaque(scenes::lit_tiles(2 * kWidth, 2 * kHeight));
+  const testing::WireFrame tiles = testing::make_frame(2 * kWidth, 2 * kHeight, kFormat, lights);
   std::vector<Variant> kinds = {
       {"bright", [](v1::Settings&) {}},
       {"dim", [](v1::Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},
@@ -100,6 +104,11 @@ absl::Status render_all() {
           !status.ok())
         return status;
     }
+    v1::Settings straight;
+    straight.set_alpha(v1::ALPHA_STRAIGHT);
+    if (absl::Status status = render(*bench, passes, with_alpha, "straight", testing::checked(straight));
+        !status.ok())
+      return status;
     v1::Settings settings;
     settings.mutable_bloom()->set_threshold(kLightsOnly);
     if (absl::Status status = render(*bench, passes, tiles, "tiles", testing::checked(settings));

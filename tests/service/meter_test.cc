@@ -49,6 +49,24 @@ TEST_P(Meter, HistogramHasAFlatFrameInItsBin) {
   EXPECT_EQ(metered.histogram(bin) + metered.histogram(bin - 1), 1200u);
 }
 
+TEST_P(Meter, LeavesOutAbsentPixelsAndSaysWhatALimitHeld) {
+  WireFrame frame = make_frame(40, 30, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t) -> Texel {
+    return x < 10 ? Texel{2.0f, 2.0f, 2.0f, 1.0f} : Texel{0, 0, 0, 0};
+  });
+  v1::Settings settings;
+  settings.mutable_exposure()->set_min_exposure(0.25);
+  v1::MeterResponse metered;
+  ASSERT_TRUE(meter(frame, settings, &metered).ok());
+  EXPECT_EQ(metered.statistics().absent_pixels(), 900u);
+  EXPECT_NEAR(metered.statistics().mean_log2_luminance(), 1.0, 2e-5);
+  EXPECT_EQ(metered.target(), 0.25);
+  EXPECT_NEAR(metered.target_before_limits(), 0.09, 1e-5);
+  const absl::StatusOr<RenderResult> rendered = connection().render(settings, view(frame));
+  ASSERT_TRUE(rendered.ok()) << rendered.status();
+  EXPECT_EQ(rendered->header.target_before_limits(), metered.target_before_limits());
+  EXPECT_EQ(metered.statistics().SerializeAsString(), rendered->header.statistics().SerializeAsString());
+}
+
 TEST_P(Meter, RefusesWhatRenderRefuses) {
   WireFrame frame = natural(16, 16);
   v1::Settings settings;

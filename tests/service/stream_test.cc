@@ -71,6 +71,39 @@ TEST_P(Stream, ExposureFollowsTheRecursionAndEachImageIsWhatRenderMakesOfIt) {
   EXPECT_GT(results[9].header.exposure(), results[9].header.target()) << "it takes its time";
 }
 
+// Opaque frames, transparent ones and frames of nothing in turn: each is what Render makes of it, and a frame
+// of nothing keeps the exposure before it.
+TEST_P(Stream, FramesMayBeOpaqueOrTransparent) {
+  const auto frame = [](size_t kind) {
+    return make_frame(64, 48, v1::PIXEL_FORMAT_RGBA16F, [kind](uint32_t x, uint32_t y) -> Texel {
+      const float a = kind == 0 || x < 32 ? 1.0f : kind == 1 ? static_cast<float>(y) / 64 : 0.0f;
+      return kind == 2 ? Texel{0, 0, 0, 0} : Texel{a, 0.5f * a, 0.25f * a, a};
+    });
+  };
+  std::vector<WireFrame> frames;
+  for (size_t i = 0; i < 9; ++i) frames.push_back(frame(2 * i % 3));
+  v1::StreamOpen open = open_of("alpha");
+  open.mutable_settings()->set_alpha(v1::ALPHA_STRAIGHT);
+  const std::vector<StreamResult> results = stream_all(channel(), open, frames);
+  ASSERT_EQ(results.size(), frames.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    FrameView view_of_frame = view(frames[i], i);
+    if (i > 0) {
+      view_of_frame.previous = v1::ExposureState();
+      view_of_frame.previous->set_exposure(results[i - 1].header.exposure());
+      view_of_frame.previous->set_elapsed_seconds(
+          static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) * 1e-9);
+    }
+    const absl::StatusOr<RenderResult> alone = connection().render(open.settings(), view_of_frame);
+    ASSERT_TRUE(alone.ok()) << alone.status();
+    EXPECT_EQ(results[i].header.exposure(), alone->header.exposure());
+    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone->data.get(), alone->bytes)) << "frame " << i;
+    const bool nothing = results[i].header.statistics().absent_pixels() == 64u * 48u;
+    if (i == 0 || !nothing) continue;
+    EXPECT_EQ(results[i].header.exposure(), results[i - 1].header.exposure());
+  }
+}
+
 TEST_P(Stream, ACutTakesItsTargetAndARepeatTheSameBits) {
   const std::vector<WireFrame> frames = step(4);
   StreamClient client(channel());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace candela::testing {
 
@@ -45,6 +46,14 @@ WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, co
     }
   }
   return frame;
+}
+
+TexelFunction opaque(TexelFunction texel) {
+  return [texel = std::move(texel)](uint32_t x, uint32_t y) {
+    Texel c = texel(x, y);
+    c[3] = 1.0f;
+    return c;
+  };
 }
 
 WireFrame natural(uint32_t width, uint32_t height, v1::PixelFormat format) {

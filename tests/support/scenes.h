@@ -27,7 +27,10 @@ struct WireFrame {
 // Encodes the scene in `format`. RGB9E5 loses negative values and alpha.
 WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, const TexelFunction& texel);
 
-// scenes::natural().
+// The scene with alpha 1.
+TexelFunction opaque(TexelFunction texel);
+
+// scenes::natural(). Its alpha is 0.25 to 1.
 WireFrame natural(uint32_t width, uint32_t height, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
 // scenes::lit_tiles().
 WireFrame lit_tiles(uint32_t width, uint32_t height);

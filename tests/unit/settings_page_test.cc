@@ -38,7 +38,8 @@ constexpr char kClosing[] =
     R"(
 ## Settings without an option, and options without a setting
 
-`candela` chooses `output_format` by the type of the output file. It sends the primaries that the image's file names, unless
+`candela` chooses `output_format` by the type of the output file. Without `--alpha` it asks for `straight` for a .png, and for
+`ignore` if a file's alpha is 0 everywhere although there is light. It sends the primaries that the image's file names, unless
 `--primaries` is given; a message without primaries means `rec709`. Two fields of the message are not in the tables above
 because each is a message of several numbers. `render.proto` describes them.
 

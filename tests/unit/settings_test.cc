@@ -21,7 +21,7 @@ using google::protobuf::Message;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Options that set several settings.
-const std::map<std::string, int> kSharedFlags = {{"exposure", 2}, {"percentiles", 2}};
+const std::map<std::string, int> kSharedFlags = {{"exposure", 2}, {"percentiles", 2}, {"background", 3}};
 
 Settings with_number(const SettingField& setting, double value) {
   Settings settings;
@@ -164,6 +164,8 @@ TEST(Settings, AbsentSettingsTakeTheirDefaults) {
     bad_values: BAD_VALUES_SCRUB
     tier: "standard"
     curve_white: 4
+    alpha: ALPHA_ASSOCIATED
+    background { red: 0 green: 0 blue: 0 }
   )pb";
   Settings expected;
   ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString(kDefaults, &expected));

@@ -42,6 +42,9 @@ const Constants kConstants[] = {
     {v1::Transfer_descriptor(),
      "TRANSFER_",
      {NAMED(TRANSFER, SRGB), NAMED(TRANSFER, GAMMA22), NAMED(TRANSFER, LINEAR)}},
+    {v1::Alpha_descriptor(),
+     "ALPHA_",
+     {NAMED(ALPHA, ASSOCIATED), NAMED(ALPHA, STRAIGHT), NAMED(ALPHA, OVER), NAMED(ALPHA, IGNORE)}},
     {v1::ColorTable::Axes_descriptor(), "AXES_", {NAMED(AXES, ACES), NAMED(AXES, REC709), NAMED(AXES, AP1)}},
 };
 #undef NAMED

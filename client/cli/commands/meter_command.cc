@@ -6,8 +6,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/held_exposure.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/stream_report.h"
+#include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
@@ -75,6 +77,10 @@ std::string to_text(const std::string& path, const Image& image, const Primaries
          absl::StrFormat("%d NaN, %d infinite, %d negative components", statistics.nan_components(),
                          statistics.infinite_components(), statistics.negative_components()));
   }
+  if (statistics.absent_pixels() > 0) {
+    line("absent", absl::StrFormat("%d pixels have alpha 0 and no light; they are not metered",
+                                   statistics.absent_pixels()));
+  }
   const std::string histogram = histogram_text(metered);
   return text + (histogram.empty() ? "  nothing is metered\n" : histogram);
 }
@@ -91,6 +97,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
       {"primaries", to_json(primaries)},
       {"exposure", metered.exposure()},
       {"target", metered.target()},
+      {"target_before_limits", metered.target_before_limits()},
       {"mean_log2_luminance", statistics.mean_log2_luminance()},
       {"min_luminance", static_cast<double>(statistics.min_luminance())},
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
@@ -98,6 +105,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
        {{"nan", statistics.nan_components()},
         {"inf", statistics.infinite_components()},
         {"negative", statistics.negative_components()}}},
+      {"absent_pixels", statistics.absent_pixels()},
       {"histogram",
        {{"first_ev", metered.histogram_first_ev()},
         {"bins_per_ev", metered.histogram_bins_per_ev()},
@@ -134,14 +142,20 @@ absl::Status meter_image(const MeterOptions& options) {
   const absl::StatusOr<const Connection*> server = link.connection();
   if (!server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
+  v1::Settings settings = settings_for(*image, options.settings);
+  const bool alpha_given = settings.alpha() != v1::ALPHA_UNSPECIFIED;
+  const std::string alpha_note = alpha_given ? "" : ignore_empty_alpha(*image, settings);
   const absl::StatusOr<v1::MeterResponse> metered =
-      (*server)->meter(settings_for(*image, options.settings), view_of(*image), absl::Now() + kMeterTimeout);
+      (*server)->meter(settings, view_of(*image), absl::Now() + kMeterTimeout);
   progress.clear();
   if (!metered.ok()) return name_file(metered.status(), input);
   const PrimariesUsed primaries = primaries_used(*image, options.settings);
   if (!options.quiet) {
     for (const std::string& note : options.notes) print_note(note);
     for (const std::string& note : image->notes) print_note(note);
+    for (const std::string& note : {alpha_note, held_words(metered->target(), metered->target_before_limits())}) {
+      if (!note.empty()) print_note(note);
+    }
     if (!json->to_stdout()) {
       absl::Status status = print(to_text(input, *image, primaries, *metered));
       if (!status.ok()) return status;

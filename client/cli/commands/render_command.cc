@@ -9,11 +9,13 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/held_exposure.h"
 #include "client/cli/commands/render_batch.h"
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/error_map.h"
 #include "client/cli/files/exposure_file.h"
+#include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
@@ -171,6 +173,8 @@ class Rendering {
     view.error_map = !options_.error_map.empty();
     if (only_) view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
     v1::Settings settings = settings_for(frame, options_.settings);
+    if (options_.alpha_by_default) add_note(ignore_empty_alpha(frame, settings));
+    const bool alpha = frame.has_alpha && keeps_alpha(settings);
     if (shared_.view()) *settings.mutable_table() = shared_.view()->table;
     absl::StatusOr<RenderResult> result = (*server)->render(settings, view, begin + kRenderTimeout);
     // Several images at once may be too many for the server's memory.
@@ -185,9 +189,10 @@ class Rendering {
     if (only_) shared_.close();
 
     report_.header = result->header;
+    add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
     error_map_ = std::move(result->error_map);
     add_stages(call_ms);
-    absl::StatusOr<Image> picture = picture_of(*result, frame.has_alpha, frame.pixel_aspect);
+    absl::StatusOr<Image> picture = picture_of(*result, alpha, frame.pixel_aspect);
     if (picture.ok()) picture->frame_rate = frame.frame_rate;
     return picture;
   }
@@ -213,6 +218,10 @@ class Rendering {
 
   void add_notes(std::vector<std::string> notes) {
     std::move(notes.begin(), notes.end(), std::back_inserter(report_.notes));
+  }
+
+  void add_note(std::string note) {
+    if (!note.empty()) report_.notes.push_back(std::move(note));
   }
 
   void add_stages(double call_ms) {

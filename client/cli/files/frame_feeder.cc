@@ -4,6 +4,7 @@
 #include <new>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
 
 namespace candela {
@@ -119,8 +120,13 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
       continue;
     }
     v1::Settings own = settings_for(*next_->image, options_.settings);
-    if (own.input_chromaticities().SerializeAsString() !=
-        settings.input_chromaticities().SerializeAsString()) {
+    const std::string alpha_note =
+        options_.alpha_by_default ? ignore_empty_alpha(*next_->image, own) : std::string();
+    if (!alpha_note.empty()) next_->image->notes.push_back(alpha_note);
+    next_->image->has_alpha &= keeps_alpha(own);
+    if (own.alpha() != settings.alpha() || own.input_chromaticities().SerializeAsString() !=
+                                               settings.input_chromaticities().SerializeAsString()) {
+      settings.set_alpha(own.alpha());
       *settings.mutable_input_chromaticities() = own.input_chromaticities();
       if (!own.has_input_chromaticities()) settings.clear_input_chromaticities();
       const uint64_t from = sequence_.session_number(next_->index);

@@ -33,6 +33,7 @@ struct PictureOptions {
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;
   std::vector<std::string> notes;  // what the user should know before the result
+  bool alpha_by_default = false;   // the user chose no alpha, and the output is a .png or .jpg
 };
 
 struct RenderOptions : PictureOptions {

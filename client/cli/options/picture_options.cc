@@ -23,6 +23,20 @@ EncodedTransfer encoded_transfer(v1::Transfer transfer) {
                                            : EncodedTransfer::kSrgb;
 }
 
+// The alpha of the settings, if the user chose none. The server's default is for the other files.
+void choose_alpha(PictureOptions& options, OutputKind kind, const std::string& output) {
+  const v1::Alpha given = options.settings.alpha();
+  options.alpha_by_default =
+      given == v1::ALPHA_UNSPECIFIED && (kind == OutputKind::kPng || kind == OutputKind::kJpeg);
+  if (given == v1::ALPHA_UNSPECIFIED && kind == OutputKind::kPng) {
+    options.settings.set_alpha(v1::ALPHA_STRAIGHT);
+  }
+  if (given == v1::ALPHA_STRAIGHT && (kind == OutputKind::kJpeg || kind == OutputKind::kPfm)) {
+    options.notes.push_back(absl::StrFormat(
+        "--alpha straight: %s has no alpha, so soft edges are hard; --alpha over has a background", output));
+  }
+}
+
 }  // namespace
 
 void add_choice_options(CLI::App& app, PictureChoice& shown) {
@@ -75,6 +89,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
   options.settings.set_output_format(!encoded               ? v1::OUTPUT_FORMAT_RGBA16F
                                      : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
                                                             : v1::OUTPUT_FORMAT_RGBA8);
+  choose_alpha(options, *kind, output);
   options.write.transfer = encoded_transfer(options.settings.transfer());
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
   if (absl::Status status = finish_view_options(options, output, encoded); !status.ok()) return status;

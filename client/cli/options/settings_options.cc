@@ -143,11 +143,50 @@ void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& se
            [&settings](const std::string& text) { return set_primaries(settings, text); });
 }
 
+void add_alpha(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  add_text(app, setting.declaration().group(), "--alpha", "NAME",
+           absl::StrFormat("%s: %s (default: straight for .png, else associated; .jpg has no alpha and shows "
+                           "the colour over black)",
+                           setting.declaration().help(),
+                           absl::StrJoin(v1::enum_words(*v1::Alpha_descriptor()), ", ")),
+           [&settings](const std::string& text) {
+             const absl::StatusOr<int> value = enum_value(*v1::Alpha_descriptor(), "--alpha", text);
+             if (value.ok()) settings.set_alpha(static_cast<v1::Alpha>(*value));
+             return value.status();
+           });
+}
+
+// Parsed after --alpha.
+absl::Status set_background(v1::Settings& settings, v1::Range<double> range, const std::string& text) {
+  const auto rgb = parse_list("--background", text, 3, range);
+  if (!rgb.ok()) return rgb.status();
+  if (settings.alpha() != v1::ALPHA_UNSPECIFIED && settings.alpha() != v1::ALPHA_OVER) {
+    return usage_error(absl::StrFormat("--background needs --alpha over; --alpha %s has no background",
+                                       v1::word_of(settings.alpha())));
+  }
+  settings.set_alpha(v1::ALPHA_OVER);
+  v1::Background& background = *settings.mutable_background();
+  background.set_red(static_cast<float>((*rgb)[0]));
+  background.set_green(static_cast<float>((*rgb)[1]));
+  background.set_blue(static_cast<float>((*rgb)[2]));
+  return absl::OkStatus();
+}
+
+void add_background(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
+  const v1::Range<double> range = range_of(setting);
+  add_text(
+      app, setting.declaration().group(), "--background", "R,G,B",
+      absl::StrFormat("Light behind the frame before exposure, linear Rec.709, %s each; implies --alpha over "
+                      "(default 0,0,0)",
+                      format_range(range)),
+      [&settings, range](const std::string& text) { return set_background(settings, range, text); });
+}
+
 using AddByHand = void (*)(CLI::App&, v1::Settings&, const SettingField&);
-const std::map<std::string, AddByHand> kByHand = {{"exposure", add_exposure},
-                                                  {"percentiles", add_percentiles},
-                                                  {"spot", add_spot},
-                                                  {"primaries", add_primaries}};
+const std::map<std::string, AddByHand> kByHand = {
+    {"exposure", add_exposure}, {"percentiles", add_percentiles},
+    {"spot", add_spot},         {"primaries", add_primaries},
+    {"alpha", add_alpha},       {"background", add_background}};
 
 // ---- Options made from the declaration ----
 
@@ -244,7 +283,7 @@ void add_setting(CLI::App& app, const SettingField& setting, v1::Settings& setti
 
 bool changes_metering(const SettingField& setting) {
   return setting.declaration().group() == "Input" || absl::StartsWith(setting.path, "exposure.") ||
-         setting.path == "tier";
+         setting.path == "tier" || setting.path == "alpha";
 }
 
 void add_settings_options(CLI::App& app, v1::Settings& settings, const SettingFilter& filter) {

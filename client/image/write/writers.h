@@ -20,10 +20,6 @@ absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions
 absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 
-// Whether alpha is 0 everywhere although the picture has colour, as some renderers leave it. Then the whole
-// picture would be invisible.
-bool alpha_hides_everything(const Image& image);
-
 // A pixel's width : height as the nearest fraction of 16-bit numbers.
 struct AspectRatio {
   uint16_t width = 1;

@@ -49,12 +49,21 @@ absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestP
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
   Metered metered;
-  absl::StatusOr<TileSums> sums = ingest(textures, plan, /*scrub=*/false, /*upload=*/true, &metered.stages);
-  if (sums.ok() && sums->needs_scrub) {
-    metered.scrubbed = true;
-    sums = ingest(textures, plan, /*scrub=*/true, /*upload=*/false, &metered.stages);
+  IngestRead read;
+  absl::StatusOr<TileSums> sums = ingest(textures, plan, read, /*upload=*/true, &metered.stages);
+  while (sums.ok()) {
+    metered.alpha |= sums->alpha_differs;
+    if (metered.alpha && !plan.ignores_alpha && !read.alpha) {
+      read.alpha = true;
+    } else if (sums->needs_scrub && !read.scrub) {
+      read.scrub = true;
+    } else {
+      break;
+    }
+    sums = ingest(textures, plan, read, /*upload=*/false, &metered.stages);
   }
   if (!sums.ok()) return sums.status();
+  metered.scrubbed = read.scrub && sums->needs_scrub;
   if (plan.rejects_bad_values && sums->first_bad_texel != UINT32_MAX) {
     return bad_pixel(*sums, textures.layout.desc);
   }
@@ -63,7 +72,8 @@ absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestP
 }
 
 absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, const IngestPlan& plan,
-                                                bool scrub, bool upload, std::vector<StageTime>* stages) {
+                                                const IngestRead& read, bool upload,
+                                                std::vector<StageTime>* stages) {
   if (absl::Status status = recorder_.begin(); !status.ok()) return status;
   if (upload && textures.upload) {
     recorder_.mark("upload");
@@ -77,7 +87,7 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
     recorder_.update(textures.center_weights.buffer(), weights.data(), weights.size() * sizeof weights[0]);
   }
   recorder_.barrier();
-  if (absl::Status status = record_ingest(plan, scrub, textures, pipelines_, recorder_); !status.ok()) {
+  if (absl::Status status = record_ingest(plan, read, textures, pipelines_, recorder_); !status.ok()) {
     return status;
   }
   if (textures.tiles_readback) {
@@ -88,7 +98,7 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   recorder_.barrier_to_host();
   if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
   add_timings(recorder_, stages);
-  return sum_tiles(textures, plan);
+  return sum_tiles(textures, plan, read);
 }
 
 absl::StatusOr<uint64_t> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan,

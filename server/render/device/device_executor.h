@@ -24,8 +24,8 @@ class DeviceExecutor final : public Executor {
   DeviceExecutor(Device& device, PipelineCache pipelines, Recorder recorder);
 
   // Runs ingest once and adds up its tiles. `upload`: the wire pixels are not on the device yet.
-  absl::StatusOr<TileSums> ingest(const FrameTextures& textures, const IngestPlan& plan, bool scrub,
-                                  bool upload, std::vector<StageTime>* stages);
+  absl::StatusOr<TileSums> ingest(const FrameTextures& textures, const IngestPlan& plan,
+                                  const IngestRead& read, bool upload, std::vector<StageTime>* stages);
   absl::Status record_passes(const FrameTextures& textures, const Plan& plan, const Buffer* table);
   // Records the unquantised image, and copies of what verification reads.
   absl::Status record_verification(const FrameTextures& textures, const Plan& plan, const Buffer* table);

@@ -133,13 +133,14 @@ absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const 
 
 }  // namespace
 
-absl::Status record_ingest(const IngestPlan& plan, bool scrub, const FrameTextures& textures,
+absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const FrameTextures& textures,
                            PipelineCache& pipelines, Recorder& recorder) {
   const TextureLayout& layout = textures.layout;
   const VkDeviceAddress tiles = textures.tiles.buffer().address();
   const VkDeviceAddress histogram = textures.histogram ? textures.histogram.buffer().address() : 0;
   auto [constants, params] = plan.inputs;
-  constants.scrub = scrub;
+  constants.scrub = read.scrub;
+  constants.alpha = read.alpha;
   params.tiles_lo = low(tiles);
   params.tiles_hi = high(tiles);
   params.histogram_lo = low(histogram);

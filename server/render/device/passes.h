@@ -10,7 +10,7 @@
 
 namespace candela {
 
-absl::Status record_ingest(const IngestPlan& plan, bool scrub, const FrameTextures& textures,
+absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const FrameTextures& textures,
                            PipelineCache& pipelines, Recorder& recorder);
 
 absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, PipelineCache& pipelines,

@@ -77,6 +77,7 @@ struct Totals {
   uint32_t darkest_inverted = 0;
   uint32_t brightest = 0;
   uint32_t magnitude = 0;
+  uint32_t alpha_differs = 0;
 };
 
 Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
@@ -90,6 +91,8 @@ Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
     totals.brightest = std::max(totals.brightest, tile.max_luminance_bits);
     totals.darkest_inverted = std::max(totals.darkest_inverted, tile.min_luminance_bits_inverted);
     totals.magnitude = std::max(totals.magnitude, tile.max_magnitude_bits);
+    totals.alpha_differs |= tile.alpha_differs;
+    stats.absent_pixels += tile.absent_texels;
     stats.nan_components += tile.nan_components;
     stats.infinite_components += tile.infinite_components;
     stats.negative_components += tile.negative_components;
@@ -113,14 +116,14 @@ void read_histogram(const FrameTextures& textures, const IngestPlan& plan, Frame
 
 }  // namespace
 
-TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan) {
+TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const IngestRead& read) {
   const FrameDesc& desc = textures.layout.desc;
   TileSums sums;
   FrameStats& stats = sums.stats;
   const Totals totals = add_tiles(textures, sums);
   const shader::IngestConstants& constants = plan.inputs.constants;
   if (constants.matrix == 0) stats.negative_scene_components = stats.negative_components;
-  const bool weighted = constants.weights != shader::WEIGHTS_AVERAGE || constants.ignore != 0;
+  const bool weighted = constants.weights != shader::WEIGHTS_AVERAGE || constants.ignore != 0 || read.alpha;
   stats.metered_weight = weighted ? totals.weight : uint64_t{desc.width} * desc.height;
   stats.mean_log2_luminance =
       stats.metered_weight > 0 ? log2_of(totals.fixed_log2, stats.metered_weight) : kNothingMetered;
@@ -129,6 +132,7 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan) {
   stats.max_luminance = std::bit_cast<float>(totals.brightest);
   stats.min_luminance = std::bit_cast<float>(~totals.darkest_inverted);
   sums.needs_scrub = totals.magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
+  sums.alpha_differs = totals.alpha_differs != 0;
   return sums;
 }
 

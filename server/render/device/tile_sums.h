@@ -10,12 +10,16 @@ namespace candela {
 
 struct TileSums {
   FrameStats stats;
-  bool needs_scrub = false;               // a component on the wire is not finite or beyond +-MAX_SCENE_VALUE
+  // A component on the wire is not finite or beyond +-MAX_SCENE_VALUE. The first read may say so falsely if
+  // an alpha is not 1.
+  bool needs_scrub = false;
+  bool alpha_differs = false;             // an alpha is not 1; only without IngestRead::alpha
   uint32_t first_bad_texel = UINT32_MAX;  // y * width + x; UINT32_MAX: none
 };
 
-// Reads the tiles and the histogram in the textures' host buffers. `plan` is the one that ingest ran with.
-TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan);
+// Reads the tiles and the histogram in the textures' host buffers. `plan` and `read` are those that ingest
+// ran with.
+TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const IngestRead& read);
 
 // What resolve counted in a plan with `wide` set.
 uint64_t gamut_cut_components(const FrameTextures& textures);

@@ -9,9 +9,14 @@
 
 namespace candela {
 
-double exposure_target(const v1::Exposure& settings, double mean_log2_luminance) {
+double target_before_limits(const v1::Exposure& settings, double mean_log2_luminance) {
   if (settings.mode() == v1::Exposure::MODE_MANUAL) return std::exp2(settings.manual_ev());
-  const double wanted = settings.key() * std::exp2(settings.compensation_ev() - mean_log2_luminance);
+  return settings.key() * std::exp2(settings.compensation_ev() - mean_log2_luminance);
+}
+
+double exposure_target(const v1::Exposure& settings, double mean_log2_luminance) {
+  const double wanted = target_before_limits(settings, mean_log2_luminance);
+  if (settings.mode() == v1::Exposure::MODE_MANUAL) return wanted;
   return std::clamp(wanted, settings.min_exposure(), settings.max_exposure());
 }
 
@@ -53,11 +58,13 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
 
 Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
                std::optional<double> mean_log2_luminance, std::optional<double> given) {
-  const double target = exposure_target(settings, mean_log2_luminance.value_or(kNothingMetered));
-  if (given) return {*given, target};
-  if (settings.mode() == v1::Exposure::MODE_MANUAL) return {target, target};
-  if (!mean_log2_luminance && previous) return {previous->exposure, target};
-  return {adapt_exposure(settings.adaptation(), previous, target), target};
+  const double mean = mean_log2_luminance.value_or(kNothingMetered);
+  const double target = exposure_target(settings, mean);
+  const double wanted = target_before_limits(settings, mean);
+  if (given) return {*given, target, wanted};
+  if (settings.mode() == v1::Exposure::MODE_MANUAL) return {target, target, wanted};
+  if (!mean_log2_luminance && previous) return {previous->exposure, target, wanted};
+  return {adapt_exposure(settings.adaptation(), previous, target), target, wanted};
 }
 
 }  // namespace candela

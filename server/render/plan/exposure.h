@@ -11,6 +11,8 @@ namespace candela {
 // The factor that suits a frame of this mean log2 luminance: key / 2^mean * 2^compensation within the limits,
 // or 2^manual_ev. It is finite and above 0 for settings that passed Settings::from.
 double exposure_target(const v1::Exposure& settings, double mean_log2_luminance);
+// The same without the limits min_exposure and max_exposure.
+double target_before_limits(const v1::Exposure& settings, double mean_log2_luminance);
 
 // The exposure of the frame before, and the media time that has passed since then.
 struct PreviousExposure {
@@ -22,8 +24,10 @@ struct PreviousExposure {
 struct Exposed {
   double exposure = 1.0;
   double target = 1.0;
+  // The target without the limits; 0 if unknown, as after a resumption. Nothing follows from it.
+  double target_before_limits = 0.0;
 
-  bool operator==(const Exposed&) const = default;
+  bool operator==(const Exposed& other) const { return exposure == other.exposure && target == other.target; }
 };
 
 // INVALID_ARGUMENT naming `field`, its value and its range unless it is a factor that a client may give.

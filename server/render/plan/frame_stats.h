@@ -19,6 +19,7 @@ struct FrameStats {
   uint64_t infinite_components = 0;
   uint64_t negative_components = 0;
   uint64_t negative_scene_components = 0;  // in Rec.709; without a matrix the same as on the wire
+  uint64_t absent_pixels = 0;   // see docs/pipeline.md section 1; 0 if they are metered
   uint64_t metered_weight = 0;  // the sum of all texels' metering weights; 0 if nothing is metered
   // The largest luminance of each tile of shader::TILE_TEXELS squared, row by row, with negative components
   // cut to 0. No mean that bloom makes of the tile's texels is brighter. Empty if the settings ask for no
@@ -38,7 +39,8 @@ struct FrameStats {
 // the other statistics are the device's.
 struct Metered {
   FrameStats stats;
-  bool scrubbed = false;  // the frame was read a second time, with the scrub
+  bool scrubbed = false;  // the frame was read once more, with the scrub
+  bool alpha = false;     // some alpha is not 1
   std::vector<StageTime> stages{};
 };
 

@@ -30,13 +30,33 @@ std::string metering_words(const v1::Metering& metering) {
   return words;
 }
 
-reference::MeterParams reference_meter(const v1::Metering& metering) {
+bool ignores_alpha(const Settings& settings) { return settings->alpha() == v1::ALPHA_IGNORE; }
+
+// " with straight alpha"
+std::string alpha_words(const Settings& settings) {
+  switch (settings->alpha()) {
+    case v1::ALPHA_STRAIGHT:
+      return " with straight alpha";
+    case v1::ALPHA_OVER: {
+      const v1::Background& background = settings->background();
+      return absl::StrFormat(" over %g,%g,%g", background.red(), background.green(), background.blue());
+    }
+    case v1::ALPHA_IGNORE:
+      return " without alpha";
+    default:
+      return " with associated alpha";
+  }
+}
+
+reference::MeterParams reference_meter(const Settings& settings) {
+  const v1::Metering& metering = settings->exposure().metering();
   return {.percentile = metering.statistic() == v1::Metering::STATISTIC_PERCENTILE,
           .percentile_low = metering.percentile_low(),
           .percentile_high = metering.percentile_high(),
           .weights = static_cast<uint32_t>(metering.weights()),
           .spot = {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()},
-          .ignore_below = metering.ignore_below()};
+          .ignore_below = metering.ignore_below(),
+          .ignore_absent = !ignores_alpha(settings)};
 }
 
 // The factor that exposes the scene. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
@@ -81,7 +101,7 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
   const v1::Bloom& bloom = settings->bloom();
   ReferencePlan plan;
   plan.matrix = matrix;
-  plan.meter = reference_meter(settings->exposure().metering());
+  plan.meter = reference_meter(settings);
   if (bloom.intensity() > 0) {
     plan.bloom = {.kind = static_cast<uint32_t>(bloom.kind()),
                   .threshold = bloom.threshold(),
@@ -98,6 +118,9 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
   plan.resolve.gamut = gamut_of(settings, decisions.table.get());
   plan.resolve.curve_white = settings->curve_white();
   plan.resolve.transfer = static_cast<uint32_t>(output_transfer(*settings));
+  plan.resolve.alpha = static_cast<uint32_t>(settings->alpha());
+  plan.resolve.background = {settings->background().red(), settings->background().green(),
+                             settings->background().blue()};
   if (dithers(settings)) plan.dither_frame = static_cast<uint32_t>(decisions.sequence);
   return plan;
 }
@@ -114,7 +137,8 @@ shader::ResolveConstants resolve_constants(const TextureLayout& layout, const Me
           .dither = dithers(settings),
           .level_size = layout.level_size,
           .transfer_terms = settings.tier().transfer_terms,
-          .wide = wide(metered)};
+          .wide = wide(metered),
+          .alpha = metered.alpha ? static_cast<uint32_t>(settings->alpha()) : shader::ALPHA_ASSOCIATED};
 }
 
 shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings& settings,
@@ -126,6 +150,9 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   params.exposure = static_cast<float>(exposure_factor(settings, decisions));
   params.curve_white = settings->curve_white();
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
+  params.background_r = settings->background().red();
+  params.background_g = settings->background().green();
+  params.background_b = settings->background().blue();
   if (const ColorTable* table = decisions.table.get()) {
     params.table_size = table->size;
     params.table_end = table->end;
@@ -185,7 +212,8 @@ IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {
                            .weights = static_cast<uint32_t>(metering.weights()),
                            .histogram = layout.histogram_copies > 0,
                            .whole = layout.desc.width % shader::GROUP_TEXELS == 0,
-                           .ignore = metering.ignore_below() > 0};
+                           .ignore = metering.ignore_below() > 0,
+                           .alpha = false};
   plan.inputs.params.frame = input_params(layout, plan.matrix);
   plan.inputs.params.tiles_x = layout.tiles_x;
   plan.inputs.params.spot_x0 = metering.spot().x0();
@@ -198,7 +226,8 @@ IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {
   }
   plan.wants_histogram = settings.wants_histogram();
   plan.rejects_bad_values = settings->bad_values() == v1::BAD_VALUES_REJECT;
-  plan.reference = reference_meter(metering);
+  plan.ignores_alpha = ignores_alpha(settings);
+  plan.reference = reference_meter(settings);
   return plan;
 }
 
@@ -214,6 +243,11 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   if (metered.scrubbed) {
     plan.words.push_back("ingest again with the scrub: some components are not finite or beyond +-65504");
   }
+  if (metered.alpha && !ignores_alpha(settings)) {
+    plan.words.push_back(
+        absl::StrFormat("ingest again with alpha: it is not 1 everywhere; %d of %d pixels are absent",
+                        metered.stats.absent_pixels, uint64_t{desc.width} * desc.height));
+  }
   plan_bloom(layout, metered, settings->bloom(), matrix, plan);
   const bool bloom = plan.bloom();
   plan.resolve.inputs.constants =
@@ -228,7 +262,8 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
                         metered.stats.negative_scene_components));
   }
   plan.words.push_back(absl::StrFormat(
-      "resolve%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "", v1::word_of(settings->curve()),
+      "resolve%s%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "",
+      metered.alpha ? alpha_words(settings) : "", v1::word_of(settings->curve()),
       settings->output_format() == v1::OUTPUT_FORMAT_RGBA16F ? "display-linear"
                                                              : v1::word_of(settings->transfer()),
       absl::StrCat(v1::word_of(settings->output_format()), settings->dither() ? " dithered" : ""),

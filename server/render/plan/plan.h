@@ -36,14 +36,21 @@ struct ShaderInputs {
 };
 
 struct IngestPlan {
-  ShaderInputs<shader::IngestConstants, shader::IngestParams> inputs;  // without the scrub
+  ShaderInputs<shader::IngestConstants, shader::IngestParams> inputs;  // without the scrub and alpha
   // The mean is that of the luminances between these percentiles of the histogram; absent: of all.
   std::optional<std::array<double, 2>> percentiles;
   bool wants_histogram = false;     // among the frame's statistics
   bool rejects_bad_values = false;  // a NaN or an infinite component is an error
+  bool ignores_alpha = false;       // every alpha is taken as 1
   // The same for the float64 reference.
   std::optional<reference::Matrix> matrix;
   reference::MeterParams reference;
+};
+
+// How ingest reads a frame. The first read is without either.
+struct IngestRead {
+  bool scrub = false;  // a component is not finite or too large
+  bool alpha = false;  // an alpha is not 1, and absent texels may be among them
 };
 
 // One pass of the bloom. It writes level `level`: for kBrightPass 0, for kBloomDown n+1, for kBloomUp n, for

@@ -31,6 +31,9 @@ class ReferenceFrame {
   const reference::Level& bloom() const { return bloom_; }
   reference::Rgb bloom_light(uint32_t x, uint32_t y) const;
 
+  // Whether colour is straight: not multiplied by alpha.
+  bool straight() const { return resolve_.alpha == shader::ALPHA_STRAIGHT; }
+
   // The display values of row y, before dither and quantising. Any thread.
   std::vector<std::array<double, 4>> row(uint32_t y) const;
 

@@ -20,6 +20,7 @@ FrameStats stats_of(const MeteredScene& metered) {
   stats.infinite_components = metered.bad.infinite;
   stats.negative_components = metered.bad.negative;
   stats.negative_scene_components = metered.bad.negative_scene;
+  stats.absent_pixels = metered.meter.absent;
   return stats;
 }
 

@@ -42,6 +42,7 @@ v1::FrameStatistics statistics(const FrameStats& stats) {
   message.set_nan_components(stats.nan_components);
   message.set_infinite_components(stats.infinite_components);
   message.set_negative_components(stats.negative_components);
+  message.set_absent_pixels(stats.absent_pixels);
   return message;
 }
 
@@ -67,6 +68,7 @@ v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& s
   *response.mutable_statistics() = statistics(stats);
   response.set_exposure(exposed.exposure);
   response.set_target(exposed.target);
+  response.set_target_before_limits(exposed.target_before_limits);
   *response.mutable_histogram() = {stats.histogram.begin(), stats.histogram.end()};
   response.set_histogram_first_ev(kHistogramFirstEv);
   response.set_histogram_bins_per_ev(kHistogramBinsPerEv);
@@ -85,6 +87,7 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
   *header.mutable_statistics() = statistics(report.stats);
   header.set_exposure(report.exposure);
   header.set_target(report.target);
+  header.set_target_before_limits(report.target_before_limits);
   header.set_gamut_cut_components(report.gamut_cut_components);
   header.set_prescale(frame.settings->prescale());
   for (const std::string& line : report.plan.words) header.add_plan(line);

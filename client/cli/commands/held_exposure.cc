@@ -1,0 +1,15 @@
+#include "client/cli/commands/held_exposure.h"
+
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
+
+namespace candela {
+
+std::string held_words(double target, double target_before_limits) {
+  if (target_before_limits == 0 || target == target_before_limits) return "";
+  return absl::StrFormat("exposure held at %s %s; it would have been %.4g",
+                         target < target_before_limits ? "--max-exposure" : "--min-exposure",
+                         v1::format_number(target), target_before_limits);
+}
+
+}  // namespace candela

@@ -1,0 +1,21 @@
+// What a frame's alpha means for the command: which treatment an image gets by default, and whether the image
+// has alpha.
+#pragma once
+
+#include <string>
+
+#include "candela/v1/render.pb.h"
+#include "client/image/image.h"
+
+namespace candela {
+
+// Whether the image that a server renders with these settings has an alpha channel of its own, if the frame
+// has one.
+bool keeps_alpha(const v1::Settings& settings);
+
+// Some renderers and games leave alpha 0 everywhere although there is light. Then it means nothing: such a
+// frame is taken as opaque, and this says so. Returns a note for the user; empty if nothing changed.
+// Call it only if the user chose no alpha.
+std::string ignore_empty_alpha(const Image& frame, v1::Settings& settings);
+
+}  // namespace candela
