@@ -22,6 +22,8 @@ TONE = [*(f"--curve {curve}" for curve in CURVES), "--curve reinhard-extended --
         "--prescale 3", "--transfer srgb", "--transfer gamma22", "--transfer linear", "--dither",
         "--bad-values scrub", "--bad-values reject",
         *(f"--primaries {name}" for name in ("rec709", "rec2020", "p3-d65", "aces-ap0", "aces-ap1", "xyz", DCI_P3))]
+ALPHA = ["--alpha associated", "--alpha straight", "--alpha over", "--alpha ignore", "--background 0.2,1,3"]
+WITH_ALPHA = ("exr/CandleGlass.exr", "display_window/t15.exr")
 TIERS = ["--tier draft", "--tier standard", "--tier reference"]
 PROMISES = ["--max-error 0", "--max-ms 1e9"]  # the same tier, however fast the machine is
 OUTPUTS = ["out.png", "out.png --bits 16", "out.png --bits 16 --dither", "out.jpg", "out.jpg --quality 40", "out.exr",
@@ -63,6 +65,7 @@ WRONG = ["--curve filmic", "--metering median", "--weights edge", "--bloom star"
          "--bloom-softness 2", "--bloom-levels 0", "--bloom-levels 17", "--bloom-levels 2.5", "--bloom-firefly maybe",
          "--curve-white 0", "--prescale 0", "--prescale inf", "--max-error -1", "--max-error 256", "--max-ms 0",
          "--max-ms 1e-3", "--tier draft --max-error 1", "--bits 12", "--quality 0", "--quality 101",
+         "--alpha premultiplied", "--background 1,2", "--background 1,2,-1", "--alpha ignore --background 1,1,1",
          "--no-such-option", "--ocio no-such-file.ocio", "--display sRGB", "--error-map out.txt",
          "--device no-such-device"]
 WRONG_COMMANDS = ["", "paint", "render", "render {scenes}/natural.pfm",
@@ -119,7 +122,7 @@ def scene_cases(scenes: list[str]) -> Iterator[Case]:
     for scene in scenes:
         path, chosen = f"{{scenes}}/{scene}", scene in PAIRED_SCENES
         if chosen or scene in OTHER_WHOLE_SCENES:
-            settings = EXPOSURE + METERING + BLOOM + TONE + TIERS
+            settings = EXPOSURE + METERING + BLOOM + TONE + ALPHA + TIERS
         else:
             settings = SHORT_LIST + ([] if scene == LARGE_SCENE else ["--tier reference"])
         for options in OUTPUTS + settings:
@@ -157,6 +160,10 @@ def data_cases(data: pathlib.Path) -> Iterator[Case]:
         path = f"{{data}}/{file}"
         yield render(path, "out.png")
         yield command(f"meter {path}")
+        if file in WITH_ALPHA:
+            for output, options in itertools.product(("out.png --bits 16", "out.exr"), ALPHA):
+                yield render(path, f"{output} {options}")
+            yield command(f"meter {path} --alpha ignore")
         if pixels > HUGE:
             yield render(path, "out.exr --tier draft")
             continue
