@@ -85,6 +85,7 @@ void SessionFrames::finish_undrawn(Entry& entry) {
   FrameReport& report = *entry.report;
   report.exposure = entry.exposure.exposed.exposure;
   report.target = entry.exposure.exposed.target;
+  report.target_before_limits = entry.exposure.exposed.target_before_limits;
   report.stages = std::move(entry.meter_stages);
   report.plan.words = {
       absl::StrFormat("ingest %dx%d: meter", entry.layout.desc.width, entry.layout.desc.height),

@@ -136,6 +136,7 @@ TEST_P(SessionParts, WithoutImagesTheExposuresAreThoseOfASessionWithImages) {
       EXPECT_EQ(without.exposure(), with.exposure()) << i;
       EXPECT_EQ(without.exposure_before(), with.exposure_before()) << i;
       EXPECT_EQ(without.target(), with.target()) << i;
+      EXPECT_EQ(without.target_before_limits(), with.target_before_limits()) << i;
       EXPECT_EQ(without.cut(), with.cut()) << i;
       EXPECT_EQ(without.statistics().SerializeAsString(), with.statistics().SerializeAsString()) << i;
       EXPECT_EQ(without.state().SerializeAsString(), with.state().SerializeAsString()) << i;

@@ -21,6 +21,7 @@
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
+#include "client/color/view_table.h"
 #include "client/image/image.h"
 #include "client/session.h"
 
@@ -41,6 +42,7 @@ struct FeedOptions {
   bool skip_bad = false;                              // files that cannot be read do not end it
   std::optional<FrameRate> rate;                      // --fps
   ViewChoice view;                                    // of --ocio
+  bool alpha_by_default = false;                      // as in PictureOptions
   GivenExposures exposures;                           // of the frames, by their numbers
 };
 
