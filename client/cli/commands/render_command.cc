@@ -256,7 +256,9 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
     inputs.push_back(job.input);
     outputs.push_back({job.output, "the image"});
   }
-  if (!options.view.config.empty()) inputs.push_back(options.view.config);
+  for (const std::string& read : {options.view.config, options.locked_exposure}) {
+    if (!read.empty()) inputs.push_back(read);
+  }
   outputs.push_back({options.error_map, "the error map"});
   outputs.push_back({options.json, "the JSON"});
   if (absl::Status status = check_outputs_apart(inputs, outputs); !status.ok()) return status;
