@@ -8,7 +8,7 @@ import sys
 SERVER = ["server/base", "server/encode", "server/vulkan", "server/render/color", "server/render/settings", "server/render/plan",
           "server/render/device", "server/render/reference", "server/render", "server/schedule", "server/session", "server/access",
           "server/rpc", "server", "server/daemon"]
-ALLOWED = {"proto": [], "shaders": [], "client/image": ["server/encode", "shaders"], "client/color": ["shaders"], "client": ["client/image", "proto"],
+ALLOWED = {"proto": [], "shaders": [], "client/image": ["server/encode", "shaders"], "client/color": ["shaders", "proto", "server/render/color"], "client": ["client/image", "proto"],
            "client/cli": ["client", "client/image", "client/color", "proto"]}
 for depth, folder in enumerate(SERVER):
     ALLOWED[folder] = ["proto", "shaders"] + SERVER[:depth]

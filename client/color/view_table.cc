@@ -17,6 +17,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "server/render/color/primaries.h"
 #include "shaders/reference.h"
 
 namespace candela {
@@ -27,6 +28,8 @@ namespace ocio = OCIO_NAMESPACE;
 constexpr uint32_t kTableSize = 65;
 // If 99.9 % of the colours are within this error, no other kind of table is tried. In codes.
 constexpr double kGoodCodes = 0.75;
+// On AP1's axes light changes further up, because a film-like view desaturates it only there.
+constexpr float kLeastEndAp1 = 320.0f;
 
 // The names and aliases that configurations use for linear Rec.709.
 constexpr const char* kRec709Names[] = {
@@ -152,7 +155,7 @@ float axis_end(const ocio::ConstCPUProcessorRcPtr& view, uint32_t axes) {
     show(view, cut);
     size_t changed = 0;
     for (size_t i = 0; i < rgb.size(); ++i) changed += codes_apart(rgb[i], cut[i]) > 0.5;
-    if (changed * 100 <= rgb.size()) return end;
+    if (changed * 100 <= rgb.size()) return axes == shader::AXES_AP1 ? std::max(end, kLeastEndAp1) : end;
   }
   return 65504.0f;
 }
@@ -162,6 +165,27 @@ double to_light(double value, bool mirrored) {
   const double v = mirrored ? std::abs(value) : value;
   const double light = v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
   return mirrored ? std::copysign(light, value) : light;
+}
+
+// Appends saturated colours up to the gamuts of ACES AP1, Rec.2020 and P3, as Rec.709 light: mixtures of two
+// of the primaries, or of all three with one far below the others.
+void add_wide_colors(Random& random, std::vector<float>& rgb) {
+  constexpr int kColors = 3000;
+  for (const v1::Primaries primaries :
+       {v1::PRIMARIES_ACES_AP1, v1::PRIMARIES_REC2020, v1::PRIMARIES_P3_D65}) {
+    const auto to_rec709 = matrix_to_rec709(chromaticities(primaries));
+    for (int i = 0; i < kColors; ++i) {
+      const double light = std::exp2(random(-12.0, 8.0));
+      std::array<double, 3> color;
+      for (double& v : color) v = light * random(0.0, 1.0);
+      color[static_cast<size_t>(random(0.0, 3.0))] = i % 2 == 0 ? 0.0 : light * std::exp2(random(-10.0, 0.0));
+      for (size_t r = 0; r < 3; ++r) {
+        double v = 0.0;
+        for (size_t c = 0; c < 3; ++c) v += (**to_rec709)[3 * r + c] * color[c];
+        rgb.push_back(static_cast<float>(v));
+      }
+    }
+  }
 }
 
 void measure(const ocio::ConstCPUProcessorRcPtr& view, ViewTable& baked) {
@@ -176,6 +200,7 @@ void measure(const ocio::ConstCPUProcessorRcPtr& view, ViewTable& baked) {
     for (int k = 0; k < 3; ++k) rgb.push_back(static_cast<float>(std::exp2(light + random(-1.0, 1.0))));
     for (int k = 0; k < 3; ++k) rgb.push_back(static_cast<float>(std::exp2(random(-12.0, 8.0))));
   }
+  add_wide_colors(random, rgb);
   const std::vector<float> scene = rgb;
   show(view, rgb);
   std::vector<double> codes;
@@ -209,9 +234,11 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   const ocio::ConstCPUProcessorRcPtr view =
       config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
 
+  baked.show = [view](std::span<float> rgb) { show(view, rgb); };
+
   // Chooses the kind of table that fits the view best.
   std::optional<ViewTable> best;
-  for (const uint32_t axes : {shader::AXES_ACES, shader::AXES_REC709}) {
+  for (const uint32_t axes : {shader::AXES_ACES, shader::AXES_AP1, shader::AXES_REC709}) {
     const float end = axis_end(view, axes);
     std::vector<float> values = lattice_light(kTableSize, axes, end);
     show(view, values);

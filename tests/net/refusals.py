@@ -78,6 +78,7 @@ def render_cases(v1) -> list[Case]:
     rendered = [case("default"), case("RGBA16F", v1.Settings(output_format=v1.OUTPUT_FORMAT_RGBA16F)),
                 case("table on ACES axes", table(v1, v1.ColorTable.AXES_ACES)),
                 case("table on Rec.709 axes", table(v1, v1.ColorTable.AXES_REC709, end=8)),
+                case("table on AP1 axes", table(v1, v1.ColorTable.AXES_AP1, end=64)),
                 case("error map", v1.Settings(), verify=True, error_map=True),
                 case("previous exposure", v1.Settings(), previous=v1.ExposureState(exposure=3, elapsed_seconds=0.25)),
                 case("half as wide", v1.Settings(), frame={"width": 48, "height": 108}),

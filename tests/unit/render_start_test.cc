@@ -112,6 +112,8 @@ TEST(RenderStart, ATableArrivesAsItIs) {
   table.set_end(100.0f);
   EXPECT_EQ(read(message)->settings.table()->axes, shader::AXES_REC709);
   EXPECT_EQ(read(message)->settings.table()->end, 100.0f);
+  table.set_axes(v1::ColorTable::AXES_AP1);
+  EXPECT_EQ(read(message)->settings.table()->axes, shader::AXES_AP1);
 }
 
 TEST(RenderStart, TheLargestTableFits) {
@@ -140,8 +142,8 @@ TEST(RenderStart, RefusesBadTables) {
   }
   v1::RenderRequest message = table_request(2, 48);
   v1::Settings& settings = *message.mutable_start()->mutable_settings();
-  settings.mutable_table()->set_axes(static_cast<v1::ColorTable::Axes>(3));
-  refused("table.axes is 3", message);
+  settings.mutable_table()->set_axes(static_cast<v1::ColorTable::Axes>(4));
+  refused("table.axes is 4", message);
   settings.mutable_table()->clear_axes();
   settings.set_curve(v1::TONE_CURVE_ACES_1);
   refused("there is a table and curve is aces-1", message);

@@ -9,6 +9,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
 #include "client/cli/commands/render_batch.h"
 #include "client/cli/commands/render_report.h"
@@ -20,6 +21,7 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/color/view_error.h"
 #include "client/image/image.h"
 #include "proto/candela/v1/settings.h"
 
@@ -126,6 +128,7 @@ class Rendering {
     report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL;
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
+    report_.tone_curve = options_.settings.curve();
     if (shared_.view()) {
       report_.view = shared_.view()->report;
       report_.curve = report_.view->view;
@@ -171,7 +174,9 @@ class Rendering {
     view.exposure = shared_.locked();
     view.verify = options_.verify;
     view.error_map = !options_.error_map.empty();
-    if (only_) view.on_sent = [&frame] { frame.pixels = {}; };  // the picture will need the memory
+    const bool verify_view = options_.verify && shared_.view() && shared_.view()->show;
+    // The picture will need the memory.
+    if (only_ && !verify_view) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.alpha_by_default) add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
@@ -190,6 +195,15 @@ class Rendering {
 
     report_.header = result->header;
     add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
+    add_note(gamut_note(report_.header, settings).value_or(""));
+    if (verify_view) {
+      const absl::StatusOr<ViewError> error =
+          error_of_view(shared_.view()->show,
+                        {view.format, view.pixels, std::move(settings), result->header, result->pixels()});
+      if (!error.ok()) return error.status();
+      report_.view_error = *error;
+      frame.pixels = {};
+    }
     error_map_ = std::move(result->error_map);
     add_stages(call_ms);
     absl::StatusOr<Image> picture = picture_of(*result, alpha, frame.pixel_aspect);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli/files/error_map.h"
@@ -42,6 +43,23 @@ std::string time_words(const RenderReport& report) {
   return absl::StrFormat("%.0f ms: %s", report.total_ms, absl::StrJoin(report.stage_ms, ", ", stage));
 }
 
+// What the server compares the image with.
+std::string truth_words(v1::ToneCurve curve) {
+  if (curve == v1::TONE_CURVE_ACES_1) return "OpenColorIO's aces-1 of the uncut light";
+  if (curve == v1::TONE_CURVE_TABLE) return "the view's table, looked up in float64";
+  return "the float64 reference";
+}
+
+constexpr char kViewTruth[] = "OpenColorIO's view of the uncut light";
+
+std::string view_error_words(const ViewError& e) {
+  if (e.pixels == 0) return absl::StrCat("no pixel is opaque, so none is compared with ", kViewTruth);
+  return absl::StrFormat(
+      "error against %s, the image's rounding included: at most %.3g codes (at %d,%d), "
+      "p99.9 %.3g, mean %.3g",
+      kViewTruth, e.max_codes, e.worst_x, e.worst_y, e.p999_codes, e.mean_codes);
+}
+
 void add_verification(const RenderReport& report, const std::function<void(const char*, std::string)>& line) {
   const v1::ResultHeader& header = report.header;
   if (!header.has_verify()) return;
@@ -50,7 +68,9 @@ void add_verification(const RenderReport& report, const std::function<void(const
     return absl::StrFormat("at most %.3g codes (at %d,%d), p99.9 %.3g, mean %.3g", e.max_error_codes(),
                            e.worst_x(), e.worst_y(), e.p999_error_codes(), e.mean_error_codes());
   };
-  line("verify", "error against the float64 reference: " + errors(v));
+  if (report.view_error) line("verify", view_error_words(*report.view_error));
+  line(report.view_error ? "" : "verify",
+       absl::StrFormat("error against %s: %s", truth_words(report.tone_curve), errors(v)));
   if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
     line("",
          absl::StrFormat("%.3g %% of the components differ once quantised", 100 * v.differing_components()));
@@ -63,14 +83,24 @@ void add_verification(const RenderReport& report, const std::function<void(const
   }
 }
 
-nlohmann::ordered_json to_json(const v1::Verification& v) {
-  return {{"max_error_codes", v.max_error_codes()},
+nlohmann::ordered_json to_json(const v1::Verification& v, v1::ToneCurve curve) {
+  return {{"against", truth_words(curve)},
+          {"max_error_codes", v.max_error_codes()},
           {"p999_error_codes", v.p999_error_codes()},
           {"mean_error_codes", v.mean_error_codes()},
           {"worst_pixel", {v.worst_x(), v.worst_y()}},
           {"differing_components", v.differing_components()},
           {"meter_error_ev", v.meter_error_ev()},
           {"bloom_error", v.bloom_error()}};
+}
+
+nlohmann::ordered_json to_json(const ViewError& e) {
+  return {{"against", kViewTruth},
+          {"max_error_codes", e.max_codes},
+          {"p999_error_codes", e.p999_codes},
+          {"mean_error_codes", e.mean_codes},
+          {"worst_pixel", {e.worst_x, e.worst_y}},
+          {"opaque_pixels", e.pixels}};
 }
 
 nlohmann::ordered_json to_json(const std::optional<ViewReport>& view) {
@@ -164,15 +194,17 @@ std::string to_json(const RenderReport& report) {
         {"negative", statistics.negative_components()}}},
       {"absent_pixels", statistics.absent_pixels()},
       {"view", to_json(report.view)},
+      {"gamut_cut_components", header.gamut_cut_components()},
       {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},
       {"stage_ms", stages},
       {"total_ms", report.total_ms},
       {"notes", report.notes},
   };
   if (header.has_verify()) {
-    frame["verify"] = to_json(header.verify());
-    frame["verify_unrounded"] = to_json(header.verify_unrounded());
+    frame["verify"] = to_json(header.verify(), report.tone_curve);
+    frame["verify_unrounded"] = to_json(header.verify_unrounded(), report.tone_curve);
   }
+  if (report.view_error) frame["verify_view"] = to_json(*report.view_error);
   if (!report.error_map.empty()) {
     frame["error_map"] = {{"file", report.error_map},
                           {"least_codes", kLeastErrorCodes},

@@ -9,6 +9,7 @@
 
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/primaries_used.h"
+#include "client/color/view_error.h"
 
 namespace candela {
 
@@ -34,6 +35,8 @@ struct RenderReport {
   std::string error_map;  // "" if none is written
   bool metered = true;    // false if the user set the exposure
   std::optional<ViewReport> view;
+  std::optional<ViewError> view_error;  // only with --verify
+  v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
   // In this order: start, view, read, the server's stages, other, write. The built-in server starts while the
   // image is read. `other` is the part of the call outside the server's stages: sending, receiving, and
   // compiling shaders for a first frame.
@@ -53,10 +56,12 @@ std::vector<std::string> notes_for_user(const RenderReport& report);
 // null if they have none; from is assumed, file or option), curve, device, tier, tier_reason,
 // exposure, target, mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, view
 // {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
-// plan, stage_ms, total_ms, notes. A verified frame also has verify and verify_unrounded {max_error_codes,
-// p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components, meter_error_ev, bloom_error},
-// and with --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers read back to the same
-// bits. An infinite number becomes null.
+// gamut_cut_components, plan, stage_ms, total_ms, notes. A verified frame also has verify and
+// verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y],
+// differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes,
+// p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map it has
+// error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An infinite number
+// becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

@@ -76,6 +76,7 @@ absl::StatusOr<BakedView> bake(const ViewChoice& choice) {
   view.report = {baked->display, baked->view,      baked->input,      table.size,
                  table.end,      baked->max_codes, baked->p999_codes, baked->mean_codes};
   view.notes = std::move(baked->notes);
+  view.show = std::move(baked->show);
   return view;
 }
 

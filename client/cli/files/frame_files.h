@@ -1,6 +1,8 @@
 // Converts between image files and frames on the wire.
 #pragma once
 
+#include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,6 +42,7 @@ struct BakedView {
   v1::ColorTable table;
   ViewReport report;
   std::vector<std::string> notes;
+  std::function<void(std::span<float>)> show;  // ViewTable::show
 };
 absl::StatusOr<BakedView> bake(const ViewChoice& choice);
 

@@ -12,7 +12,7 @@
 
 namespace candela {
 
-// Keeps the kTables tables that were used last. Each is under 5 MB and does not count towards the memory
+// Keeps the kTables tables that were used last. Each is under 15 MB and does not count towards the memory
 // budget. One thread at a time. The device outlives it.
 class TableCache {
  public:
