@@ -64,9 +64,11 @@ vec4 straight(vec3 exposed, float a, uint counted) {
   bool whole = a == 1.0;
   float rest = 1.0 - a;
   float most = whole ? MAX_EXPOSED_VALUE : MAX_OBJECT_LIGHT * a / rest;
-  vec3 object = clamp(exposed, -most, most);
+  vec3 size = abs(exposed);
+  // One factor for all components, so that neither part has another hue.
+  vec3 object = exposed * min(most / max(max(max(size.r, size.g), size.b), nothing), 1.0);
   vec3 own = exposed - object;
-  if (COUNT) count_cut(object, curve_light(object), counted);
+  if (COUNT) count_cut(exposed, curve_light(exposed), counted);  // the object has the same components
   vec3 own_shown = own == vec3(0.0) ? vec3(0.0) : at_least(shown(own) - black, 0.0);
   vec3 colour = a * shown(whole ? exposed : object / at_least(a, nothing)) + rest * own_shown;
   float alpha = a + rest * max(max(own_shown.r, own_shown.g), own_shown.b);

@@ -114,9 +114,10 @@ Rgb shown(const ResolveParams& params, const Rgb& exposed) {
 std::array<double, 4> straight(const ResolveParams& params, const Rgb& c, double a) {
   Rgb object{};  // divided by a
   Rgb own{};
+  const double size = std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
+  const bool part_of_it = (1.0 - a) * size > shader::MAX_OBJECT_LIGHT * a;
   for (int n = 0; n < 3; ++n) {
-    const double most = a < 1.0 ? shader::MAX_OBJECT_LIGHT * a / (1.0 - a) : std::abs(c[n]);
-    const double part = std::clamp(c[n], -most, most);
+    const double part = part_of_it ? c[n] * shader::MAX_OBJECT_LIGHT * a / ((1.0 - a) * size) : c[n];
     own[n] = c[n] - part;
     object[n] = a > 0.0 ? part / a : 0.0;
   }
@@ -218,15 +219,11 @@ uint64_t cut_components(const Scene& scene, const Level& bloom, uint32_t level_c
   uint64_t cut = 0;
   for (uint32_t x = 0; x < scene.width; ++x) {
     const Rgb c = composite(scene, bloom, level_count, params, x, y);
-    // With straight alpha only the object's light is counted.
-    const float a = std::clamp(scene.at(x, y)[3], 0.0f, 1.0f);
-    const bool part = params.alpha == shader::ALPHA_STRAIGHT && a < 1.0f;
-    const float most = part ? shader::MAX_OBJECT_LIGHT * a / (1.0f - a) : shader::MAX_EXPOSED_VALUE;
     std::array<float, 3> light;
     float largest = 0.0f;
     for (size_t k = 0; k < 3; ++k) {
       light[k] = static_cast<float>(c[k]) * static_cast<float>(params.exposure);
-      light[k] = std::clamp(light[k], -most, most);
+      light[k] = std::clamp(light[k], -shader::MAX_EXPOSED_VALUE, shader::MAX_EXPOSED_VALUE);
       largest = std::max(largest, std::abs(light[k]));
     }
     for (size_t k = 0; k < 3; ++k) {
