@@ -7,9 +7,11 @@ namespace candela {
 
 std::string held_words(double target, double target_before_limits) {
   if (target_before_limits == 0 || target == target_before_limits) return "";
-  return absl::StrFormat("exposure held at %s %s; it would have been %.4g",
-                         target < target_before_limits ? "--max-exposure" : "--min-exposure",
-                         v1::format_number(target), target_before_limits);
+  const bool above = target < target_before_limits;
+  return absl::StrFormat("exposure held at %s %s; it would have been %.4g%s",
+                         above ? "--max-exposure" : "--min-exposure", v1::format_number(target),
+                         target_before_limits,
+                         above ? "; --ignore-below 0.01 leaves a black background out of the metering" : "");
 }
 
 }  // namespace candela
