@@ -117,8 +117,8 @@ CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
       0.86981463f
 // What the RRT adds of AP1's R, G and B to the other two components. Source: AMPAS aces-dev 1.x, RRT_SAT_MAT.
 #define RRT_DESATURATION 0.01088918f, 0.02696327f, 0.00214758f
-// A component counts as cut if it is below this part of the colour's largest component. The halves of the
-// scene are rounded by less.
+// A component counts as cut if it is below minus this part of the colour's largest component. The rounding of
+// a file's halves is less than that.
 CANDELA_CONST(float) GAMUT_TOLERANCE = 0.00048828125f;  // 2^-11
 
 #ifdef __cplusplus
