@@ -73,8 +73,9 @@ std::array<float, 3> light_within_axes(const std::array<float, 3>& light, uint32
   if (axes == shader::AXES_AP1) {
     Vector beyond;
     for (size_t k = 0; k < 3; ++k) beyond[k] = kDesaturation[k] * std::max(v[k] - end, 0.0);
-    for (size_t k = 0; k < 3; ++k)
-      v[k] = std::min<double>(v[k], end) + beyond[(k + 1) % 3] + beyond[(k + 2) % 3];
+    for (size_t k = 0; k < 3; ++k) {
+      v[k] = std::clamp(v[k], 0.0, double{end}) + beyond[(k + 1) % 3] + beyond[(k + 2) % 3];
+    }
   }
   for (double& c : v) c = std::clamp(c, 0.0, double{end});
   v = multiply(inverse(from_scene(axes)), v);

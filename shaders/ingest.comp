@@ -183,8 +183,9 @@ void note(WireGroup wire, uint i, uint counted, inout Notes notes) {
   if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted, notes);
 }
 
-// Without ALPHA the frame's magnitudes and alphas share max_magnitude, so that a frame without alpha pays for
-// no other register. All in all, looking at alpha costs 2.5 % of the pass's instructions. For halves, bits 16 to 30 are those of alphas other than 1 and -1, and bits 15 and 31 say that
+// Without ALPHA, and for halves without SCRUB, the frame's magnitudes and alphas share max_magnitude, so that
+// a frame without alpha pays for no other register. All in all, looking at alpha costs 2.5 % of the pass's
+// instructions. For halves, bits 16 to 30 are those of alphas other than 1 and -1, and bits 15 and 31 say that
 // a component is too large; if there are such alphas or -1, bit 31 may say so falsely, and a second read finds
 // out. For floats, bit 31 stands for an alpha other than 1.
 void note_row(Notes notes) {
@@ -197,7 +198,7 @@ void note_row(Notes notes) {
       max_magnitude |= (notes.first & beyond) | notes.second;
     }
   } else if (PIXELS == PIXELS_RGBA32F) {
-    max_magnitude = max(max_magnitude, notes.first);
+    max_magnitude = (max_magnitude & 0x80000000u) | max(max_magnitude & 0x7fffffffu, notes.first);
     if (!ALPHA) max_magnitude |= notes.second != 0u ? 0x80000000u : 0u;
   }
 }

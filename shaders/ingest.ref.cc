@@ -75,12 +75,16 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
             std::clamp((m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2], -kHalfMax, kHalfMax);
       }
     }
-    if (rounding == Rounding::kHalf) {
+    const bool negative = c[0] < 0.0f || c[1] < 0.0f || c[2] < 0.0f;
+    if (rounding == Rounding::kHalf || (rounding == Rounding::kHalfUnlessNegative && !negative)) {
       for (float& v : c) v = to_half(v);
     }
-    for (int k = 0; k < 3; ++k) counts->negative_scene += c[k] < 0.0f;
+    if (matrix) {
+      for (int k = 0; k < 3; ++k) counts->negative_scene += c[k] < 0.0f;
+    }
     scene.texels[i] = c;
   }
+  if (!matrix) counts->negative_scene = counts->negative;
   return scene;
 }
 

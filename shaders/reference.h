@@ -47,7 +47,7 @@ struct BadCounts {
   uint64_t nan = 0;
   uint64_t infinite = 0;
   uint64_t negative = 0;
-  uint64_t negative_scene = 0;  // of the scene that ingest() returns
+  uint64_t negative_scene = 0;  // of the scene; without a matrix the same as `negative`
   // y * width + x of the first texel with a NaN or an Inf in R, G or B.
   std::optional<uint64_t> first_bad_texel;
 };
@@ -101,8 +101,9 @@ struct ResolveParams {
   std::function<Rgb(const Rgb&)> look;
 };
 
-// Whether ingest() rounds the scene's texels to halves, like the pipeline, or leaves them as they are.
-enum class Rounding { kHalf, kNone };
+// Whether ingest() rounds the scene's texels to halves, as the pipeline does for metering and bloom, leaves
+// colours with a negative component as they are, as resolve does, or leaves all of them.
+enum class Rounding { kHalf, kHalfUnlessNegative, kNone };
 
 // Luminance is metered no darker than this, and bloom divides by no less.
 inline constexpr double kMinLuminance = 1e-4;

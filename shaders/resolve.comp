@@ -63,10 +63,11 @@ vec4 straight(vec3 exposed, float a, uint counted) {
   const float nothing = 1.0e-30;
   bool whole = a == 1.0;
   float rest = 1.0 - a;
-  float most = whole ? MAX_EXPOSED_VALUE : MAX_OBJECT_LIGHT * a / rest;
   vec3 size = abs(exposed);
   // One factor for all components, so that neither part has another hue.
-  vec3 object = exposed * min(most / max(max(max(size.r, size.g), size.b), nothing), 1.0);
+  float largest = max(max(max(size.r, size.g), size.b), nothing);
+  float kept = whole ? 1.0 : min(MAX_OBJECT_LIGHT * a / rest / largest, 1.0);
+  vec3 object = exposed * kept;
   vec3 own = exposed - object;
   if (COUNT) count_cut(exposed, curve_light(exposed), counted);  // the object has the same components
   vec3 own_shown = own == vec3(0.0) ? vec3(0.0) : at_least(shown(own) - black, 0.0);
@@ -77,7 +78,7 @@ vec4 straight(vec3 exposed, float a, uint counted) {
 }
 
 vec4 image_texel(vec4 wire, vec3 light, uint counted) {
-  vec4 scene = WIDE ? ingest_unrounded(p.frame, wire) : ingest(p.frame, wire);
+  vec4 scene = WIDE ? ingest_wide(p.frame, wire) : ingest(p.frame, wire);
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
   if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
   float a = at_most(at_least(scene.a, 0.0), 1.0);

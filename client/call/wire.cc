@@ -83,10 +83,12 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
   const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
   const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
                                                     : std::string(plain.message()));
-  if (std::optional<absl::Status> error = not_from_candelad(address, status)) return *std::move(error);
+  // A server's own refusal has details. Without details the error is the transport's.
+  if (status.error_details().empty()) {
+    if (std::optional<absl::Status> error = not_from_candelad(address, status)) return *std::move(error);
+  }
   switch (status.error_code()) {
     case grpc::UNAVAILABLE:
-      // A server's own refusal has details. Without details the error is the transport's.
       if (!status.error_details().empty()) break;
       if (connected) {
         return absl::UnavailableError(

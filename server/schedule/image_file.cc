@@ -49,14 +49,18 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
     file.append(static_cast<const char*>(bytes), count);
     return true;
   };
+  // A view's values are in its own encoding.
+  const EncodedTransfer transfer = settings->curve() == v1::TONE_CURVE_TABLE
+                                       ? EncodedTransfer::kUnknown
+                                       : encoded_transfer(output_transfer(*settings));
   absl::Status status;
   if (encoding == v1::ENCODING_JPEG) {
-    status = encode_jpeg(picture, {quality, encoded_transfer(output_transfer(*settings))}, append);
+    status = encode_jpeg(picture, {quality, transfer}, append);
   } else {
     const bool straight = settings->alpha() == v1::ALPHA_STRAIGHT;
     const bool alpha =
         picture.wide ? needs_alpha<uint16_t>(picture, straight) : needs_alpha<uint8_t>(picture, straight);
-    status = encode_png(picture, {alpha, encoded_transfer(output_transfer(*settings))}, append);
+    status = encode_png(picture, {alpha, transfer}, append);
   }
   if (!status.ok()) return status;
   return file;

@@ -25,7 +25,8 @@ absl::Status check_name(const std::string& session) {
       session.size(), v1::kMaxSessionNameBytes));
 }
 
-absl::Status check_encoding(v1::Encoding encoding, v1::OutputFormat format) {
+absl::Status check_encoding(v1::Encoding encoding, const v1::Settings& settings) {
+  const v1::OutputFormat format = settings.output_format();
   if (encoding == v1::ENCODING_PNG && format == v1::OUTPUT_FORMAT_RGBA16F) {
     return absl::InvalidArgumentError(
         "output_format is RGBA16F and encoding is PNG; a PNG holds RGBA8 or RGBA16, so use one of them or "
@@ -37,6 +38,11 @@ absl::Status check_encoding(v1::Encoding encoding, v1::OutputFormat format) {
                         "the encoding PNG or "
                         "RAW",
                         v1::word_of(format)));
+  }
+  if (encoding == v1::ENCODING_JPEG && settings.alpha() == v1::ALPHA_STRAIGHT) {
+    return absl::InvalidArgumentError(
+        "alpha is STRAIGHT and encoding is JPEG, which has no alpha; use ASSOCIATED, which is the colour over "
+        "black, or OVER");
   }
   return absl::OkStatus();
 }
@@ -60,8 +66,7 @@ absl::Status take_state(const v1::StreamOpen& open, StreamStart& start) {
 absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, v1::Encoding encoding) {
   absl::StatusOr<Settings> settings = Settings::from(message);
   if (!settings.ok()) return settings.status();
-  if (absl::Status status = check_encoding(encoding, (*settings)->output_format()); !status.ok())
-    return status;
+  if (absl::Status status = check_encoding(encoding, **settings); !status.ok()) return status;
   return SessionSettings{*std::move(settings), settings_hash(message)};
 }
 

@@ -60,8 +60,18 @@ vec4 ingest_unrounded(InputParams frame, vec4 wire) {
   return c;
 }
 
+// Whether the scene's texels are rounded to half.
+const bool ROUNDS = PIXELS == PIXELS_RGBA32F || MATRIX;
+
+// A scene texel for a curve that cuts: a colour with a negative component is not rounded.
+vec4 ingest_wide(InputParams frame, vec4 wire) {
+  vec4 c = ingest_unrounded(frame, wire);
+  bool negative = min(min(c.r, c.g), c.b) < 0.0;
+  return ROUNDS && !negative ? round_to_half(c) : c;
+}
+
 // A scene texel from a wire texel.
 vec4 ingest(InputParams frame, vec4 wire) {
   vec4 c = ingest_unrounded(frame, wire);
-  return PIXELS == PIXELS_RGBA32F || MATRIX ? round_to_half(c) : c;
+  return ROUNDS ? round_to_half(c) : c;
 }

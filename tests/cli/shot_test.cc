@@ -212,7 +212,7 @@ TEST_F(Shot, FilesThatDoNotFitAreRefusedBeforeTheWork) {
   refused({"--state", path("good.json"), "--range", "110-"}, 1, "begin later, with --range 111-");
   refused({"--state", path("good.json"), "--range", "111-", "--fps", "25"}, 2, "--fps is 25");
   refused({"--exposures", path("none.json")}, 1, "none.json: there is no exposure file");
-  refused({"--save-exposures", path("nowhere/file.json")}, 1, "nowhere/file.json");
+  refused({"--save-exposures", path("good.json/file.json")}, 1, "good.json");
   const auto damaged = [&](const std::string& from, const std::string& to, const std::string& words) {
     const std::string text = absl::StrReplaceAll(good, {{from, to}});
     ASSERT_NE(text, good) << from;

@@ -176,6 +176,31 @@ TEST_F(Absent, AFrameOfNothingKeepsTheExposureBeforeIt) {
   }
 }
 
+// Alphas and magnitudes share a word of the first read.
+TEST_F(Absent, AnIgnoredAlphaHidesNoBadValue) {
+  for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
+    for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+      const auto frame = [&](float alpha) {
+        return make_frame(67, 65, format, [=](uint32_t x, uint32_t y) -> Texel {
+          const float v = x == 3 && y == 40 ? bad : noise(x, y, 0);
+          return {v, noise(x, y, 1), noise(x, y, 2), alpha};
+        });
+      };
+      v1::Settings settings = settings_of(kStatistics[0], kWeights[0]);
+      settings.set_alpha(v1::ALPHA_IGNORE);
+      auto ignored = render(frame(0.5f), settings);
+      auto opaque = render(frame(1.0f), settings);
+      ASSERT_TRUE(ignored.ok()) << ignored.status();
+      ASSERT_TRUE(opaque.ok()) << opaque.status();
+      EXPECT_EQ(ignored->report.stats.nan_components, std::isnan(bad) ? 1u : 0u);
+      EXPECT_EQ(ignored->report.stats.infinite_components, std::isinf(bad) ? 1u : 0u);
+      EXPECT_EQ(image(ignored->memory), image(opaque->memory));
+      settings.set_bad_values(v1::BAD_VALUES_REJECT);
+      EXPECT_FALSE(render(frame(0.5f), settings).ok());
+    }
+  }
+}
+
 TEST_F(Absent, VerifiesInEveryTierAndWithoutRounding) {
   for (const std::string tier : {"draft", "standard", "reference"}) {
     for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {

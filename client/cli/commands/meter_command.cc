@@ -143,8 +143,7 @@ absl::Status meter_image(const MeterOptions& options) {
   if (!server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
   v1::Settings settings = settings_for(*image, options.settings);
-  const bool alpha_given = settings.alpha() != v1::ALPHA_UNSPECIFIED;
-  const std::string alpha_note = alpha_given ? "" : ignore_empty_alpha(*image, settings);
+  const std::string alpha_note = options.alpha_by_default ? ignore_empty_alpha(*image, settings) : "";
   const absl::StatusOr<v1::MeterResponse> metered =
       (*server)->meter(settings, view_of(*image), absl::Now() + kMeterTimeout);
   progress.clear();

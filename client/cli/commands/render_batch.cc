@@ -1,6 +1,7 @@
 #include "client/cli/commands/render_batch.h"
 
 #include <algorithm>
+#include <exception>
 #include <filesystem>
 #include <map>
 #include <new>
@@ -79,6 +80,8 @@ class Workers {
   Result render(const RenderJob& job) try { return render_(job); } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(
         absl::StrFormat("%s: out of memory; render a smaller image, or give this process more", job.input));
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrFormat("%s: %s", job.input, error.what()));
   }
 
   const std::vector<RenderJob>& jobs_;
@@ -106,7 +109,7 @@ class Reporter {
   absl::Status finish() {
     progress_.clear();
     for (const auto& [note, images] : notes_) {
-      if (images > 1) print_note(absl::StrFormat("the same of %d more: %s", images - 1, note));
+      if (images > 1 && !of_run(note)) print_note(absl::StrFormat("the same of %d more: %s", images - 1, note));
     }
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
     if (!options_.quiet && !json_.to_stdout()) {
@@ -125,13 +128,18 @@ class Reporter {
   absl::Status add_image(const RenderReport& report) {
     if (!options_.quiet) {
       for (const std::string& note : notes_for_user(report)) {
-        if (++notes_[note] == 1) print_note(report.input + ": " + note);
+        if (++notes_[note] == 1) print_note(of_run(note) ? note : report.input + ": " + note);
       }
       if (!json_.to_stdout()) {
         if (absl::Status status = print(to_text(report, options_.verbose)); !status.ok()) return status;
       }
     }
     return json_.add(to_json(report));
+  }
+
+  // About the options, and so the same for every image.
+  bool of_run(const std::string& note) const {
+    return std::find(options_.notes.begin(), options_.notes.end(), note) != options_.notes.end();
   }
 
   absl::Status add_failure(const RenderJob& job, const absl::Status& failure) {
@@ -166,8 +174,9 @@ class Reporter {
 // by itself.
 absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
   std::error_code failed;
-  const bool pattern = input.find_first_of("*?[%#") != std::string::npos;
-  if (!pattern && !std::filesystem::is_directory(input, failed)) return std::vector<std::string>{input};
+  const bool pattern = input.find_first_of("*?[%#@") != std::string::npos;
+  const bool there = std::filesystem::exists(input, failed);
+  if (there ? !std::filesystem::is_directory(input, failed) : !pattern) return std::vector<std::string>{input};
   return find_frames({input});
 }
 
@@ -183,7 +192,7 @@ absl::StatusOr<std::vector<RenderJob>> render_jobs(const RenderOptions& options)
     const absl::StatusOr<std::vector<std::string>> files = files_of(input);
     if (!files.ok()) return files.status();
     for (const std::string& file : *files) {
-      if (!inputs.insert(file).second) continue;
+      if (!inputs.insert(std::filesystem::path(file).lexically_normal().string()).second) continue;
       const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);
       const auto [other, fresh] = outputs.emplace(output, file);
       if (!fresh) {

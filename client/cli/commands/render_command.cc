@@ -96,6 +96,24 @@ class Shared {
     link_.close();
   }
 
+  void begin_call() {
+    const absl::MutexLock lock(&calls_mutex_);
+    ++calls_;
+  }
+  void end_call() {
+    const absl::MutexLock lock(&calls_mutex_);
+    --calls_;
+    ++ended_calls_;
+  }
+  // Waits until the call of another image has ended; false if there is none.
+  bool wait_for_a_call() {
+    const absl::MutexLock lock(&calls_mutex_);
+    if (calls_ == 0) return false;
+    const auto ended = [this, before = ended_calls_] { return ended_calls_ != before; };
+    calls_mutex_.Await(absl::Condition(&ended));
+    return true;
+  }
+
   const std::optional<BakedView>& view() const { return view_; }
   // The exposure of all images, if it is given.
   std::optional<double> locked() const { return locked_; }
@@ -109,6 +127,9 @@ class Shared {
   ServerLink link_;
   std::optional<absl::StatusOr<v1::Limits>> limits_ ABSL_GUARDED_BY(mutex_);
   std::optional<absl::StatusOr<const Connection*>> server_ ABSL_GUARDED_BY(mutex_);
+  absl::Mutex calls_mutex_;
+  int calls_ ABSL_GUARDED_BY(calls_mutex_) = 0;
+  uint64_t ended_calls_ ABSL_GUARDED_BY(calls_mutex_) = 0;
   std::optional<BakedView> view_;
   std::optional<double> locked_;
   double bake_ms_ = 0;
@@ -125,7 +146,8 @@ class Rendering {
     report_.input = job_.input;
     report_.output = job_.output;
     report_.error_map = options_.error_map;
-    report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL;
+    report_.metered =
+        options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !shared_.locked();
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
     report_.tone_curve = options_.settings.curve();
@@ -181,20 +203,15 @@ class Rendering {
     if (options_.alpha_by_default) add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
     if (shared_.view()) *settings.mutable_table() = shared_.view()->table;
-    absl::StatusOr<RenderResult> result = (*server)->render(settings, view, begin + kRenderTimeout);
-    // Several images at once may be too many for the server's memory.
-    absl::Duration wait = kFirstWait;
-    for (int again = 0; !only_ && again < kTries && absl::IsUnavailable(result.status());
-         ++again, wait *= 2) {
-      absl::SleepFor(wait);
-      result = (*server)->render(settings, view, begin + kRenderTimeout);
-    }
+    absl::StatusOr<RenderResult> result = call(**server, settings, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(result.status(), job_.input);
     if (only_) shared_.close();
 
     report_.header = result->header;
-    add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
+    if (!shared_.locked()) {
+      add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
+    }
     add_note(gamut_note(report_.header, settings).value_or(""));
     if (verify_view) {
       const absl::StatusOr<ViewError> error =
@@ -209,6 +226,23 @@ class Rendering {
     absl::StatusOr<Image> picture = picture_of(*result, alpha, frame.pixel_aspect);
     if (picture.ok()) picture->frame_rate = frame.frame_rate;
     return picture;
+  }
+
+  // Several images at once may be too many for the server's memory. Then this one waits for another one's
+  // call to end, or for a while if the memory is not theirs.
+  absl::StatusOr<RenderResult> call(const Connection& server, const v1::Settings& settings,
+                                    const FrameView& view, absl::Time deadline) {
+    absl::Duration wait = kFirstWait;
+    for (int tries = 0;;) {
+      shared_.begin_call();
+      absl::StatusOr<RenderResult> result = server.render(settings, view, deadline);
+      shared_.end_call();
+      if (only_ || tries >= kTries || !absl::IsUnavailable(result.status())) return result;
+      if (shared_.wait_for_a_call()) continue;
+      absl::SleepFor(wait);
+      wait *= 2;
+      ++tries;
+    }
   }
 
   absl::Status write(const Image& picture) {

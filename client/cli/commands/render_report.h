@@ -54,7 +54,8 @@ std::vector<std::string> notes_for_user(const RenderReport& report);
 
 // One object on one line, with the keys input, output, size {width, height}, primaries {name, xy, from} (name
 // null if they have none; from is assumed, file or option), curve, device, tier, tier_reason,
-// exposure, target, mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, view
+// exposure, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance, bad_values {nan,
+// inf, negative}, absent_pixels, view
 // {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
 // gamut_cut_components, plan, stage_ms, total_ms, notes. A verified frame also has verify and
 // verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y],

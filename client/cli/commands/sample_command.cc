@@ -11,7 +11,7 @@ namespace {
 absl::Status make_sequence(const SampleOptions& options) {
   const absl::StatusOr<OutputNames> names = OutputNames::parse(options.sequence, ".exr");
   if (!names.ok()) return names.status();
-  if (absl::Status status = names->make_folder(); !status.ok()) return status;
+  if (absl::Status status = make_folder_of(names->path(0, "")); !status.ok()) return status;
   Progress progress(!options.quiet);
   for (uint64_t i = 0; i < options.frames; ++i) {
     progress.show_bar(static_cast<double>(i) / static_cast<double>(options.frames), names->path(i, ""));

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
 
@@ -11,6 +12,7 @@ namespace candela {
 absl::StatusOr<ShotExposures> ShotExposures::open(const StreamOptions& options) {
   ShotExposures shot(options);
   if (shot.saved()) {
+    if (absl::Status status = make_folder_of(options.save_exposures); !status.ok()) return status;
     const absl::StatusOr<std::string> path = writable_destination(options.save_exposures);
     if (!path.ok()) return path.status();
   }

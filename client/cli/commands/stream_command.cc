@@ -11,6 +11,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/gamut_note.h"
+#include "client/cli/commands/held_exposure.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/shot_exposures.h"
 #include "client/cli/commands/stream_images.h"
@@ -133,6 +135,7 @@ class Streaming {
 
   absl::Status stream(const Image& first, SessionOptions options, FrameFeeder& feeder) {
     options.settings = settings_for(first, std::move(options.settings));
+    settings_ = options.settings;
     options.name = options_.session;
     options.lookahead = options_.lookahead;
     options.cut_threshold_ev = options_.cut_threshold_ev;
@@ -182,6 +185,7 @@ class Streaming {
     summary_.primaries.insert(words_of(facts.primaries));
     frame.latency = result.latency;
     exposure_ = frame.header.exposure();
+    add_notes_on(frame);
     summary_.curve.push_back({.frame = frame.number,
                               .media_time_ns = frame.media_time_ns,
                               .exposure = exposure_,
@@ -190,6 +194,16 @@ class Streaming {
                               .cut = frame.header.cut()});
     summary_.state = frame.header.state();
     return images_.write(std::move(frame), std::move(result.image), facts, holds_of(index));
+  }
+
+  // Once a session, because the numbers are others for each frame.
+  void add_notes_on(const StreamFrame& frame) {
+    const auto say_once = [&](bool& said, const std::string& words) {
+      if (!words.empty() && !std::exchange(said, true)) summary_.notes.insert(frame.input + ": " + words);
+    };
+    say_once(said_gamut_, gamut_note(frame.header, settings_).value_or(""));
+    if (!options_.exposures.empty() || !options_.locked_exposure.empty()) return;
+    say_once(said_held_, held_words(frame.header.target(), frame.header.target_before_limits()));
   }
 
   // A frame without an image. If it should have begun a scene, the next frame begins it, as on the server.
@@ -265,6 +279,9 @@ class Streaming {
   StreamSummary summary_;
   StreamImages images_;
   absl::Time begin_;
+  v1::Settings settings_;  // those of the first frame
+  bool said_gamut_ = false;
+  bool said_held_ = false;
   double exposure_ = 1;
   uint64_t resumes_ = 0;
 };
@@ -348,7 +365,7 @@ absl::Status run_stream(const StreamOptions& options) {
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   if (names) {
-    if (absl::Status status = names->make_folder(); !status.ok()) return status;
+    if (absl::Status status = make_folder_of(names->path(0, "")); !status.ok()) return status;
   }
   if (!options.quiet) {
     for (const std::string& note : sequence.notes) print_note(note);

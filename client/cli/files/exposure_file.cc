@@ -21,7 +21,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kFormat[] = "candela-exposures";
 constexpr int kVersion = 1;
-constexpr size_t kMaxBytes = size_t{64} << 20;
+constexpr size_t kMaxBytes = size_t{256} << 20;
 constexpr int kMaxDepth = 8;
 constexpr size_t kPictureCells = 64;
 

@@ -152,11 +152,4 @@ std::string OutputNames::path(uint64_t number, const std::string& input) const {
   return (fs::path(folder_) / (stem + extension_)).string();
 }
 
-absl::Status OutputNames::make_folder() const {
-  const fs::path folder = is_folder() ? fs::path(folder_) : fs::path(pattern_->before + "x").parent_path();
-  std::error_code error;
-  if (!folder.empty()) fs::create_directories(folder, error);
-  return error ? cannot_write(folder.string(), error.value()) : absl::OkStatus();
-}
-
 }  // namespace candela

@@ -38,9 +38,6 @@ class OutputNames {
   // the number if it is empty. A pattern ignores `input`.
   std::string path(uint64_t number, const std::string& input) const;
 
-  // Creates the output folder if it is missing.
-  absl::Status make_folder() const;
-
  private:
   std::optional<NamePattern> pattern_;
   std::string folder_;  // without a pattern

@@ -77,6 +77,8 @@ std::vector<std::string> choice_words(const EnumDescriptor& type) {
   std::vector<std::string> words = v1::enum_words(type);
   // --ocio makes the table, so a user cannot choose that curve by name.
   if (&type == v1::ToneCurve_descriptor()) std::erase(words, v1::word_of(v1::TONE_CURVE_TABLE));
+  // `candela meter` is the command that makes no image.
+  if (&type == v1::Encoding_descriptor()) std::erase(words, v1::word_of(v1::ENCODING_NONE));
   return words;
 }
 

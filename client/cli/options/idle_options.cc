@@ -46,6 +46,14 @@ const Row kRows[] = {
       "--speed-down", "--previous-exposure", "--elapsed", "--lookahead"},
      is_fixed,
      "changes nothing: --exposure fixes the exposure"},
+    // They do decide the locked exposure that is saved.
+    {{"--compensation", "--key", "--min-exposure", "--max-exposure", "--adaptation", "--speed-up",
+      "--speed-down"},
+     [](const Request& r) {
+       return (r.given.contains("--locked-exposure") || r.given.contains("--exposures")) &&
+              !r.given.contains("--save-exposures");
+     },
+     "changes nothing: the exposure file decides the exposure"},
     {{"--metering"},
      [](const Request& r) { return contradicts(r, "--metering", "--percentiles", "percentile"); },
      "changes nothing: --percentiles asks for percentile metering"},

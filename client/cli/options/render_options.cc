@@ -73,7 +73,7 @@ bool is_folder(const std::string& path) {
 bool is_pattern(const std::string& input) {
   std::error_code failed;
   if (std::filesystem::exists(input, failed)) return is_folder(input);
-  return input.find_first_of("*?[%#") != std::string::npos;
+  return input.find_first_of("*?[%#@") != std::string::npos;
 }
 
 // Splits the files into inputs and output.

@@ -58,7 +58,7 @@ ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t le
 
 void ReferenceFrame::unround(const FrameTextures& textures, const Plan& plan) {
   metered_.scene = {};  // its memory is needed
-  metered_.scene = ingest_scene(textures, plan.reference.matrix, reference::Rounding::kNone, nullptr);
+  metered_.scene = ingest_scene(textures, plan.reference.matrix, reference::Rounding::kHalfUnlessNegative, nullptr);
 }
 
 reference::Rgb ReferenceFrame::bloom_light(uint32_t x, uint32_t y) const {

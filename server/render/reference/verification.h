@@ -26,7 +26,7 @@ struct FrameVerification {
   Verification rounded;    // against a reference that rounds the scene to halves, as the pipeline does
   Verification unrounded;  // against one that does not
   FrameStats truth;        // what the reference metered and counted; tile_light is not filled
-  uint64_t gamut_cut_components = 0;  // by the reference, with the scene of `rounded`
+  uint64_t gamut_cut_components = 0;  // by the reference, with the scene that `rounded` resolves
 };
 
 }  // namespace candela

@@ -45,7 +45,7 @@ Verification compare_with(reference::Rounding rounding, const FrameTextures& tex
   }
   if (whole != nullptr) {
     whole->truth = stats_of(metered);
-    whole->gamut_cut_components = reference.cut_components();
+    whole->gamut_cut_components = wide ? reference.cut_components() : 0;
   }
   return v;
 }
