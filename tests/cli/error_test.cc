@@ -168,6 +168,8 @@ TEST_F(Failure, AnOutputThatIsAnInputIsRefused) {
     expect_error(candela({"meter", in_, "--json", same}), 1, "write the JSON to another file");
     expect_error(candela({"info", in_, "--json", same}), 1, "write the JSON to another file");
   }
+  // Folders of outputs are made, so this path will lead to the input.
+  expect_error(candela({"render", in_, folder_.path("new/../in.exr")}), 1, "is the input");
   expect_error(candela({"render", in_, folder_.path(""), "--as", "exr"}), 1, "is the input");
   expect_error(candela({"render", in_, folder_.path("new.png"), "--json", folder_.path("./new.png")}), 1,
                "the image and the JSON would be one file");

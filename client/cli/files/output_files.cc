@@ -22,14 +22,14 @@ using FileId = std::tuple<dev_t, ino_t, std::string>;
 // Nothing for a path that is no regular file and cannot become one.
 std::optional<FileId> file_id(const std::string& path) {
   if (path.empty() || path == "-") return std::nullopt;
-  struct stat about {};
-  if (stat(path.c_str(), &about) == 0) {
-    if (!S_ISREG(about.st_mode)) return std::nullopt;
-    return FileId{about.st_dev, about.st_ino, ""};
-  }
+  // Missing folders are made, so "new/../a" will be "a".
   std::error_code failed;
-  const fs::path whole = fs::weakly_canonical(fs::absolute(path, failed), failed);
-  return FileId{0, 0, failed ? path : whole.string()};
+  const fs::path plain = fs::weakly_canonical(fs::absolute(path, failed), failed);
+  const std::string whole = failed ? path : plain.string();
+  struct stat about {};
+  if (stat(path.c_str(), &about) != 0 && stat(whole.c_str(), &about) != 0) return FileId{0, 0, whole};
+  if (!S_ISREG(about.st_mode)) return std::nullopt;
+  return FileId{about.st_dev, about.st_ino, ""};
 }
 
 }  // namespace
