@@ -24,7 +24,7 @@ struct FrameAnswer {
 };
 using StreamEvent = std::variant<MoreToCome, v1::StreamOpened, FrameAnswer, v1::GoAway>;
 
-// What the session asked for in its open message.
+// The requests of the session's open message.
 struct StreamRequested {
   bool image = true;   // with every result
   bool state = false;  // in every result's header

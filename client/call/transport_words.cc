@@ -16,7 +16,7 @@ struct Translation {
   absl::string_view words;
 };
 
-// What follows "cannot reach ADDRESS: ". A $ stands for the address.
+// The words after "cannot reach ADDRESS: ". A $ stands for the address.
 constexpr Translation kUnreachable[] = {
     {"Domain name not found", "no machine has this name; check the name, or name another server"},
     {"DNS resolution failed", "its name cannot be looked up; check the name and this machine's network"},

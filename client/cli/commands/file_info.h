@@ -1,4 +1,4 @@
-// What `candela info FILE...` says about image files.
+// Describes image files, for `candela info FILE...`.
 #pragma once
 
 #include <string>

@@ -11,7 +11,7 @@ constexpr double kNotedShare = 0.01;
 constexpr char kCheck[] =
     "no display shows them; if the picture should have none, name the file's primaries with --primaries";
 
-// What to do.
+// Tells the user how to keep the colours.
 const char* advice(const v1::Settings& settings) {
   switch (settings.curve()) {
     case v1::TONE_CURVE_ACES_1:

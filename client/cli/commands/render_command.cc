@@ -31,7 +31,7 @@ namespace {
 // Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
 
-// How often an image of many is offered to a busy server again. The waits double, 3 s in all.
+// If the server has no memory for an image, the command tries so often again. The waits double, 3 s in all.
 constexpr int kTries = 4;
 constexpr absl::Duration kFirstWait = absl::Milliseconds(200);
 
@@ -42,7 +42,7 @@ std::string curve_word(v1::Settings settings) {
 
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
-// What the images of a run share: the server, its limits, and the baked view of --ocio. Any thread may use
+// The things that all images of a run share: the server, its limits, and the baked view of --ocio. Any thread may use
 // it.
 class Shared {
  public:

@@ -43,7 +43,7 @@ std::string time_words(const RenderReport& report) {
   return absl::StrFormat("%.0f ms: %s", report.total_ms, absl::StrJoin(report.stage_ms, ", ", stage));
 }
 
-// What the server compares the image with.
+// Names the truth that the server compares the image with.
 std::string truth_words(v1::ToneCurve curve) {
   if (curve == v1::TONE_CURVE_ACES_1) return "OpenColorIO's aces-1 of the uncut light";
   if (curve == v1::TONE_CURVE_TABLE) return "the view's table, looked up in float64";

@@ -37,7 +37,7 @@ class ShotExposures {
   // The state that the session continues after.
   std::optional<v1::SessionState> state() const;
 
-  // Whether they are saved. Then the session returns its states.
+  // True if the exposures are saved. Then the session returns its states.
   bool saved() const { return !options_.save_exposures.empty(); }
   // Writes the file. `state` is the session's after the last of `frames`, of which there is at least one.
   absl::Status save(const Sequence& sequence, FrameRate rate, const std::vector<ExposedFrame>& frames,

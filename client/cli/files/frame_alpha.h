@@ -1,5 +1,5 @@
-// What a frame's alpha means for the command: which treatment an image gets by default, and whether the image
-// has alpha.
+// A frame's alpha in the command: the treatment that an image gets by default, and whether the image has
+// alpha.
 #pragma once
 
 #include <string>

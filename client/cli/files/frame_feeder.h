@@ -35,7 +35,7 @@ struct FrameFacts {
   PrimariesUsed primaries;
 };
 
-// What frames are sent with.
+// The options that concern the frames to send.
 struct FeedOptions {
   v1::Settings settings;
   absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server

@@ -22,7 +22,7 @@ namespace {
 
 // Decimal rates have at most nine places.
 constexpr uint64_t kDecimal = 1'000'000'000;
-// Of a fraction's two numbers. It keeps media times within 128 bits.
+// The largest numerator or denominator of a rate. It keeps media times within 128 bits.
 constexpr uint64_t kMostOfFraction = 1'000'000'000'000;
 
 std::optional<uint64_t> parse_number(absl::string_view text) {
