@@ -42,8 +42,8 @@ std::string curve_word(v1::Settings settings) {
 
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
-// The things that all images of a run share: the server, its limits, and the baked view of --ocio. Any thread may use
-// it.
+// The things that all images of a run share: the server, its limits, and the baked view of --ocio. Any thread
+// may use them.
 class Shared {
  public:
   explicit Shared(const RenderOptions& options) : options_(options), link_(options.server) {}
