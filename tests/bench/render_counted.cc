@@ -84,11 +84,11 @@ absl::Status render_all() {
   if (!recorder.ok()) return recorder.status();
   Passes passes{*std::move(pipelines), *std::move(recorder), TableCache(*bench->device)};
   constexpr v1::PixelFormat kFormat = v1::PIXEL_FORMAT_RGBA16F;
-  const auto scene = testing::opaque(scenes::natural(kWidth, kHeight));
+  const auto scene = testing::ordinary(scenes::natural(kWidth, kHeight));
   const testing::WireFrame frame = testing::make_frame(kWidth, kHeight, kFormat, scene);
   const testing::WireFrame with_alpha = testing::natural(kWidth, kHeight);
   // This frame is larger, so that there is an area without light.
-  const auto lights = testing::opaque(scenes::lit_tiles(2 * kWidth, 2 * kHeight));
+  const auto lights = testing::ordinary(scenes::lit_tiles(2 * kWidth, 2 * kHeight));
   const testing::WireFrame tiles = testing::make_frame(2 * kWidth, 2 * kHeight, kFormat, lights);
   std::vector<Variant> kinds = {
       {"bright", [](v1::Settings&) {}},

@@ -48,9 +48,10 @@ WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, co
   return frame;
 }
 
-TexelFunction opaque(TexelFunction texel) {
+TexelFunction ordinary(TexelFunction texel) {
   return [texel = std::move(texel)](uint32_t x, uint32_t y) {
     Texel c = texel(x, y);
+    for (float& v : c) v = std::max(v, 0.0f);
     c[3] = 1.0f;
     return c;
   };

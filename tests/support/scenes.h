@@ -27,8 +27,8 @@ struct WireFrame {
 // Encodes the scene in `format`. RGB9E5 loses negative values and alpha.
 WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, const TexelFunction& texel);
 
-// The scene with alpha 1.
-TexelFunction opaque(TexelFunction texel);
+// The scene with alpha 1 and its negative components at 0, which most frames have none of.
+TexelFunction ordinary(TexelFunction texel);
 
 // scenes::natural(). Its alpha is 0.25 to 1.
 WireFrame natural(uint32_t width, uint32_t height, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
