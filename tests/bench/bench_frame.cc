@@ -14,7 +14,9 @@ int main(int argc, char** argv) {
   absl::StatusOr<candela::Image> image = candela::make_image(width, height, candela::ImageFormat::kRgba16f);
   absl::Status status = image.status();
   if (image.ok()) {
-    const candela::testing::WireFrame frame = candela::testing::natural(width, height);
+    const candela::testing::WireFrame frame =
+        candela::testing::make_frame(width, height, candela::v1::PIXEL_FORMAT_RGBA16F,
+                                     candela::testing::ordinary(candela::scenes::natural(width, height)));
     std::memcpy(image->pixels.data(), frame.pixels.data(), frame.pixels.size());
     status = candela::write_image(argv[3], *image).status();
   }
