@@ -7,16 +7,13 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/call/retry_schedule.h"
 #include "client/call/session_stream.h"
 #include "client/call/wire.h"
 #include "client/session_state.h"
 
 namespace candela {
 namespace {
-
-// The pause between rounds over all servers. It doubles from round to round.
-constexpr absl::Duration kFirstPause = absl::Milliseconds(50);
-constexpr absl::Duration kLongestPause = absl::Seconds(1);
 
 std::string random_name() {
   std::random_device random;
@@ -38,7 +35,7 @@ class Session::Core {
       : options_(options),
         name_(options.name.empty() ? random_name() : options.name),
         servers_(std::move(servers)),
-        not_before_(servers_.size(), absl::InfinitePast()),
+        schedule_(servers_.size()),
         state_(options, servers_[0].peer.address),
         thread_([this] { state_.end(drive()); }) {}
 
@@ -53,41 +50,54 @@ class Session::Core {
  private:
   // Calls one server after another. Returns how the session ends.
   absl::Status drive() {
-    size_t attempts = 0;  // calls since the last result
-    for (size_t at = 0;; at = (at + 1) % servers_.size()) {
-      const CallEnd end = SessionStream(servers_[at], options_, name_, state_).run();
+    while (true) {
+      if (!state_.wait_until_needed()) return absl::OkStatus();
+      const SessionServer& server = servers_[schedule_.next()];
+      const CallEnd end = SessionStream(server, options_, name_, state_).run();
       if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
-      attempts = end.progress ? 1 : attempts + 1;
-      not_before_[at] = absl::Now() + end.retry_delay;
-      if (!state_.was_open()) {
-        if (attempts == servers_.size()) return end.status;
-        continue;
-      }
-      const absl::Time limit = state_.lose(end.status) + options_.resume_limit;
-      if (!pause_before_attempt(attempts, (at + 1) % servers_.size(), limit)) {
-        return absl::UnavailableError(absl::StrFormat("no server has taken the session on for %s: %s",
-                                                      absl::FormatDuration(options_.resume_limit),
-                                                      end.status.message()));
-      }
+      schedule_.failed(end.retry_delay, end.progress);
+      absl::Status status = state_.was_open() ? pause_after(end.status) : pause_before_open(server, end);
+      if (!status.ok()) return status;
     }
   }
 
-  // Waits until the server `next` may be called. False if the session is cancelled or `limit` comes first.
-  bool pause_before_attempt(size_t attempts, size_t next, absl::Time limit) const {
-    absl::Time until = absl::Now();
-    // The first round over all servers has no pauses. With a single server only its first try has none.
-    if (attempts > 1 && attempts % servers_.size() == 0) {
-      const size_t rounds = std::min<size_t>(attempts / servers_.size() - 1, 10);
-      until += std::min(kLongestPause, kFirstPause * (int64_t{1} << rounds));
+  // An open session has lost its server. Waits until the next call may begin.
+  absl::Status pause_after(const absl::Status& loss) {
+    const absl::Time limit = state_.lose(loss) + options_.resume_limit;
+    if (state_.sleep_until(std::min(schedule_.when(), limit)) && absl::Now() < limit) {
+      return absl::OkStatus();
     }
-    until = std::max(until, not_before_[next]);
-    return state_.sleep_until(std::min(until, limit)) && absl::Now() < limit;
+    return absl::UnavailableError(absl::StrFormat("no server has taken the session on for %s: %s",
+                                                  absl::FormatDuration(options_.resume_limit),
+                                                  loss.message()));
+  }
+
+  // `server` has not opened the session. Fails if none of them can be reached, or if those that can still
+  // refuse it after the limit.
+  absl::Status pause_before_open(const SessionServer& server, const CallEnd& end) {
+    if (end.reached) {
+      if (refusal_.ok()) open_by_ = absl::Now() + options_.resume_limit;
+      refusal_ = end.status;
+    }
+    if (!schedule_.round_over()) return absl::OkStatus();
+    if (refusal_.ok()) return end.status;
+    if (options_.resume_limit <= absl::ZeroDuration()) return refusal_;
+    if (schedule_.when() < open_by_) {
+      if (options_.on_open_wait) options_.on_open_wait(server.peer.address, refusal_);
+      state_.sleep_until(schedule_.when());
+      return absl::OkStatus();
+    }
+    return absl::UnavailableError(absl::StrFormat("no server opens the session within %s: %s",
+                                                  absl::FormatDuration(options_.resume_limit),
+                                                  refusal_.message()));
   }
 
   const SessionOptions options_;
   const std::string name_;
   const std::vector<SessionServer> servers_;
-  std::vector<absl::Time> not_before_;  // when each server wants to be called again; the thread's
+  RetrySchedule schedule_;  // this and the next two are the thread's
+  absl::Status refusal_;    // of the last server that was reached and has not opened the session
+  absl::Time open_by_;      // when open() gives up, once a server was reached
   SessionState state_;
   std::thread thread_;  // last, because it uses the others
 };

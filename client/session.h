@@ -23,6 +23,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -54,9 +55,13 @@ struct SessionOptions {
   std::optional<v1::SessionState> state = std::nullopt;
   bool return_state = false;  // every result's header holds the state after its frame
   uint32_t jpeg_quality = 0;  // 1 .. 100; 0: the server's default
-  // The longest time without results after a loss; then the session ends. If a server says when to come back
+  // The longest time without results after a loss; then the session ends. Also how long open() waits for a
+  // server that was reached but is full, starting or draining. If a server says when to come back
   // (google.rpc.RetryInfo), the session does not call it earlier.
   absl::Duration resume_limit = absl::Seconds(30);
+  // Called during open(), on the session's own thread, before each wait for such a server: its address and
+  // why it did not open the session.
+  std::function<void(const std::string& server, const absl::Status& why)> on_open_wait = nullptr;
   // A server that owes a result or has data to read, but neither sends nor reads for this long, counts as
   // hanging, and the session leaves it. Make this much longer than frames may wait for their turn or for
   // memory.
@@ -112,7 +117,9 @@ struct SessionStats {
 class Session {
  public:
   // Waits until a server has opened the session. Returns INVALID_ARGUMENT for a malformed address or unusable
-  // security files. If no server opens it, returns the error of the last one.
+  // security files. If no server can be reached, returns the error of the last one at once. Asks servers that
+  // were reached but are full, starting or draining again, for options.resume_limit at most; then
+  // UNAVAILABLE.
   static absl::StatusOr<Session> open(const SessionOptions& options);
 
   // The same through `channels` instead of options.servers. The channel of a server in this process must not
@@ -148,7 +155,7 @@ class Session {
   // Waits for the next frame's result. Results come in the order of the frames, one for each. Returns nullopt
   // when finish() was called and every frame has its result. An error ends the session and comes after all
   // earlier results: the server's refusal (see Stream in render.proto), UNAVAILABLE if no server resumed the
-  // session within the resume limit, DEADLINE_EXCEEDED if it sent nothing for the server's idle timeout, or
+  // session within the resume limit (a session that owes nothing is resumed when it has a frame to send), or
   // UNIMPLEMENTED if the server is too old for states or for the exposures of frames.
   absl::StatusOr<std::optional<FrameResult>> next_result();
 

@@ -78,6 +78,16 @@ SessionStats SessionState::stats() const {
   return stats;
 }
 
+bool SessionState::wait_until_needed() {
+  const absl::MutexLock lock(&mutex_);
+  if (!needs_server()) {
+    const auto needed = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return needs_server(); };
+    mutex_.Await(absl::Condition(&needed));
+    if (lost_) lost_ = absl::Now();  // until now no result was due
+  }
+  return !was_open_ || !finished_ || log_.unanswered() > 0;
+}
+
 std::optional<SessionState::Start> SessionState::begin_call(const std::string& server, DuplexCall& call) {
   const absl::MutexLock lock(&mutex_);
   stats_.server = server;
@@ -160,6 +170,11 @@ void SessionState::end(const absl::Status& status) {
   ended_ = true;
   end_ = cancelled_ ? absl::CancelledError("the session was cancelled") : status;
   found_again();
+}
+
+// Frames that look-ahead holds back are not due.
+bool SessionState::needs_server() const {
+  return cancelled_ || !was_open_ || finished_ || log_.unanswered() > lookahead_;
 }
 
 bool SessionState::may_submit() const {

@@ -37,6 +37,11 @@ class SessionState {
 
   // All that follows is for the thread.
 
+  // Waits until a call is needed. Before the session is open that is at once. One that has lost its server
+  // while no result was due waits until it has something to send, however long that takes. False if it is
+  // complete.
+  bool wait_until_needed();
+
   // A call to `server` begins, and every step that is left is to be sent on it. Until end_call(), `call` is
   // woken when there is something to send or the session is cancelled. None if the session is cancelled
   // already.
@@ -75,6 +80,7 @@ class SessionState {
   void end(const absl::Status& status);
 
  private:
+  bool needs_server() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool may_submit() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status still_taking() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void wake() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -6,11 +6,13 @@
 #   release, asan, tsan
 #   fuzz     runs each fuzz target for CANDELA_FUZZ_SECONDS (30)
 #   deploy   the release build's container, proxy, manifest, alerts, dashboard and instruction counts
+#   nightly  hours: the sanitizers, long fuzzing, a soak and every attack; test.sh nightly [PART...], see nightly.sh
 # Installs missing packages. Container tests need root. Tests that cannot run on this machine are reported as skipped.
 # CANDELA_DATA names a folder with more test images; tests that need it are skipped without it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+[ "${1:-}" != nightly ] || exec deploy/nightly.sh "${@:2}"
 presets=("$@")
 [ ${#presets[@]} -gt 0 ] || presets=(dev)
 lists=(build run test)

@@ -1,9 +1,13 @@
 #include "server/config.h"
 
+#include <algorithm>
 #include <cstdlib>
+#include <optional>
+#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/address.h"
 #include "server/listen_address.h"
 #include "server/option_table.h"
 
@@ -19,6 +23,28 @@ absl::Status check_tls(const Config& config) {
   if (!config.tls_client_ca.empty() && config.tls_cert.empty()) {
     return absl::InvalidArgumentError(
         "tls-client-ca is given without tls-cert and tls-key; only TLS can ask clients for certificates");
+  }
+  return absl::OkStatus();
+}
+
+// Port 0 picks another port each time.
+bool is_picked(const std::string& address) {
+  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  return at && at->port == 0;
+}
+
+// No two listeners can have one address.
+absl::Status check_distinct(const Config& config) {
+  for (auto address = config.listen.begin(); address != config.listen.end(); ++address) {
+    if (is_picked(*address)) continue;
+    if (std::find(config.listen.begin(), address, *address) != address) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("listen names %s twice; remove one of them", *address));
+    }
+    if (*address == config.metrics) {
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "metrics is '%s', and so is listen; choose another port for one of them", *address));
+    }
   }
   return absl::OkStatus();
 }
@@ -41,6 +67,7 @@ absl::Status check_config(const Config& config) {
   for (const std::string& address : config.listen) {
     status.Update(check_listen_address(address, config.insecure || !config.tls_cert.empty()));
   }
+  status.Update(check_distinct(config));
   return status;
 }
 

@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/log.h"
+#include "server/base/slices.h"
 
 namespace candela {
 
@@ -26,10 +27,12 @@ struct Config {
   std::string device;         // device index or part of its name; empty: the best device
   bool validation = false;    // enable Vulkan's validation layers
   std::string cache_dir;      // for device measurements; empty: kept in memory only
-  uint64_t memory_budget_bytes = 0;                      // for the texture pool; 0: see choose_memory_budget
+  uint64_t memory_budget_bytes = 0;  // for the texture pool; 0: see choose_memory_budget
+  uint32_t client_share = 50;        // percent of the memory that other clients leave; see ClientBudget
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels
   uint32_t max_calls = 64;                               // concurrent Render and Meter calls
+  uint32_t max_connections = 0;                          // 0: see choose_descriptors
   uint32_t max_sessions = 64;                            // concurrent sessions
   uint32_t max_frames_in_flight = 2;                     // frames of one session that have no result yet
   uint32_t encoder_threads = 0;                          // for PNG and JPEG results; 0: usable_cpus()
@@ -42,10 +45,19 @@ struct Config {
   LogLevel log_level = LogLevel::kInfo;  // for candelad; an embedded server ignores both log fields
   bool log_json = false;                 // one JSON object per line
 
-  // These two have no option. After heartbeat_interval without a good frame, the server renders a test frame.
+  // Has no option. The server measures its tiers with the default settings after its start, for
+  // GetServerInfo.
+  bool measure_tiers = false;
+
+  // These have no option. After heartbeat_interval without a good frame, the server renders a test frame.
   // After heartbeat_limit without a good frame, it is not healthy.
   absl::Duration heartbeat_interval = absl::Seconds(5);
   absl::Duration heartbeat_limit = absl::Seconds(30);
+  // A device that has not answered for so long counts as hung. It is less than the time after which the
+  // render thread counts as stuck, so that a hung device fails its frames before liveness fails.
+  absl::Duration hang_limit = absl::Seconds(90);
+  // The render thread turns to other work after this much of a long job.
+  absl::Duration slice = kSlice;
 };
 
 // $XDG_CACHE_HOME/candela or ~/.cache/candela; empty if neither variable is set to an absolute path.

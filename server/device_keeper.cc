@@ -1,6 +1,7 @@
 #include "server/device_keeper.h"
 
 #include <utility>
+#include <vector>
 
 #include "server/base/log.h"
 #include "server/render/self_test.h"
@@ -23,6 +24,13 @@ DeviceKeeper::DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metri
                            std::function<void()> on_gone)
     : open_(std::move(open)), metrics_(metrics), on_gone_(std::move(on_gone)), current_(std::move(first)) {}
 
+DeviceKeeper::~DeviceKeeper() {
+  if (!current()->device->hung()) return;
+  // Reachable, so that tools do not call it a leak.
+  static auto* const kept = new std::vector<std::shared_ptr<RenderDevice>>;
+  kept->push_back(current());
+}
+
 std::shared_ptr<RenderDevice> DeviceKeeper::current() const {
   absl::MutexLock lock(&mutex_);
   return current_;
@@ -34,24 +42,23 @@ std::shared_ptr<Renderer> DeviceKeeper::renderer() const {
 }
 
 void DeviceKeeper::frame_ended(const Renderer& renderer, const absl::Status& status) {
+  // A frame of a device that was already replaced says nothing about the current one.
+  const std::shared_ptr<RenderDevice> device = current();
+  if (&renderer != device->renderer.get()) return;
   if (status.ok()) {
     rebuilds_ = 0;
-    return;
+  } else if (device->device->hung()) {
+    give_up("the device hangs; rendering has stopped", *device);
+  } else if (device->device->lost()) {
+    replace(*device);
   }
-  // A failed frame of a device that was already replaced says nothing about the current one.
-  const std::shared_ptr<RenderDevice> device = current();
-  if (&renderer == device->renderer.get() && device->device->lost()) replace(*device);
 }
 
 void DeviceKeeper::replace(const RenderDevice& lost) {
   if (gone_) return;
   const std::string& name = lost.device->summary().name;
   if (rebuilds_ == kMaxRebuilds) {
-    gone_ = true;
-    log_event(LogLevel::kError, "device is lost again and again; rendering has stopped",
-              {{"device", name}, {"rebuilds", static_cast<int64_t>(rebuilds_)}});
-    if (on_gone_) on_gone_();
-    return;
+    return give_up("device is lost again and again; rendering has stopped", lost);
   }
   ++rebuilds_;
   log_event(LogLevel::kWarning, "device lost",
@@ -76,6 +83,13 @@ void DeviceKeeper::replace(const RenderDevice& lost) {
     current_.swap(old);
   }
   metrics_.device_rebuilt();
+}
+
+void DeviceKeeper::give_up(const char* event, const RenderDevice& device) {
+  if (gone_.exchange(true)) return;
+  log_event(LogLevel::kError, event,
+            {{"device", device.device->summary().name}, {"rebuilds", static_cast<int64_t>(rebuilds_)}});
+  if (on_gone_) on_gone_();
 }
 
 void DeviceKeeper::lose(int times) {

@@ -39,10 +39,12 @@ class DeviceKeeper {
  public:
   using Open = std::function<absl::StatusOr<std::shared_ptr<RenderDevice>>()>;
 
-  // `on_gone`, which may be empty, is called once, on the render thread, when the device is lost again after
-  // kMaxRebuilds replacements. From then on every frame fails.
+  // `on_gone`, which may be empty, is called once, on the render thread or on a job's own, when the device is
+  // lost again after kMaxRebuilds replacements, or when it hangs. From then on every frame fails.
   DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics,
                std::function<void()> on_gone);
+  // Does not destroy a device that hangs.
+  ~DeviceKeeper();
 
   std::shared_ptr<RenderDevice> current() const;
   // The current renderer; the pointer keeps its RenderDevice alive. Call it once per frame, so that the
@@ -50,8 +52,8 @@ class DeviceKeeper {
   std::shared_ptr<Renderer> renderer() const;
   bool gone() const { return gone_; }
 
-  // Call it on the render thread after each frame, with the result of rendering it on `renderer`. Replaces
-  // the current device if it is lost; that takes some tenths of a second.
+  // Call it on the thread that rendered, after each frame, with the result of rendering it on `renderer`.
+  // Replaces the current device if it is lost; that takes some tenths of a second.
   void frame_ended(const Renderer& renderer, const absl::Status& status);
 
   // For tests: loses this device and its replacements, `times` devices in all.
@@ -59,13 +61,14 @@ class DeviceKeeper {
 
  private:
   void replace(const RenderDevice& lost);
+  void give_up(const char* event, const RenderDevice& device);
 
   const Open open_;
   Metrics& metrics_;
   const std::function<void()> on_gone_;
   mutable absl::Mutex mutex_;
   std::shared_ptr<RenderDevice> current_ ABSL_GUARDED_BY(mutex_);
-  int rebuilds_ = 0;  // since the last good frame; used by the render thread only
+  int rebuilds_ = 0;  // since the last good frame; used by one thread at a time
   std::atomic<bool> gone_ = false;
   std::atomic<int> to_lose_ = 0;
 };

@@ -8,10 +8,8 @@
 #include <climits>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "proto/candela/v1/address.h"
-#include "server/listen_address.h"
+#include "server/base/listening_socket.h"
 #include "server/memory_budget.h"
 
 namespace candela {
@@ -30,6 +28,11 @@ constexpr int kPingIntervalMs = 500;
 // wait behind a frame.
 constexpr int kKeepaliveMs = 5000;
 
+// A connection without a call is ended after this many idle timeouts, within this range. Clients connect
+// again by themselves when they make a call.
+constexpr int kIdleTimeouts = 5;
+constexpr v1::Range<absl::Duration> kIdle{absl::Seconds(10), absl::Hours(24)};
+
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, in addition to calls with frames
 
@@ -39,14 +42,16 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
   // A compressed message could expand to far more than the limit.
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
-  // Otherwise two servers on one port would silently share its calls.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS,
+                             static_cast<int>(absl::ToInt64Milliseconds(
+                                 std::clamp(kIdleTimeouts * config.idle_timeout, kIdle.min, kIdle.max))));
   // Reflection is a synchronous service and takes one thread per stream; a health watch never ends.
   grpc::ResourceQuota quota("candelad");
   quota.SetMaxThreads(kMaxThreads);
+  // The next two limit the unread bytes of each stream. Behind them is the quota, which ends streams and
+  // connections instead of slowing clients down, so it is more than all streams together may take.
+  quota.Resize(grpc_quota_bytes(config.max_sessions, config.max_calls));
   builder.SetResourceQuota(quota);
-  // Only this limits the unread bytes inside gRPC. A memory quota would end calls instead of slowing clients
-  // down.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kLookAheadBytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
@@ -60,39 +65,55 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
                                  std::clamp(config.idle_timeout, kHandshake.min, kHandshake.max))));
 }
 
-// Replaces port 0 by the port that was picked.
-std::string with_port(const std::string& address, int port) {
-  if (v1::is_unix_address(address)) return address;
-  return absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
+// Listens at `address` and hands what is accepted there to `builder`'s server, once that has started.
+absl::Status open_doors(const Config& config, const std::string& address, grpc::ServerBuilder& builder,
+                        const std::shared_ptr<grpc::ServerCredentials>& credentials, GrpcListener& listener,
+                        std::vector<AcceptLoop::Door>& doors) {
+  absl::StatusOr<std::vector<ListeningSocket>> sockets = ListeningSocket::listen("listen", address);
+  if (!sockets.ok()) return sockets.status();
+  listener.addresses.push_back(sockets->front().address());
+  const std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
+      builder.experimental().AddExternalConnectionAcceptor(
+          grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  const bool tls = !config.tls_cert.empty() && !v1::is_unix_address(address);
+  for (ListeningSocket& socket : *sockets) {
+    listener.own_doors.push_back({socket.local(), tls});
+    const int listening = socket.descriptor();
+    doors.push_back({std::move(socket), [acceptor, listening](int descriptor) {
+                       grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+                       connection.listener_fd = listening;
+                       connection.fd = descriptor;
+                       acceptor->HandleNewConnection(&connection);
+                     }});
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::StatusOr<GrpcListener> start_grpc(const Config& config, Access& access, Metrics& metrics,
+absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_connections,
+                                        OpenConnections& connections, Access& access, Metrics& metrics,
                                         grpc::Service& service) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   builder.RegisterService(&service);
   set_limits(builder, config);
-  std::vector<int> ports(config.listen.size(), 0);
+  GrpcListener listener;
+  std::vector<AcceptLoop::Door> doors;
   for (const std::string& address : config.listen) {
-    if (absl::Status status = check_socket_is_free(address); !status.ok()) return status;
-  }
-  for (size_t i = 0; i < ports.size(); ++i) {
-    builder.AddListeningPort(config.listen[i], access.credentials(config.listen[i], metrics), &ports[i]);
-  }
-  GrpcListener listener{.server = builder.BuildAndStart(), .addresses = {}};
-  for (size_t i = 0; i < ports.size(); ++i) {
-    if (ports[i] == 0) {
-      return absl::UnavailableError(
-          absl::StrFormat("cannot listen on %s: the address is in use or does not belong to this machine; "
-                          "stop the program that listens there or pass another --listen",
-                          config.listen[i]));
+    if (absl::Status status =
+            open_doors(config, address, builder, access.credentials(address, metrics), listener, doors);
+        !status.ok()) {
+      return status;
     }
-    listener.addresses.push_back(with_port(config.listen[i], ports[i]));
   }
+  listener.server = builder.BuildAndStart();
   if (listener.server == nullptr) return absl::InternalError("gRPC did not start");
+  if (!doors.empty()) {
+    listener.accepting =
+        std::make_unique<AcceptLoop>(std::move(doors), max_connections, connections, metrics);
+  }
   return listener;
 }
 

@@ -8,20 +8,27 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/accept_loop.h"
 #include "server/access/access.h"
 #include "server/base/metrics.h"
 #include "server/config.h"
+#include "server/own_door.h"
 
 namespace candela {
 
+// Destroy `accepting`, which closes the addresses, before the server shuts down.
 struct GrpcListener {
   std::unique_ptr<grpc::Server> server;
-  std::vector<std::string> addresses;  // as configured, but with the port that was picked for port 0
+  std::unique_ptr<AcceptLoop> accepting;    // null if there are no addresses
+  std::vector<std::string> addresses;       // as configured, but with the port that was picked for port 0
+  std::vector<OwnDoor::Address> own_doors;  // where this process reaches them
 };
 
-// Starts `service` with health checks and reflection. UNAVAILABLE if it cannot listen on an address.
-// `access`, `metrics` and `service` must outlive the server.
-absl::StatusOr<GrpcListener> start_grpc(const Config& config, Access& access, Metrics& metrics,
+// Starts `service` with health checks and reflection, and takes at most `max_connections`. UNAVAILABLE if it
+// cannot listen on an address.
+// `connections`, `access`, `metrics` and `service` must outlive the server.
+absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_connections,
+                                        OpenConnections& connections, Access& access, Metrics& metrics,
                                         grpc::Service& service);
 
 }  // namespace candela

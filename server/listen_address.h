@@ -12,11 +12,7 @@ namespace candela {
 // and read everything, including tokens.
 absl::Status check_listen_address(const std::string& address, bool public_too);
 
-// The same for the metrics address. Metrics are served over plain HTTP on IPv4: no "unix:PATH" and no IPv6.
+// The same for the metrics address. Metrics are served over plain HTTP, and not on "unix:PATH".
 absl::Status check_metrics_address(const std::string& address, bool insecure);
-
-// UNAVAILABLE if `address` is a "unix:PATH" that another process serves, or a file that is not a socket. This
-// check is needed because gRPC unlinks whatever is at the path. OK for every other address, including TCP.
-absl::Status check_socket_is_free(const std::string& address);
 
 }  // namespace candela

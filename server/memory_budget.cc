@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/limits.h"
 #include "server/base/units.h"
 
 namespace candela {
@@ -17,8 +18,14 @@ constexpr uint64_t kShareDenominator = 8;
 // keeps. Each waiting session: its messages and kLookAheadBytes.
 constexpr uint64_t kProcessBytes = 320 * kMiB;
 constexpr uint64_t kSessionBytes = 12 * kMiB;
+// gRPC's own for its connections.
+constexpr uint64_t kConnectionsBytes = 64 * kMiB;
 
 }  // namespace
+
+size_t grpc_quota_bytes(uint32_t sessions, uint32_t calls) {
+  return (size_t{sessions} + calls) * (v1::kMaxMessageBytes + kLookAheadBytes) + kConnectionsBytes;
+}
 
 MemoryBudget choose_memory_budget(uint64_t asked, const CgroupLimits& limits) {
   MemoryBudget budget{.from = "the default"};

@@ -49,6 +49,13 @@ const Option kOptions[] = {
     {"memory-budget", BytesOption{&Config::memory_budget_bytes, kMemoryBudgetBytes, kZeroIsAutomatic},
      "Memory for textures; 0: 2GiB, or 3/8 of the cgroup's memory limit if that is less",
      "It holds frames in flight and textures that are kept for later frames."},
+    {"client-share", NumberOption{&Config::client_share, {1, 100}},
+     "Part of the memory that the other clients leave which one client may hold while they are connected, in "
+     "percent",
+     "A client is an address without its port, together with its token and its certificate if the server "
+     "asks "
+     "for them. Behind a proxy on a unix: socket the address is the last one of x-forwarded-for. A client "
+     "that is alone may use everything, and one that holds nothing may take any frame that fits."},
     {"max-frame-bytes", BytesOption{&Config::max_frame_bytes, kFrameBytes},
      "Maximum size of a frame on the wire", "The device's largest allocation is a limit too."},
     {"max-dimension", NumberOption{&Config::max_dimension, {1, v1::kMaxDimension}},
@@ -63,6 +70,11 @@ const Option kOptions[] = {
     {"max-frames-in-flight", NumberOption{&Config::max_frames_in_flight, {1, 16}},
      "Maximum number of a session's frames that have no result yet",
      "The server stops reading from a session that has this many."},
+    {"max-connections", NumberOption{&Config::max_connections, {0, 65536}},
+     "Maximum number of open connections; 0: 4096, or fewer if the limit of open files is low",
+     "Further connections are closed at once. The limit is lower if the process may not open that many "
+     "files. "
+     "A connection without a call is ended after five idle timeouts."},
     {"encoder-threads", NumberOption{&Config::encoder_threads, {0, 256}},
      "Threads that encode PNG and JPEG results; 0: one per usable CPU"},
     {"idle-timeout", DurationOption{&Config::idle_timeout, {absl::Milliseconds(10), absl::Hours(24)}},
@@ -80,7 +92,7 @@ const Option kOptions[] = {
     {"resume-ttl", DurationOption{&Config::resume_ttl, {absl::Seconds(1), absl::Hours(24)}},
      "Lifetime of a resume token"},
     {"metrics", TextOption{&Config::metrics, "ADDRESS"},
-     "Address that serves Prometheus metrics: HOST:PORT, IPv4 only; empty: no metrics",
+     "Address that serves Prometheus metrics: HOST:PORT; empty: no metrics",
      "Metrics are at /metrics. Port 0 picks a free port. Metrics have no TLS, so a non-loopback address "
      "needs insecure."},
     {"log-level", LogLevelOption{&Config::log_level}, "Minimum log level: debug, info, warning, error or off",

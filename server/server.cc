@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -11,13 +12,16 @@
 #include "absl/time/clock.h"
 #include "server/access/access.h"
 #include "server/base/cgroup.h"
+#include "server/base/descriptors.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
 #include "server/base/metrics.h"
+#include "server/base/slices.h"
 #include "server/base/units.h"
 #include "server/device_keeper.h"
 #include "server/grpc_listener.h"
 #include "server/memory_budget.h"
+#include "server/own_door.h"
 #include "server/render/renderer.h"
 #include "server/render/self_test.h"
 #include "server/rpc/health.h"
@@ -49,7 +53,8 @@ Config fit_to_memory(const Config& asked, const MemoryBudget& budget) {
   return config;
 }
 
-void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const Config& config) {
+void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const DescriptorBudget& descriptors,
+                const Config& config) {
   log_event(LogLevel::kInfo, "limits",
             {{"cpus", uint64_t{usable_cpus(limits)}},
              {"cpus_from", limits.cpus ? absl::StrFormat("%g of %s", *limits.cpus, limits.cpus_from)
@@ -57,7 +62,9 @@ void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const Co
              {"memory_budget", format_bytes(budget.bytes)},
              {"memory_budget_from", budget.from},
              {"sessions", uint64_t{config.max_sessions}},
-             {"calls", uint64_t{config.max_calls}}});
+             {"calls", uint64_t{config.max_calls}},
+             {"descriptors", descriptors.limit},
+             {"connections", uint64_t{descriptors.connections}}});
   if (!budget.beyond_the_limit) return;
   log_event(LogLevel::kWarning,
             "memory-budget exceeds the memory limit; the process will be killed before it refuses a frame",
@@ -83,6 +90,8 @@ struct Server::Impl {
   void watch_health();
   absl::Status serve_metrics();
   absl::Status listen();
+  // Measures the tiers for GetServerInfo, in turn with the clients.
+  void measure_tiers();
   // These two run on the render thread.
   absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
@@ -95,13 +104,16 @@ struct Server::Impl {
   std::unique_ptr<DeviceKeeper> devices;
   std::unique_ptr<TierBenchmark> tier_benchmark;
   std::unique_ptr<RenderLoop> loop;
+  std::optional<Ticket> measuring;
   std::unique_ptr<WorkerPool> encoders;
   std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
-  std::unique_ptr<grpc::Server> grpc;
-  std::vector<std::string> addresses;
+  DescriptorBudget descriptors;
+  OpenConnections connections;
+  GrpcListener listener;
   std::unique_ptr<Health> health;
   std::unique_ptr<Heartbeat> heartbeat;
+  std::unique_ptr<OwnDoor> own_door;
   std::unique_ptr<MetricsServer> metrics_server;
   std::string metrics_address;
 };
@@ -120,7 +132,8 @@ void Server::Impl::make_service(TokenKeys keys) {
   const DeviceSummary& device = devices->current()->device->summary();
   loop = std::make_unique<RenderLoop>(
       [this](const FrameJob& job) { return render(job); },
-      config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max));
+      1 + config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max),
+      config.slice);
   encoders = std::make_unique<WorkerPool>(config.encoder_threads);
   state.reset(new ServiceState{
       .rendering = {.renderer = [d = devices.get()] { return d->renderer(); },
@@ -128,11 +141,14 @@ void Server::Impl::make_service(TokenKeys keys) {
                     .tier_benchmark = *tier_benchmark,
                     .encoders = *encoders,
                     .device = device.name},
-      .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight},
+      .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight,
+                 !config.token_file.empty()},
       .metrics = *metrics,
       .call_gate = CallGate("calls", config.max_calls),
       .session_gate = CallGate("sessions", config.max_sessions),
-      .sessions = {.keys = std::move(keys), .lookahead_memory = LookaheadMemory(config.memory_budget_bytes)}});
+      .sessions = {.keys = std::move(keys),
+                   .memory = std::make_shared<ClientMemory>(config.memory_budget_bytes, config.client_share,
+                                                            config.idle_timeout / 2)}});
   service = std::make_unique<RenderService>(
       *state, [d = devices.get()] { return d->current()->pool.counters(); }, server_info(config, device));
 }
@@ -151,9 +167,11 @@ absl::Status Server::Impl::serve_metrics() {
   if (config.metrics.empty()) return absl::OkStatus();
   metrics->set_sampler([this]() -> Metrics::Sample {
     const PoolCounters pool = devices->current()->pool.counters();
-    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle, config.memory_budget_bytes};
+    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle, config.memory_budget_bytes,
+            connections.count()};
   });
-  absl::StatusOr<std::unique_ptr<MetricsServer>> started = MetricsServer::start(*metrics, config.metrics);
+  absl::StatusOr<std::unique_ptr<MetricsServer>> started =
+      MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections);
   if (!started.ok()) return started.status();
   metrics_server = *std::move(started);
   metrics_address = metrics_server->address();
@@ -161,12 +179,37 @@ absl::Status Server::Impl::serve_metrics() {
 }
 
 absl::Status Server::Impl::listen() {
-  absl::StatusOr<GrpcListener> listener = start_grpc(config, *access, *metrics, *service);
-  if (!listener.ok()) return listener.status();
-  grpc = std::move(listener->server);
-  addresses = std::move(listener->addresses);
-  health->begin(*grpc->GetHealthCheckService());
+  absl::StatusOr<GrpcListener> started =
+      start_grpc(config, descriptors.connections, connections, *access, *metrics, *service);
+  if (!started.ok()) return started.status();
+  listener = *std::move(started);
+  health->begin(*listener.server->GetHealthCheckService());
+  if (listener.own_doors.empty()) return absl::OkStatus();
+  own_door =
+      std::make_unique<OwnDoor>(listener.own_doors,
+                                OwnDoor::Options{.interval = config.heartbeat_interval,
+                                                 .limit = config.heartbeat_limit,
+                                                 .dead_limit = kMovingLimits * config.heartbeat_limit},
+                                [this](OwnDoor::State door) { health->door(door.answers, door.alive); });
   return absl::OkStatus();
+}
+
+void Server::Impl::measure_tiers() {
+  if (!config.measure_tiers || !tier_benchmark->measured(tiers().front(), kUsualFormat, {}).empty()) return;
+  FrameJob job;
+  job.flow = state->sessions.next_flow.fetch_add(2);
+  job.task = [benchmark = tier_benchmark.get()] {
+    // If it fails, the times are missing from the answers, and the frames that fail next say why.
+    const absl::Status measured = benchmark->measure(kUsualFormat, {}, [] {
+      checkpoint();
+      return absl::OkStatus();
+    });
+    if (!measured.ok()) {
+      log_event(LogLevel::kWarning, "tiers not measured", {{"reason", std::string(measured.message())}});
+    }
+  };
+  job.done = [](const absl::StatusOr<RenderedFrame>&) {};
+  if (const absl::StatusOr<Ticket> ticket = loop->submit(std::move(job)); ticket.ok()) measuring = *ticket;
 }
 
 absl::StatusOr<FrameReport> Server::Impl::render(const FrameJob& job) {
@@ -180,7 +223,12 @@ absl::Status Server::Impl::beat() {
   const std::shared_ptr<Renderer> renderer = devices->renderer();
   const Settings settings;
   absl::StatusOr<FrameMemory> memory = renderer->allocate(kBeat, settings);
-  if (!memory.ok()) return memory.status();
+  // Uploads that stall must not fail the heartbeat.
+  if (absl::IsUnavailable(memory.status())) state->sessions.memory->found_no_texture(1, absl::Now());
+  if (!memory.ok()) {
+    devices->frame_ended(*renderer, memory.status());  // the device may be lost
+    return memory.status();
+  }
   for (uint32_t y = 0; y < kBeat.height; ++y) {
     const std::span<std::byte> row = memory->input_row(y);
     std::fill(row.begin(), row.end(), std::byte{0});
@@ -191,16 +239,19 @@ absl::Status Server::Impl::beat() {
 }
 
 void Server::Impl::stop(absl::Duration grace) {
-  if (grpc != nullptr) {
+  own_door.reset();
+  listener.accepting.reset();
+  if (listener.server != nullptr) {
     state->call_gate.close();
     state->session_gate.close();
-    grpc->Shutdown(absl::ToChronoTime(absl::Now() + grace));
-    grpc->Wait();
+    listener.server->Shutdown(absl::ToChronoTime(absl::Now() + grace));
+    listener.server->Wait();
   }
   heartbeat->stop();
+  if (measuring) loop->cancel(*measuring);
   loop->stop();
   encoders->stop();
-  grpc.reset();
+  listener.server.reset();
   metrics_server.reset();
   metrics->set_sampler({});
 }
@@ -219,7 +270,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
       Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file);
   if (!access.ok()) return access.status();
   prepare_driver_environment();
-  const auto open = [options = DeviceOptions{.selector = config.device, .validation = config.validation},
+  const auto open = [options = DeviceOptions{.selector = config.device,
+                                                  .validation = config.validation,
+                                                  .hang_limit = config.hang_limit},
                      bytes = budget.bytes] { return open_render_device(options, bytes); };
   absl::StatusOr<std::shared_ptr<RenderDevice>> device = open();
   if (!device.ok()) return device.status();
@@ -230,9 +283,11 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
   impl->watch_health();
   // From here on, ~Server stops the threads if a step fails.
   std::unique_ptr<Server> server(new Server(std::move(impl)));
+  server->impl_->descriptors = choose_descriptors(config.max_connections);
   if (absl::Status status = server->impl_->serve_metrics(); !status.ok()) return status;
   if (absl::Status status = server->impl_->listen(); !status.ok()) return status;
-  log_limits(cgroup, budget, config);
+  server->impl_->measure_tiers();
+  log_limits(cgroup, budget, server->impl_->descriptors, config);
   return server;
 }
 
@@ -240,9 +295,11 @@ Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
 Server::~Server() { impl_->stop(absl::ZeroDuration()); }
 
-std::shared_ptr<grpc::Channel> Server::in_process_channel() { return impl_->grpc->InProcessChannel({}); }
+std::shared_ptr<grpc::Channel> Server::in_process_channel() {
+  return impl_->listener.server->InProcessChannel({});
+}
 
-const std::vector<std::string>& Server::addresses() const { return impl_->addresses; }
+const std::vector<std::string>& Server::addresses() const { return impl_->listener.addresses; }
 
 const std::string& Server::metrics_address() const { return impl_->metrics_address; }
 
@@ -256,8 +313,10 @@ uint64_t Server::validation_messages() const {
 
 void Server::lose_device(int times) { impl_->devices->lose(times); }
 
+void Server::hang_device(int submissions) { impl_->devices->current()->device->hang_after(submissions); }
+
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
-  if (impl_->grpc == nullptr) return;
+  if (impl_->listener.server == nullptr) return;
   impl_->health->drain();
   ServiceState& state = *impl_->state;
   if (!impl_->devices->gone()) absl::SleepFor(impl_->config.pre_drain);

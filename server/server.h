@@ -21,8 +21,9 @@ class Server {
   // of a process before other threads read the environment. The error is one line and says what to do.
   //
   // When the device is lost, its frames fail with UNAVAILABLE and the device is reopened. If it is lost again
-  // and again, every frame fails from then on, and `on_device_gone` is called once. It must not block its
-  // thread.
+  // and again, or hangs, every frame fails from then on, and `on_device_gone` is called once. It must not
+  // block its thread. After a hang the process should end by _exit, because the device never lets go of its
+  // memory.
   static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config,
                                                        std::function<void()> on_device_gone = {});
 
@@ -49,6 +50,8 @@ class Server {
 
   // For tests: loses the device and its replacements, `times` devices in all.
   void lose_device(int times = 1);
+  // For tests: the device does `submissions` more pieces of work, and hangs at the next one.
+  void hang_device(int submissions = 0);
 
   // Health says NOT_SERVING. After config.pre_drain, or at once if the device is gone, new calls get
   // UNAVAILABLE. Frames in flight then have config.drain_timeout to finish before their calls are cancelled.

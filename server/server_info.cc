@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "proto/candela/v1/settings.h"
+#include "server/render/settings/error_bound.h"
 #include "server/render/settings/tiers.h"
 
 #ifndef CANDELA_VERSION
@@ -32,6 +33,11 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
     v1::Tier& row = *info.add_tiers();
     row.set_name(tier.name);
     row.set_summary(tier.summary);
+    const Settings settings;
+    BoundFacts facts = {.exposure = 1, .threshold = settings->bloom().threshold()};
+    row.set_max_error_codes(error_bound(tier, settings, facts));
+    facts.blooms = true;
+    row.set_max_error_codes_with_bloom(error_bound(tier, settings, facts));
   }
   for (const v1::SettingField& setting : v1::setting_fields())
     *info.add_settings() = v1::setting_info(setting);

@@ -32,15 +32,16 @@ constexpr Tap kTaps[] = {
 
 Level bloom_down(const Level& level) {
   Level out{(level.width + 1) / 2, (level.height + 1) / 2, {}};
-  out.texels.resize(size_t{out.width} * out.height);
+  out.texels.reserve(size_t{out.width} * out.height);
   for (uint32_t y = 0; y < out.height; ++y) {
     for (uint32_t x = 0; x < out.width; ++x) {
-      Rgb& d = out.texels[size_t{y} * out.width + x];
+      Rgb& d = out.texels.emplace_back();
       for (const Tap& tap : kTaps) {
         const Rgb p = box(level, 2 * int64_t{x} + tap.x, 2 * int64_t{y} + tap.y);
         for (int n = 0; n < 3; ++n) d[n] += tap.weight * p[n];
       }
     }
+    row_done();
   }
   return out;
 }

@@ -23,6 +23,7 @@ Level bloom_up(Level fine, const Level& coarse, double weight) {
         }
       }
     }
+    row_done();
   }
   return fine;
 }
@@ -32,6 +33,7 @@ namespace {
 // Half the size: means of 2x2 texels.
 Level quarter(const Level& level) {
   Level out{(level.width + 1) / 2, (level.height + 1) / 2, {}};
+  out.texels.reserve(size_t{out.width} * out.height);
   for (int64_t y = 0; y < out.height; ++y) {
     for (int64_t x = 0; x < out.width; ++x) {
       Rgb& mean = out.texels.emplace_back();
@@ -40,6 +42,7 @@ Level quarter(const Level& level) {
         for (size_t n = 0; n < 3; ++n) mean[n] += 0.25 * c[n];
       }
     }
+    row_done();
   }
   return out;
 }

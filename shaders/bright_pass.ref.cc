@@ -7,7 +7,7 @@ namespace candela::reference {
 
 Level bright_pass(const Scene& scene, const BloomSpec& params) {
   Level level{(scene.width + 1) / 2, (scene.height + 1) / 2, {}};
-  level.texels.resize(size_t{level.width} * level.height);
+  level.texels.reserve(size_t{level.width} * level.height);
   const double knee = params.softness * params.threshold;
   for (uint32_t y = 0; y < level.height; ++y) {
     for (uint32_t x = 0; x < level.width; ++x) {
@@ -24,7 +24,7 @@ Level bright_pass(const Scene& scene, const BloomSpec& params) {
           weights += k;
         }
       }
-      Rgb& d = level.texels[size_t{y} * level.width + x];
+      Rgb& d = level.texels.emplace_back();
       for (int n = 0; n < 3; ++n) d[n] = sum[n] / weights;
       if (params.kind == shader::BLOOM_CONSERVE) continue;
       const double l = luminance(d);
@@ -33,6 +33,7 @@ Level bright_pass(const Scene& scene, const BloomSpec& params) {
       const double gain = std::max({q, l - params.threshold, 0.0}) / std::max(l, kMinLuminance);
       for (int n = 0; n < 3; ++n) d[n] *= gain;
     }
+    row_done();
   }
   return level;
 }

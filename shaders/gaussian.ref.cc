@@ -15,14 +15,17 @@ constexpr double kKernel[13] = {0.002216, 0.008764, 0.026995, 0.064759, 0.120985
 Level blur(const Level& from, int64_t step_x, int64_t step_y) {
   double total = 0.0;
   for (double k : kKernel) total += k;
-  Level to{from.width, from.height, std::vector<Rgb>(from.texels.size())};
+  Level to{from.width, from.height, {}};
+  to.texels.reserve(from.texels.size());
   for (uint32_t y = 0; y < to.height; ++y) {
     for (uint32_t x = 0; x < to.width; ++x) {
+      Rgb& mean = to.texels.emplace_back();
       for (int i = 0; i < 13; ++i) {
         const Rgb& c = from.at(x + (i - 6) * step_x, y + (i - 6) * step_y);
-        for (size_t n = 0; n < 3; ++n) to.texels[size_t{y} * to.width + x][n] += kKernel[i] / total * c[n];
+        for (size_t n = 0; n < 3; ++n) mean[n] += kKernel[i] / total * c[n];
       }
     }
+    row_done();
   }
   return to;
 }
@@ -31,10 +34,10 @@ Level blur(const Level& from, int64_t step_x, int64_t step_y) {
 
 Level gaussian_bloom(const Scene& scene, double threshold) {
   Level level{(scene.width + 3) / 4, (scene.height + 3) / 4, {}};
-  level.texels.resize(size_t{level.width} * level.height);
+  level.texels.reserve(size_t{level.width} * level.height);
   for (uint32_t y = 0; y < level.height; ++y) {
     for (uint32_t x = 0; x < level.width; ++x) {
-      Rgb& q = level.texels[size_t{y} * level.width + x];
+      Rgb& q = level.texels.emplace_back();
       for (int j = 0; j < 4; ++j) {
         for (int i = 0; i < 4; ++i) {
           const auto& c = scene.at(4 * int64_t{x} + i, 4 * int64_t{y} + j);
@@ -44,6 +47,7 @@ Level gaussian_bloom(const Scene& scene, double threshold) {
       const double gain = std::clamp(luminance(q) - threshold, 0.0, 1.0);
       for (double& v : q) v *= gain;
     }
+    row_done();
   }
   return blur(blur(level, 0, 1), 1, 0);
 }

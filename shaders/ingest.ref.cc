@@ -51,9 +51,10 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
              uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts) {
   const size_t texel_bytes = pixels == shader::PIXELS_RGBA32F ? 16 : pixels == shader::PIXELS_RGBA16F ? 8 : 4;
   Scene scene{width, height, {}, {}};
-  scene.texels.resize(size_t{width} * height);
+  const size_t texels = size_t{width} * height;
+  scene.texels.reserve(texels);
   *counts = {};
-  for (size_t i = 0; i < scene.texels.size(); ++i) {
+  for (size_t i = 0; i < texels; ++i) {
     std::array<float, 4> c = unpack(wire.data() + i / width * stride_bytes + i % width * texel_bytes, pixels);
     for (int k = 0; k < 3; ++k) {
       if (std::isnan(c[k])) ++counts->nan;
@@ -63,7 +64,7 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
     }
     for (float& v : c) v = scrub(v);
     if (c[0] == 0.0f && c[1] == 0.0f && c[2] == 0.0f && c[3] <= 0.0f) {
-      scene.absent.resize(scene.texels.size());
+      scene.absent.resize(texels);
       scene.absent[i] = true;
     }
     if (matrix) {
@@ -82,7 +83,8 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
     if (matrix) {
       for (int k = 0; k < 3; ++k) counts->negative_scene += c[k] < 0.0f;
     }
-    scene.texels[i] = c;
+    scene.texels.push_back(c);
+    if ((i + 1) % width == 0) row_done();
   }
   if (!matrix) counts->negative_scene = counts->negative;
   return scene;
@@ -134,6 +136,7 @@ Meter meter(const Scene& scene, const MeterParams& params) {
         bin.sum += weight * log2_l;
       }
     }
+    row_done();
   }
   if (m.weight == 0) {
     m.mean_log2_luminance = std::log2(0.18);

@@ -253,6 +253,9 @@ struct TileRecord {
   uint negative_scene_components;  // of R, G and B; counted only if the constant `matrix` is set
   // The components of the whole frame that the curve cut. Only in the first record, and only after resolve.
   uint gamut_cut_components;
+  // The bits of the largest exposed light that a component of the frame has below 0, before bloom. Only in
+  // the first record, and only after resolve.
+  uint negative_light_bits;
   // Not 0 if some alpha on the wire is not 1; left 0 with the constant `alpha`. For halves without the
   // constant `scrub`, -1 counts only as infinite.
   uint alpha_differs;

@@ -2,7 +2,7 @@
 //
 // Each x.comp has a twin x.ref.cc beside it. The two share parameters but no formulas, so that each is
 // evidence for the other. The references follow the mathematics in docs/pipeline.md. A scene takes 16 bytes
-// per texel, a level 24. The functions keep no state, so any thread may call them.
+// per texel, a level 24. The functions keep no state but the hook below, so any thread may call them.
 #pragma once
 
 #include <array>
@@ -21,6 +21,14 @@ namespace candela::reference {
 using shader::uint;
 using Rgb = std::array<double, 3>;
 using Matrix = std::array<float, 9>;  // row by row
+
+// The twins that make or read a whole image call this after each row, on the thread of their caller, who may
+// pause there. Each thread has its own; null: nothing is called. If it throws, the image is lost.
+using RowHook = void (*)();
+inline constinit thread_local RowHook after_row = nullptr;
+inline void row_done() {
+  if (after_row != nullptr) after_row();
+}
 
 // A frame's scene pixels, row by row from the top. Floats hold every wire format exactly.
 struct Scene {
@@ -135,8 +143,11 @@ Level bloom(const Scene& scene, const BloomSpec& params, double mean_log2_lumina
 Level gaussian_bloom(const Scene& scene, double threshold);
 
 // The display values of row y before dither and quantisation, and alpha, which is not clamped. It makes one
-// row at a time, because a whole image takes 32 bytes per texel. `bloom` is B_0; for BLOOM_NONE it may be
-// empty.
+// row at a time, because a whole image takes 32 bytes per texel, or only texels `first` <= x < `last` of it.
+// `bloom` is B_0; for BLOOM_NONE it may be empty.
+std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
+                                               const ResolveParams& params, uint32_t y, uint32_t first,
+                                               uint32_t last);
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y);
 

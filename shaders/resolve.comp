@@ -39,13 +39,28 @@ layout(push_constant) uniform Push { ResolveParams p; };
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
 
 uint gamut_cut_components;  // of this invocation's texels
+uint negative_light_bits;   // the same
 
-// Counts the components of curve_light() v that are cut. `counted` is 0 for a texel outside the frame.
+// Counts the components of curve_light() v that are cut. `counted` is 0 for a texel outside the frame. A table with
+// the axes AP1 knows nothing of what is outside of AP1, so its error there is not that of a rounding.
 void count_cut(vec3 x, vec3 v, uint counted) {
   vec3 size = abs(x);
-  float limit = -GAMUT_TOLERANCE * max(max(size.r, size.g), size.b);
-  uvec3 cut = uvec3(lessThan(v, vec3(limit)));
+  float largest = max(max(size.r, size.g), size.b);
+  uvec3 cut = uvec3(lessThan(v, vec3(-GAMUT_TOLERANCE * largest)));
   gamut_cut_components += (cut.r + cut.g + cut.b) * counted;
+  if (CURVE == CURVE_TABLE_AP1) {
+    const float roundings = 9.5367431640625e-7;  // 2^-20
+    const uint infinity = 0x7f800000u;
+    bool outside = min(min(v.r, v.g), v.b) < -roundings * largest;
+    negative_light_bits = max(negative_light_bits, infinity * (uint(outside) & counted));
+  }
+}
+
+// Notes how far the scene's light is below 0, where terms of both signs may cancel and leave their roundings.
+void note_negative(vec3 scene, uint counted) {
+  float least = min(min(scene.r, scene.g), scene.b);
+  uint bits = floatBitsToUint(at_least(-least, 0.0) * p.exposure);
+  negative_light_bits = max(negative_light_bits, bits & (0u - counted));
 }
 
 // The display value of exposed light.
@@ -79,6 +94,7 @@ vec4 straight(vec3 exposed, float a, uint counted) {
 
 vec4 image_texel(vec4 wire, vec3 light, uint counted) {
   vec4 scene = WIDE ? ingest_wide(p.frame, wire) : ingest(p.frame, wire);
+  if (COUNT) note_negative(scene.rgb, counted);
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
   if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
   float a = at_most(at_least(scene.a, 0.0), 1.0);
@@ -208,9 +224,15 @@ void main() {
   uint x_end = min(x + RESOLVE_STEPS * block, p.frame.width);
   // A loop rather than an if(), because the software device executes the body that an if() skips.
   gamut_cut_components = 0u;
+  negative_light_bits = 0u;
   for (; x < x_end; x += block) resolve_block(x, first_row, rows_end);
   if (COUNT) {
     uint cut = subgroupAdd(gamut_cut_components);
-    if (subgroupElect()) atomicAdd(Tiles(uvec2(p.tiles_lo, p.tiles_hi)).v.gamut_cut_components, cut);
+    uint negative = subgroupMax(negative_light_bits);
+    Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
+    if (subgroupElect()) {
+      atomicAdd(tiles.v.gamut_cut_components, cut);
+      atomicMax(tiles.v.negative_light_bits, negative);
+    }
   }
 }

@@ -191,17 +191,24 @@ double dither_noise(uint32_t x, uint32_t y, uint32_t frame, size_t component) {
 
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y) {
-  std::vector<std::array<double, 4>> row(scene.width);
-  for (uint32_t x = 0; x < scene.width; ++x) {
+  return resolve_row(scene, bloom, level_count, params, y, 0, scene.width);
+}
+
+std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
+                                               const ResolveParams& params, uint32_t y, uint32_t first,
+                                               uint32_t last) {
+  std::vector<std::array<double, 4>> row;
+  row.reserve(last - first);
+  for (uint32_t x = first; x < last; ++x) {
     Rgb c = composite(scene, bloom, level_count, params, x, y);
     for (double& v : c) v *= params.exposure;
     const double alpha = scene.at(x, y)[3];
     if (params.alpha == shader::ALPHA_STRAIGHT) {
-      row[x] = straight(params, c, std::clamp(alpha, 0.0, 1.0));
+      row.push_back(straight(params, c, std::clamp(alpha, 0.0, 1.0)));
       continue;
     }
     c = shown(params, c);
-    row[x] = {c[0], c[1], c[2], params.alpha == shader::ALPHA_ASSOCIATED ? alpha : 1.0};
+    row.push_back({c[0], c[1], c[2], params.alpha == shader::ALPHA_ASSOCIATED ? alpha : 1.0});
   }
   return row;
 }

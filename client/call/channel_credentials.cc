@@ -1,8 +1,6 @@
 #include "client/call/channel_credentials.h"
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <optional>
 #include <utility>
@@ -12,12 +10,16 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "absl/synchronization/mutex.h"
+#include "client/call/plain_file.h"
 #include "client/call/tls_probe.h"
 #include "proto/candela/v1/address.h"
 
 namespace candela {
 namespace {
+
+constexpr size_t kMaxBytes = size_t{1} << 20;  // of a certificate or a token
 
 bool stays_here(const std::string& address) {
   const std::optional<v1::HostPort> at = v1::parse_host_port(address);
@@ -25,11 +27,11 @@ bool stays_here(const std::string& address) {
 }
 
 absl::StatusOr<std::string> read_file(const char* what, const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (file.is_open() && !file.bad() && !text.empty()) return text;
-  return absl::InvalidArgumentError(absl::StrFormat(
-      "cannot read the %s %s, or it is empty; name a file that this user may read", what, path));
+  absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
+  if (text.ok() && !text->empty()) return text;
+  return absl::InvalidArgumentError(
+      absl::StrFormat("cannot read the %s %s: %s; name a file that this user may read", what, path,
+                      text.ok() ? "it is empty" : text.status().message()));
 }
 
 absl::StatusOr<std::string> read_pem(const char* what, const char* begin, const std::string& path) {
@@ -40,9 +42,9 @@ absl::StatusOr<std::string> read_pem(const char* what, const char* begin, const 
 }
 
 absl::StatusOr<std::string> read_token(const std::string& path) {
-  std::ifstream file(path);
-  if (!file.is_open()) return read_file("token file", path);
-  for (std::string line; std::getline(file, line);) {
+  const absl::StatusOr<std::string> text = read_file("token file", path);
+  if (!text.ok()) return text;
+  for (const absl::string_view line : absl::StrSplit(*text, '\n')) {
     const std::string token(absl::StripAsciiWhitespace(line));
     if (token.empty() || token[0] == '#') continue;
     if (std::all_of(token.begin(), token.end(), absl::ascii_isgraph)) return token;

@@ -8,10 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 
 namespace candela {
 namespace {
+
+constexpr char kDelayPayload[] = "candela.retry_delay";
 
 // The length-delimited values of field `number` in a message. Parsed by hand because Debian does not package
 // google.rpc's protos.
@@ -43,6 +46,17 @@ absl::Duration retry_delay(const grpc::Status& status) {
     }
   }
   return absl::ZeroDuration();
+}
+
+void set_retry_delay(absl::Status& status, absl::Duration delay) {
+  status.SetPayload(kDelayPayload, absl::Cord(absl::FormatDuration(delay)));
+}
+
+std::optional<absl::Duration> noted_retry_delay(const absl::Status& status) {
+  const absl::optional<absl::Cord> noted = status.GetPayload(kDelayPayload);
+  absl::Duration delay;
+  if (!noted || !absl::ParseDuration(std::string(*noted), &delay)) return std::nullopt;
+  return delay;
 }
 
 }  // namespace candela

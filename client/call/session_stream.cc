@@ -182,14 +182,14 @@ CallEnd SessionStream::how_it_ended() const {
   if (status.ok()) {
     // A proxy that cuts the call short may end it like this too.
     const char* how = leaving_ ? " went away" : " ended before every frame had its result";
-    return {absl::UnavailableError(peer_.address + how), true};
+    return {.status = absl::UnavailableError(peer_.address + how), .resume = true, .reached = true};
   }
   // ABORTED: another call took the session over. Before the first result that may be this session's own
   // previous call, if its open message came late.
   const bool was_open = state_.was_open();
   const bool by_itself = status.error_code() == grpc::ABORTED && was_open && !answered_;
   return {from_grpc(status, peer_, duplex_.connected()), by_itself || may_resume(status, was_open),
-          retry_delay(status)};
+          retry_delay(status), false, duplex_.connected()};
 }
 
 // Starts the next write if there is something to send.

@@ -28,6 +28,7 @@ struct CallEnd {
   bool resume = false;  // another call may continue the session
   absl::Duration retry_delay = absl::ZeroDuration();  // how long the server wants to be left alone
   bool progress = false;                              // a result came, or none was due
+  bool reached = false;                               // the server, or a proxy before it, took the call
 };
 
 // Sends the session's steps to a server and gives the results to `state`. Used by one thread. The arguments

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/call/channel_credentials.h"
+#include "client/call/retry_info.h"
 #include "client/call/tls_probe.h"
 #include "client/call/transport_words.h"
 #include "proto/candela/v1/address.h"
@@ -38,47 +39,14 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc:
   if (!credentials.ok()) return credentials.status();
   // Connect to the server itself, even if the environment names a proxy.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  // A server that is started again is soon found.
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
   arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
   return grpc::CreateCustomChannel(address, *credentials, arguments);
 }
 
-}  // namespace
-
-absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes) {
-  if (width == 0 || height == 0) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("frame is %dx%d pixels; it must be at least 1x1", width, height));
-  }
-  if (bytes != uint64_t{width} * height * bytes_per_pixel(format)) {
-    return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", width, height,
-                                                      v1::PixelFormat_Name(format), bytes));
-  }
-  return absl::OkStatus();
-}
-
-uint64_t rows_of_band(uint64_t row_bytes) {
-  return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
-}
-
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer) { return open_with(peer, {}); }
-
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
-                                                                    absl::Duration ping_interval) {
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
-  const auto ping_ms = static_cast<int>(
-      std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
-  // A session may have nothing to send for a long time.
-  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  return open_with(peer, std::move(arguments));
-}
-
-absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected) {
-  if (status.ok()) return absl::OkStatus();
+absl::Status in_words(const grpc::Status& status, const Peer& peer, bool connected) {
   const std::string& address = peer.address;
   const absl::Status plain(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
   const std::string message(plain.message().empty() ? absl::StatusCodeToString(plain.code())
@@ -124,6 +92,46 @@ absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connec
       break;
   }
   return absl::Status(plain.code(), message);
+}
+
+}  // namespace
+
+absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes) {
+  if (width == 0 || height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame is %dx%d pixels; it must be at least 1x1", width, height));
+  }
+  if (bytes != uint64_t{width} * height * bytes_per_pixel(format)) {
+    return absl::InvalidArgumentError(absl::StrFormat("%dx%d pixels of %s are not %d bytes", width, height,
+                                                      v1::PixelFormat_Name(format), bytes));
+  }
+  return absl::OkStatus();
+}
+
+uint64_t rows_of_band(uint64_t row_bytes) {
+  return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer) { return open_with(peer, {}); }
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
+                                                                    absl::Duration ping_interval) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  const auto ping_ms = static_cast<int>(
+      std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
+  // A session may have nothing to send for a long time.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  return open_with(peer, std::move(arguments));
+}
+
+absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected) {
+  if (status.ok()) return absl::OkStatus();
+  absl::Status error = in_words(status, peer, connected);
+  if (connected && absl::IsUnavailable(error)) set_retry_delay(error, retry_delay(status));
+  return error;
 }
 
 }  // namespace candela

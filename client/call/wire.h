@@ -25,16 +25,17 @@ absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format
 // The number of rows of `row_bytes` bytes in a band; at least 1.
 uint64_t rows_of_band(uint64_t row_bytes);
 
-// A channel to a server. It does not connect yet. Returns INVALID_ARGUMENT for a malformed address, and fails
-// like channel_credentials().
+// A channel to a server. It does not connect yet, and soon tries a lost connection again. Returns
+// INVALID_ARGUMENT for a malformed address, and fails like channel_credentials().
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer);
 
-// A channel for a session. It shares its connection with no other channel of this process, soon tries a lost
-// connection again, and gives up a silent one after SessionOptions::ping_interval.
+// A channel for a session. It shares its connection with no other channel of this process and gives up a
+// silent one after SessionOptions::ping_interval.
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
                                                                     absl::Duration ping_interval);
 
-// The error for the user, made from gRPC's. `connected` says whether a message was sent to the server. If
+// The error for the user, made from gRPC's. UNAVAILABLE of a server that was reached has its retry delay, see
+// retry_after(). `connected` says whether a message was sent to the server. If
 // not, and if TLS may be the reason, this connects once more, see why_tls_fails().
 absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected);
 

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <exception>
 #include <new>
+#include <system_error>
 #include <type_traits>
 
 #include "absl/strings/str_format.h"
@@ -40,7 +41,7 @@ void end_by_signal(int signal) {
 
 // Makes the signals that end the command remove its temporary files first.
 void clean_up_on_signals() {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGABRT}) {
     struct sigaction before {};
     sigaction(signal, nullptr, &before);
     if (before.sa_handler == SIG_IGN) continue;
@@ -49,6 +50,36 @@ void clean_up_on_signals() {
     action.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
     sigaction(signal, &action, nullptr);
   }
+}
+
+absl::Status out_of_memory() {
+  return absl::ResourceExhaustedError(
+      "out of memory; render a smaller image, or give this process more memory (ulimit -v)");
+}
+
+// The words for an error of the system: a thread could not be started, or a file system failed.
+absl::Status system_failure(const std::system_error& error) {
+  if (error.code() != std::errc::resource_unavailable_try_again) return absl::InternalError(error.what());
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "cannot start a thread: %s; allow this process more threads or memory (ulimit -u, ulimit -v)",
+      error.code().message()));
+}
+
+// A thread of a library found no memory or no thread, which no caller can catch.
+[[noreturn]] void end_without_resources() {
+  absl::Status status;
+  try {
+    if (const std::exception_ptr error = std::current_exception()) std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    status = out_of_memory();
+  } catch (const std::system_error& error) {
+    status = system_failure(error);
+  } catch (...) {
+  }
+  TemporaryPath::remove_all();
+  if (status.ok()) std::abort();  // a defect
+  print_error(status);
+  _exit(kFailed);
 }
 
 absl::Status run(const Invocation& invocation) {
@@ -100,8 +131,9 @@ absl::Status run_line(int argc, char** argv) try {
   if (!is_quiet(*invocation)) tell_of_unknown_variables();
   return explained(run(*invocation), *invocation);
 } catch (const std::bad_alloc&) {
-  return absl::ResourceExhaustedError(
-      "out of memory; render a smaller image, or give this process more memory");
+  return out_of_memory();
+} catch (const std::system_error& error) {
+  return system_failure(error);
 } catch (const std::exception& error) {
   return absl::InternalError(error.what());
 }
@@ -109,8 +141,11 @@ absl::Status run_line(int argc, char** argv) try {
 int run(int argc, char** argv) {
   open_closed_streams();
   clean_up_on_signals();
-  // Writing to a closed pipe returns an error instead of ending the process.
+  // Writing to a closed pipe, or beyond the largest file that ulimit -f allows, returns an error instead of
+  // ending the process.
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::set_terminate(end_without_resources);
   // gRPC's log lines repeat what its statuses say.
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
   const absl::Status status = run_line(argc, argv);

@@ -220,6 +220,14 @@ void measure(const ocio::ConstCPUProcessorRcPtr& view, ViewTable& baked) {
 }
 
 absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
+  // OpenColorIO would wait for a pipe's writer. A path that is not there may be one of its own
+  // configurations.
+  std::error_code failed;
+  if (std::filesystem::exists(choice.config, failed) &&
+      !std::filesystem::is_regular_file(choice.config, failed)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: not a regular file; name an OpenColorIO configuration", choice.config));
+  }
   const ocio::ConstConfigRcPtr config = ocio::Config::CreateFromFile(choice.config.c_str());
   ViewTable baked;
   if (absl::Status status = choose_view(config, choice, baked); !status.ok()) return status;

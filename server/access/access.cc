@@ -81,8 +81,8 @@ class Access::Port final : public grpc::ServerCredentials {
     }
     const absl::string_view shown = authorization == nullptr ? "" : view_of(authorization->value);
     if (port.access_.allow(path, shown)) {
-      // The token is removed from the metadata.
-      done(call, authorization, authorization == nullptr ? 0 : 1, nullptr, 0, GRPC_STATUS_OK, nullptr);
+      // The token stays in the metadata, because it is a part of who the client is (client_identity.h).
+      done(call, nullptr, 0, nullptr, 0, GRPC_STATUS_OK, nullptr);
     } else {
       port.metrics_.rejected(Rejection::kAccess);
       port.access_.refusals_.add(shown.empty() ? Refusal::kNoToken : Refusal::kUnknownToken);

@@ -7,7 +7,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
-#include "absl/time/time.h"
+#include "server/base/rate_limit.h"
 
 namespace candela {
 
@@ -19,12 +19,8 @@ class RefusalLog {
   void add(Refusal refusal);
 
  private:
-  struct Reason {
-    uint64_t calls = 0;  // that no line counts yet
-    absl::Time next = absl::InfinitePast();
-  };
   absl::Mutex mutex_;
-  std::array<Reason, 2> reasons_ ABSL_GUARDED_BY(mutex_);
+  std::array<OneASecond, 2> reasons_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela

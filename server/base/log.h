@@ -1,5 +1,10 @@
 // The log: one line per event, as text or as JSON. Nothing is written before start_logging, so a program that
 // embeds a server stays quiet. Any thread.
+//
+// A regular file is written at once. A pipe, a socket or a terminal may have a reader that sleeps,
+// so a thread of the log writes to it, in order, behind a bounded queue. If the queue is full for a tenth of
+// a second, its oldest line is lost: the service does not wait for its log. The next line that can be written
+// says how many were lost.
 #pragma once
 
 #include <initializer_list>
@@ -23,6 +28,13 @@ struct LogOptions {
 
 // Starts writing events to stderr. Call it once, before other threads log.
 void start_logging(const LogOptions& options);
+
+// Returns when every line so far is written, or when the reader has taken none for a quarter of a second.
+// Call it before the process ends.
+void flush_log();
+
+// The number of lines that nobody read and that were given up, or that could not be written.
+uint64_t log_lines_lost();
 
 // A value that belongs to an event. Never log a client's path or token.
 struct LogField {

@@ -1,6 +1,5 @@
 #include "server/base/metrics.h"
 
-#include <CivetServer.h>
 #include <prometheus/counter.h>
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
@@ -8,15 +7,13 @@
 #include <prometheus/text_serializer.h>
 
 #include <atomic>
-#include <exception>
 #include <mutex>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "server/base/log.h"
 
 namespace candela {
 namespace {
@@ -38,6 +35,7 @@ const Histogram::BucketBoundaries kStageSeconds = {0.0001, 0.00025, 0.0005, 0.00
 constexpr absl::StatusCode kFrameResults[] = {
     absl::StatusCode::kOk,       absl::StatusCode::kCancelled,       absl::StatusCode::kDeadlineExceeded,
     absl::StatusCode::kInternal, absl::StatusCode::kInvalidArgument, absl::StatusCode::kUnavailable,
+    absl::StatusCode::kAborted,
 };
 
 std::string word(absl::StatusCode code) { return absl::AsciiStrToLower(absl::StatusCodeToString(code)); }
@@ -79,10 +77,11 @@ struct Metrics::Impl final : prometheus::Collectable {
                                 .Name("candela_frames_total")
                                 .Help("Frames that got memory, by the status that they ended with")
                                 .Register(registry);
-  Family<Counter>& rejections = BuildCounter()
-                                    .Name("candela_rejections_total")
-                                    .Help("Calls and sessions refused before they had a frame, by reason")
-                                    .Register(registry);
+  Family<Counter>& rejections =
+      BuildCounter()
+          .Name("candela_rejections_total")
+          .Help("Calls, sessions and frames refused before they had memory, by reason")
+          .Register(registry);
   Family<Counter>& bytes = BuildCounter()
                                .Name("candela_bytes_total")
                                .Help("Message bytes of calls with frames, in and out of the server")
@@ -115,6 +114,21 @@ struct Metrics::Impl final : prometheus::Collectable {
                              .Register(registry)
                              .Add({});
 
+  Gauge& connections =
+      BuildGauge().Name("candela_connections").Help("Open connections of clients").Register(registry).Add({});
+  Family<Counter>& refused = BuildCounter()
+                                 .Name("candela_connections_refused_total")
+                                 .Help("Connections closed as soon as they were accepted, by reason")
+                                 .Register(registry);
+  Counter& refused_at_limit = refused.Add({{"reason", "limit"}});
+  Counter& refused_without_descriptor = refused.Add({{"reason", "descriptors"}});
+  Counter& log_lines_lost =
+      BuildCounter()
+          .Name("candela_log_lines_lost_total")
+          .Help("Lines of the log that nobody read in time, or that could not be written")
+          .Register(registry)
+          .Add({});
+
   // At the start the server is alive but not ready.
   std::atomic<bool> ready = false;
   std::atomic<bool> live = true;
@@ -130,6 +144,8 @@ struct Metrics::Impl final : prometheus::Collectable {
       memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
       memory_idle.Set(static_cast<double>(sample.memory_idle_bytes));
       memory_budget.Set(static_cast<double>(sample.memory_budget_bytes));
+      connections.Set(static_cast<double>(sample.connections));
+      log_lines_lost.Increment(static_cast<double>(candela::log_lines_lost()) - log_lines_lost.Value());
     }
     return registry.Collect();
   }
@@ -166,6 +182,11 @@ void Metrics::stage(absl::string_view stage, absl::Duration time) {
 void Metrics::frame_ended(absl::StatusCode code) { impl_->frames.Add({{"result", word(code)}}).Increment(); }
 
 void Metrics::rejected(Rejection reason) { impl_->rejections.Add({{"reason", word(reason)}}).Increment(); }
+void Metrics::connection_refused(ConnectionRefusal reason) {
+  (reason == ConnectionRefusal::kLimit ? impl_->refused_at_limit : impl_->refused_without_descriptor)
+      .Increment();
+}
+
 void Metrics::session_began() { impl_->sessions.Increment(); }
 void Metrics::session_ended() { impl_->sessions.Decrement(); }
 void Metrics::bytes_in(uint64_t bytes) { impl_->bytes_in.Increment(static_cast<double>(bytes)); }
@@ -183,72 +204,25 @@ void Metrics::set_sampler(std::function<Sample()> sampler) {
   impl_->sampler = std::move(sampler);
 }
 
-// Answers GET requests for one path.
-class MetricsServer::Page final : public CivetHandler {
- public:
-  struct Answer {
-    const char* status;
-    std::string text;
-  };
-  explicit Page(std::function<Answer()> answer) : answer_(std::move(answer)) {}
-
-  bool handleGet(CivetServer*, mg_connection* connection) override {
-    const Answer answer = answer_();
-    const std::string response = absl::StrFormat(
-        "HTTP/1.1 %s\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: %d\r\n"
-        "Connection: close\r\n\r\n%s",
-        answer.status, answer.text.size(), answer.text);
-    mg_write(connection, response.data(), response.size());
-    return true;
-  }
-
- private:
-  const std::function<Answer()> answer_;
-};
-
-struct MetricsServer::Impl {
-  Impl(const std::shared_ptr<Metrics::Impl>& metrics, const std::string& address)
-      : scrape([metrics] {
-          return Page::Answer{kOk, prometheus::TextSerializer().Serialize(metrics->Collect())};
-        }),
-        live([metrics] { return yes_or_no(metrics->live); }),
-        ready([metrics] { return yes_or_no(metrics->ready); }),
-        server(std::vector<std::string>{"listening_ports", address, "num_threads", "2", "request_timeout_ms",
-                                        "5000"}) {
-    server.addHandler("/metrics$", scrape);
-    server.addHandler("/livez$", live);
-    server.addHandler("/readyz$", ready);
-  }
-
-  static constexpr char kOk[] = "200 OK";
-  static Page::Answer yes_or_no(bool yes) {
-    return yes ? Page::Answer{kOk, "ok\n"} : Page::Answer{"503 Service Unavailable", "no\n"};
-  }
-
-  Page scrape;
-  Page live;
-  Page ready;
-  CivetServer server;
-};
-
 absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::start(const Metrics& metrics,
-                                                                    const std::string& address) {
-  try {
-    auto impl = std::make_unique<Impl>(metrics.impl_, address);
-    const std::vector<int> ports = impl->server.getListeningPorts();
-    const std::string host = address.substr(0, address.rfind(':') + 1);
-    return std::unique_ptr<MetricsServer>(
-        new MetricsServer(std::move(impl), absl::StrCat(host, ports.empty() ? 0 : ports.front())));
-  } catch (const std::exception&) {  // it gives no reason
-    return absl::UnavailableError(
-        absl::StrFormat("cannot serve metrics on %s: the address is in use or does not belong to this "
-                        "machine; stop the program that listens there or pass another --metrics",
-                        address));
-  }
+                                                                    const std::string& address,
+                                                                    size_t max_connections) {
+  const auto yes_or_no = [](bool yes) {
+    return yes ? HttpPages::Answer{200, "ok\n"} : HttpPages::Answer{503, "no\n"};
+  };
+  absl::StatusOr<std::unique_ptr<HttpPages>> pages = HttpPages::start(
+      address, max_connections,
+      {{"/metrics",
+        [impl = metrics.impl_] {
+          return HttpPages::Answer{200, prometheus::TextSerializer().Serialize(impl->Collect())};
+        }},
+       {"/livez", [impl = metrics.impl_, yes_or_no] { return yes_or_no(impl->live); }},
+       {"/readyz", [impl = metrics.impl_, yes_or_no] { return yes_or_no(impl->ready); }}});
+  if (!pages.ok()) return pages.status();
+  return std::unique_ptr<MetricsServer>(new MetricsServer(*std::move(pages)));
 }
 
-MetricsServer::MetricsServer(std::unique_ptr<Impl> impl, std::string address)
-    : impl_(std::move(impl)), address_(std::move(address)) {}
+MetricsServer::MetricsServer(std::unique_ptr<HttpPages> pages) : pages_(std::move(pages)) {}
 
 MetricsServer::~MetricsServer() = default;
 

@@ -10,20 +10,27 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
+#include "server/base/http_pages.h"
 
 namespace candela {
 
-// Why a call or a session was refused before it had a frame.
+// Why a call, a session or a frame was refused before it had memory.
 enum class Rejection {
   kCalls,     // too many calls
   kSessions,  // too many sessions
   kDraining,
   kMemory,   // the memory budget is full of frames in flight
   kSize,     // a frame that can never fit
-  kRequest,  // an invalid first message
+  kRequest,  // an invalid message, or a session name that is taken
   kPromise,  // no tier can keep the promise
   kToken,    // a resume token that cannot be used
   kAccess,   // a missing or unknown bearer token
+};
+
+// Why a connection was closed as soon as it was accepted.
+enum class ConnectionRefusal {
+  kLimit,        // max-connections are open
+  kDescriptors,  // the process has no file descriptor left
 };
 
 // The server's counters. Any thread.
@@ -35,6 +42,7 @@ class Metrics {
     uint64_t memory_in_use_bytes = 0;  // of the texture pool
     uint64_t memory_idle_bytes = 0;
     uint64_t memory_budget_bytes = 0;  // the limit of both together
+    uint64_t connections = 0;
   };
 
   // The arguments become labels of candela_build_info.
@@ -46,6 +54,7 @@ class Metrics {
   // Call it once per frame that got memory, with the status that it ended with.
   void frame_ended(absl::StatusCode code);
   void rejected(Rejection reason);
+  void connection_refused(ConnectionRefusal reason);
   void session_began();
   void session_ended();
   void bytes_in(uint64_t bytes);
@@ -68,21 +77,19 @@ class Metrics {
 // 200 if health says SERVING for "liveness" and "readiness", else 503.
 class MetricsServer {
  public:
-  // `address` must have passed check_metrics_address; port 0 picks a free port. UNAVAILABLE if it cannot
-  // listen there.
+  // `address` must have passed check_metrics_address; port 0 picks a free port. Slow clients keep nobody from
+  // an answer, see HttpPages. UNAVAILABLE if it cannot listen there.
   static absl::StatusOr<std::unique_ptr<MetricsServer>> start(const Metrics& metrics,
-                                                              const std::string& address);
+                                                              const std::string& address,
+                                                              size_t max_connections);
   ~MetricsServer();
 
   // With the port that was picked.
-  const std::string& address() const { return address_; }
+  const std::string& address() const { return pages_->address(); }
 
  private:
-  class Page;
-  struct Impl;
-  MetricsServer(std::unique_ptr<Impl> impl, std::string address);
-  const std::unique_ptr<Impl> impl_;
-  const std::string address_;
+  explicit MetricsServer(std::unique_ptr<HttpPages> pages);
+  const std::unique_ptr<HttpPages> pages_;
 };
 
 }  // namespace candela

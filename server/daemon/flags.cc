@@ -10,6 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "proto/candela/v1/address.h"
 #include "proto/candela/v1/near_words.h"
+#include "server/base/option_file.h"
 #include "server/base/units.h"
 #include "server/daemon/config_file.h"
 #include "server/option_table.h"
@@ -20,6 +21,13 @@
 
 namespace candela {
 namespace {
+
+constexpr size_t kMaxConfigBytes = 1 << 20;
+
+// Thrown for a configuration file that cannot be read.
+struct ConfigFileError {
+  std::string what;
+};
 
 // Puts a parsed value into its field, or gives the reason why there is none.
 template <typename Value>
@@ -137,6 +145,14 @@ std::string unknown_argument(const CLI::App& app) {
                          meant.empty() ? "" : meant + " ");
 }
 
+// Refuses a file that CLI11 could read for ever, such as a pipe or a device.
+std::string check_file(const std::string& path) {
+  const absl::StatusOr<std::string> text =
+      read_option_file("--config", path, kMaxConfigBytes, Secrecy::kPublic);
+  if (!text.ok()) throw ConfigFileError{std::string(text.status().message())};
+  return "";
+}
+
 void define(CLI::App& app, Invocation& invocation, bool& print_config) {
   app.footer(
       "Each option is also an environment variable (CANDELA_MEMORY_BUDGET for --memory-budget) and a key of\n"
@@ -145,7 +161,8 @@ void define(CLI::App& app, Invocation& invocation, bool& print_config) {
   app.config_formatter(std::make_shared<ConfigFile>(check_value));
   add_options(app, invocation.config);
   app.set_config("--config", "", "Configuration file with lines KEY = VALUE; see --print-config")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(CLI::Validator(check_file, ""));
   app.add_flag("--print-config", print_config,
                "Print a configuration file that explains every option, and exit")
       ->configurable(false);
@@ -175,10 +192,8 @@ absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   } catch (const CLI::CallForVersion& version) {
     invocation.text = absl::StrFormat("%s\n", version.what());
     return invocation;
-  } catch (const CLI::FileError&) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("--config: cannot read %s; name a file such as deploy/candelad.conf",
-                        app.get_config_ptr()->as<std::string>()));
+  } catch (const ConfigFileError& error) {
+    return absl::InvalidArgumentError(error.what + "; name a file such as deploy/candelad.conf");
   } catch (const ConfigLineError& error) {
     return absl::InvalidArgumentError(
         absl::StrFormat("%s:%d: %s", app.get_config_ptr()->as<std::string>(), error.line, error.what));

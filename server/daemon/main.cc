@@ -17,6 +17,7 @@
 #include "absl/time/clock.h"
 #include "proto/candela/v1/variables.h"
 #include "server/base/cgroup.h"
+#include "server/base/descriptors.h"
 #include "server/base/driver_environment.h"
 #include "server/base/log.h"
 #include "server/daemon/flags.h"
@@ -45,7 +46,6 @@ class Signals {
     sigaddset(&set_, SIGTERM);
     sigaddset(&set_, SIGINT);
     pthread_sigmask(SIG_BLOCK, &set_, nullptr);
-    std::signal(SIGPIPE, SIG_IGN);
     thread_ = std::thread([this] { run(); });
   }
   ~Signals() {
@@ -70,7 +70,7 @@ class Signals {
     sigwait(&set_, &signal);
     if (finished_.HasBeenNotified()) return;
     log_event(LogLevel::kInfo, "draining",
-              {{"because", failed_            ? "the device is lost"
+              {{"because", failed_            ? "the device is lost or hangs"
                            : signal == SIGINT ? "SIGINT"
                                               : "SIGTERM"}});
     stop_.Notify();
@@ -83,10 +83,14 @@ class Signals {
     if (finished_.HasBeenNotified()) return;
     if (second < 0 && nothing_in_flight_) {
       log_event(LogLevel::kWarning, "stopped with an open connection, because its client does not read");
-      _exit(failed_ ? kFailed : 0);
+      end_process(failed_ ? kFailed : 0);
     }
     log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
-    _exit(kFailed);
+    end_process(kFailed);
+  }
+  [[noreturn]] static void end_process(int code) {
+    flush_log();
+    _exit(code);
   }
 
   const absl::Duration stop_within_;
@@ -99,6 +103,7 @@ class Signals {
 };
 
 int fail(const absl::Status& status, int code) {
+  flush_log();
   absl::FPrintF(stderr, "candelad: %s\n", status.message());
   return code;
 }
@@ -136,14 +141,23 @@ void warn_of_unknown_variables() {
 }
 
 int serve(const Invocation& invocation) {
+  // What cannot be written fails with an error: a closed pipe, and a file beyond the limit of its size.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   start_logging({invocation.config.log_level, invocation.config.log_json});
   warn_of_unknown_variables();
+  raise_descriptor_limit();
+  if (absl::Status status = check_descriptor_limit(); !status.ok()) return fail(status, kFailed);
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();
   tell_service_manager("STATUS=starting");
   Config config = invocation.config;
+  config.measure_tiers = true;
   if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
+#ifdef CANDELA_HANG_AFTER
+  config.hang_limit = absl::Seconds(5);
+#endif
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
   if (!server.ok()) return fail(server.status(), kFailed);
   const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
@@ -155,6 +169,9 @@ int serve(const Invocation& invocation) {
              {"metrics", (*server)->metrics_address()}});
   tell_service_manager("READY=1\nSTATUS=serving on " + addresses);
   const Watchdog watchdog([s = server->get()] { return s->alive(); });
+#ifdef CANDELA_HANG_AFTER
+  (*server)->hang_device(CANDELA_HANG_AFTER);  // only in a test's build of candelad
+#endif
 #ifdef CANDELA_LOSE_DEVICES
   (*server)->lose_device(CANDELA_LOSE_DEVICES);  // only in a test's build of candelad
 #endif
@@ -162,7 +179,11 @@ int serve(const Invocation& invocation) {
   tell_service_manager("STOPPING=1\nSTATUS=draining");
   (*server)->drain_and_stop([&signals] { signals.nothing_in_flight(); });
   log_event(LogLevel::kInfo, "stopped");
-  return signals.failed() ? kFailed : 0;
+  flush_log();
+  if (!signals.failed()) return 0;
+  // The device may hang, and then neither it nor its driver can be taken down.
+  std::fflush(nullptr);
+  _exit(kFailed);
 }
 
 int run(int argc, char** argv) {

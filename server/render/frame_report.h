@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "server/render/plan/plan.h"
@@ -17,6 +18,9 @@ struct FrameReport {
   double target_before_limits = 0.0;
   uint64_t gamut_cut_components = 0;  // of R, G and B: negative in the curve's own primaries, and cut
   Plan plan;
+  std::string tier;                   // that the frame was drawn with
+  std::string tier_reason;            // if max_error_codes chose it, a line for people
+  std::optional<double> error_bound;  // if max_error_codes chose the tier: the largest error in codes
   std::vector<StageTime> stages;
   std::optional<FrameVerification> verification;  // if the memory was taken for it
 };

@@ -2,11 +2,14 @@
 
 #include <utility>
 
+#include "server/base/slices.h"
 #include "server/render/device/device_executor.h"
 #include "server/render/device/frame_textures.h"
+#include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
 #include "server/render/reference/verify.h"
+#include "server/render/settings/tier_choice.h"
 
 namespace candela {
 
@@ -29,6 +32,11 @@ absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Sett
   return FrameMemory::take(pool_, device_.summary(), layout_textures(desc, settings), verify);
 }
 
+absl::StatusOr<uint64_t> Renderer::bytes_for(const FrameDesc& desc, const Settings& settings,
+                                             Verify verify) const {
+  return FrameMemory::bytes_for(pool_, device_.summary(), layout_textures(desc, settings), verify);
+}
+
 Executor& Renderer::executor_of(const FrameMemory& memory) const {
   return memory.textures().layout.by_reference ? *by_reference_ : *by_device_;
 }
@@ -45,21 +53,52 @@ absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& set
   return executor_of(memory).meter(memory, plan_ingest(memory.textures().layout, settings));
 }
 
-absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
-                                           const Metered& metered, const Exposed& exposed) {
+absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                           const Metered& metered, FrameReport& report) {
   absl::StatusOr<std::shared_ptr<const ColorTable>> table = color_table_of(settings, metered);
   if (!table.ok()) return table.status();
+  // The tier's own: where it blooms it is the one that the memory was taken for.
+  TextureLayout& layout = memory.textures().layout;
+  layout = layout_textures(layout.desc, settings);
+  report.plan = plan_frame(layout, metered, settings,
+                           {.exposure = report.exposure, .sequence = sequence, .table = *std::move(table)});
+  report.tier = settings.tier().name;
+  const absl::StatusOr<Drawn> drawn = executor_of(memory).draw(memory, report.plan, &report.stages);
+  if (drawn.ok()) report.gamut_cut_components = drawn->gamut_cut_components;
+  return drawn;
+}
+
+absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                         const Metered& metered, FrameReport& report) {
+  BoundFacts facts = frame_facts(metered, settings, report.exposure, memory.desc());
+  for (const Tier& tier : tiers_in_question(memory.desc(), settings)) {
+    if (error_bound(tier, settings, facts) > settings->max_error_codes()) continue;
+    checkpoint();
+    const absl::StatusOr<Drawn> drawn =
+        draw_image(memory, settings.with_tier(tier.name), sequence, metered, report);
+    if (!drawn.ok()) return drawn.status();
+    if (facts.wide && !tier.host_reference) facts.negative_light = drawn->negative_light;
+    const double bound = error_bound(tier, settings, facts);
+    if (bound > settings->max_error_codes()) continue;
+    report.error_bound = bound;
+    report.tier_reason = reason_for(tier, bound, settings, facts);
+    return absl::OkStatus();
+  }
+  return no_tier_keeps(settings, facts);
+}
+
+absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                           const Metered& metered, const Exposed& exposed) {
   FrameReport report;
   report.stats = metered.stats;
   report.exposure = exposed.exposure;
   report.target = exposed.target;
   report.target_before_limits = exposed.target_before_limits;
   report.stages = metered.stages;
-  report.plan = plan_frame(memory.textures().layout, metered, settings,
-                           {.exposure = exposed.exposure, .sequence = sequence, .table = *std::move(table)});
-  const absl::StatusOr<uint64_t> cut = executor_of(memory).draw(memory, report.plan, &report.stages);
-  if (!cut.ok()) return cut.status();
-  report.gamut_cut_components = *cut;
+  const absl::Status drawn = settings.tier_is_open()
+                                 ? draw_within_error(memory, settings, sequence, metered, report)
+                                 : draw_image(memory, settings, sequence, metered, report).status();
+  if (!drawn.ok()) return drawn;
   if (memory.textures().exact) {
     const HostStage stage("verify", &report.stages);
     report.verification = verify_frame(memory, report.plan, report.stats);

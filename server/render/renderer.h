@@ -16,6 +16,7 @@
 namespace candela {
 
 class Executor;
+struct Drawn;
 
 // A frame's place in a sequence.
 struct FrameMoment {
@@ -36,6 +37,11 @@ class Renderer {
   absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings,
                                        Verify verify = Verify::kNo);
 
+  // The part of the pool's budget that allocate() takes. Fails with RESOURCE_EXHAUSTED as it does. Any
+  // thread.
+  absl::StatusOr<uint64_t> bytes_for(const FrameDesc& desc, const Settings& settings,
+                                     Verify verify = Verify::kNo) const;
+
   // Renders the pixels in `memory` to completion: meter(), expose() and draw(). `settings` must be
   // those that the memory was allocated with. INVALID_ARGUMENT naming the pixel if
   // v1::BAD_VALUES_REJECT meets a bad one; UNAVAILABLE if the device is lost. Blocks for the frame's time,
@@ -44,7 +50,9 @@ class Renderer {
                                      const FrameMoment& moment = {});
 
   // The two halves of render(). The caller decides the exposure between them, and may meter or draw other
-  // frames before it calls draw(), once.
+  // frames before it calls draw(), once. If max_error_codes has to choose the tier, draw() does; the device
+  // has metered the frame, unless only the reference can keep it. FAILED_PRECONDITION if no tier within
+  // max_ms keeps it.
   absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings);
   absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                    const Metered& metered, const Exposed& exposed);
@@ -52,6 +60,12 @@ class Renderer {
  private:
   Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device);
   Executor& executor_of(const FrameMemory& memory) const;
+  // Makes the image and fills in the report, except what verification finds.
+  absl::StatusOr<Drawn> draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                   const Metered& metered, FrameReport& report);
+  // The same with the cheapest tier that keeps max_error_codes.
+  absl::Status draw_within_error(FrameMemory& memory, const Settings& settings, uint64_t sequence,
+                                 const Metered& metered, FrameReport& report);
 
   Device& device_;
   TexturePool& pool_;

@@ -1,19 +1,21 @@
 #include "server/render/tier_numbers.h"
 
+#include <fcntl.h>
 #include <half.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/option_file.h"
 #include "server/render/settings/tiers.h"
 
 namespace candela {
@@ -21,15 +23,21 @@ namespace candela {
 namespace {
 
 constexpr int kTimedFrames = 3;
-constexpr uint64_t kMaxTimedPixels = uint64_t{8} << 20;
-constexpr uint64_t kMaxHostPixels = uint64_t{1}
-                                    << 17;  // for the reference, which takes a thousand times as long
-constexpr double kErrorMargin = 1.5;
-// Odd on both sides, several tiles.
-constexpr uint32_t kErrorWidth = 257;
-constexpr uint32_t kErrorHeight = 131;
+// Large enough for a time per pixel, and small enough that a frame takes far less than a slice of the render
+// thread; the reference takes a hundred times as long. Small first.
+struct Size {
+  uint32_t width;
+  uint32_t height;
+  double pixels() const { return static_cast<double>(width) * height; }
+};
+using Sizes = std::array<Size, 2>;
+constexpr Sizes kDeviceSizes = {{{128, 128}, {1024, 512}}};
+constexpr Sizes kHostSizes = {{{32, 32}, {128, 64}}};
 // Clients choose the settings, so the number of kept entries is limited.
-constexpr size_t kMaxKept = 1024;
+constexpr size_t kMaxKept = 512;
+constexpr size_t kMaxCacheBytes = size_t{1} << 20;
+
+const Sizes& sizes_of(const Tier& tier) { return tier.host_reference ? kHostSizes : kDeviceSizes; }
 
 uint32_t hash(uint32_t v) {
   // PCG: M. Jarzynski and M. Olano, "Hash Functions for GPU Rendering", 2020.
@@ -76,9 +84,8 @@ void fill(const FrameDesc& desc, uint32_t y, std::byte* out) {
   }
 }
 
-absl::StatusOr<FrameMemory> picture(Renderer& renderer, const FrameDesc& desc, const Settings& settings,
-                                    Verify verify = Verify::kNo) {
-  absl::StatusOr<FrameMemory> memory = renderer.allocate(desc, settings, verify);
+absl::StatusOr<FrameMemory> picture(Renderer& renderer, const FrameDesc& desc, const Settings& settings) {
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(desc, settings);
   if (!memory.ok()) return memory;
   for (uint32_t y = 0; y < desc.height; ++y) fill(desc, y, memory->input_row(y).data());
   return memory;
@@ -90,10 +97,45 @@ double device_ms(const FrameReport& report) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-// Everything that a frame's time or error depends on.
-std::string key_of(const std::string& device, const FrameDesc& desc, const Settings& settings) {
-  return absl::StrFormat("%s|%dx%d %s|%s", device, desc.width, desc.height, v1::word_of(desc.format),
-                         settings.measurement_key());
+// The median time of a frame of this size. Calls `checkpoint` before each frame.
+absl::StatusOr<double> measure_frame(Renderer& renderer, const FrameDesc& desc, const Settings& settings,
+                                     const TierBenchmark::Checkpoint& checkpoint) {
+  if (absl::Status status = checkpoint(); !status.ok()) return status;
+  absl::StatusOr<FrameMemory> memory = picture(renderer, desc, settings);
+  if (!memory.ok()) return memory.status();
+  std::vector<double> times;
+  for (int i = 0; i <= kTimedFrames; ++i) {
+    if (absl::Status status = checkpoint(); !status.ok()) return status;
+    const absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
+    if (!report.ok()) return report.status();
+    if (i > 0) times.push_back(device_ms(*report));  // the first one compiles
+  }
+  std::nth_element(times.begin(), times.begin() + kTimedFrames / 2, times.end());
+  return times[kTimedFrames / 2];
+}
+
+// A time for `pixels`, on the line through the two measured ones. Never less than the smaller one's.
+double ms_for(double pixels, const Tier& tier, const std::array<double, 2>& ms) {
+  const Sizes& sizes = sizes_of(tier);
+  const double per_pixel = std::max(ms[1] - ms[0], 0.0) / (sizes[1].pixels() - sizes[0].pixels());
+  return ms[0] + per_pixel * std::max(pixels - sizes[0].pixels(), 0.0);
+}
+
+// Writes a file of our own, so that a link or a pipe of that name is not followed. Leaves nothing if it
+// fails.
+bool write_new_file(const std::string& path, const std::string& text) {
+  unlink(path.c_str());
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  if (file < 0) return false;
+  size_t written = 0;
+  while (written < text.size()) {
+    const ssize_t count = ::write(file, text.data() + written, text.size() - written);
+    if (count <= 0) break;
+    written += static_cast<size_t>(count);
+  }
+  if (close(file) == 0 && written == text.size()) return true;
+  unlink(path.c_str());
+  return false;
 }
 
 }  // namespace
@@ -104,92 +146,104 @@ TierBenchmark::TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer
   load();
 }
 
-absl::StatusOr<std::vector<TierNumbers>> TierBenchmark::numbers(const FrameDesc& desc,
-                                                                const Settings& settings) {
-  const std::string key = key_of(device_, desc, settings);
-  if (const auto found = known_.find(key); found != known_.end()) return found->second;
-  std::vector<TierNumbers> all;
-  for (const Tier& tier : tiers()) {
-    absl::StatusOr<TierNumbers> measured = measure(desc, settings.for_measuring(tier, desc));
-    if (!measured.ok()) return measured.status();
-    all.push_back(*std::move(measured));
+std::string TierBenchmark::key(v1::PixelFormat format, const Settings& settings) const {
+  return absl::StrFormat("%s|%s|%s", device_, v1::word_of(format), settings.measurement_key());
+}
+
+std::optional<std::vector<TierNumbers>> TierBenchmark::known(const FrameDesc& desc,
+                                                             const Settings& settings) const {
+  absl::MutexLock lock(&mutex_);
+  const auto found = known_.find(key(desc.format, settings));
+  if (found == known_.end()) return std::nullopt;
+  std::vector<TierNumbers> numbers;
+  for (size_t i = 0; i < found->second.size(); ++i) {
+    const Tier& tier = tiers()[i];
+    numbers.push_back(
+        {tier.name, ms_for(static_cast<double>(desc.width) * desc.height, tier, found->second[i])});
   }
-  if (known_.size() >= kMaxKept) known_.clear();
-  known_[key] = all;
-  save();
-  return all;
+  return numbers;
 }
 
-absl::StatusOr<TierChoice> TierBenchmark::choose(const FrameDesc& desc, const Settings& settings) {
-  const absl::StatusOr<std::vector<TierNumbers>> measured = numbers(desc, settings);
-  if (!measured.ok()) return measured.status();
-  return choose_tier(*measured, *settings);
+std::vector<MeasuredTime> TierBenchmark::measured(const Tier& tier, v1::PixelFormat format,
+                                                  const Settings& settings) const {
+  absl::MutexLock lock(&mutex_);
+  const auto found = known_.find(key(format, settings));
+  if (found == known_.end()) return {};
+  std::vector<MeasuredTime> times;
+  for (size_t i = 0; i < sizes_of(tier).size(); ++i) {
+    const Size& size = sizes_of(tier)[i];
+    times.push_back({size.width, size.height, found->second[static_cast<size_t>(&tier - tiers().data())][i]});
+  }
+  return times;
 }
 
-absl::StatusOr<TierNumbers> TierBenchmark::measure(const FrameDesc& desc, const Settings& settings) {
+absl::Status TierBenchmark::measure(v1::PixelFormat format, const Settings& settings,
+                                    const Checkpoint& checkpoint) {
   const std::shared_ptr<Renderer> renderer = renderer_();  // outlives its memory
-  FrameDesc timed = desc;
-  const bool host = settings.tier().host_reference;
-  const uint64_t most = host ? kMaxHostPixels : kMaxTimedPixels;
-  timed.height = static_cast<uint32_t>(std::clamp<uint64_t>(most / desc.width, 1, desc.height));
-  absl::StatusOr<FrameMemory> memory = picture(*renderer, timed, settings);
-  if (!memory.ok()) return memory.status();
-  std::vector<double> times;
-  for (int i = 0; i <= kTimedFrames; ++i) {
-    const absl::StatusOr<FrameReport> report = renderer->render(*memory, settings);
-    if (!report.ok()) return report.status();
-    if (i > 0) times.push_back(device_ms(*report));  // the first one compiles
+  Times all;
+  for (const Tier& tier : tiers()) {
+    std::array<double, 2>& ms = all.emplace_back();
+    for (size_t i = 0; i < ms.size(); ++i) {
+      const Size& size = sizes_of(tier)[i];
+      const absl::StatusOr<double> median = measure_frame(*renderer, {size.width, size.height, format},
+                                                          settings.for_measuring(tier), checkpoint);
+      if (!median.ok()) return median.status();
+      ms[i] = *median;
+    }
   }
-  std::nth_element(times.begin(), times.begin() + kTimedFrames / 2, times.end());
-
-  const FrameDesc small = {std::min(desc.width, kErrorWidth), std::min(desc.height, kErrorHeight),
-                           desc.format};
-  memory = picture(*renderer, small, settings, Verify::kYes);
-  if (!memory.ok()) return memory.status();
-  const absl::StatusOr<FrameReport> report = renderer->render(*memory, settings);
-  if (!report.ok()) return report.status();
-  const double scale = static_cast<double>(desc.height) / timed.height;
-  return TierNumbers{
-      settings.tier().name, times[kTimedFrames / 2] * scale,
-      std::max(report->verification->rounded.max_codes * kErrorMargin, settings.tier().bound_codes)};
+  std::string text;
+  {
+    absl::MutexLock lock(&mutex_);
+    if (known_.size() >= kMaxKept) known_.clear();
+    known_[key(format, settings)] = std::move(all);
+    text = to_text();
+  }
+  save(text);
+  return absl::OkStatus();
 }
 
 void TierBenchmark::load() {
+  if (cache_file_.empty()) return;
+  const absl::StatusOr<std::string> text =
+      read_option_file("cache-dir", cache_file_, kMaxCacheBytes, Secrecy::kPublic);
+  if (!text.ok()) return;
+  absl::MutexLock lock(&mutex_);
   try {
-    std::ifstream file(cache_file_);
-    const nlohmann::json kept = nlohmann::json::parse(file, nullptr, /*allow_exceptions=*/false);
+    const nlohmann::json kept = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
     if (!kept.is_object()) return;
-    for (const auto& [key, rows] : kept.items()) {
-      std::vector<TierNumbers> all;
-      for (const auto& row : rows) all.push_back({row.at("tier"), row.at("ms"), row.at("max_error_codes")});
-      const bool complete =
-          std::equal(all.begin(), all.end(), tiers().begin(), tiers().end(),
-                     [](const TierNumbers& n, const Tier& tier) { return n.tier == tier.name; });
-      if (complete && known_.size() < kMaxKept) known_[key] = std::move(all);
+    for (const auto& [name, rows] : kept.items()) {
+      Times all;
+      for (const Tier& tier : tiers()) {
+        const auto& ms = rows.at(tier.name).at("ms");
+        all.push_back({ms.at(0).get<double>(), ms.at(1).get<double>()});
+      }
+      if (known_.size() < kMaxKept) known_[name] = std::move(all);
     }
-  } catch (const std::exception&) {  // from nlohmann, or from a failed read, as of a folder
-    known_.clear();                  // not our file, or an older version's
+  } catch (const std::exception&) {  // from nlohmann
+    known_.clear();                  // not our file, or another version's
   }
 }
 
-void TierBenchmark::save() const {
-  if (cache_file_.empty()) return;
+std::string TierBenchmark::to_text() const {
   nlohmann::json kept = nlohmann::json::object();
-  for (const auto& [key, all] : known_) {
-    for (const TierNumbers& n : all) {
-      kept[key].push_back({{"tier", n.tier}, {"ms", n.ms}, {"max_error_codes", n.max_error_codes}});
-    }
+  for (const auto& [name, all] : known_) {
+    for (size_t i = 0; i < all.size(); ++i) kept[name][tiers()[i].name]["ms"] = all[i];
   }
+  return kept.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+void TierBenchmark::save(const std::string& text) const {
+  if (cache_file_.empty()) return;
   namespace fs = std::filesystem;
   std::error_code failed;
   fs::create_directories(fs::path(cache_file_).parent_path(), failed);
+  // A device or a pipe in its place is somebody's, and stays.
+  const fs::file_type there = fs::symlink_status(cache_file_, failed).type();
+  if (there != fs::file_type::not_found && there != fs::file_type::regular) return;
   const std::string temporary = absl::StrFormat("%s.%d", cache_file_, getpid());
-  {
-    std::ofstream file(temporary, std::ios::trunc);
-    file << kept.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
-    if (!file.flush()) return;
-  }
+  if (!write_new_file(temporary, text)) return;
   fs::rename(temporary, cache_file_, failed);
+  if (failed) unlink(temporary.c_str());
 }
 
 }  // namespace candela

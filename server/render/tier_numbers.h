@@ -1,46 +1,67 @@
-// Measures the time and error of each tier on this device, when they are first needed.
+// Measures the time of each tier on this device, when it is first needed.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "absl/synchronization/mutex.h"
 #include "server/render/renderer.h"
 #include "server/render/settings/tier_choice.h"
 
 namespace candela {
 
-// One thread at a time, the renderer's.
+struct MeasuredTime {
+  uint32_t width;
+  uint32_t height;
+  double ms;  // median device time of a frame
+};
+
+// Any thread, except measure().
 class TierBenchmark {
  public:
+  // Called before each piece of work. An error ends the measurement with it.
+  using Checkpoint = std::function<absl::Status()>;
+
   // `renderer` returns the renderer to measure with. `device` identifies the device and its driver.
-  // `cache_file` keeps the numbers for the next start; empty: none. If the file cannot be read or written,
+  // `cache_file` keeps the times for the next start; empty: none. If the file cannot be read or written,
   // the tiers are measured again.
   TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
                 std::string cache_file);
 
-  // The numbers of all tiers for frames like this one. The time is the median device time of a few frames of
-  // this size; for frames beyond 8 megapixels it is extrapolated from one of 8. The error is 1.5 times the
-  // largest error of a small frame full of lights, but at least the tier's own bound. Takes about a second
-  // the first time, and no time after that. Fails as the renderer does.
-  absl::StatusOr<std::vector<TierNumbers>> numbers(const FrameDesc& desc, const Settings& settings);
+  // The times of all tiers for frames like this one; absent if frames of its format with these settings are
+  // not measured yet. They are on the line through the times of two small frames.
+  std::optional<std::vector<TierNumbers>> known(const FrameDesc& desc, const Settings& settings) const;
 
-  // The tier that keeps the settings' promise for frames like this one. Fails as numbers() and choose_tier()
-  // do.
-  absl::StatusOr<TierChoice> choose(const FrameDesc& desc, const Settings& settings);
+  // The times of those two frames; empty if they are not measured yet.
+  std::vector<MeasuredTime> measured(const Tier& tier, v1::PixelFormat format,
+                                     const Settings& settings) const;
+
+  // Measures all tiers: each a few frames of at most half a megapixel, and far fewer pixels on the host. A
+  // piece is one frame. Takes about half a second. The render thread only. Fails as the renderer and the
+  // checkpoint do.
+  absl::Status measure(v1::PixelFormat format, const Settings& settings, const Checkpoint& checkpoint);
 
  private:
-  absl::StatusOr<TierNumbers> measure(const FrameDesc& desc, const Settings& settings);
+  // The medians of both sizes, in the order of tiers().
+  using Times = std::vector<std::array<double, 2>>;
+
+  std::string key(v1::PixelFormat format, const Settings& settings) const;
   void load();
-  void save() const;
+  std::string to_text() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void save(const std::string& text) const;
 
   const std::function<std::shared_ptr<Renderer>()> renderer_;
   const std::string device_;
   const std::string cache_file_;
-  std::map<std::string, std::vector<TierNumbers>> known_;
+  mutable absl::Mutex mutex_;
+  std::map<std::string, Times> known_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela

@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "server/base/slices.h"
 
 namespace candela {
 namespace {
@@ -12,20 +13,32 @@ constexpr absl::Duration kRetryInterval = absl::Milliseconds(5);
 
 }  // namespace
 
-void Admission::begin(Request request, Done done) {
+absl::Status Admission::expect(Request request) {
   request_ = std::move(request);
-  done_ = std::move(done);
   choice_.reset();
+  // The tier that a promise chooses decides what the frame needs.
+  if (request_.choose_tier) return absl::OkStatus();
+  const absl::StatusOr<uint64_t> bytes =
+      rendering_.renderer()->bytes_for(request_.desc, request_.settings, request_.verify);
+  return bytes.ok() ? check_lookahead(*bytes) : bytes.status();
+}
+
+void Admission::begin(Done done) {
+  done_ = std::move(done);
   deadline_ = absl::Now() + request_.patience;
   proceed();
 }
 
-void Admission::cancel() { done_ = nullptr; }
+void Admission::cancel() {
+  done_ = nullptr;
+  stop_measuring();
+}
 
 void Admission::end() {
   cancel();
   alarm_.reset();
-  lookahead_memory_.change(std::exchange(reserved_bytes_, 0), 0);
+  // Less is always granted.
+  memory_.promise_lookahead(client_, std::exchange(reserved_bytes_, 0), 0).IgnoreError();
 }
 
 void Admission::proceed() {
@@ -35,33 +48,52 @@ void Admission::proceed() {
 }
 
 void Admission::choose_tier() {
-  const absl::Status posted = rendering_.loop.post([this, call = call_.shared_from_this()] {
-    std::optional<Request> request;
-    call->if_running([&] {
-      if (done_) request = request_;
-    });
-    if (!request) return;
-    absl::StatusOr<TierChoice> choice = rendering_.tier_benchmark.choose(request->desc, request->settings);
-    call->if_running([&] { on_choice(std::move(choice)); });
-  });
-  if (!posted.ok()) complete(posted);
-}
-
-void Admission::on_choice(absl::StatusOr<TierChoice> choice) {
-  if (!done_ || retry_after(choice.status())) return;
+  const auto numbers = rendering_.tier_benchmark.known(request_.desc, request_.settings);
+  if (!numbers) return measure_tiers();
+  absl::StatusOr<TierChoice> choice = choose_by_time(*numbers, request_.settings);
   if (!choice.ok()) return complete(choice.status());
-  request_.settings = request_.settings.with_tier(choice->tier);
+  request_.settings = request_.settings.within(choice->tier);
   choice_ = *std::move(choice);
   deadline_ = absl::Now() + request_.patience;
   allocate();
 }
 
+// Another call may measure the same at the same time. The first that ends ends both.
+void Admission::measure_tiers() {
+  auto status = std::make_shared<absl::Status>();
+  FrameJob job;
+  job.flow = request_.flow;
+  job.task = [status, &benchmark = rendering_.tier_benchmark, desc = request_.desc,
+              settings = request_.settings] {
+    const auto between = [&] {
+      checkpoint();
+      return benchmark.known(desc, settings) ? absl::AlreadyExistsError("measured meanwhile")
+                                             : absl::OkStatus();
+    };
+    *status = benchmark.measure(desc.format, settings, between);
+  };
+  job.done = [this, status, call = call_.shared_from_this()](const absl::StatusOr<RenderedFrame>& ran) {
+    call->if_running([&] {
+      if (!done_) return;
+      measuring_.reset();
+      if (!ran.ok()) return complete(ran.status());
+      if (retry_after(*status)) return;
+      if (!status->ok() && !absl::IsAlreadyExists(*status)) return complete(*status);
+      proceed();
+    });
+  };
+  const absl::StatusOr<Ticket> ticket = rendering_.loop.submit(std::move(job));
+  if (!ticket.ok()) return complete(ticket.status());
+  measuring_ = *ticket;
+}
+
+void Admission::stop_measuring() {
+  if (measuring_) rendering_.loop.cancel(*std::exchange(measuring_, std::nullopt));
+}
+
 void Admission::allocate() {
   const std::shared_ptr<Renderer> renderer = rendering_.renderer();
-  absl::StatusOr<FrameMemory> memory = renderer->allocate(request_.desc, request_.settings, request_.verify);
-  if (memory.ok()) {
-    if (absl::Status status = reserve_lookahead(*memory); !status.ok()) memory = std::move(status);
-  }
+  absl::StatusOr<FrameMemory> memory = take_memory(*renderer);
   if (retry_after(memory.status())) return;
   if (!memory.ok()) return complete(memory.status());
   auto frame = std::make_shared<Frame>(
@@ -69,26 +101,38 @@ void Admission::allocate() {
   complete(Admitted{std::move(frame), std::move(choice_)});
 }
 
+absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
+  const absl::StatusOr<uint64_t> bytes =
+      renderer.bytes_for(request_.desc, request_.settings, request_.verify);
+  if (!bytes.ok()) return bytes.status();
+  if (absl::Status status = reserve_lookahead(*bytes); !status.ok()) return status;
+  absl::StatusOr<std::unique_ptr<MemoryClaim>> claim = memory_.claim_frame(client_, *bytes, absl::Now());
+  if (!claim.ok()) return claim.status();
+  absl::StatusOr<FrameMemory> memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
+  if (memory.ok()) memory->account(*std::move(claim));
+  if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(*bytes, absl::Now());
+  return memory;
+}
+
+absl::Status Admission::check_lookahead(uint64_t frame_bytes) const {
+  const uint64_t budget = memory_.budget_bytes();
+  const uint64_t wanted = frame_bytes * (request_.lookahead + 1);
+  if (request_.lookahead == 0 || wanted <= budget) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "a look-ahead of %d frames of %dx%d takes %d bytes and this server's memory budget is %d; use a "
+      "look-ahead of at most %d",
+      request_.lookahead, request_.desc.width, request_.desc.height, wanted, budget,
+      budget / frame_bytes - 1));
+}
+
 // Reserves memory for all frames of the look-ahead, each as large as this one.
-absl::Status Admission::reserve_lookahead(const FrameMemory& memory) {
+absl::Status Admission::reserve_lookahead(uint64_t frame_bytes) {
   if (request_.lookahead == 0) return absl::OkStatus();
-  const FrameDesc& desc = memory.desc();
-  const uint64_t wanted = memory.bytes() * (request_.lookahead + 1);
-  const uint64_t budget = lookahead_memory_.budget_bytes();
-  if (wanted > budget) {
-    return absl::ResourceExhaustedError(absl::StrFormat(
-        "a look-ahead of %d frames of %dx%d takes %d bytes and this server's memory budget is %d; use a "
-        "look-ahead of at most %d",
-        request_.lookahead, desc.width, desc.height, wanted, budget, budget / memory.bytes() - 1));
-  }
+  if (absl::Status status = check_lookahead(frame_bytes); !status.ok()) return status;
+  const uint64_t wanted = frame_bytes * (request_.lookahead + 1);
   if (wanted <= reserved_bytes_) return absl::OkStatus();
-  if (!lookahead_memory_.change(reserved_bytes_, wanted)) {
-    return absl::UnavailableError(absl::StrFormat(
-        "a look-ahead of %d frames of %dx%d takes %d bytes, and other sessions' look-ahead takes %d of this "
-        "server's memory budget of %d; try again when they have ended, use a shorter look-ahead, or raise "
-        "--memory-budget",
-        request_.lookahead, desc.width, desc.height, wanted, lookahead_memory_.reserved() - reserved_bytes_,
-        budget));
+  if (absl::Status status = memory_.promise_lookahead(client_, reserved_bytes_, wanted); !status.ok()) {
+    return status;
   }
   reserved_bytes_ = wanted;
   return absl::OkStatus();

@@ -1,4 +1,4 @@
-// Admission of a frame: its tier, its memory and its session's look-ahead, before its pixels may arrive.
+// Admission of a frame: its tier, its memory and its session's look-ahead, when its first pixels are here.
 #pragma once
 
 #include <grpcpp/alarm.h>
@@ -15,9 +15,10 @@
 
 namespace candela {
 
-// Admits the frames of one call, one after the other. Pixels are read only after that, so that a client whose
-// frame is not admitted is held back by HTTP/2 flow control or refused, and is never buffered. All methods
-// are called under the call's mutex.
+// Admits the frames of one call, one after the other. A frame is admitted when its first band has come, so
+// that headers alone hold nothing. No more bands are read until then: a client whose frame is not admitted is
+// held back by HTTP/2 flow control or refused, and is never buffered. All methods are called under the call's
+// mutex.
 class Admission {
  public:
   struct Request {
@@ -25,7 +26,8 @@ class Admission {
     uint64_t sequence = 0;
     Settings settings;
     Verify verify = Verify::kNo;
-    bool choose_tier = false;  // the settings promise an accuracy or a time instead of naming a tier
+    bool choose_tier = false;  // max_ms has to choose a tier
+    Flow flow = 0;             // is charged for measuring the tiers
     uint32_t lookahead = 0;    // frames; memory for as many more is reserved
     // The time to retry, once for the tier and once for the memory, while either is UNAVAILABLE. 0: refuse at
     // once.
@@ -33,19 +35,22 @@ class Admission {
   };
   struct Admitted {
     std::shared_ptr<Frame> frame;
-    std::optional<TierChoice> choice;  // if a tier was chosen
+    std::optional<TierChoice> choice;  // if max_ms chose a tier
   };
   // Called once, under the call's mutex: within begin(), on the render thread or on a thread of gRPC. Fails
-  // as TierBenchmark::choose, Renderer::allocate and RenderLoop::post do, and with RESOURCE_EXHAUSTED or
-  // UNAVAILABLE if there is no memory for the look-ahead.
+  // as TierBenchmark::measure, choose_by_time, Renderer::allocate and RenderLoop::submit do, and with
+  // RESOURCE_EXHAUSTED or UNAVAILABLE if there is no memory for the look-ahead.
   using Done = std::function<void(absl::StatusOr<Admitted>)>;
 
-  // `call` owns this object.
-  Admission(ServerCall& call, Rendering& rendering, LookaheadMemory& lookahead_memory)
-      : call_(call), rendering_(rendering), lookahead_memory_(lookahead_memory) {}
+  // `call` owns this object. Its frames are `client`'s.
+  Admission(ServerCall& call, Rendering& rendering, ClientMemory& memory, ClientId client)
+      : call_(call), rendering_(rendering), memory_(memory), client_(client) {}
 
-  // Begins with the next frame; the one before is admitted.
-  void begin(Request request, Done done);
+  // The next frame has its header; the one before is admitted. Takes nothing. RESOURCE_EXHAUSTED if the frame
+  // or its look-ahead can never be admitted.
+  absl::Status expect(Request request);
+  // Its first band is here.
+  void begin(Done done);
 
   // Gives up: `done` is not called any more.
   void cancel();
@@ -55,18 +60,23 @@ class Admission {
  private:
   void proceed();
   void choose_tier();
-  void on_choice(absl::StatusOr<TierChoice> choice);
+  void measure_tiers();
+  void stop_measuring();
   void allocate();
-  absl::Status reserve_lookahead(const FrameMemory& memory);
+  absl::StatusOr<FrameMemory> take_memory(Renderer& renderer);
+  absl::Status check_lookahead(uint64_t frame_bytes) const;
+  absl::Status reserve_lookahead(uint64_t frame_bytes);
   bool retry_after(const absl::Status& status);
   void complete(absl::StatusOr<Admitted> outcome);
 
   ServerCall& call_;
   Rendering& rendering_;
-  LookaheadMemory& lookahead_memory_;
+  ClientMemory& memory_;
+  const ClientId client_;
   Request request_;
   Done done_;  // null if there is no frame to admit
   std::optional<TierChoice> choice_;
+  std::optional<Ticket> measuring_;  // the job that measures the tiers
   absl::Time deadline_;
   std::unique_ptr<grpc::Alarm> alarm_;
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame

@@ -23,6 +23,18 @@ void Health::pulse(bool working, bool moving) {
   tell();
 }
 
+void Health::door(bool answers, bool alive) {
+  absl::MutexLock lock(&mutex_);
+  if (answers != door_answers_) {
+    log_event(answers ? LogLevel::kInfo : LogLevel::kError,
+              answers ? "connections are answered again"
+                      : "connections to its own address are not answered; health says NOT_SERVING");
+  }
+  door_answers_ = answers;
+  door_alive_ = alive;
+  tell();
+}
+
 void Health::drain() {
   absl::MutexLock lock(&mutex_);
   draining_ = true;
@@ -31,17 +43,17 @@ void Health::drain() {
 
 bool Health::alive() const {
   absl::MutexLock lock(&mutex_);
-  return moving_;
+  return live();
 }
 
 void Health::tell() {
   if (service_ == nullptr) return;
-  const bool ready = working_ && moving_ && !draining_;
+  const bool ready = working_ && door_answers_ && live() && !draining_;
   for (const char* name : {"", v1::RenderService::service_full_name(), "readiness"}) {
     service_->SetServingStatus(name, ready);
   }
-  service_->SetServingStatus("liveness", moving_);
-  metrics_.health(ready, moving_);
+  service_->SetServingStatus("liveness", live());
+  metrics_.health(ready, live());
 }
 
 }  // namespace candela

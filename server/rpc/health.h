@@ -9,9 +9,9 @@
 
 namespace candela {
 
-// The service "liveness" is SERVING while the render thread moves. The services "readiness",
-// "candela.v1.RenderService" and "" are SERVING while good frames are produced and the server is not
-// draining. Any thread.
+// The service "liveness" is SERVING while the render thread moves and connections have not been without an
+// answer for too long. The services "readiness", "candela.v1.RenderService" and "" are SERVING while good
+// frames are produced, connections are answered and the server is not draining. Any thread.
 class Health {
  public:
   // `metrics` outlives it.
@@ -20,12 +20,15 @@ class Health {
   // From now on updates `service`, which outlives the last pulse() and drain().
   void begin(grpc::HealthCheckServiceInterface& service);
   void pulse(bool working, bool moving);
+  // `answers`: connections are answered. `alive`: they were, not too long ago.
+  void door(bool answers, bool alive);
   // The server drains, and never becomes ready again.
   void drain();
   // Whether "liveness" is SERVING.
   bool alive() const;
 
  private:
+  bool live() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return moving_ && door_alive_; }
   void tell() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Metrics& metrics_;
@@ -33,6 +36,8 @@ class Health {
   grpc::HealthCheckServiceInterface* service_ ABSL_GUARDED_BY(mutex_) = nullptr;
   bool working_ ABSL_GUARDED_BY(mutex_) = true;
   bool moving_ ABSL_GUARDED_BY(mutex_) = true;
+  bool door_answers_ ABSL_GUARDED_BY(mutex_) = true;
+  bool door_alive_ ABSL_GUARDED_BY(mutex_) = true;
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

@@ -1,11 +1,13 @@
 #include "server/rpc/render_call.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "proto/candela/v1/message_wire.h"
+#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
@@ -22,13 +24,15 @@ RenderCall::RenderCall(grpc::CallbackServerContext* context, ServiceState& state
     : ServerCall(*context, state.call_gate, state.limits.idle_timeout),
       service_(state),
       work_(work),
-      flow_(absl::HashOf(context->peer()) << 1),
-      admission_(*this, state.rendering, state.sessions.lookahead_memory),
+      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
+      flow_(client_ << 1),
+      admission_(*this, state.rendering, *state.sessions.memory, client_),
       begun_(absl::Now()),
       last_progress_(begun_) {}
 
 void RenderCall::on_entered() {
-  watch_idle(idle_timeout());
+  visit_.emplace(service_.sessions.memory->presence(), client_);
+  watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
   StartRead(&incoming_);
 }
 
@@ -40,6 +44,8 @@ void RenderCall::OnReadDone(bool ok) {
   absl::Status status;
   if (state_ == State::kStart) {
     status = ok ? take_start() : absl::InvalidArgumentError("call was half-closed before its start message");
+  } else if (ok && state_ == State::kFirstBand) {
+    admit();
   } else {
     status = ok ? take_band() : enqueue();
   }
@@ -57,25 +63,35 @@ absl::Status RenderCall::take_start() {
     start_->verify = Verify::kNo;
     start_->settings = start_->settings.for_metering(/*histogram=*/true);
   }
-  state_ = State::kAdmission;
-  admission_.begin({.desc = start_->desc,
-                    .sequence = start_->sequence,
-                    .settings = start_->settings,
-                    .verify = start_->verify,
-                    .choose_tier = start_->settings.has_promise()},
-                   [this](absl::StatusOr<Admission::Admitted> admitted)
-                       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
+  if (absl::Status status = admission_.expect({.desc = start_->desc,
+                                               .sequence = start_->sequence,
+                                               .settings = start_->settings,
+                                               .verify = start_->verify,
+                                               .choose_tier = start_->settings->has_max_ms(),
+                                               .flow = flow_});
+      !status.ok()) {
+    return status;
+  }
+  bands_.emplace(v1::kFrameBand, start_->desc, start_->row_stride_bytes);
+  state_ = State::kFirstBand;
+  StartRead(&incoming_);
   return absl::OkStatus();
+}
+
+void RenderCall::admit() {
+  state_ = State::kAdmission;
+  admission_.begin([this](absl::StatusOr<Admission::Admitted> admitted)
+                       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
 }
 
 void RenderCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
   if (!admitted.ok()) return finish(admitted.status());
   if (admitted->choice) tier_reason_ = admitted->choice->reason;
   frame_ = std::move(admitted->frame);
-  bands_.emplace(v1::kFrameBand, start_->desc, start_->row_stride_bytes);
   state_ = State::kBands;
   last_progress_ = absl::Now();
-  StartRead(&incoming_);
+  admitted_ = last_progress_;
+  if (absl::Status status = take_band(); !status.ok()) finish(status);
 }
 
 absl::Status RenderCall::take_band() {
@@ -90,7 +106,7 @@ absl::Status RenderCall::enqueue() {
   // gRPC reports a client that vanished as one that half-closed.
   if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
   if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
-  FrameJob job{.frame = frame_, .work = work_, .flow = flow_};
+  FrameJob job{.frame = frame_, .work = work_, .ordered = false, .flow = flow_};
   job.deadline = absl::FromChrono(context_.deadline());
   job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous,
                 given = start_->given](const FrameStats& stats) {
@@ -125,7 +141,7 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   }
   v1::RenderResponse response;
   *response.mutable_header() = result_header(*frame_, start_->desc, *rendered, service_.rendering.device);
-  response.mutable_header()->set_tier_reason(tier_reason_);
+  if (response.header().tier_reason().empty()) response.mutable_header()->set_tier_reason(tier_reason_);
   result_.emplace(frame_, v1::pack(response));
   send_next();
 }
@@ -166,18 +182,27 @@ void RenderCall::on_finish(const absl::Status& status, const std::string& messag
   admission_.end();
   result_.reset();
   frame_.reset();
+  visit_.reset();
 }
 
 void RenderCall::on_idle() {
   // In these states the client waits for the server.
-  if (state_ == State::kQueued || state_ == State::kAdmission) return watch_idle(idle_timeout());
-  if (state_ == State::kBands && absl::Now() - begun_ > kMaxUploadTimeouts * idle_timeout()) {
+  if (state_ == State::kQueued || state_ == State::kAdmission) {
+    return watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
+  }
+  const absl::Time now = absl::Now();
+  if (state_ == State::kBands && now - admitted_ > kMaxUploadTimeouts * idle_timeout()) {
     return finish(absl::DeadlineExceededError(absl::StrFormat(
         "the frame was not complete after %s, %d times this server's idle timeout; send it faster",
-        absl::FormatDuration(absl::Trunc(absl::Now() - begun_, absl::Milliseconds(1))), kMaxUploadTimeouts)));
+        absl::FormatDuration(absl::Trunc(now - admitted_, absl::Milliseconds(1))), kMaxUploadTimeouts)));
   }
-  const absl::Duration idle = absl::Now() - last_progress_;
-  if (idle < idle_timeout()) return watch_idle(idle_timeout() - idle);
+  const absl::Duration idle = now - last_progress_;
+  if (state_ == State::kBands) {
+    const absl::Status yield =
+        service_.sessions.memory->check_upload(client_, frame_->memory.bytes(), now - admitted_, idle, now);
+    if (!yield.ok()) return finish(yield);
+  }
+  if (idle < idle_timeout()) return watch_idle(std::min(idle_timeout() - idle, ClientMemory::kLookInterval));
   // A write that nobody reads never ends, and no status could follow it.
   if (state_ == State::kSending) return context_.TryCancel();
   finish(absl::DeadlineExceededError(

@@ -22,7 +22,7 @@ namespace candela {
 
 // Goes through these states, and may finish in any of them:
 //
-//   start -> admission -> bands -> queued -> sending
+//   start -> first band -> admission -> bands -> queued -> sending
 //
 // A frame that cannot be admitted at once is refused, so admission only takes time if a tier has to be
 // chosen.
@@ -35,7 +35,7 @@ class RenderCall final : public ServerCall {
   void OnWriteDone(bool ok) override;
 
  private:
-  enum class State { kStart, kAdmission, kBands, kQueued, kSending };
+  enum class State { kStart, kFirstBand, kAdmission, kBands, kQueued, kSending };
 
   RenderCall(grpc::CallbackServerContext* context, ServiceState& state, Work work);
   std::shared_ptr<RenderCall> self() { return std::static_pointer_cast<RenderCall>(shared_from_this()); }
@@ -46,6 +46,7 @@ class RenderCall final : public ServerCall {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   absl::Status take_start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_admitted(absl::StatusOr<Admission::Admitted> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_band() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status enqueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -55,7 +56,9 @@ class RenderCall final : public ServerCall {
 
   ServiceState& service_;
   const Work work_;
-  const Flow flow_;            // of the connection
+  const ClientId client_;
+  const Flow flow_;  // of the client, however many connections it has
+  std::optional<ClientPresence::Visit> visit_ ABSL_GUARDED_BY(mutex_);
   grpc::ByteBuffer incoming_;  // belongs to gRPC between StartRead and OnReadDone
   grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
   Admission admission_ ABSL_GUARDED_BY(mutex_);
@@ -67,6 +70,7 @@ class RenderCall final : public ServerCall {
   Ticket ticket_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<ResultWriter> result_ ABSL_GUARDED_BY(mutex_);
   const absl::Time begun_;
+  absl::Time admitted_ ABSL_GUARDED_BY(mutex_);
   absl::Time last_progress_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "server/render/self_test.h"
 #include "server/rpc/render_call.h"
 #include "server/rpc/stream_call.h"
 
@@ -14,6 +15,19 @@ namespace {
 // The index of `rpc Meter` in render.proto. On the wire, a call with one answer is a stream with one message,
 // and RenderCall handles streams. The generated class has no raw handler for that.
 constexpr int kMeterIndex = 2;
+
+// The times of the tiers, as far as they are measured.
+void add_times(const TierBenchmark& benchmark, v1::GetServerInfoResponse& info) {
+  for (int i = 0; i < info.tiers_size(); ++i) {
+    const Tier& tier = tiers()[static_cast<size_t>(i)];
+    for (const MeasuredTime& time : benchmark.measured(tier, kUsualFormat, Settings())) {
+      v1::TierTime& row = *info.mutable_tiers(i)->add_times();
+      row.set_width(time.width);
+      row.set_height(time.height);
+      row.set_ms(time.ms);
+    }
+  }
+}
 
 }  // namespace
 
@@ -41,6 +55,7 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
                                                        const v1::GetServerInfoRequest*,
                                                        v1::GetServerInfoResponse* response) {
   *response = info_;
+  add_times(state_.rendering.tier_benchmark, *response);
   const PoolCounters counters = pool_();
   v1::PoolInfo& pool = *response->mutable_pool();
   pool.set_hits(counters.hits);

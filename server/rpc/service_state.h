@@ -27,7 +27,7 @@ struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
   std::function<std::shared_ptr<Renderer>()> renderer;
   RenderLoop& loop;
-  TierBenchmark& tier_benchmark;  // used on the loop's thread only
+  TierBenchmark& tier_benchmark;
   WorkerPool& encoders;
   const std::string device;  // name of the Vulkan device
   std::atomic<uint64_t> frames_rendered{0};
@@ -37,6 +37,7 @@ struct CallLimits {
   FrameLimits frame;
   absl::Duration idle_timeout;
   uint32_t max_frames_in_flight = 0;  // per session
+  bool tokens = false;                // calls need a bearer token
 };
 
 // Any thread. Outlives every call.

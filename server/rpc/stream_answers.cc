@@ -51,7 +51,7 @@ bool StreamAnswers::next(SessionFrames& frames, grpc::ByteBuffer& message) {
 std::string StreamAnswers::token(const SessionFrames::Entry& frame, const ExposurePoint& exposure) const {
   return keys_.seal({.session = session_,
                      .epoch = epoch_,
-                     .sequence = frame.sequence,
+                     .sequence = frame.token_sequence,
                      .exposure = exposure,
                      .settings_hash = frame.settings_hash,
                      .tier = frame.tier},
@@ -63,7 +63,7 @@ grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
   v1::StreamResponse response;
   v1::ResultHeader& header = *response.mutable_header();
   header = result_header(*frame.frame, frame.layout.desc, {*frame.report, frame.queued}, device_);
-  header.set_tier_reason(frame.tier_reason);
+  if (header.tier_reason().empty()) header.set_tier_reason(frame.tier_reason);
   header.set_exposure_before(frame.exposure.before);
   header.set_cut(frame.exposure.cut);
   header.set_resume_token(token(frame, exposure));

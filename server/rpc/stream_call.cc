@@ -3,26 +3,23 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
 
 namespace candela {
-namespace {
-
-std::string to_words(absl::Duration duration) {
-  return absl::FormatDuration(absl::Trunc(duration, absl::Milliseconds(1)));
-}
-
-}  // namespace
-
-StreamCall::Open::Open(OpenedSession opened, const ServiceState& state)
+StreamCall::Open::Open(OpenedSession opened, const ServiceState& state, ClientId client)
     : session(std::move(opened)),
-      settings(session.start.settings, session.start.encoding),
+      settings(session.start.settings, session.start.encoding,
+               [memory = state.sessions.memory, client](uint64_t bytes) {
+                 return memory->claim_table(client, bytes);
+               }),
       frames(session.start.lookahead, session.start.cut_threshold_ev, session.point.exposure,
-             state.limits.max_frames_in_flight, session.start.draws()),
+             state.limits.max_frames_in_flight, session.start.draws(), session.resumed_at()),
       answers(state.sessions.keys, session.start, session.epoch, state.rendering.device) {
   if (session.resumed) settings.resume(session.point.sequence, session.point.tier);
 }
@@ -37,12 +34,14 @@ StreamCall::StreamCall(grpc::CallbackServerContext* context, ServiceState& state
     : ServerCall(*context, state.session_gate, state.limits.idle_timeout),
       state_(state),
       flow_(state.sessions.next_flow.fetch_add(2)),
-      admission_(*this, state.rendering, state.sessions.lookahead_memory),
+      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
+      admission_(*this, state.rendering, *state.sessions.memory, client_),
       last_read_(absl::Now()),
       last_write_(last_read_) {}
 
 void StreamCall::on_entered() {
-  watch_idle(idle_timeout() / 2);
+  visit_.emplace(state_.sessions.memory->presence(), client_);
+  watch_idle(std::min(idle_timeout() / 2, ClientMemory::kLookInterval));
   read_on();
 }
 
@@ -50,7 +49,8 @@ void StreamCall::on_entered() {
 
 void StreamCall::read_on() {
   if (ending() || read_pending_) return;
-  const bool wanted = reading_ == Reading::kOpen || reading_ == Reading::kBands ||
+  const bool wanted = reading_ == Reading::kOpen || reading_ == Reading::kFirstBand ||
+                      reading_ == Reading::kBands || reading_ == Reading::kPassing ||
                       (reading_ == Reading::kBetween && open_->frames.has_room());
   if (!wanted) return;
   read_pending_ = true;
@@ -66,13 +66,19 @@ void StreamCall::OnReadDone(bool ok) {
   if (ok) state_.metrics.bytes_in(incoming_.Length());
   grpc::ByteBuffer message;  // because the next read may begin before this message is processed
   message.Swap(&incoming_);
+  const bool between = ok && reading_ == Reading::kBetween;
   const absl::Status status = ok ? take_message(message) : take_half_close();
-  if (!status.ok()) return read_no_more(status);
+  if (!status.ok()) return between ? refuse(status) : read_no_more(status);
   read_on();
 }
 
 absl::Status StreamCall::take_message(grpc::ByteBuffer& message) {
   if (reading_ == Reading::kBands) return take_band(message);
+  if (reading_ == Reading::kPassing) return take_passed(message);
+  if (reading_ == Reading::kFirstBand) {
+    admit(message);
+    return absl::OkStatus();
+  }
   v1::StreamRequest request;
   if (absl::Status status = parse_request(message, request); !status.ok()) return status;
   if (reading_ == Reading::kOpen) return take_open(request);
@@ -96,7 +102,7 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
     state_.sessions.table.leave(opened->start.session, this);
     return absl::UnavailableError("server is draining and takes no new sessions; use another one");
   }
-  open_.emplace(*std::move(opened), state_);
+  open_.emplace(*std::move(opened), state_, client_);
   const OpenedSession& session = open_->session;
   state_.metrics.session_began();
   log_event(LogLevel::kInfo, session.resumed ? "session resumed" : "session opened",
@@ -112,8 +118,10 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
 }
 
 absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
+  sequence_ = header.sequence();
   const absl::StatusOr<WireLayout> layout = wire_layout_from(header, state_.limits.frame);
   if (!layout.ok()) return layout.status();
+  if (open_->frames.passes_over(header.sequence())) return pass_over(header, *layout);
   SettingsTrack& settings = open_->settings;
   settings.advance(header.sequence());
   const SessionSettings& asked = settings.now();
@@ -123,32 +131,33 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
       !status.ok()) {
     return status;
   }
-  reading_ = Reading::kAdmission;
+  bands_.emplace(v1::kStreamFrameBand, layout->desc, layout->row_stride_bytes);
+  reading_ = Reading::kFirstBand;
   // A frame that is not drawn gives its memory back before it waits for later ones.
   const StreamStart& start = open_->session.start;
   const bool draws = start.draws();
-  admission_.begin(
+  return admission_.expect(
       {.desc = layout->desc,
        .sequence = header.sequence(),
        .settings = draws ? settings.of_frame() : settings.of_frame().for_metering(/*histogram=*/false),
        .choose_tier = draws && settings.wants_tier(),
+       .flow = flow_,
        .lookahead = draws ? start.lookahead : 0,
-       .patience = idle_timeout()},
-      [this](absl::StatusOr<Admission::Admitted> admitted)
-          ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
-  return absl::OkStatus();
+       .patience = idle_timeout()});
 }
 
 void StreamCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
-  if (!admitted.ok()) return read_no_more(admitted.status());
+  if (!admitted.ok()) return refuse(admitted.status());
   if (admitted->choice) open_->settings.choose(*std::move(admitted->choice));
   Entry& entry = *open_->frames.newest();
   entry.frame = std::move(admitted->frame);
   entry.tier = open_->settings.tier();
   entry.tier_reason = open_->settings.tier_reason();
   entry.begun = absl::Now();
-  bands_.emplace(v1::kStreamFrameBand, entry.layout.desc, entry.layout.row_stride_bytes);
   reading_ = Reading::kBands;
+  grpc::ByteBuffer band;
+  band.Swap(&first_band_);
+  if (absl::Status status = take_band(band); !status.ok()) return read_no_more(status);
   read_on();
 }
 
@@ -168,7 +177,7 @@ absl::Status StreamCall::take_half_close() {
   if (reading_ == Reading::kOpen) {
     return absl::InvalidArgumentError("call was half-closed before its open message");
   }
-  if (reading_ == Reading::kBands) return bands_->check_complete();
+  if (bands_) return bands_->check_complete();
   reading_ = Reading::kClosed;
   open_->frames.close();
   if (absl::Status status = submit_decided(); !status.ok()) return status;
@@ -225,6 +234,7 @@ void StreamCall::on_worked(const EntryPtr& entry, Work work, absl::StatusOr<Rend
     return;
   }
   absl::Status status = rendered.status();
+  if (!status.ok()) log_failure(*entry, status);
   if (rendered.ok() && work == Work::kMeter) {
     open_->frames.metered(*entry, *std::move(rendered));
     if (!open_->session.start.draws()) freed_memory = std::move(entry->frame->memory);
@@ -241,11 +251,10 @@ void StreamCall::on_worked(const EntryPtr& entry, Work work, absl::StatusOr<Rend
 }
 
 void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
-  state_.metrics.frame_ended(absl::StatusCode::kOk);
   const StreamStart& start = open_->session.start;
   const bool encode = start.encoding != v1::ENCODING_RAW;
   SessionFrames::rendered(*entry, std::move(rendered), encode);
-  if (!encode) return;
+  if (!encode) return state_.metrics.frame_ended(absl::StatusCode::kOk);
   state_.rendering.encoders.run(
       [self = self(), entry, image = entry->frame, encoding = start.encoding, quality = start.jpeg_quality] {
         const absl::Time begin = absl::Now();
@@ -258,10 +267,12 @@ void StreamCall::on_encoded(const EntryPtr& entry, absl::StatusOr<std::string> f
   absl::MutexLock lock(&mutex_);
   if (entry->dropped) return;
   if (!file.ok()) {
+    log_failure(*entry, file.status());
     end_without(open_->frames.end_before(*entry), file.status());
   } else {
     SessionFrames::encoded(*entry, *std::move(file), took);
     state_.metrics.stage("encode", took);
+    state_.metrics.frame_ended(absl::StatusCode::kOk);
   }
   write_on();
 }
@@ -271,6 +282,7 @@ void StreamCall::on_encoded(const EntryPtr& entry, absl::StatusOr<std::string> f
 void StreamCall::OnWriteDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   write_pending_ = false;
+  outgoing_.Clear();  // it would hold the memory of the frame until the next write
   if (finished()) return;
   if (!ok) return finish(absl::CancelledError("client went away before it had its results"));
   last_write_ = absl::Now();
@@ -309,6 +321,11 @@ void StreamCall::give_up() {
   if (!finished()) finish(absl::AbortedError("another call resumed this session"));
 }
 
+void StreamCall::refuse(const absl::Status& status) {
+  if (const std::optional<Rejection> reason = rejection_of(status)) state_.metrics.rejected(*reason);
+  read_no_more(status);
+}
+
 void StreamCall::read_no_more(const absl::Status& status) {
   if (!open_ || absl::IsCancelled(status)) return finish(status);
   end_without(open_->frames.end_after_received(), status);
@@ -319,13 +336,12 @@ void StreamCall::end_without(const SessionFrames::Entries& dropped, const absl::
   if (!ending_) ending_ = status;
   reading_ = Reading::kClosed;
   admission_.cancel();
-  release(dropped);
+  release(dropped, status);
 }
 
-// A frame that is being rendered is finished and discarded, and releases its memory only then.
-void StreamCall::release(const SessionFrames::Entries& dropped) {
+void StreamCall::release(const SessionFrames::Entries& dropped, const absl::Status& status) {
   for (const EntryPtr& entry : dropped) {
-    if (entry->unfinished()) state_.metrics.frame_ended(absl::StatusCode::kCancelled);
+    if (entry->frame != nullptr && entry->unfinished()) state_.metrics.frame_ended(status.code());
     if (entry->submitted()) {
       state_.rendering.loop.cancel(entry->ticket);
     } else {
@@ -334,10 +350,20 @@ void StreamCall::release(const SessionFrames::Entries& dropped) {
   }
 }
 
+void StreamCall::log_failure(const Entry& entry, const absl::Status& status) {
+  log_event(LogLevel::kInfo, "frame failed",
+            {{"session", open_->session.start.session},
+             {"sequence", entry.sequence},
+             {"peer", context_.peer()},
+             {"status", absl::StatusCodeToString(status.code())},
+             {"message", status.message()}});
+}
+
 void StreamCall::on_finish(const absl::Status& status, const std::string& message) {
   log_event(LogLevel::kInfo, "session ended",
             {{"session", open_ ? open_->session.start.session : ""},
              {"peer", context_.peer()},
+             {"sequence", sequence_},
              {"answered", open_ ? open_->frames.answered() : 0},
              {"status", absl::StatusCodeToString(status.code())},
              {"message", message}});
@@ -345,38 +371,15 @@ void StreamCall::on_finish(const absl::Status& status, const std::string& messag
     state_.sessions.table.leave(open_->session.start.session, this);
     state_.metrics.session_ended();
     open_->answers.end();
-    release(open_->frames.drop_all());
+    release(open_->frames.drop_all(), status);
   } else if (!inside()) {
     state_.metrics.rejected(state_.session_gate.closed() ? Rejection::kDraining : Rejection::kSessions);
-  } else if (const std::optional<Rejection> reason = rejection_of(status)) {
+  } else if (const std::optional<Rejection> reason = rejection_at_open(status)) {
     state_.metrics.rejected(*reason);
   }
   admission_.end();
-}
-
-void StreamCall::on_idle() {
-  const absl::Time now = absl::Now();
-  const absl::Duration timeout = idle_timeout();
-  // A write that nobody reads never ends, and no status could follow it.
-  if (write_pending_ && now - last_write_ >= timeout) return context_.TryCancel();
-  if (reading_ == Reading::kBands) {
-    const Entry& entry = *open_->frames.newest();
-    if (const absl::Duration taken = now - entry.begun; taken > kMaxUploadTimeouts * timeout) {
-      return finish(absl::DeadlineExceededError(absl::StrFormat(
-          "frame %d was not complete after %s, %d times this server's idle timeout; send it faster",
-          entry.sequence, to_words(taken), kMaxUploadTimeouts)));
-    }
-  }
-  const bool busy = write_pending_ || (open_ && open_->frames.busy());
-  // If the session is full of frames that wait for later ones, nothing is read, and that is idle too.
-  const bool may_arrive = read_pending_ || reading_ == Reading::kBetween;
-  if (may_arrive && !busy && now - std::max(last_read_, last_write_) >= timeout) {
-    return finish(absl::DeadlineExceededError(absl::StrFormat(
-        "nothing arrived for %s, this server's idle timeout; send frames without such pauses, or resume the "
-        "session",
-        to_words(timeout))));
-  }
-  watch_idle(timeout / 2);
+  first_band_.Clear();
+  visit_.reset();
 }
 
 }  // namespace candela

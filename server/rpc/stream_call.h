@@ -25,7 +25,8 @@ namespace candela {
 
 // Reads, renders and writes at the same time. It reads one message at a time, in these states:
 //
-//   open -> between -> admission -> bands -> between ... -> closed
+//   open -> between -> first band -> admission -> bands -> between ... -> closed
+//           between -> passing -> between
 //
 // SessionFrames holds the frames that were read and StreamAnswers sends their answers. The next message is
 // read only if there is room for what it may bring, so HTTP/2 flow control holds the client back. The render
@@ -42,13 +43,13 @@ class StreamCall final : public ServerCall, public SessionCall {
   void give_up() override;
 
  private:
-  enum class Reading { kOpen, kBetween, kAdmission, kBands, kClosed };
+  enum class Reading { kOpen, kBetween, kFirstBand, kAdmission, kBands, kPassing, kClosed };
   using Entry = SessionFrames::Entry;
   using EntryPtr = SessionFrames::EntryPtr;
 
   // The members that exist from the open message on.
   struct Open {
-    Open(OpenedSession opened, const ServiceState& state);
+    Open(OpenedSession opened, const ServiceState& state, ClientId client);
 
     OpenedSession session;
     SettingsTrack settings;
@@ -71,6 +72,12 @@ class StreamCall final : public ServerCall, public SessionCall {
   absl::Status take_message(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_open(const v1::StreamRequest& request) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_header(const v1::FrameHeader& header) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void admit(grpc::ByteBuffer& band) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // A frame that was answered before the session was resumed: its bands are read and dropped.
+  absl::Status pass_over(const v1::FrameHeader& header, const WireLayout& layout)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status take_passed(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status idle_for(absl::Duration timeout) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_admitted(absl::StatusOr<Admission::Admitted> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_band(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_half_close() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -90,19 +97,29 @@ class StreamCall final : public ServerCall, public SessionCall {
   // Reads nothing more. Frames that were received completely are answered, unless they wait for later ones.
   // Then the call ends with `status`.
   void read_no_more(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Does so because a message was refused before its frame had memory, and counts that.
+  void refuse(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Reads nothing more and releases `dropped`. The call ends with `status` once the other frames are
   // answered.
   void end_without(const SessionFrames::Entries& dropped, const absl::Status& status)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void release(const SessionFrames::Entries& dropped) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Counts the dropped frames that are not finished by `status`, and frees their memory. A frame that is being
+  // rendered is finished and discarded, and releases its memory only then.
+  void release(const SessionFrames::Entries& dropped, const absl::Status& status)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void log_failure(const Entry& entry, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   ServiceState& state_;
   const Flow flow_;
+  const ClientId client_;
+  std::optional<ClientPresence::Visit> visit_ ABSL_GUARDED_BY(mutex_);
   grpc::ByteBuffer incoming_;  // belongs to gRPC between StartRead and OnReadDone
   grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
   std::optional<Open> open_ ABSL_GUARDED_BY(mutex_);
   Admission admission_ ABSL_GUARDED_BY(mutex_);
+  uint64_t sequence_ ABSL_GUARDED_BY(mutex_) = 0;  // of the newest header
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
+  grpc::ByteBuffer first_band_ ABSL_GUARDED_BY(mutex_);  // waits for its frame's memory
   Reading reading_ ABSL_GUARDED_BY(mutex_) = Reading::kOpen;
   bool read_pending_ ABSL_GUARDED_BY(mutex_) = false;
   bool write_pending_ ABSL_GUARDED_BY(mutex_) = false;

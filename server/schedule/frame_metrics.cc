@@ -11,6 +11,7 @@ void count_stages(Metrics& metrics, const RenderedFrame& rendered) {
 std::optional<Rejection> rejection_of(const absl::Status& status) {
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kAlreadyExists:
       return Rejection::kRequest;
     case absl::StatusCode::kResourceExhausted:
       return Rejection::kSize;
@@ -21,6 +22,12 @@ std::optional<Rejection> rejection_of(const absl::Status& status) {
     default:
       return std::nullopt;
   }
+}
+
+std::optional<Rejection> rejection_at_open(const absl::Status& status) {
+  if (absl::IsFailedPrecondition(status)) return Rejection::kToken;
+  if (absl::IsUnavailable(status)) return Rejection::kDraining;
+  return rejection_of(status);
 }
 
 }  // namespace candela

@@ -32,7 +32,8 @@ absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {
   }
   Share& share = shares_.try_emplace(job.flow, Share{clock_}).first->second;
   if (share.jobs.empty()) share.used = std::max(share.used, clock_);
-  share.jobs.push_back({next_ticket_, std::move(job)});
+  job.ticket = next_ticket_;
+  share.jobs.push_back(std::move(job));
   ++waiting_;
   return next_ticket_++;
 }
@@ -40,6 +41,7 @@ absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {
 std::optional<FrameJob> FrameQueue::pop() {
   if (waiting_ == 0) return std::nullopt;
   auto next = shares_.end();
+  absl::Duration least = absl::InfiniteDuration();
   for (auto share = shares_.begin(); share != shares_.end();) {
     const Share& candidate = share->second;
     if (candidate.jobs.empty() && candidate.used <= clock_) {
@@ -47,23 +49,34 @@ std::optional<FrameJob> FrameQueue::pop() {
       continue;
     }
     const auto before = [](const Share& a, const Share& b) {
-      return a.used != b.used ? a.used < b.used : a.jobs.front().ticket < b.jobs.front().ticket;
+      const absl::Duration a_end = a.used + a.last, b_end = b.used + b.last;
+      return a_end != b_end ? a_end < b_end : a.jobs.front().ticket < b.jobs.front().ticket;
     };
-    if (!candidate.jobs.empty() && (next == shares_.end() || before(candidate, next->second))) next = share;
+    if (!candidate.jobs.empty()) {
+      least = std::min(least, candidate.used);
+      if (next == shares_.end() || before(candidate, next->second)) next = share;
+    }
     ++share;
   }
   Share& share = next->second;
-  clock_ = std::max(clock_, share.used);
-  FrameJob job = std::move(share.jobs.front().job);
+  clock_ = std::max(clock_, least);
+  FrameJob job = std::move(share.jobs.front());
   share.jobs.pop_front();
   --waiting_;
   return job;
+}
+
+void FrameQueue::put_back(FrameJob job) {
+  std::deque<FrameJob>& jobs = shares_.try_emplace(job.flow, Share{clock_}).first->second.jobs;
+  jobs.insert(job.ordered ? jobs.begin() : jobs.end(), std::move(job));
+  ++waiting_;
 }
 
 void FrameQueue::charge(Flow flow, absl::Duration time) {
   const auto served = shares_.find(flow);
   if (served == shares_.end()) return;
   served->second.used += time;
+  served->second.last = time;
   const auto competing = std::count_if(shares_.begin(), shares_.end(), [flow](const auto& entry) {
     return entry.first == flow || !entry.second.jobs.empty();
   });
@@ -73,9 +86,9 @@ void FrameQueue::charge(Flow flow, absl::Duration time) {
 std::optional<FrameJob> FrameQueue::remove(Ticket ticket) {
   for (auto& [flow, share] : shares_) {
     const auto entry = std::find_if(share.jobs.begin(), share.jobs.end(),
-                                    [ticket](const Entry& e) { return e.ticket == ticket; });
+                                    [ticket](const FrameJob& j) { return j.ticket == ticket; });
     if (entry == share.jobs.end()) continue;
-    FrameJob job = std::move(entry->job);
+    FrameJob job = std::move(*entry);
     share.jobs.erase(entry);
     --waiting_;
     return job;

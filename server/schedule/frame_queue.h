@@ -1,4 +1,4 @@
-// A bounded queue of frames that is fair by device time.
+// A bounded queue of frames, and of other work for the device, that is fair by device time.
 #pragma once
 
 #include <cstddef>
@@ -11,6 +11,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/base/slices.h"
 #include "server/render/renderer.h"
 
 namespace candela {
@@ -30,38 +31,58 @@ struct Frame {
 
 struct RenderedFrame {
   FrameReport report;
-  absl::Duration queued;  // from submission to the start of rendering
+  absl::Duration queued;  // from submission to the end of rendering, without the time for which it ran
 };
+
+// Identifies a submitted job. Tickets are never reused.
+using Ticket = uint64_t;
 
 // Identifies the session that a frame belongs to, or the connection that called Render. Each flow gets a fair
 // share of the device.
 using Flow = uint64_t;
 
+// A frame, or other work for the device.
 struct FrameJob {
-  std::shared_ptr<Frame> frame;
+  std::shared_ptr<Frame> frame;  // null if there is a `task`
   Work work = Work::kRender;
   // Decides the exposure of the frame between metering and drawing. Called once, on the render thread; unused
   // and may be null for kMeter.
   std::function<Exposed(const FrameStats&)> decide = nullptr;
+  // Work that is not a frame, such as measuring. It runs in slices. It may use the device and everything else
+  // that belongs to the render thread, which waits meanwhile; at a checkpoint other jobs use them.
+  std::function<void()> task = nullptr;
+  // A frame that takes long: it is rendered in slices. The render loop adds the frames that the reference
+  // renders or verifies.
+  bool in_slices = false;
+  // The flow's later jobs wait for the end of this one, as frames of a session do. Otherwise those of its
+  // jobs that run in slices alternate with the rest. A task is never ordered.
+  bool ordered = true;
   Flow flow = 0;
-  absl::Time deadline = absl::InfiniteFuture();  // the job fails if its turn comes later than this
-  absl::Time submitted = {};                     // set by the render loop
-  // Called once, on the render thread, unless the job was removed first. Does not block.
+  absl::Time deadline = absl::InfiniteFuture();  // the job fails if its first turn comes later than this
+  // Called once, on the render thread, unless the job was removed first. Does not block. After a task the
+  // report is empty.
   std::function<void(absl::StatusOr<RenderedFrame>)> done = nullptr;
+
+  // The rest is set by the queue and the render loop.
+  absl::Time submitted = {};
+  Ticket ticket = 0;
+  absl::Duration ran = absl::ZeroDuration();
+  std::shared_ptr<absl::StatusOr<FrameReport>> report = nullptr;  // written by `slices`
+  std::unique_ptr<SlicedWork> slices = nullptr;                   // of a job that has begun
 };
 
 // Meters, decides and draws, as far as the job asks for it, with the frame's own renderer. After kMeter the
 // report holds only the statistics and the stages.
 absl::StatusOr<FrameReport> render_frame(const FrameJob& job);
 
-// Identifies a submitted job. Tickets are never reused.
-using Ticket = uint64_t;
-
-// The next job comes from the flow that has used the least device time; jobs of one flow keep their order. A
-// new flow, or one that returns after a pause, starts at the current fair share: it cannot claim time that it
-// did not use, and no number of new flows starves an old one. (This is the virtual time of J. Bennett and
-// H. Zhang, "Hierarchical packet fair queueing algorithms", 1997, with the measured time as the cost.) Not
-// thread-safe.
+// The next job comes from the flow that will have used the least device time after it, if it takes as long as
+// the flow's last one did; ordered jobs of one flow keep their order, and the others
+// alternate. So a small frame does not wait for a slice of
+// each of many flows. A new flow, or one that returns after a pause, starts at the current fair share: it
+// cannot claim time that it did not use, and no number of new flows starves an old one. (This is the virtual
+// time of J. Bennett and H. Zhang, "Hierarchical packet fair queueing algorithms", 1997, with the measured
+// time as the cost.) Not thread-safe. A job that runs in slices is charged for each and then goes back to its
+// flow, so slices of several flows alternate.
 class FrameQueue {
  public:
   explicit FrameQueue(size_t capacity) : capacity_(capacity) {}
@@ -69,9 +90,12 @@ class FrameQueue {
   // UNAVAILABLE if the queue is full.
   absl::StatusOr<Ticket> push(FrameJob job);
   std::optional<FrameJob> pop();
+  // Puts a job that pop() returned back to the front of its flow if it is ordered, otherwise to the end. Does
+  // so even if the queue is full.
+  void put_back(FrameJob job);
   // Charges `flow` for the device time that its job took. Call it before the next pop().
   void charge(Flow flow, absl::Duration time);
-  // Removes a waiting job from the queue. Returns nothing if it is no longer waiting.
+  // Removes a waiting job from the queue. Returns nothing if it is not waiting.
   std::optional<FrameJob> remove(Ticket ticket);
 
   bool empty() const { return waiting_ == 0; }
@@ -79,19 +103,16 @@ class FrameQueue {
   size_t flows() const { return shares_.size(); }  // that have an account
 
  private:
-  struct Entry {
-    Ticket ticket;
-    FrameJob job;
-  };
   struct Share {
-    absl::Duration used;  // on the queue's own clock
-    std::deque<Entry> jobs{};
+    absl::Duration used;                         // on the queue's own clock
+    absl::Duration last = absl::ZeroDuration();  // what its last job or slice took; 0 for a new flow
+    std::deque<FrameJob> jobs{};
   };
 
   const size_t capacity_;
   Ticket next_ticket_ = 1;
   size_t waiting_ = 0;
-  // The device time of a flow that always had frames waiting. New flows start here.
+  // The device time of a flow that always had jobs waiting. New flows start here.
   absl::Duration clock_ = absl::ZeroDuration();
   std::map<Flow, Share> shares_;
 };

@@ -9,22 +9,24 @@
 namespace candela {
 namespace {
 
-// Whether a PNG needs its alpha. Without straight alpha a constant one says nothing.
+// Whether a PNG needs its alpha, by the client's rule (write_png): an alpha that is 1 everywhere says
+// nothing, and one that is 0 everywhere would hide the whole picture.
 template <typename Component>
-bool needs_alpha(const PictureView& picture, bool straight) {
+bool needs_alpha(const PictureView& picture) {
   constexpr size_t kComponents = 4;
-  const auto alpha = [&](uint32_t x, uint32_t y) {
-    Component value;
-    std::memcpy(&value, picture.row(y) + (size_t{x} * kComponents + 3) * sizeof value, sizeof value);
-    return value;
-  };
-  const Component first = straight ? std::numeric_limits<Component>::max() : alpha(0, 0);
+  constexpr Component kOpaque = std::numeric_limits<Component>::max();
+  bool opaque = true, transparent = true, colour = false;  // everywhere, everywhere, anywhere
   for (uint32_t y = 0; y < picture.height; ++y) {
     for (uint32_t x = 0; x < picture.width; ++x) {
-      if (alpha(x, y) != first) return true;
+      Component pixel[kComponents];
+      std::memcpy(pixel, picture.row(y) + x * sizeof pixel, sizeof pixel);
+      opaque = opaque && pixel[3] == kOpaque;
+      transparent = transparent && pixel[3] == 0;
+      colour = colour || pixel[0] != 0 || pixel[1] != 0 || pixel[2] != 0;
+      if (!opaque && !transparent) return true;
     }
   }
-  return false;
+  return transparent && !colour;
 }
 
 EncodedTransfer encoded_transfer(v1::Transfer transfer) {
@@ -57,9 +59,7 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
   if (encoding == v1::ENCODING_JPEG) {
     status = encode_jpeg(picture, {quality, transfer}, append);
   } else {
-    const bool straight = settings->alpha() == v1::ALPHA_STRAIGHT;
-    const bool alpha =
-        picture.wide ? needs_alpha<uint16_t>(picture, straight) : needs_alpha<uint8_t>(picture, straight);
+    const bool alpha = picture.wide ? needs_alpha<uint16_t>(picture) : needs_alpha<uint8_t>(picture);
     status = encode_png(picture, {alpha, transfer}, append);
   }
   if (!status.ok()) return status;

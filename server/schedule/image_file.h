@@ -10,9 +10,9 @@
 namespace candela {
 
 // Encodes the image of `memory`, which was rendered with `settings`. `encoding` is not kRaw. A PNG has 8 or
-// 16 bits, chunks for its transfer function, and alpha unless it is constant (with straight alpha: unless it
-// is 1). A JPEG has 8 bits, 4:4:4 and no alpha; `quality` is 1 .. 100. Any thread. Takes tens of milliseconds
-// for a large frame.
+// 16 bits, chunks for its transfer function, and alpha unless it is 1 everywhere, or 0
+// everywhere and would hide a picture. A JPEG has 8 bits, 4:4:4 and no alpha; `quality` is 1 .. 100. Any
+// thread. Takes tens of milliseconds for a large frame.
 absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
                                          v1::Encoding encoding, int quality);
 

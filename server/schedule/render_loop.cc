@@ -1,18 +1,27 @@
 #include "server/schedule/render_loop.h"
 
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 
 namespace candela {
 
-RenderLoop::RenderLoop(Render render, size_t capacity)
-    : render_(std::move(render)), queue_(capacity), thread_([this] { run(); }) {}
+namespace {
+
+bool takes_long(const FrameJob& job) { return job.task != nullptr || job.frame->memory.needs_reference(); }
+
+}  // namespace
+
+RenderLoop::RenderLoop(Render render, size_t capacity, absl::Duration slice)
+    : render_(std::move(render)), slice_(slice), queue_(capacity), thread_([this] { run(); }) {}
 
 RenderLoop::~RenderLoop() { stop(); }
 
 absl::StatusOr<Ticket> RenderLoop::submit(FrameJob job) {
   job.submitted = absl::Now();
+  job.in_slices |= takes_long(job);
+  job.ordered &= job.task == nullptr;
   absl::MutexLock lock(&mutex_);
   if (stopping_) return absl::UnavailableError("server is stopping; send the frame to another one");
   return queue_.push(std::move(job));
@@ -29,6 +38,7 @@ bool RenderLoop::cancel(Ticket ticket) {
   std::optional<FrameJob> job;  // outlives the lock, because freeing a frame's memory takes time
   absl::MutexLock lock(&mutex_);
   job = queue_.remove(ticket);
+  if (!job && running_ == ticket) last_slice_ = true;
   return job.has_value();
 }
 
@@ -60,6 +70,8 @@ void RenderLoop::run() {
         tasks_.pop_front();
       } else {
         job = queue_.pop();
+        running_ = job ? job->ticket : 0;
+        last_slice_ = false;
       }
     }
     if (task) {
@@ -73,23 +85,59 @@ void RenderLoop::run() {
 
 void RenderLoop::serve(FrameJob job) {
   const absl::Time start = absl::Now();
-  if (start >= job.deadline) {
-    job.done(absl::DeadlineExceededError(
+  const bool begins = job.slices == nullptr;
+  if (begins && start >= job.deadline) {
+    return job.done(absl::DeadlineExceededError(
         absl::StrFormat("frame waited %s in the queue and its deadline passed, so it was not rendered",
                         absl::FormatDuration(absl::Trunc(start - job.submitted, absl::Milliseconds(1))))));
-    return;
   }
-  absl::StatusOr<FrameReport> report = render_(job);
+  if (begins && job.in_slices) begin_slices(job);
+  absl::StatusOr<FrameReport> report = FrameReport{};
+  bool ended = true;
+  if (job.slices == nullptr) {
+    report = render_(job);
+  } else {
+    try {
+      ended = job.slices->run(slice_);
+      if (ended) report = *std::move(job.report);
+    } catch (const std::system_error&) {
+      report = absl::UnavailableError("the server has no thread left for long work; try again soon");
+    }
+  }
+  const absl::Duration ran = absl::Now() - start;
+  job.ran += ran;
   {
     absl::MutexLock lock(&mutex_);
-    queue_.charge(job.flow, absl::Now() - start);
+    running_ = 0;
+    queue_.charge(job.flow, ran);
+    if (!ended && !last_slice_) return queue_.put_back(std::move(job));
   }
-  if (!report.ok()) {
-    job.done(report.status());
-  } else {
-    if (job.work != Work::kMeter) job.frame->memory.keep_output_only();
-    job.done(RenderedFrame{*std::move(report), start - job.submitted});
+  if (!ended) {
+    job.slices.reset();
+    report = absl::CancelledError("nobody waits for the frame any more");
   }
+  finish(std::move(job), std::move(report));
+}
+
+void RenderLoop::begin_slices(FrameJob& job) {
+  job.report = std::make_shared<absl::StatusOr<FrameReport>>(FrameReport{});
+  // The job itself moves between the queue and the render thread.
+  auto parts = std::make_shared<FrameJob>();
+  parts->frame = job.frame;
+  parts->work = job.work;
+  parts->decide = std::move(job.decide);
+  parts->task = std::move(job.task);
+  job.slices = std::make_unique<SlicedWork>([this, parts, report = job.report] {
+    if (parts->task) return parts->task();
+    *report = render_(*parts);
+  });
+}
+
+void RenderLoop::finish(FrameJob job, absl::StatusOr<FrameReport> report) {
+  if (!report.ok()) return job.done(report.status());
+  const absl::Duration queued = absl::Now() - job.submitted - job.ran;
+  if (job.work != Work::kMeter && job.frame != nullptr) job.frame->memory.keep_output_only();
+  job.done(RenderedFrame{*std::move(report), queued});
 }
 
 }  // namespace candela

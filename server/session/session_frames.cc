@@ -17,12 +17,13 @@ bool concerns_the_frame(const absl::Status& status) {
 }  // namespace
 
 SessionFrames::SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point,
-                             size_t capacity, bool draws)
+                             size_t capacity, bool draws, std::optional<uint64_t> resumed_at)
     : lookahead_(lookahead),
       capacity_(capacity + lookahead),
       draws_(draws),
       track_(lookahead, cut_threshold_ev, point),
-      told_(point) {}
+      told_(point),
+      resumed_at_(resumed_at) {}
 
 bool SessionFrames::busy() const {
   return std::any_of(frames_.begin(), frames_.end(), [](const EntryPtr& entry) {
@@ -40,13 +41,33 @@ absl::Status SessionFrames::add(const v1::FrameHeader& header, const WireLayout&
   }
   auto entry = std::make_shared<Entry>();
   entry->sequence = header.sequence();
+  entry->token_sequence = entry->sequence;
   entry->cut = header.cut();
   entry->layout = layout;
   if (header.timeout_ms() > 0) entry->deadline = now + absl::Milliseconds(header.timeout_ms());
   entry->settings_hash = std::move(settings_hash);
+  moved_on_ |= resumed_at_ && entry->sequence > *resumed_at_;
   frames_.push_back(std::move(entry));
   return absl::OkStatus();
 }
+
+void SessionFrames::add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash,
+                               std::string tier) {
+  auto entry = std::make_shared<Entry>();
+  entry->sequence = sequence;
+  entry->token_sequence = *resumed_at_;
+  entry->layout = layout;
+  entry->settings_hash = std::move(settings_hash);
+  entry->tier = std::move(tier);
+  entry->passed_over = true;
+  entry->failure = absl::AlreadyExistsError(absl::StrFormat(
+      "frame %d was answered before frame %d, whose resume token this session goes on from; it "
+      "is passed over",
+      sequence, *resumed_at_));
+  frames_.push_back(std::move(entry));
+}
+
+void SessionFrames::passed(Entry& entry) { entry.stage = Stage::kFailed; }
 
 void SessionFrames::submitted(Entry& entry, Work work, Ticket ticket) {
   entry.ticket = ticket;
@@ -152,7 +173,7 @@ SessionFrames::EntryPtr SessionFrames::due() const {
 const ExposurePoint& SessionFrames::answer(const Entry& due) {
   if (due.stage != Stage::kFailed) {
     told_ = due.exposure;
-  } else if (!told_.is_of(due.sequence)) {
+  } else if (!due.passed_over && !told_.is_of(due.sequence)) {
     // The next frame begins the scene that this one was to begin. A repeated frame begins none.
     told_.cut_pending |= due.cut;
   }

@@ -46,8 +46,11 @@ class SessionFrames {
 
     // Set by the methods of SessionFrames.
     Stage stage = Stage::kReceiving;
-    bool dropped = false;  // left the session before it was answered; `stage` is where it was
-    Ticket ticket = 0;     // of its last job
+    // Answered before the session was resumed: it is read, dropped and answered with a failure that says so.
+    bool passed_over = false;
+    uint64_t token_sequence = 0;  // the frame that its token is after; `sequence` unless it is passed over
+    bool dropped = false;         // left the session before it was answered; `stage` is where it was
+    Ticket ticket = 0;            // of its last job
     bool decided = false;
     ExposurePoint exposure;               // after this frame; valid if decided
     std::vector<StageTime> meter_stages;  // of the separate metering that look-ahead does
@@ -58,16 +61,17 @@ class SessionFrames {
 
     // The render loop has a job for it.
     bool submitted() const { return stage == Stage::kQueued || stage == Stage::kDrawing; }
-    // It has neither been rendered nor failed.
-    bool unfinished() const { return submitted() || stage == Stage::kReceiving || stage == Stage::kWaiting; }
+    // It has no answer yet.
+    bool unfinished() const { return stage != Stage::kDone && stage != Stage::kFailed; }
   };
   using EntryPtr = std::shared_ptr<Entry>;
   using Entries = std::vector<EntryPtr>;
 
   // Continues behind `point`. At most `capacity` + `lookahead` frames are held at a time. If not `draws`, the
-  // frames are only metered and decided.
+  // frames are only metered and decided. `resumed_at` is the frame of the token that the session was resumed
+  // with, if it was.
   SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point, size_t capacity,
-                bool draws = true);
+                bool draws = true, std::optional<uint64_t> resumed_at = std::nullopt);
 
   bool empty() const { return frames_.empty(); }
   bool has_room() const { return frames_.size() < capacity_; }
@@ -79,6 +83,13 @@ class SessionFrames {
   // Adds the next frame, whose deadline begins at `now`. Fails as ExposureTrack::add does.
   absl::Status add(const v1::FrameHeader& header, const WireLayout& layout, const v1::Exposure& settings,
                    std::string settings_hash, absl::Time now);
+  // Whether a frame of this number is passed over: the session was resumed behind it, and no later frame
+  // came.
+  bool passes_over(uint64_t sequence) const { return resumed_at_ && sequence < *resumed_at_ && !moved_on_; }
+  // Adds such a frame. `settings_hash` and `tier` are those of the resumed session.
+  void add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash, std::string tier);
+  // All of it came.
+  static void passed(Entry& entry);
   // No more frames follow. Frames that waited for them may be decided now.
   void close() { track_.end(); }
 
@@ -131,6 +142,8 @@ class SessionFrames {
   std::deque<EntryPtr> frames_;
   ExposurePoint told_;  // after the last frame that was answered
   uint64_t answered_ = 0;
+  const std::optional<uint64_t> resumed_at_;
+  bool moved_on_ = false;  // a frame after resumed_at_ came
 };
 
 }  // namespace candela

@@ -4,11 +4,12 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "server/schedule/frame_queue.h"
-#include "server/session/lookahead_memory.h"
+#include "server/session/client_memory.h"
 #include "server/session/resume_token.h"
 #include "server/session/session_table.h"
 #include "server/session/stream_start.h"
@@ -18,9 +19,9 @@ namespace candela {
 // Any thread.
 struct Sessions {
   const TokenKeys keys;
-  LookaheadMemory lookahead_memory;
+  const std::shared_ptr<ClientMemory> memory;
   SessionTable table{};
-  std::atomic<Flow> next_flow{1};  // odd numbers are sessions, even ones are connections
+  std::atomic<Flow> next_flow{1};  // odd numbers are sessions, even ones are clients
 };
 
 struct OpenedSession {
@@ -28,6 +29,10 @@ struct OpenedSession {
   uint64_t epoch = 0;  // 0, and one more each time the session is resumed
   bool resumed = false;
   ResumePoint point;  // if not resumed, only its exposure counts: the default, or the state that was given
+  // The last frame whose exposure the resumed session knows; none if it is not resumed.
+  std::optional<uint64_t> resumed_at() const {
+    return resumed && point.exposure.begun ? std::optional(point.exposure.sequence) : std::nullopt;
+  }
   std::shared_ptr<SessionCall> previous;  // the call that had this session until now; null if none
 };
 

@@ -2,18 +2,17 @@
 
 #include <utility>
 
-#include "absl/status/statusor.h"
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
 
-SettingsTrack::SettingsTrack(SessionSettings opened, v1::Encoding encoding)
-    : now_(std::move(opened)), encoding_(encoding) {}
+SettingsTrack::SettingsTrack(SessionSettings opened, v1::Encoding encoding, ClaimTable claim_table)
+    : now_(std::move(opened)), encoding_(encoding), claim_table_(std::move(claim_table)) {}
 
 void SettingsTrack::resume(uint64_t sequence, std::string tier) {
   last_sequence_ = sequence;
-  if (!tier.empty()) choice_ = TierChoice{std::move(tier), ""};
+  if (!tier.empty() && now_.settings->has_max_ms()) choice_ = TierChoice{std::move(tier), ""};
 }
 
 absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
@@ -26,8 +25,17 @@ absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%d changes of settings are pending, which is the limit; send their frames first", changes_.size()));
   }
+  std::shared_ptr<const void> claim;
+  if (change.settings().has_table()) {
+    auto claimed = claim_table_(change.settings().table().values().size());
+    if (!claimed.ok()) return claimed.status();
+    claim = *std::move(claimed);
+  }
   absl::StatusOr<SessionSettings> settings = session_settings_from(change.settings(), encoding_);
   if (!settings.ok()) return settings.status();
+  if (settings->settings.table() != nullptr) {
+    settings->settings = settings->settings.with_table_owner(std::move(claim));
+  }
   changes_.insert_or_assign(change.from_sequence(), *std::move(settings));
   return absl::OkStatus();
 }
@@ -42,7 +50,7 @@ void SettingsTrack::advance(uint64_t sequence) {
 }
 
 Settings SettingsTrack::of_frame() const {
-  return choice_ ? now_.settings.with_tier(choice_->tier) : now_.settings;
+  return choice_ ? now_.settings.within(choice_->tier) : now_.settings;
 }
 
 }  // namespace candela

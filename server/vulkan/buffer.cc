@@ -8,7 +8,7 @@ namespace candela {
 
 absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use) {
   Buffer b;
-  b.device_ = device.handle();
+  b.device_ = &device;
   b.bytes_ = bytes;
 
   VkBufferCreateInfo info{};
@@ -17,10 +17,10 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
                VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-  CANDELA_VK(vkCreateBuffer(b.device_, &info, nullptr, &b.buffer_));
+  CANDELA_VK(vkCreateBuffer(device.handle(), &info, nullptr, &b.buffer_));
 
   VkMemoryRequirements requirements;
-  vkGetBufferMemoryRequirements(b.device_, b.buffer_, &requirements);
+  vkGetBufferMemoryRequirements(device.handle(), b.buffer_, &requirements);
   VkMemoryAllocateFlagsInfo flags{};
   flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
   flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
@@ -31,11 +31,11 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   allocation.pNext = &flags;
   allocation.allocationSize = requirements.size;
   allocation.memoryTypeIndex = *type;
-  CANDELA_VK(vkAllocateMemory(b.device_, &allocation, nullptr, &b.memory_));
-  CANDELA_VK(vkBindBufferMemory(b.device_, b.buffer_, b.memory_, 0));
+  CANDELA_VK(vkAllocateMemory(device.handle(), &allocation, nullptr, &b.memory_));
+  CANDELA_VK(vkBindBufferMemory(device.handle(), b.buffer_, b.memory_, 0));
   if (use != MemoryUse::kDevice || device.unified_memory()) {
     void* mapped = nullptr;
-    CANDELA_VK(vkMapMemory(b.device_, b.memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+    CANDELA_VK(vkMapMemory(device.handle(), b.memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
     b.mapped_ = static_cast<std::byte*>(mapped);
   }
   if (use == MemoryUse::kDevice) {
@@ -44,12 +44,12 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
     view_info.buffer = b.buffer_;
     view_info.format = VK_FORMAT_R32G32B32A32_UINT;
     view_info.range = VK_WHOLE_SIZE;
-    CANDELA_VK(vkCreateBufferView(b.device_, &view_info, nullptr, &b.view_));
+    CANDELA_VK(vkCreateBufferView(device.handle(), &view_info, nullptr, &b.view_));
   }
   VkBufferDeviceAddressInfo address{};
   address.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
   address.buffer = b.buffer_;
-  b.address_ = vkGetBufferDeviceAddress(b.device_, &address);
+  b.address_ = vkGetBufferDeviceAddress(device.handle(), &address);
   return b;
 }
 
@@ -67,9 +67,10 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
 }
 
 Buffer::~Buffer() {
-  if (view_ != VK_NULL_HANDLE) vkDestroyBufferView(device_, view_, nullptr);
-  if (buffer_ != VK_NULL_HANDLE) vkDestroyBuffer(device_, buffer_, nullptr);
-  if (memory_ != VK_NULL_HANDLE) vkFreeMemory(device_, memory_, nullptr);
+  if (device_ == nullptr || device_->hung()) return;
+  if (view_ != VK_NULL_HANDLE) vkDestroyBufferView(device_->handle(), view_, nullptr);
+  if (buffer_ != VK_NULL_HANDLE) vkDestroyBuffer(device_->handle(), buffer_, nullptr);
+  if (memory_ != VK_NULL_HANDLE) vkFreeMemory(device_->handle(), memory_, nullptr);
 }
 
 }  // namespace candela

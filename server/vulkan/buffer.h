@@ -12,7 +12,8 @@
 
 namespace candela {
 
-// Movable; frees its memory. Use from one thread at a time. The device outlives it.
+// Movable; frees its memory, unless the device hangs and may still write to it. Use from one thread at a
+// time. The device outlives it.
 class Buffer {
  public:
   // RESOURCE_EXHAUSTED if the device has no memory for it. `bytes` is at least 16.
@@ -32,7 +33,7 @@ class Buffer {
   std::byte* mapped() const { return mapped_; }
 
  private:
-  VkDevice device_ = VK_NULL_HANDLE;
+  const Device* device_ = nullptr;
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
   VkBufferView view_ = VK_NULL_HANDLE;

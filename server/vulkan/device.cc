@@ -1,6 +1,7 @@
 #include "server/vulkan/device.h"
 
 #include <cstdio>
+#include <cstdlib>
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_format.h"
@@ -11,12 +12,20 @@ namespace candela {
 
 namespace {
 
+// In a build with CANDELA_VALIDATION every device of every process is validated, and a message ends the process.
+#ifdef CANDELA_VALIDATION
+constexpr bool kAlwaysValidate = true;
+#else
+constexpr bool kAlwaysValidate = false;
+#endif
+
 VKAPI_ATTR VkBool32 VKAPI_CALL on_validation_message(VkDebugUtilsMessageSeverityFlagBitsEXT,
                                                      VkDebugUtilsMessageTypeFlagsEXT,
                                                      const VkDebugUtilsMessengerCallbackDataEXT* data,
                                                      void* count) {
   ++*static_cast<std::atomic<uint64_t>*>(count);
   std::fprintf(stderr, "vulkan validation: %s\n", data->pMessage);
+  if (kAlwaysValidate) std::abort();
   return VK_FALSE;
 }
 
@@ -40,10 +49,11 @@ absl::StatusOr<std::unique_ptr<Device>> Device::create(const DeviceOptions& opti
 }
 
 absl::Status Device::open(const DeviceOptions& options) {
-  absl::StatusOr<VkInstance> instance = create_instance(options.validation);
+  const bool validation = options.validation || kAlwaysValidate;
+  absl::StatusOr<VkInstance> instance = create_instance(validation);
   if (!instance.ok()) return instance.status();
   instance_ = *instance;
-  if (options.validation) {
+  if (validation) {
     VkDebugUtilsMessengerCreateInfoEXT info{};
     info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
     info.messageSeverity =
@@ -71,6 +81,7 @@ absl::Status Device::open(const DeviceOptions& options) {
   timestamp_mask_ = chosen->timestamp_bits == 0 ? 0 : ~uint64_t{0} >> (64 - chosen->timestamp_bits);
   memory_ = chosen->memory;
   summary_ = chosen->summary;
+  hang_limit_ = options.hang_limit;
   if (options.staging) summary_.unified_memory = false;
 
   const float priority = 1.0f;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 
 namespace candela {
 
@@ -17,10 +18,14 @@ struct DeviceOptions {
   // Empty: the first discrete GPU, integrated GPU, virtual GPU or CPU, in this order. Otherwise an index in
   // list_devices(), or part of a device's name; case does not matter.
   std::string selector;
-  // Validation and synchronisation validation; their messages are counted and printed to stderr.
+  // Validation and synchronisation validation; their messages are counted and printed to stderr. A build with
+  // CANDELA_VALIDATION validates every device, and its first message ends the process.
   bool validation = false;
   // Do not use unified memory, so that tests cover the staging copies without a GPU.
   bool staging = false;
+  // A device that has not answered for this long counts as hung. A software device on a machine that is busy
+  // takes seconds for a large frame.
+  absl::Duration hang_limit = absl::Seconds(90);
 };
 
 struct DeviceSummary {
@@ -71,6 +76,18 @@ class Device {
   // Called when the driver reports the loss, and by tests.
   void lose() const { lost_ = true; }
 
+  // A hung device is lost, too. It may write to the memory of its last submission at any time, so buffers are
+  // not freed any more, and it must not be destroyed. Any thread.
+  bool hung() const { return hung_; }
+  absl::Duration hang_limit() const { return hang_limit_; }
+  // Called when a submission does not end within hang_limit().
+  void found_hung() const { hung_ = lost_ = true; }
+
+  // For tests: the submission after the next `submissions` never ends.
+  void hang_after(int submissions) const { until_hang_ = submissions; }
+  // Counts a submission. Returns true if it is to hang.
+  bool next_hangs() const { return until_hang_ >= 0 && until_hang_-- == 0; }
+
   // Warnings and errors that the validation layers have reported so far.
   uint64_t validation_messages() const { return validation_messages_; }
 
@@ -89,7 +106,10 @@ class Device {
   VkPhysicalDeviceMemoryProperties memory_ = {};
   DeviceSummary summary_;
   std::atomic<uint64_t> validation_messages_ = 0;
+  absl::Duration hang_limit_;
   mutable std::atomic<bool> lost_ = false;
+  mutable std::atomic<bool> hung_ = false;
+  mutable std::atomic<int> until_hang_ = -1;
 };
 
 }  // namespace candela

@@ -1,9 +1,8 @@
 #include "server/vulkan/recorder.h"
 
-#include <cstdio>
-#include <cstdlib>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/result.h"
 
@@ -11,7 +10,6 @@ namespace candela {
 
 namespace {
 
-constexpr uint64_t kTimeoutNs = 60'000'000'000;
 // If the process was stopped for a while, its first wait may have timed out when it continues; only the
 // second counts.
 constexpr int kWaits = 2;
@@ -57,7 +55,15 @@ Recorder::~Recorder() {
   if (pool_ != VK_NULL_HANDLE) vkDestroyCommandPool(device_->handle(), pool_, nullptr);
 }
 
+absl::Status Recorder::usable() const {
+  if (!device_->hung()) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrFormat("the Vulkan device %s hangs: it did not answer within %s; use another server",
+                      device_->summary().name, absl::FormatDuration(device_->hang_limit())));
+}
+
 absl::Status Recorder::begin() {
+  if (absl::Status status = usable(); !status.ok()) return status;
   marks_.clear();
   ticks_.clear();
   CANDELA_VK(vkResetCommandPool(device_->handle(), pool_, 0));
@@ -156,16 +162,15 @@ absl::Status Recorder::submit_to_device() {
   submit.commandBufferCount = 1;
   submit.pCommandBuffers = &commands_;
   CANDELA_VK(vkResetFences(device_->handle(), 1, &fence_));
-  CANDELA_VK(vkQueueSubmit(device_->queue(), 1, &submit, fence_));
+  if (!device_->next_hangs()) CANDELA_VK(vkQueueSubmit(device_->queue(), 1, &submit, fence_));
+  const auto timeout_ns = static_cast<uint64_t>(absl::ToInt64Nanoseconds(device_->hang_limit() / kWaits));
   VkResult waited = VK_TIMEOUT;
   for (int i = 0; i < kWaits && waited == VK_TIMEOUT; ++i) {
-    waited = vkWaitForFences(device_->handle(), 1, &fence_, VK_TRUE, kTimeoutNs);
+    waited = vkWaitForFences(device_->handle(), 1, &fence_, VK_TRUE, timeout_ns);
   }
   if (waited != VK_SUCCESS && waited != VK_ERROR_DEVICE_LOST) {
-    // The device may still write to the frame's memory: nothing of it can be reused or freed.
-    std::fprintf(stderr, "the Vulkan device %s hangs: no answer within two minutes (VkResult %d)\n",
-                 device_->summary().name.c_str(), waited);
-    std::_Exit(EXIT_FAILURE);
+    device_->found_hung();
+    return usable();
   }
   if (absl::Status status = vulkan_status(waited, "vkWaitForFences"); !status.ok()) return status;
   if (queries_ != VK_NULL_HANDLE) {

@@ -28,6 +28,9 @@ class Recorder {
   Recorder& operator=(Recorder&&) = delete;
   ~Recorder();
 
+  // UNAVAILABLE if the device hangs; then its last submission still uses everything that it was given.
+  absl::Status usable() const;
+  // Fails as usable() does.
   absl::Status begin();
 
   // Everything recorded from here to the next mark, or to the end, is timed as `name`. The string outlives
@@ -52,8 +55,8 @@ class Recorder {
   // The same for the host, after the submission has finished.
   void barrier_to_host();
 
-  // Blocks until the device is done. UNAVAILABLE if the device is lost. If the device hangs, this ends the
-  // process: the device may still write to memory that would otherwise be reused or freed.
+  // Blocks until the device is done. UNAVAILABLE if the device is lost, or if it is not done within its
+  // hang_limit().
   absl::Status submit_and_wait();
 
   // The times of the last submission, in order. Empty if the device has no timestamps.

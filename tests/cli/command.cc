@@ -38,10 +38,11 @@ bool drain(int output, int error, Outcome& outcome) {
   return true;
 }
 
-Outcome run(const std::vector<std::string>& arguments, int signal, int ms) {
+Outcome run(const std::vector<std::string>& arguments, int signal, int ms,
+            const std::string& program = CANDELA_PROGRAM) {
   Pipe output, error;
   Outcome outcome;
-  const pid_t pid = spawn(CANDELA_PROGRAM, arguments, output.ends[1], error.ends[1]);
+  const pid_t pid = spawn(program, arguments, output.ends[1], error.ends[1]);
   close(output.ends[1]);
   close(error.ends[1]);
   if (signal != 0 && pid > 0) {
@@ -71,6 +72,12 @@ Outcome candela(const std::vector<std::string>& arguments) { return run(argument
 
 Outcome candela_with_signal(const std::vector<std::string>& arguments, int signal, int ms) {
   return run(arguments, signal, ms);
+}
+
+Outcome candela_with_ulimit(const std::string& limit, const std::vector<std::string>& arguments) {
+  std::vector<std::string> words{"-c", "ulimit " + limit + " && exec \"$0\" \"$@\"", CANDELA_PROGRAM};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  return run(words, 0, 0, "/bin/sh");
 }
 
 Outcome candela_on_failing_machine(const char* variable, const char* value,

@@ -102,7 +102,7 @@ TEST_F(Folder, OneFailureDoesNotStopTheRest) {
 TEST_F(Folder, TwoImagesOfOneNameAreRefusedBeforeAnythingIsRendered) {
   ASSERT_EQ(candela({"sample", in("a.pfm"), "--size", "8x8", "-q"}).code, 0);
   const Outcome outcome = candela({"render", in("b2.exr"), in("a.exr"), in("a.pfm"), out("")});
-  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.code, 2);
   EXPECT_NE(outcome.err.find("a.exr and " + in("a.pfm") + " would both become " + out("a.png")),
             std::string::npos)
       << outcome.err;

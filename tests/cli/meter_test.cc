@@ -82,8 +82,9 @@ TEST_F(MeterCommand, AWhiteBalanceMakesItsLightNeutral) {
   EXPECT_NEAR(rgb[0] / rgb[1], 1.0, 5e-3);
   EXPECT_NEAR(rgb[2] / rgb[1], 1.0, 5e-3);
   const Outcome refused = candela(tinted);
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_NE(refused.err.find("tint is 0.2 and there is no white_balance"), std::string::npos) << refused.err;
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("--tint is 0.2 and there is no --white-balance"), std::string::npos)
+      << refused.err;
 }
 
 }  // namespace

@@ -211,7 +211,7 @@ TEST_F(Shot, FilesThatDoNotFitAreRefusedBeforeTheWork) {
   refused({"--exposures", path("good.json"), "--range", "110-111"}, 1, "no exposure for frame 111");
   refused({"--state", path("good.json"), "--range", "110-"}, 1, "begin later, with --range 111-");
   refused({"--state", path("good.json"), "--range", "111-", "--fps", "25"}, 2, "--fps is 25");
-  refused({"--exposures", path("none.json")}, 1, "none.json: there is no exposure file");
+  refused({"--exposures", path("none.json")}, 1, "none.json: cannot read this exposure file: No such file");
   refused({"--save-exposures", path("good.json/file.json")}, 1, "good.json");
   const auto damaged = [&](const std::string& from, const std::string& to, const std::string& words) {
     const std::string text = absl::StrReplaceAll(good, {{from, to}});

@@ -16,6 +16,7 @@ import tempfile
 import threading
 import time
 
+import pod
 import podman
 from podman import Container, attempt, containers, expect, run, wait_until
 from sessions import Sessions, digests, expect_same, make_film
@@ -85,13 +86,14 @@ def the_sbom_lists_every_package() -> None:
 def it_does_not_start_in_the_open_or_without_a_driver_and_says_why() -> None:
     def ends(code: int, says: str, *options: str, arguments: tuple[str, ...] = ()) -> None:
         ended = attempt("podman", "run", "--rm", "--timeout=60", "--network=none", *podman.AS_SHIPPED, *options, podman.IMAGE, *arguments)
-        lines = [line for line in ended.stderr.splitlines() if line.startswith("candelad: ")]
+        lines = [line for line in ended.stderr.splitlines() if line.startswith(("candelad: ", "candela-front: "))]
         expect(ended.returncode == code and len(lines) == 1 and says in lines[0],
                f"it ended with {ended.returncode}, not {code}, or did not say '{says}':\n{ended.stdout}{ended.stderr}")
         print(lines[0])
 
-    ends(2, "--insecure")
-    ends(1, "driver", "--env=VK_DRIVER_FILES=/nowhere.json", arguments=("--insecure",))
+    ends(2, "PROXY_INSECURE")
+    ends(2, "cannot read /nowhere.crt", "--env=PROXY_CERT=/nowhere.crt")
+    ends(1, "driver", "--env=PROXY_INSECURE=true", "--env=VK_DRIVER_FILES=/nowhere.json")
 
 
 def it_renders_and_streams_the_hosts_bits() -> None:
@@ -244,36 +246,7 @@ def behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame() -> None:
 
 
 def kube_play_brings_it_up() -> None:
-    """Runs two replicas of deploy/kube.yaml. podman 4.3 does not fill the Secret's volume, so the test fills it first."""
-    text = (podman.ROOT / "deploy/kube.yaml").read_text()
-    image = f"image: localhost/candela:{VERSION}"
-    expect(text.count(image) == 1, f"deploy/kube.yaml has no '{image}'")
-    manifest = FOLDER / "kube.yaml"
-    manifest.write_text(text.replace(image, f"image: {podman.IMAGE}"))
-
-    def down() -> None:
-        attempt("podman", "kube", "down", manifest)
-        attempt("podman", "volume", "rm", "--force", "candela", "candela-tmp")
-
-    down()  # remove what a killed test left behind
-    try:
-        podman.podman("volume", "create", "candela")
-        secret = pathlib.Path(podman.podman("volume", "inspect", "--format", "{{.Mountpoint}}", "candela"))
-        shutil.copy2(resume_keys()[0], secret / "resume-keys")
-        shutil.chown(secret / "resume-keys", 65532, 65532)
-        podman.podman("kube", "play", manifest)
-        run(CANDELA, "sample", "--sequence", FOLDER / "in", "--size", "320x180", "--frames", "12")
-        run(CANDELA, "stream", FOLDER / "in", FOLDER / "here")
-        for pod in ("candela-pod-0", "candela-pod-1"):
-            infra = podman.podman("pod", "inspect", "--format", "{{.InfraContainerID}}", pod)
-            host = podman.podman("inspect", "--format", "{{range .NetworkSettings.Networks}}{{.IPAddress}}{{end}}", infra)
-            server = ("--server", f"{host}:{podman.GRPC}")
-            wait_until(lambda: attempt(CANDELA, "health", *server).returncode == 0,
-                       f"{pod} serves", lambda: attempt("podman", "logs", f"{pod}-candelad").stderr)
-            run(CANDELA, "stream", FOLDER / "in", FOLDER / pod, *server)
-            expect_same(FOLDER / pod, digests(FOLDER / "here"))
-    finally:
-        down()
+    pod.kube_play_brings_it_up(FOLDER, VERSION)
 
 
 # A container that runs systemd, with the image's programs in it. Its mounts are shared, as systemd needs them for
@@ -283,8 +256,9 @@ FROM {podman.IMAGE}
 USER 0
 RUN apt-get update && apt-get install -y --no-install-recommends --fix-broken \\
  && apt-get install -y --no-install-recommends systemd
-RUN ln -s /usr/bin/candelad /usr/local/bin/
-COPY candelad.service /etc/systemd/system/
+RUN ln -s /usr/bin/candelad /usr/bin/candela-front /usr/local/bin/ && ln -s /dev/null /etc/systemd/system/nginx.service
+COPY candelad.service candela-proxy.service /etc/systemd/system/
+COPY nginx.conf /usr/local/share/candela/
 ENTRYPOINT ["sh", "-c", "mount --make-rshared / && exec /lib/systemd/systemd"]
 """
 
@@ -325,8 +299,9 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
         inside("install", "-D", "-m", "644", FOLDER / "drop-in.conf", "/etc/systemd/system/candelad.service.d/test.conf")
         # The image has its driver in an unusual place.
         inside("sh", "-c", "echo VK_DRIVER_FILES=$VK_DRIVER_FILES >/etc/candela/environment")
-        inside("systemctl", "enable", "--now", "candelad")
-        expect(unit("StatusText").startswith("serving on 127.0.0.1:50051"), f"its status is {unit('StatusText')}")
+        inside("sh", "-c", "echo PROXY_INSECURE=true >/etc/candela/proxy")
+        inside("systemctl", "enable", "--now", "candela-proxy", "candelad")
+        expect(unit("StatusText").startswith("serving on unix:/run/candela/candelad.sock"), f"its status is {unit('StatusText')}")
         status = inside("cat", f"/proc/{unit('MainPID')}/status").split("\n")
         for fact in ("NoNewPrivs:\t1", "Seccomp:\t2", "CapEff:\t0000000000000000", "CapBnd:\t0000000000000000"):
             expect(fact in status, f"'{fact}' is not so: {status}")
@@ -364,6 +339,10 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
         expect(lines[-1]["summary"]["resumes"] >= 3, f"the session resumed {lines[-1]['summary']['resumes']} times")
         inside("systemctl", "stop", "candelad")
         expect(unit("ExecMainStatus") == "0" and unit("Result") == "success", f"it did not end well:\n{log()}")
+        limit = inside("grep", "open files", f"/proc/{inside('systemctl', 'show', '--value', '--property=MainPID', 'candela-proxy')}/limits")
+        expect(limit.split()[3] == "16384" and inside("systemctl", "show", "--value", "--property=NRestarts", "candela-proxy") == "0",
+               f"the proxy was restarted, or has too few files: {limit}")
+        inside("systemctl", "stop", "candela-proxy")
         print(f"{len(expected)} frames; {log().count('info serving')} starts under systemd "
               + inside("systemctl", "--version").split()[1])
     finally:

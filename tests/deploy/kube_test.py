@@ -104,8 +104,19 @@ if failures:
 deployment = by_kind["Deployment"]
 labels = deployment["spec"]["template"]["metadata"]["labels"]
 pod = deployment["spec"]["template"]["spec"]
-[candelad] = pod["containers"]
-grpc, metrics = (int(settings["data"][name].rsplit(":", 1)[1]) for name in ("CANDELA_LISTEN", "CANDELA_METRICS"))
+containers = {container["name"]: container for container in pod["containers"]}
+check(set(containers) == {"candelad", "proxy"}, f"the containers are {set(containers)}")
+candelad, proxy = containers["candelad"], containers["proxy"]
+environment = {variable["name"]: variable["value"] for variable in proxy["env"]}
+known_to_proxy = set(re.findall(r"^#   (PROXY_\w+) ", (DEPLOY / "candela-front").read_text(), re.M))
+check(set(environment) <= known_to_proxy, f"candela-front does not know {set(environment) - known_to_proxy}")
+grpc = 50051  # candela-front's default
+metrics, status = (int(address.rsplit(":", 1)[1]) for address in (settings["data"]["CANDELA_METRICS"], environment["PROXY_STATUS"]))
+socket = settings["data"]["CANDELA_LISTEN"]
+check(socket.startswith("unix:/") and socket == environment["PROXY_SERVER"],
+      f"candelad listens on {socket}, but the proxy asks {environment['PROXY_SERVER']}")
+tokens = settings["data"].get("CANDELA_TOKEN_FILE", "").rsplit("/", 1)[-1]
+check(tokens == "tokens" and tokens in secret["stringData"], "candelad does not ask for the tokens of the Secret")
 
 for where, selector in {
     "Deployment": deployment["spec"]["selector"]["matchLabels"],
@@ -123,7 +134,12 @@ for reference in candelad["envFrom"]:
 
 volumes = {volume["name"]: volume for volume in pod["volumes"]}
 mounts = {mount["mountPath"]: mount["name"] for mount in candelad["volumeMounts"]}
-check(set(mounts.values()) == set(volumes), f"mounts use {set(mounts.values())}, but the volumes are {set(volumes)}")
+proxy_mounts = {mount["mountPath"]: mount["name"] for mount in proxy["volumeMounts"]}
+used = {*mounts.values(), *proxy_mounts.values()}
+check(used == set(volumes), f"mounts use {used}, but the volumes are {set(volumes)}")
+folder = socket.removeprefix("unix:").rsplit("/", 1)[0]
+check(mounts.get(folder) and mounts.get(folder) == proxy_mounts.get(folder), f"the containers do not share {folder}")
+check(not any("secret" in volumes[name] for name in proxy_mounts.values()), "the proxy can read candelad's keys")
 for name, value in settings["data"].items():
     for path, volume in mounts.items() if value.startswith("/") else []:
         if value.startswith(path + "/"):
@@ -137,11 +153,17 @@ for volume in volumes.values():
         check(volume["secret"]["secretName"] == secret["metadata"]["name"], f"{volume}: there is no such Secret")
         check(volume["secret"]["defaultMode"] & 0o37 == 0 and "fsGroup" in pod["securityContext"],
               f"{volume}: candelad refuses a key that anyone can read")
-check(candelad["image"] == f"localhost/candela:{VERSION}",
-      f"the image is {candelad['image']}, but this is version {VERSION}")
+for container in containers.values():
+    check(container["image"] == f"localhost/candela:{VERSION}",
+          f"the image is {container['image']}, but this is version {VERSION}")
+    check("ports" not in container, "podman would open the container's ports on the host")
+    check(container["securityContext"] == {"readOnlyRootFilesystem": True, "allowPrivilegeEscalation": False,
+                                           "capabilities": {"drop": ["ALL"]}}, f"{container['name']} has more rights")
+    check(container["resources"]["requests"] == container["resources"]["limits"], "a pod short of memory goes first")
 
 wanted = [(probe, candelad[probe]["httpGet"]["port"], metrics)
           for probe in ("startupProbe", "readinessProbe", "livenessProbe")]
+wanted += [(f"the proxy's {probe}", proxy[probe]["httpGet"]["port"], status) for probe in ("readinessProbe", "livenessProbe")]
 wanted += [("Service", port.get("targetPort", port["port"]), grpc) for port in by_kind["Service"]["spec"]["ports"]]
 for where, port, listens in wanted:
     check(port == listens, f"{where}: port {port}, but candelad listens on {listens}")
@@ -149,7 +171,9 @@ lets_in = {next(iter(next(iter(source.values()))["matchLabels"])): {port["port"]
            for rule in by_kind["NetworkPolicy"]["spec"]["ingress"] for source in rule["from"]}
 check(lets_in == {"candela-client": {grpc}, "candela-proxy": {grpc, metrics}, "kubernetes.io/metadata.name": {metrics}},
       f"NetworkPolicy: {lets_in}, but candelad listens on {grpc} and {metrics}; a proxy needs both")
-check("ports" not in candelad, "podman would open the container's ports on the host, once per replica")
+check("replicas" not in deployment["spec"], "an apply would reset the autoscaler's replicas")
+scaler, budget = by_kind["HorizontalPodAutoscaler"]["spec"], by_kind["PodDisruptionBudget"]["spec"]
+check(scaler["minReplicas"] > budget["maxUnavailable"], "a disruption may take every replica of the smallest fleet")
 
 stop = seconds(settings["data"]["CANDELA_PRE_DRAIN"]) + seconds(settings["data"]["CANDELA_DRAIN_TIMEOUT"])
 grace = pod["terminationGracePeriodSeconds"]
@@ -170,13 +194,28 @@ kubectl = shutil.which("kubectl")
 version = [kubectl, "version", "--client", "--output=json"]
 minor = kubectl and re.search(r'"gitVersion": "v1\.(\d+)', subprocess.run(version, capture_output=True, text=True).stdout)
 if minor and int(minor[1]) >= 21:
-    built = subprocess.run([kubectl, "kustomize", DEPLOY], capture_output=True, text=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        base = os.path.relpath(DEPLOY, os.path.realpath(scratch))
+        pathlib.Path(scratch, "kustomization.yaml").write_text(
+            f"apiVersion: kustomize.config.k8s.io/v1beta1\nkind: Kustomization\nresources: [{base}]\n"
+            f"components: [{base}/kube-tls, {base}/kube-servicemonitor]\n")
+        built = subprocess.run([kubectl, "kustomize", scratch], capture_output=True, text=True)
     check(built.returncode == 0, f"kubectl kustomize: {built.stderr.strip()}")
-    for document in yaml.safe_load_all(built.stdout):
-        if document["kind"] == "Deployment":
-            check("replicas" not in document["spec"], "an apply would reset the autoscaler's replicas")
+    made = {document["kind"]: document for document in yaml.safe_load_all(built.stdout)}
+    check({*made} == {*by_kind, "PodMonitor"}, f"the overlay has {set(made)}")
+    if "Deployment" in made:
+        check_type(made["Deployment"], "V1Deployment", "Deployment with TLS")
+        [front] = [one for one in made["Deployment"]["spec"]["template"]["spec"]["containers"] if one["name"] == "proxy"]
+        set_to = {variable["name"]: variable["value"] for variable in front["env"]}
+        check(set_to["PROXY_INSECURE"] == "false" and set_to["PROXY_SERVER"] == socket, f"with TLS, the proxy has {set_to}")
+        check(any(set_to["PROXY_CERT"].startswith(mount["mountPath"] + "/") for mount in front["volumeMounts"]),
+              "the certificate is on no volume")
+    if "PodMonitor" in made:
+        spec = made["PodMonitor"]["spec"]
+        check(spec["selector"]["matchLabels"].items() <= labels.items(), "the PodMonitor selects other pods")
+        check([end["targetPort"] for end in spec["podMetricsEndpoints"]] == [metrics], "the PodMonitor asks another port")
 else:
-    print("no kubectl 1.21 or later: deploy/kustomization.yaml was not tested")
+    print("no kubectl 1.21 or later: the kustomizations were not tested")
 
 if failures:
     sys.exit("\n".join(failures))

@@ -192,7 +192,7 @@ class Container:
         self.address = f"127.0.0.1:{self.port}"
         self.id = podman("create", *AS_SHIPPED, f"--cpus={cpus}", "--memory=1g", "--memory-swap=1g",
                          f"--publish=127.0.0.1:{self.port}:{GRPC}", f"--publish=127.0.0.1:{self.metrics_port}:{METRICS}",
-                         *options, IMAGE, "--insecure", f"--metrics=0.0.0.0:{METRICS}", *arguments)
+                         "--env=PROXY_INSECURE=true", *options, IMAGE, "--insecure", f"--metrics=0.0.0.0:{METRICS}", *arguments)
 
     def start(self) -> "Container":
         podman("start", self.id)

@@ -2,13 +2,18 @@
 #include "server/render/settings/tiers.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
-#include "server/render/color/aces.h"
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
 #include "server/render/reference/verify.h"
+#include "server/render/settings/error_bound.h"
 #include "server/render/tier_numbers.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
@@ -75,43 +80,200 @@ TEST_F(Tiers, ErrorsAreNotWorseThanPublished) {
                   d.mean_codes);
       EXPECT_LE(d.max_codes, bound) << tier.name << " " << what;
     };
-    const bool full_bloom = tier.bloom_level_size == 2;
+    // Bloom that leaves its finest level out has no bound.
     const double plain = transfer_bound(tier) + kRestBound;
-    show("natural 641x359", natural(641, 359), full_bloom ? plain : 110.0);
+    const double bloomed = tier.bloom_level_size == kWholeBloom ? plain : kNoBound;
+    show("natural 641x359", natural(641, 359), bloomed);
     for (const HardCase& hard : hard_cases(131, 67)) {
-      show(hard.name.c_str(), make_frame(131, 67, v1::PIXEL_FORMAT_RGBA16F, hard.texel),
-           full_bloom ? plain : 110.0);
+      show(hard.name.c_str(), make_frame(131, 67, v1::PIXEL_FORMAT_RGBA16F, hard.texel), bloomed);
     }
     settings.mutable_bloom()->set_intensity(0);
+    EXPECT_LE(plain, tier.host_reference ? plain : error_bound(tier, checked(settings), {.exposure = 1}));
     show("natural, no bloom", natural(641, 359), plain);
+    for (const HardCase& hard : hard_cases(131, 67)) {
+      show((hard.name + ", no bloom").c_str(), make_frame(131, 67, v1::PIXEL_FORMAT_RGBA16F, hard.texel),
+           plain);
+    }
   }
 }
 
-// A flat table hides errors that a steep one shows.
-TEST_F(Tiers, NumbersOfATableAreItsOwn) {
-  TierBenchmark benchmark(shared_renderer, "a device", "");
-  const auto error_of_draft = [&benchmark](const ColorTable& table) {
-    v1::Settings settings;
-    settings.set_curve(v1::TONE_CURVE_TABLE);
-    *settings.mutable_table() = to_message(table);
-    const auto numbers = benchmark.numbers({64, 48, v1::PIXEL_FORMAT_RGBA16F}, checked(settings));
-    EXPECT_TRUE(numbers.ok()) << numbers.status();
-    return numbers.ok() && numbers->front().tier == "draft" ? numbers->front().max_error_codes : -1.0;
+// Renders the frame with max_error_codes, and checks the image against the promise and against the bound.
+class Promises : public DeviceTest {
+ protected:
+  // What verification itself cannot tell apart: its images are floats.
+  static constexpr double kFloatCodes = 5e-5;
+
+  static std::string keep(const WireFrame& frame, v1::Settings settings, double codes,
+                          const std::string& what) {
+    settings.set_max_error_codes(codes);
+    const auto rendered = render(frame, settings, {}, Verify::kYes);
+    EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+    if (!rendered.ok()) return "";
+    const FrameReport& report = rendered->report;
+    EXPECT_TRUE(report.error_bound) << what;
+    const double bound = report.error_bound.value_or(kNoBound);
+    EXPECT_LE(bound, codes) << what;
+    const double error = report.verification->rounded.max_codes;
+    EXPECT_LE(error, bound + kFloatCodes) << what << ": " << report.tier_reason;
+    EXPECT_NE(report.tier_reason.find(absl::StrFormat("keeps max_error_codes %g", codes)), std::string::npos)
+        << report.tier_reason;
+    std::printf("%-40s within %-5g %-10s bound %-9.4g error %.5f\n", what.c_str(), codes, report.tier.c_str(),
+                bound, error);
+    return report.tier;
+  }
+
+  static WireFrame frame_of(const TexelFunction& texel, uint32_t width = 131, uint32_t height = 67) {
+    return make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, texel);
+  }
+
+  // Colours from 2^-12 to 2^10, none negative.
+  static Texel colours(uint32_t x, uint32_t y) {
+    const auto stops = [&](uint32_t seed) {
+      return std::exp2(22.0f * static_cast<float>((x * 2654435761u + y * 40503u + seed) % 9973u) / 9973.0f -
+                       12.0f);
+    };
+    return {stops(1), stops(3571), stops(7919), 1.0f};
+  }
+};
+
+TEST_F(Promises, AreKeptWhereBloomIsStrong) {
+  v1::Settings settings;
+  settings.mutable_bloom()->set_threshold(0.3f);
+  settings.mutable_bloom()->set_intensity(2);
+  EXPECT_EQ(keep(frame_of(ordinary(scenes::natural(641, 359)), 641, 359), settings, 7, "strong bloom"),
+            "standard");
+  settings = {};
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_exposure()->set_manual_ev(-14);
+  const auto lights = [](uint32_t x, uint32_t y) -> Texel {
+    const float v = (x / 3 + y / 3) % 29 == 0 ? 20000.0f : 0.01f;
+    return {v, v, v, 1.0f};
   };
-  ColorTable table = **aces_1_table(17);
-  const double steep = error_of_draft(table);
-  EXPECT_GT(steep, 0.0);
-  std::fill(table.values.begin(), table.values.end(), uint16_t{20000});
-  EXPECT_LT(error_of_draft(table), steep / 2);
+  EXPECT_EQ(keep(frame_of(lights), settings, 1, "lights of 20000 at -14 EV"), "standard");
+  // Light just above a high threshold, which exposure shows: what is left of it has lost most of its digits.
+  settings.mutable_exposure()->set_manual_ev(2);
+  settings.mutable_bloom()->set_threshold(1000);
+  settings.mutable_bloom()->set_softness(0);
+  settings.mutable_bloom()->set_intensity(10);
+  const auto barely = [](uint32_t x, uint32_t y) -> Texel {
+    if ((x / 4 + y / 4) % 2 == 0) return {0, 0, 0, 1};
+    return {1000.5f, 999.5f + static_cast<float>(x % 3) * 0.5f, 1001.0f, 1};
+  };
+  for (const double codes : {0.0, 1.0, 10.0, 100.0})
+    keep(frame_of(barely), settings, codes, "just above the threshold");
+  settings = {};
+  settings.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+  keep(frame_of(ordinary(scenes::natural(641, 359)), 641, 359), settings, 2, "gaussian");
 }
 
-TEST_F(Tiers, NumbersThatCannotBeReadAreMeasured) {
+TEST_F(Promises, AreKeptByEveryCurveAndTransfer) {
+  std::vector<v1::ToneCurve> curves(std::begin(kCurves), std::end(kCurves));
+  curves.push_back(v1::TONE_CURVE_ACES_1);
+  for (const v1::ToneCurve curve : curves) {
+    for (const v1::Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
+      v1::Settings settings;
+      settings.set_curve(curve);
+      settings.set_transfer(transfer);
+      settings.mutable_bloom()->set_intensity(0);
+      const std::string what = v1::word_of(curve) + std::string(" ") + v1::word_of(transfer);
+      for (const double codes : {0.5, 25.0}) EXPECT_NE(keep(frame_of(colours), settings, codes, what), "");
+    }
+  }
+}
+
+TEST_F(Promises, AreKeptInHardFrames) {
+  for (const double codes : {0.02, 1.0}) {
+    for (const HardCase& hard : hard_cases(131, 67)) keep(frame_of(hard.texel), {}, codes, hard.name);
+  }
+}
+
+// Components of both signs cancel in a matrix, and leave their roundings.
+TEST_F(Promises, AreKeptWhereLightCancels) {
+  const auto cancels = [](uint32_t x, uint32_t y) -> Texel {
+    const float v = std::exp2(static_cast<float>(x % 17));
+    return {v, -0.59719f / 0.35458f * v * (1.0f + static_cast<float>(y % 5) * 1e-3f), 0.0f, 1.0f};
+  };
+  for (const v1::ToneCurve curve : {v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_AGX, v1::TONE_CURVE_ACES_1}) {
+    v1::Settings settings;
+    settings.set_curve(curve);
+    for (const double codes : {1.0, 30.0}) keep(frame_of(cancels), settings, codes, "cancels");
+  }
+  const auto rec2020 = [](uint32_t x, uint32_t y) { return colours(x, y); };
+  v1::Settings settings;
+  settings.set_input_primaries(v1::PRIMARIES_REC2020);
+  EXPECT_NE(keep(frame_of(rec2020), settings, 1, "Rec.2020"), "draft");
+}
+
+// Without bloom draft is as good as it says, and is taken.
+TEST_F(Promises, TakeTheCheapestTierThatKeepsThem) {
+  const WireFrame dim = flat(70, 50, {0.5f, 0.3f, 0.2f, 1.0f});
+  EXPECT_EQ(keep(dim, {}, 0.1, "nothing blooms"), "draft");
+  EXPECT_EQ(keep(dim, {}, 0.01, "nothing blooms"), "standard");
+  EXPECT_EQ(keep(dim, {}, 0, "nothing blooms"), "reference");
+  EXPECT_EQ(keep(natural(130, 66), {}, 255, "no promise at all"), "draft");
+}
+
+// A promise that ends with a tier gives that tier's image.
+TEST_F(Promises, ImagesAreThoseOfTheTier) {
+  for (const double codes : {255.0, 0.5, 0.1}) {
+    for (const WireFrame& frame : {natural(130, 66), flat(70, 50, {0.5f, 0.3f, 0.2f, 1.0f})}) {
+      v1::Settings settings;  // the reference's own metering differs
+      settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+      settings.set_max_error_codes(codes);
+      const auto promised = render(frame, settings);
+      ASSERT_TRUE(promised.ok()) << promised.status();
+      v1::Settings named;
+      *named.mutable_exposure() = settings.exposure();
+      named.set_tier(promised->report.tier);
+      const auto same = render(frame, named);
+      ASSERT_TRUE(same.ok()) << same.status();
+      EXPECT_TRUE(image(promised->memory) == image(same->memory))
+          << promised->report.tier << " for " << codes;
+      EXPECT_EQ(promised->report.exposure, same->report.exposure);
+    }
+  }
+}
+
+TEST_F(Tiers, TimesThatCannotBeReadAreMeasured) {
   const TemporaryFolder folder;
   write_file(folder.path("damaged"), "{\"a\": [1, ");
-  for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path(".")}) {
+  ASSERT_EQ(mkfifo(folder.path("pipe").c_str(), 0600), 0);
+  std::filesystem::create_symlink("/dev/zero", folder.path("zero"));
+  const FrameDesc desc = {800, 600, v1::PIXEL_FORMAT_RGBA16F};
+  v1::Settings settings;
+  settings.mutable_bloom()->set_intensity(0);
+  for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path("."),
+                                  folder.path("pipe"), folder.path("zero")}) {
     TierBenchmark benchmark(shared_renderer, "a device", file);
-    EXPECT_TRUE(benchmark.numbers({8, 8, v1::PIXEL_FORMAT_RGBA16F}, {}).ok()) << file;
+    EXPECT_FALSE(benchmark.known(desc, checked(settings))) << file;
+    int pieces = 0;
+    const absl::Status measured = benchmark.measure(desc.format, checked(settings), [&pieces] {
+      ++pieces;
+      return absl::OkStatus();
+    });
+    EXPECT_TRUE(measured.ok()) << measured;
+    EXPECT_GT(pieces, 20) << "a piece is one frame";
+    const auto numbers = benchmark.known(desc, checked(settings));
+    ASSERT_TRUE(numbers) << file;
+    ASSERT_EQ(numbers->size(), tiers().size());
+    for (const TierNumbers& n : *numbers) EXPECT_GT(n.ms, 0) << n.tier;
+    const bool kept = file == folder.path("damaged") || file == folder.path("none");
+    EXPECT_EQ(kept, std::filesystem::is_regular_file(std::filesystem::symlink_status(file))) << file;
+    if (!kept) continue;
+    // The next start knows them.
+    EXPECT_TRUE(TierBenchmark(shared_renderer, "a device", file).known(desc, checked(settings))) << file;
+    EXPECT_FALSE(TierBenchmark(shared_renderer, "another", file).known(desc, checked(settings))) << file;
   }
+}
+
+TEST_F(Tiers, AMeasurementThatNobodyWaitsForEnds) {
+  TierBenchmark benchmark(shared_renderer, "a device", "");
+  int pieces = 0;
+  const absl::Status ended = benchmark.measure(v1::PIXEL_FORMAT_RGBA16F, {}, [&pieces] {
+    return ++pieces < 3 ? absl::OkStatus() : absl::CancelledError("gone");
+  });
+  EXPECT_TRUE(absl::IsCancelled(ended)) << ended;
+  EXPECT_EQ(pieces, 3);
 }
 
 }  // namespace

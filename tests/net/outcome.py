@@ -6,7 +6,7 @@ import json
 PARTS = ("exit", "image", "exposure", "target", "json")
 
 # Not compared: times, what names the machine or the build, and prose.
-LEFT_OUT = {"stage_ms", "total_ms", "latency_ms", "mean_latency_ms", "seconds", "frames_per_second",
+LEFT_OUT = {"times", "stage_ms", "total_ms", "latency_ms", "mean_latency_ms", "seconds", "frames_per_second",
             "seconds_without_results", "uptime_seconds", "frames_rendered", "sessions", "pool", "device", "driver",
             "version",
             "address", "server", "input", "output", "error", "plan", "tier_reason", "notes", "memory_budget_bytes"}

@@ -149,6 +149,10 @@ TEST_P(BadFrames, AFrameThatTheMemoryBudgetCannotHoldNowIsToldToTryAgain) {
                                           absl::Now() + absl::Seconds(20));
     const grpc::Slice bytes(start_of(large).SerializeAsString());
     call->write(grpc::ByteBuffer(&bytes, 1));
+    v1::RenderRequest row;
+    row.mutable_band()->set_pixels(std::string(large.desc.row_bytes(), '\0'));
+    const grpc::Slice pixels(row.SerializeAsString());
+    call->write(grpc::ByteBuffer(&pixels, 1));
     absl::SleepFor(absl::Milliseconds(50));
     held.push_back(std::move(call));
   }

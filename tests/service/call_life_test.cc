@@ -152,8 +152,10 @@ TEST(VanishedClient, GivesTheMemoryBackAndHurtsNobody) {
     WireCutter wire(server->addresses().at(0));
     OpenCall call(grpc::CreateChannel(wire.address(), grpc::InsecureChannelCredentials()));
     call.stream->Write(start_of(frame));
-    if (rows > 0) call.stream->Write(band_of(frame, 0, rows));
-    ASSERT_TRUE(wait_until_in_use(witness));
+    if (rows > 0) {
+      call.stream->Write(band_of(frame, 0, rows));
+      ASSERT_TRUE(wait_until_in_use(witness));
+    }
     if (rows == 480) call.stream->WritesDone();
     wire.cut();
     const grpc::Status status = call.finish();
@@ -169,6 +171,7 @@ TEST(Drain, AFrameInFlightFinishesWhileNewCallsAreRefused) {
   const WireFrame frame = natural(16, 16);
   OpenCall call(channel);
   call.stream->Write(start_of(frame));
+  call.stream->Write(band_of(frame, 0, 1));
   ASSERT_TRUE(wait_until_in_use(Connection(channel)));
   std::thread drain([&server] { server->drain_and_stop(); });
   absl::Status refused;
@@ -176,7 +179,7 @@ TEST(Drain, AFrameInFlightFinishesWhileNewCallsAreRefused) {
   EXPECT_TRUE(absl::IsUnavailable(refused)) << refused;
   EXPECT_NE(std::string(refused.message()).find("draining"), std::string::npos) << refused;
   EXPECT_TRUE(absl::IsUnavailable(Connection(channel).health()));
-  call.stream->Write(band_of(frame, 0, 16));
+  call.stream->Write(band_of(frame, 1, 15));
   call.stream->WritesDone();
   EXPECT_TRUE(call.finish().ok());
   drain.join();
@@ -206,7 +209,9 @@ TEST(Drain, CallsThatOutlastTheDrainTimeoutAreCancelled) {
   const std::unique_ptr<Server> server = start_server(config);
   const auto channel = server->in_process_channel();
   OpenCall call(channel);
-  call.stream->Write(start_of(natural(16, 16)));
+  const WireFrame frame = natural(16, 16);
+  call.stream->Write(start_of(frame));
+  call.stream->Write(band_of(frame, 0, 1));
   ASSERT_TRUE(wait_until_in_use(Connection(channel)));
   const absl::Time start = absl::Now();
   server->drain_and_stop();

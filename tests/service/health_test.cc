@@ -2,6 +2,7 @@
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 #include <grpcpp/support/byte_buffer.h>
+#include <sys/resource.h>
 
 #include <thread>
 #include <vector>
@@ -43,6 +44,29 @@ TEST(Health, ADrainingServerIsAliveAndNotReady) {
   EXPECT_FALSE(serving(channel, ""));
   EXPECT_FALSE(serving(channel, "candela.v1.RenderService"));
   drain.join();
+}
+
+// Without a descriptor nobody can connect. The server says so, and only while that lasts.
+TEST(Health, AServerThatCannotAcceptIsNotServingWhileThatLasts) {
+  Config config = test_config();
+  config.heartbeat_interval = absl::Milliseconds(100);
+  config.heartbeat_limit = absl::Seconds(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = server->in_process_channel();
+  ASSERT_TRUE(serving(channel, "readiness"));
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  rlimit none = before;
+  none.rlim_cur = 3;
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
+  const absl::Time limit = absl::Now() + absl::Seconds(20);
+  while (serving(channel, "liveness") && absl::Now() < limit) absl::SleepFor(absl::Milliseconds(20));
+  EXPECT_FALSE(serving(channel, "readiness"));
+  EXPECT_FALSE(server->alive());
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  while (!serving(channel, "readiness") && absl::Now() < limit) absl::SleepFor(absl::Milliseconds(20));
+  EXPECT_TRUE(serving(channel, "readiness"));
+  EXPECT_TRUE(server->alive());
 }
 
 TEST(Health, AnIdleServerStaysReadyByItsHeartbeat) {

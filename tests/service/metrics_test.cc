@@ -1,6 +1,8 @@
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 
+#include <atomic>
+#include <functional>
 #include <map>
 #include <thread>
 
@@ -9,6 +11,7 @@
 #include "absl/time/clock.h"
 #include "tests/service/scrape.h"
 #include "tests/service/service_fixture.h"
+#include "tests/service/stream_client.h"
 
 namespace candela::testing {
 namespace {
@@ -93,6 +96,200 @@ TEST(MetricsPort, AFrameThatEndsOtherwiseIsCountedOnceByItsStatus) {
   EXPECT_EQ(values.at("candela_frames_total{result=\"invalid_argument\"}"), 2);
   EXPECT_EQ(values.at("candela_frames_total{result=\"ok\"}"), 0);
   EXPECT_EQ(values.at("candela_rejections_total{reason=\"request\"}"), 0);
+}
+
+// How refusals and ends of frames change the counters of a server.
+class SessionMetrics : public ::testing::Test {
+ protected:
+  SessionMetrics() : server_(start_server(config())), channel_(server_->in_process_channel()) {}
+
+  static Config config() {
+    Config config = with_metrics();
+    config.memory_budget_bytes = 11 << 20;  // one frame of 600x600, or one that measures the tiers
+    return config;
+  }
+
+  // The refusals and the ended frames while `act` runs: "token" or "ok", and how many.
+  std::map<std::string, int> counted(const std::function<void()>& act) {
+    const std::map<std::string, double> before = scrape(*server_);
+    act();
+    EXPECT_TRUE(wait_until_idle(Connection(channel_)));
+    std::map<std::string, int> counts;
+    for (const auto& [series, value] : scrape(*server_)) {
+      if (!absl::StartsWith(series, "candela_rejections_") && !absl::StartsWith(series, "candela_frames_"))
+        continue;
+      const auto first = before.find(series);
+      const int more = static_cast<int>(value - (first == before.end() ? 0 : first->second));
+      const size_t quote = series.find('"');
+      if (more != 0) counts[series.substr(quote + 1, series.rfind('"') - quote - 1)] = more;
+    }
+    return counts;
+  }
+
+  // The same for one session.
+  std::map<std::string, int> session(grpc::StatusCode end, const std::function<void(StreamClient&)>& act) {
+    return counted([&] {
+      StreamClient client(channel_);
+      act(client);
+      const grpc::Status status = client.finish();
+      EXPECT_EQ(status.error_code(), end) << status.error_message();
+    });
+  }
+
+  using Counts = std::map<std::string, int>;
+  const WireFrame frame_ = natural(64, 36);
+  const std::unique_ptr<Server> server_;
+  const std::shared_ptr<grpc::Channel> channel_;
+};
+
+TEST_F(SessionMetrics, ARefusalAtTheOpenMessageIsCountedByItsReason) {
+  v1::Settings wrong;
+  wrong.set_prescale(-1);
+  EXPECT_EQ(session(grpc::INVALID_ARGUMENT, [&](StreamClient& c) { c.open("a", wrong); }),
+            (Counts{{"request", 1}}));
+  EXPECT_EQ(
+      session(grpc::FAILED_PRECONDITION, [](StreamClient& c) { c.open("a", {}, std::string(50, 'x')); }),
+      (Counts{{"token", 1}}));
+  std::string token;
+  EXPECT_EQ(session(grpc::OK,
+                    [&](StreamClient& c) {
+                      c.open("first");
+                      c.send(frame_, 0, 0);
+                      StreamResult result;
+                      ASSERT_TRUE(c.read(result));
+                      token = result.token();
+                      c.half_close();
+                    }),
+            (Counts{{"ok", 1}}));
+  EXPECT_EQ(session(grpc::FAILED_PRECONDITION, [&](StreamClient& c) { c.open("another", {}, token); }),
+            (Counts{{"token", 1}}));
+  EXPECT_EQ(
+      counted([&] {
+        StreamClient first(channel_);
+        first.open("taken");
+        ASSERT_TRUE(wait_until(Connection(channel_), [](const auto& info) { return info.sessions() == 1; }));
+        StreamClient second(channel_);
+        second.open("taken");
+        EXPECT_EQ(second.finish().error_code(), grpc::ALREADY_EXISTS);
+        first.half_close();
+        EXPECT_TRUE(first.finish().ok());
+      }),
+      (Counts{{"request", 1}}));
+}
+
+TEST_F(SessionMetrics, ARefusalAfterTheOpenMessageIsCountedByItsReason) {
+  v1::Settings wrong;
+  wrong.set_prescale(-1);
+  v1::Settings fast;
+  fast.set_max_ms(1e-3);
+  const WireFrame large = natural(2000, 2000);
+  EXPECT_EQ(session(grpc::INVALID_ARGUMENT,
+                    [&](StreamClient& c) {
+                      c.open("a");
+                      c.change(0, wrong);
+                    }),
+            (Counts{{"request", 1}}));
+  EXPECT_EQ(session(grpc::RESOURCE_EXHAUSTED,
+                    [&](StreamClient& c) {
+                      c.open("a");
+                      c.send_header(large, 0, 0);
+                    }),
+            (Counts{{"size", 1}}));
+  EXPECT_EQ(session(grpc::FAILED_PRECONDITION,
+                    [&](StreamClient& c) {
+                      c.open("a", fast);
+                      c.send_header(frame_, 0, 0);
+                      c.send_rows(frame_, 0, 1);
+                    }),
+            (Counts{{"promise", 1}}));
+}
+
+TEST_F(SessionMetrics, ASessionThatFindsNoMemoryIsCountedByItsReason) {
+  const WireFrame large = natural(600, 600);
+  std::atomic<bool> done = false;
+  StreamClient holder(channel_);
+  holder.open("holder");
+  holder.send_header(large, 0, 0);
+  holder.send_rows(large, 0, 1);
+  ASSERT_TRUE(wait_until_in_use(Connection(channel_)));
+  std::thread slow([&] {  // keeps its memory by sending a row now and then
+    for (uint32_t y = 1; !done && y < large.desc.height; ++y) {
+      holder.send_rows(large, y, 1);
+      absl::SleepFor(absl::Milliseconds(100));
+    }
+  });
+  const std::map<std::string, double> before = scrape(*server_);
+  // In process, a message that the client does not read is never sent, and the server hangs up.
+  StreamClient late(own_channel(server_->addresses().at(0)));
+  late.open("late");
+  late.send_header(large, 0, 0);
+  late.send_rows(large, 0, 1);
+  EXPECT_EQ(late.finish().error_code(), grpc::UNAVAILABLE);
+  done = true;
+  slow.join();
+  const char kMemory[] = "candela_rejections_total{reason=\"memory\"}";
+  EXPECT_EQ(scrape(*server_).at(kMemory) - before.at(kMemory), 1);
+  holder.cancel();
+  EXPECT_TRUE(wait_until_idle(Connection(channel_)));
+}
+
+// A frame that got memory ends once, with the status of what ended it.
+TEST_F(SessionMetrics, AFrameEndsByWhatEndedIt) {
+  const auto upload = [this](StreamClient& c) {
+    c.open("a");
+    c.send_header(frame_, 0, 0);
+    c.send_rows(frame_, 0, 4);
+    ASSERT_TRUE(wait_until_in_use(Connection(channel_)));
+  };
+  // An upload that goes silent: its session can resume.
+  EXPECT_EQ(session(grpc::UNAVAILABLE, upload), (Counts{{"unavailable", 1}}));
+  EXPECT_EQ(session(grpc::CANCELLED,
+                    [&](StreamClient& c) {
+                      upload(c);
+                      c.cancel();
+                    }),
+            (Counts{{"cancelled", 1}}));
+  EXPECT_EQ(session(grpc::INVALID_ARGUMENT,
+                    [&](StreamClient& c) {
+                      upload(c);
+                      c.send_rows(frame_, 30, 1);
+                    }),
+            (Counts{{"invalid_argument", 1}}));
+  EXPECT_EQ(session(grpc::UNAVAILABLE,
+                    [&](StreamClient& c) {
+                      upload(c);
+                      server_->lose_device();
+                      c.send_rows(frame_, 4, 32);
+                    }),
+            (Counts{{"unavailable", 1}}));
+  EXPECT_EQ(session(grpc::OK,
+                    [&](StreamClient& c) {
+                      v1::StreamOpen open = open_of("png");
+                      open.set_encoding(v1::ENCODING_PNG);
+                      c.open(open);
+                      c.send(frame_, 0, 0);
+                      c.half_close();
+                    }),
+            (Counts{{"ok", 1}}));
+}
+
+TEST_F(SessionMetrics, AFrameWhoseSessionMovesToAnotherCallIsAborted) {
+  EXPECT_EQ(counted([&] {
+              StreamClient first(channel_);
+              first.open("moves");
+              first.send(frame_, 0, 0);
+              StreamResult result;
+              ASSERT_TRUE(first.read(result));
+              first.send_header(frame_, 1, film_time_ns(1));
+              first.send_rows(frame_, 0, 4);
+              absl::SleepFor(absl::Milliseconds(300));  // the first frame may hold memory, too
+              StreamClient second(channel_);
+              second.open("moves", {}, result.token());
+              EXPECT_EQ(first.finish().error_code(), grpc::ABORTED);
+              second.half_close();
+              EXPECT_TRUE(second.finish().ok());
+            }),
+            (Counts{{"ok", 1}, {"aborted", 1}}));
 }
 
 TEST(MetricsPort, ServesNothingElseAndEndsWithTheServer) {

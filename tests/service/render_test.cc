@@ -192,7 +192,10 @@ TEST_P(Render, APromiseChoosesTheTier) {
   settings.mutable_bloom()->set_intensity(0);
   const absl::StatusOr<RenderResult> plain = connection().render(settings, view(frame));
   ASSERT_TRUE(plain.ok()) << plain.status();
-  EXPECT_NE(plain->header.tier_reason().find("draft takes"), std::string::npos)
+  EXPECT_EQ(plain->header.tier(), "draft");
+  EXPECT_GT(plain->header.error_bound_codes(), 0);
+  EXPECT_LE(plain->header.error_bound_codes(), 0.5);
+  EXPECT_NE(plain->header.tier_reason().find("draft is within"), std::string::npos)
       << plain->header.tier_reason();
 
   settings.set_max_ms(0.001);

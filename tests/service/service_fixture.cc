@@ -22,9 +22,6 @@ Config test_config() {
   config.heartbeat_interval = absl::Hours(1);  // only the tests send frames
   config.heartbeat_limit = absl::Hours(2);
   config.idle_timeout = absl::Milliseconds(800);
-#ifdef CANDELA_VALIDATION
-  config.validation = true;
-#endif
   return config;
 }
 

@@ -115,7 +115,10 @@ TEST_P(SlowSender, OfOneByteASecondIsEndedByTheIdleTimeoutAndDisturbsNobody) {
       break;
   }
   const grpc::Status status = client.finish();
-  EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED) << status.error_message();
+  // A session that is open may be resumed. Its open message may have passed before the line was slow.
+  EXPECT_TRUE(status.error_code() == grpc::UNAVAILABLE ||
+              (GetParam() == Slowed::kBeforeOpen && status.error_code() == grpc::DEADLINE_EXCEEDED))
+      << status.error_message();
   EXPECT_NE(status.error_message().find("idle timeout"), std::string::npos) << status.error_message();
   EXPECT_LT(absl::Now() - begin, kBounded);
   expect_only_the_bystander_left(bystander);

@@ -20,18 +20,12 @@ Shared& shared() {
   return instance;
 }
 
-#ifdef CANDELA_VALIDATION
-constexpr bool kValidation = true;
-#else
-constexpr bool kValidation = false;
-#endif
-
 }  // namespace
 
 void DeviceTest::SetUpTestSuite() {
   if (shared().renderer) return;
   keep_driver_loaded();
-  auto device = Device::create({.selector = "", .validation = kValidation});
+  auto device = Device::create({});
   ASSERT_TRUE(device.ok()) << device.status();
   shared().device = *std::move(device);
   shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30);

@@ -10,8 +10,7 @@
 
 namespace candela::testing {
 
-// The device, pool and renderer are made once. In a build with CANDELA_VALIDATION the validation layers are
-// on, and a test that causes a message from them fails.
+// The device, pool and renderer are made once.
 class DeviceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite();

@@ -141,7 +141,6 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
       {{"--resume-ttl", "0"}, "resume-ttl"},
       {{"--metrics", "unix:/tmp/m.sock"}, "metrics"},
       {{"--metrics", "9090"}, "9090"},
-      {{"--metrics", "[::1]:9090"}, "IPv4"},
       {{"--metrics", "0.0.0.0:9090"}, "--insecure"},
       {{"--metrics", "0.0.0.0:9090", "--tls-cert", "c", "--tls-key", "k"}, "--insecure"},
       {{"--listen", "0.0.0.0:1", "--token-file", "t"}, "--tls-cert"},

@@ -27,7 +27,8 @@ void answer(const v1::FrameHeader& frame, const v1::Settings& settings, Wire& st
 
 }  // namespace
 
-FakeServer::FakeServer(Fault fault) : fault_(std::move(fault)) {
+FakeServer::FakeServer(Fault fault, OpenFault open_fault)
+    : fault_(std::move(fault)), open_fault_(std::move(open_fault)) {
   grpc::ServerBuilder builder;
   builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
   builder.RegisterService(this);
@@ -50,9 +51,15 @@ grpc::Status FakeServer::Stream(grpc::ServerContext* context, Wire* stream) {
   if (context->client_metadata().find("x-session-id")->second != open.session()) {
     return {grpc::INVALID_ARGUMENT, "no x-session-id"};
   }
+  size_t before = 0;
   {
     const std::lock_guard lock(mutex_);
+    before = opens_.size();
     opens_.push_back(open);
+  }
+  if (open_fault_) {
+    const grpc::Status status = open_fault_(before);
+    if (!status.ok()) return status;
   }
   v1::StreamResponse opened;
   opened.mutable_opened()->set_session(open.session());

@@ -24,7 +24,10 @@ class FakeServer : public v1::RenderService::Service {
   using Fault = std::function<grpc::Status(uint64_t sequence, Wire& stream)>;
   static inline const grpc::Status kEndsAsIfDone{grpc::OUT_OF_RANGE, "as if done"};
 
-  explicit FakeServer(Fault fault = nullptr);
+  // Called with the number of opens before this one. A status other than OK refuses it.
+  using OpenFault = std::function<grpc::Status(size_t opens)>;
+
+  explicit FakeServer(Fault fault = nullptr, OpenFault open_fault = nullptr);
   ~FakeServer() override;
 
   std::string address() const;
@@ -35,6 +38,7 @@ class FakeServer : public v1::RenderService::Service {
 
  private:
   const Fault fault_;
+  const OpenFault open_fault_;
   int port_ = 0;
   std::unique_ptr<grpc::Server> server_;
   std::mutex mutex_;

@@ -92,6 +92,46 @@ TEST(FrameQueue, FlowsThatComeForOneFrameDoNotKeepAnotherWaiting) {
   EXPECT_NEAR(served[1], 10, 2) << "of 30 frames, with two others that always wait";
 }
 
+TEST(FrameQueue, ASmallFrameDoesNotWaitForASliceOfEachOfManyFlows) {
+  FrameQueue queue(100);
+  for (Flow flow = 1; flow <= 20; ++flow) ASSERT_TRUE(queue.push(job_of(flow)).ok());
+  const auto slice = [&queue] {
+    std::optional<FrameJob> job = queue.pop();
+    const Flow flow = job->flow;
+    queue.charge(flow, flow == 100 ? absl::Milliseconds(2) : absl::Milliseconds(50));
+    if (flow != 100) queue.put_back(*std::move(job));
+    return flow;
+  };
+  for (int i = 0; i < 50; ++i) slice();  // every flow has had a slice
+  for (int frame = 0; frame < 10; ++frame) {
+    ASSERT_TRUE(queue.push(job_of(100)).ok());
+    EXPECT_EQ(slice(), 100u);
+    for (int i = 0; i < 7; ++i) EXPECT_NE(slice(), 100u);
+  }
+}
+
+// The share of a flow of long jobs beside flows of short ones, each of which comes for one job only.
+TEST(FrameQueue, ManySmallFramesDoNotKeepALongJobWaiting) {
+  FrameQueue queue(100);
+  ASSERT_TRUE(queue.push(job_of(1)).ok());
+  Flow newcomer = 2;
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(queue.push(job_of(newcomer++)).ok());
+  absl::Duration used, all;
+  for (int i = 0; i < 1000; ++i) {
+    std::optional<FrameJob> job = queue.pop();
+    const absl::Duration cost = absl::Milliseconds(job->flow == 1 ? 50 : 5);
+    queue.charge(job->flow, cost);
+    all += cost;
+    if (job->flow == 1) {
+      used += cost;
+      queue.put_back(*std::move(job));
+    } else {
+      ASSERT_TRUE(queue.push(job_of(newcomer++)).ok());
+    }
+  }
+  EXPECT_NEAR(absl::FDivDuration(used, all), 1.0 / 3, 0.05);
+}
+
 TEST(FrameQueue, FlowsThatAreDoneAreForgotten) {
   FrameQueue queue(100);
   for (Flow flow = 0; flow < 1000; ++flow) {
@@ -99,6 +139,24 @@ TEST(FrameQueue, FlowsThatAreDoneAreForgotten) {
     queue.charge(queue.pop()->flow, absl::Milliseconds(10));
   }
   EXPECT_LE(queue.flows(), 2u);
+}
+
+TEST(FrameQueue, AJobThatIsPutBackIsTheNextOfItsFlowAndLetsTheOthersGoFirst) {
+  FrameQueue queue(4);
+  for (const Flow flow : {1, 1, 2, 2}) ASSERT_TRUE(queue.push(job_of(flow)).ok());
+  std::optional<FrameJob> slice = queue.pop();
+  const Ticket ticket = slice->ticket;
+  ASSERT_EQ(slice->flow, 1u);
+  ASSERT_TRUE(queue.push(job_of(3)).ok());
+  queue.charge(1, absl::Milliseconds(50));
+  queue.put_back(*std::move(slice));
+  EXPECT_EQ(queue.size(), 5u);  // also if its place was taken
+  EXPECT_TRUE(absl::IsUnavailable(queue.push(job_of(4)).status()));
+  EXPECT_EQ(queue.pop()->flow, 2u);
+  queue.charge(2, absl::Milliseconds(100));
+  EXPECT_EQ(queue.pop()->flow, 3u);
+  queue.charge(3, absl::Milliseconds(100));
+  EXPECT_EQ(queue.pop()->ticket, ticket);
 }
 
 TEST(FrameQueue, ARemovedJobIsGone) {

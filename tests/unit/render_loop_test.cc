@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <vector>
 
@@ -122,6 +123,191 @@ TEST(RenderLoop, StopFinishesWhatWaitsAndTakesNoMore) {
   loop.stop();
   EXPECT_EQ(done, 20);
   EXPECT_TRUE(absl::IsUnavailable(loop.submit(job([](auto) {})).status()));
+}
+
+// A job that takes `slices` slices and says in `order` when each ends.
+FrameJob long_job(Flow flow, int slices, std::vector<Flow>& order) {
+  FrameJob result;
+  result.flow = flow;
+  result.task = [flow, slices, &order] {
+    for (int i = 0; i < slices; ++i) {
+      order.push_back(flow);
+      absl::SleepFor(absl::Milliseconds(2));
+      checkpoint();
+    }
+  };
+  result.done = [](auto) {};
+  return result;
+}
+
+// Submits the jobs while the loop is busy, so that all of them wait when it is done with that.
+void submit_together(RenderLoop& loop, GatedRender& render, std::vector<FrameJob> jobs) {
+  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  render.wait_until_busy();
+  for (FrameJob& each : jobs) ASSERT_TRUE(loop.submit(std::move(each)).ok());
+  render.open();
+}
+
+TEST(RenderLoop, SlicesOfTwoFlowsAlternate) {
+  std::vector<Flow> order;
+  GatedRender render;
+  RenderLoop loop(render.function(), 8, absl::ZeroDuration());
+  std::vector<FrameJob> jobs;
+  jobs.push_back(long_job(1, 20, order));
+  jobs.push_back(long_job(2, 20, order));
+  submit_together(loop, render, std::move(jobs));
+  loop.stop();
+  ASSERT_EQ(order.size(), 40u);
+  EXPECT_NE(order[0], order[1]);  // how they go on depends on what each slice really took
+  EXPECT_EQ(std::count(order.begin(), order.end(), 1u), 20);
+}
+
+TEST(RenderLoop, AJobInSlicesKeepsItsPlaceAheadOfItsFlowsNextJob) {
+  std::vector<Flow> order;
+  GatedRender render;
+  RenderLoop loop(
+      [gated = render.function()](const FrameJob& each) {
+        for (int i = 0; i < 5; ++i) checkpoint();
+        return gated(each);
+      },
+      8, absl::ZeroDuration());
+  std::vector<FrameJob> jobs;
+  FrameJob first = job([&order](auto) { order.push_back(1); });
+  first.flow = 1;
+  first.in_slices = true;
+  FrameJob next = job([&order](auto) { order.push_back(2); });
+  next.flow = 1;
+  jobs.push_back(std::move(first));
+  jobs.push_back(std::move(next));
+  submit_together(loop, render, std::move(jobs));
+  loop.stop();
+  EXPECT_EQ(order, (std::vector<Flow>{1, 2}));
+}
+
+// All clients of a unix: socket are one flow.
+TEST(RenderLoop, AJobInSlicesLetsItsFlowsOtherCallsGoInBetween) {
+  std::vector<Flow> order;
+  GatedRender render;
+  RenderLoop loop(render.function(), 8, absl::ZeroDuration());
+  std::vector<FrameJob> jobs;
+  jobs.push_back(long_job(1, 5, order));
+  FrameJob small = job([&order](auto) { order.push_back(100); });
+  small.flow = 1;
+  small.ordered = false;
+  jobs.push_back(std::move(small));
+  submit_together(loop, render, std::move(jobs));
+  loop.stop();
+  EXPECT_EQ(order, (std::vector<Flow>{1, 100, 1, 1, 1, 1}));
+}
+
+TEST(RenderLoop, ATaskOfTheHeartbeatRunsBetweenSlices) {
+  std::vector<Flow> order;
+  GatedRender render;
+  RenderLoop loop(render.function(), 8, absl::ZeroDuration());
+  std::vector<FrameJob> jobs;
+  jobs.push_back(long_job(1, 50, order));
+  submit_together(loop, render, std::move(jobs));
+  absl::Notification beat;
+  ASSERT_TRUE(loop.post([&] {
+                    order.push_back(100);
+                    beat.Notify();
+                  })
+                  .ok());
+  beat.WaitForNotification();
+  loop.stop();
+  EXPECT_NE(order.back(), 100u) << "the beat waited for the end of the job";
+}
+
+TEST(RenderLoop, AFrameInSlicesIsRenderedAndItsPausesCountAsWaiting) {
+  RenderLoop loop(
+      [](const FrameJob&) {
+        for (int i = 0; i < 5; ++i) {
+          absl::SleepFor(absl::Milliseconds(10));
+          checkpoint();
+        }
+        FrameReport report;
+        report.exposure = 7;
+        return report;
+      },
+      8, absl::ZeroDuration());
+  absl::Notification done;
+  absl::StatusOr<RenderedFrame> result;
+  FrameJob frame = job([&](absl::StatusOr<RenderedFrame> rendered) {
+    result = std::move(rendered);
+    done.Notify();
+  });
+  frame.in_slices = true;
+  const absl::Time begin = absl::Now();
+  ASSERT_TRUE(loop.submit(std::move(frame)).ok());
+  done.WaitForNotification();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->report.exposure, 7);
+  EXPECT_LE(result->queued, absl::Now() - begin - absl::Milliseconds(50));
+}
+
+TEST(RenderLoop, AJobCancelledBetweenSlicesReleasesWhatItHoldsAtOnce) {
+  const auto held = std::make_shared<int>();
+  std::atomic<int> slices = 0;
+  GatedRender render;
+  RenderLoop loop(render.function(), 8, absl::ZeroDuration());
+  FrameJob endless;
+  endless.flow = 2;
+  endless.task = [copy = held, &slices] {
+    for (;; ++slices) checkpoint();
+  };
+  endless.done = [](auto) { ADD_FAILURE() << "a cancelled job was completed"; };
+  const absl::StatusOr<Ticket> ticket = loop.submit(std::move(endless));
+  while (slices == 0) std::this_thread::yield();
+  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());  // occupies the thread
+  render.wait_until_busy();
+  EXPECT_EQ(loop.waiting(), 1u);
+  EXPECT_TRUE(loop.cancel(*ticket));
+  EXPECT_EQ(held.use_count(), 1);
+  EXPECT_EQ(loop.waiting(), 0u);
+  render.open();
+}
+
+TEST(RenderLoop, AJobCancelledDuringASliceEndsWithIt) {
+  absl::Notification begun, cancelled, done;
+  absl::Status status;
+  RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 8, absl::ZeroDuration());
+  FrameJob endless;
+  endless.task = [&] {
+    begun.Notify();
+    cancelled.WaitForNotification();
+    for (;;) checkpoint();
+  };
+  endless.done = [&](absl::StatusOr<RenderedFrame> result) {
+    status = result.status();
+    done.Notify();
+  };
+  const absl::StatusOr<Ticket> ticket = loop.submit(std::move(endless));
+  begun.WaitForNotification();
+  EXPECT_FALSE(loop.cancel(*ticket));
+  cancelled.Notify();
+  done.WaitForNotification();
+  EXPECT_TRUE(absl::IsCancelled(status)) << status;
+}
+
+TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
+  absl::Notification done;
+  absl::Status status = absl::UnknownError("not done");
+  RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 8, absl::ZeroDuration());
+  FrameJob late;
+  late.deadline = absl::Now() + absl::Milliseconds(500);
+  late.task = [] {
+    for (int i = 0; i < 6; ++i) {
+      absl::SleepFor(absl::Milliseconds(100));
+      checkpoint();
+    }
+  };
+  late.done = [&](absl::StatusOr<RenderedFrame> result) {
+    status = result.status();
+    done.Notify();
+  };
+  ASSERT_TRUE(loop.submit(std::move(late)).ok());
+  done.WaitForNotification();
+  EXPECT_TRUE(status.ok()) << status;
 }
 
 }  // namespace

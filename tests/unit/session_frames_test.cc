@@ -104,9 +104,10 @@ TEST(SessionFrames, AnEncodedFrameIsDueOnceItsFileIsThere) {
   line.frames.decide(*entry, {});
   SessionFrames::rendered(*entry, rendered_frame(), true);
   EXPECT_EQ(line.frames.due(), nullptr);
-  EXPECT_FALSE(entry->unfinished());
+  EXPECT_TRUE(entry->unfinished());
   SessionFrames::encoded(*entry, "file", absl::Nanoseconds(5));
   EXPECT_EQ(line.frames.due(), entry);
+  EXPECT_FALSE(entry->unfinished());
   EXPECT_EQ(*entry->file, "file");
   ASSERT_EQ(entry->report->stages.size(), 2u);
   EXPECT_EQ(entry->report->stages[1].ns, 5u);

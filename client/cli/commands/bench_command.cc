@@ -11,6 +11,7 @@
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/image/sample.h"
 
@@ -128,7 +129,9 @@ class Load {
 absl::Status warm_up(ServerLink& link, const Image& frame) {
   const absl::StatusOr<const Connection*> server = link.connection();
   if (!server.ok()) return server.status();
-  return (*server)->render({}, view_of(frame), absl::Now() + kWarmUpTimeout).status();
+  const absl::Time deadline = absl::Now() + kWarmUpTimeout;
+  return link.call(deadline,
+                   [&](const Connection& one) { return one.render({}, view_of(frame), deadline).status(); });
 }
 
 absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progress) {
@@ -136,7 +139,7 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
   absl::StatusOr<Image> made = sample_sequence_frame(options.width, options.height, 0, 1);
   if (!made.ok()) return made.status();
   const auto frame = std::make_shared<const Image>(*std::move(made));
-  ServerLink link(options.server);
+  ServerLink link(options.server, options.quiet);
   const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   if (!info.ok()) return info.status();
   BenchReport report;
@@ -181,6 +184,8 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
 }  // namespace
 
 absl::Status run_bench(const BenchOptions& options) {
+  absl::Status apart = check_outputs_apart(files_of(options.server), {{options.json, "the JSON"}});
+  if (!apart.ok()) return apart;
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   Progress progress(!options.quiet);

@@ -13,11 +13,13 @@ void EmbeddedServer::prepare() { prepare_driver_environment(); }
 
 std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
 
-absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device) {
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device,
+                                                                      bool measures_tiers) {
   Config config;
   config.device = device;
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   config.cache_dir = default_cache_dir();
+  config.measure_tiers = measures_tiers;
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
   if (!server.ok()) return server.status();
   return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(*std::move(server)));

@@ -25,7 +25,8 @@ class EmbeddedServer {
   static std::vector<std::string> daemon_variables();
 
   // Takes hundreds of milliseconds. `device` means the same as candelad's --device.
-  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const std::string& device);
+  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const std::string& device,
+                                                               bool measures_tiers = false);
   ~EmbeddedServer();
 
   // Do not use the channel after this object is destroyed.

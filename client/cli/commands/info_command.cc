@@ -2,6 +2,8 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
@@ -12,6 +14,9 @@
 
 namespace candela {
 namespace {
+
+constexpr absl::Duration kMeasuringTimeout = absl::Seconds(20);
+constexpr absl::Duration kMeasuringPause = absl::Milliseconds(20);
 
 template <typename Enum, typename Values>
 std::vector<std::string> words_of(const Values& values) {
@@ -34,6 +39,19 @@ std::string mib(uint64_t bytes) {
   return absl::StrFormat("%.4g MiB", static_cast<double>(bytes) / (1 << 20));
 }
 
+// "error within 0.09 codes (bloom: no bound); 1024x512 in 8.2 ms"
+std::string numbers_of(const v1::Tier& tier) {
+  const auto codes = [](double bound) {
+    return bound < 255 ? absl::StrFormat("within %.2g codes", bound) : std::string("without a bound");
+  };
+  std::string text = absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),
+                                     codes(tier.max_error_codes_with_bloom()));
+  for (const v1::TierTime& time : tier.times()) {
+    absl::StrAppendFormat(&text, "; %dx%d in %.3g ms", time.width(), time.height(), time.ms());
+  }
+  return text;
+}
+
 std::string to_text(const v1::GetServerInfoResponse& info, const std::string& address) {
   const Words words(info);
   const v1::DeviceInfo& device = info.device();
@@ -51,7 +69,10 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   line("gives", absl::StrJoin(words.output_formats, ", "));
   line("curves", absl::StrJoin(words.curves, ", "));
   line("transfers", absl::StrJoin(words.transfers, ", "));
-  for (const v1::Tier& tier : info.tiers()) line("tier", tier.name() + ": " + tier.summary());
+  for (const v1::Tier& tier : info.tiers()) {
+    line("tier", tier.name() + ": " + tier.summary());
+    line("", numbers_of(tier));
+  }
   line("limits", absl::StrFormat("%d pixels per side, %s per frame, %s per band, %s for textures",
                                  limits.max_dimension(), mib(limits.max_frame_bytes()),
                                  mib(limits.max_band_bytes()), mib(limits.memory_budget_bytes())));
@@ -96,8 +117,17 @@ nlohmann::ordered_json to_json(const v1::SettingInfo& setting) {
 std::string to_json(const v1::GetServerInfoResponse& info, const std::string& address) {
   const Words words(info);
   nlohmann::ordered_json tiers = nlohmann::ordered_json::array();
-  for (const v1::Tier& tier : info.tiers())
-    tiers.push_back({{"name", tier.name()}, {"summary", tier.summary()}});
+  for (const v1::Tier& tier : info.tiers()) {
+    nlohmann::ordered_json times = nlohmann::ordered_json::array();
+    for (const v1::TierTime& time : tier.times()) {
+      times.push_back({{"width", time.width()}, {"height", time.height()}, {"ms", time.ms()}});
+    }
+    tiers.push_back({{"name", tier.name()},
+                     {"summary", tier.summary()},
+                     {"max_error_codes", tier.max_error_codes()},
+                     {"max_error_codes_with_bloom", tier.max_error_codes_with_bloom()},
+                     {"times", times}});
+  }
   nlohmann::ordered_json settings = nlohmann::ordered_json::array();
   for (const v1::SettingInfo& setting : info.settings()) settings.push_back(to_json(setting));
   const nlohmann::ordered_json server = {
@@ -133,8 +163,15 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
 }
 
 absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
-  ServerLink link(options.server);
-  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
+  ServerLink link(options.server, /*quiet=*/true, /*measures_tiers=*/true);
+  absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
+  // The built-in server has just begun to measure, unless an earlier one did.
+  for (const absl::Time limit = absl::Now() + kMeasuringTimeout;
+       options.server.address.empty() && info.ok() && info->tiers(0).times().empty() &&
+       absl::Now() < limit;) {
+    absl::SleepFor(kMeasuringPause);
+    info = link.info();
+  }
   if (!info.ok()) return info.status();
   const std::string& address = options.server.address;
   if (!json.to_stdout()) {
@@ -166,7 +203,9 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
 }  // namespace
 
 absl::Status run_info(const InfoOptions& options) {
-  if (absl::Status status = check_outputs_apart(options.files, {{options.json, "the JSON"}}); !status.ok()) {
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.insert(inputs.end(), options.files.begin(), options.files.end());
+  if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);

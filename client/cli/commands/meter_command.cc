@@ -15,6 +15,7 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
 
 namespace candela {
 namespace {
@@ -125,34 +126,40 @@ bool is_single_image(const MeterOptions& options) {
 
 absl::Status meter_image(const MeterOptions& options) {
   const std::string& input = options.sequence.inputs.front();
-  if (absl::Status status = check_outputs_apart({input}, {{options.json, "the JSON"}}); !status.ok()) {
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.push_back(input);
+  if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   Progress progress(!options.quiet);
   progress.show("metering " + input);
-  ServerLink link(options.server);
+  ServerLink link(options.server, options.quiet);
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image =
       read_image(input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
                  options.shown);
   if (!image.ok()) return image.status();
-  const absl::StatusOr<const Connection*> server = link.connection();
-  if (!server.ok()) return server.status();
+  if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
   v1::Settings settings = settings_for(*image, options.settings);
   const std::string alpha_note = options.alpha_by_default ? ignore_empty_alpha(*image, settings) : "";
-  const absl::StatusOr<v1::MeterResponse> metered =
-      (*server)->meter(settings, view_of(*image), absl::Now() + kMeterTimeout);
+  absl::StatusOr<v1::MeterResponse> metered;
+  const absl::Time deadline = absl::Now() + kMeterTimeout;
+  const absl::Status called = link.call(deadline, [&](const Connection& one) {
+    metered = one.meter(settings, view_of(*image), deadline);
+    return metered.status();
+  });
   progress.clear();
-  if (!metered.ok()) return name_file(metered.status(), input);
+  if (!called.ok()) return name_file(in_options(called, options.settings), input);
   const PrimariesUsed primaries = primaries_used(*image, options.settings);
   if (!options.quiet) {
     for (const std::string& note : options.notes) print_note(note);
     for (const std::string& note : image->notes) print_note(note);
-    for (const std::string& note : {alpha_note, held_words(metered->target(), metered->target_before_limits())}) {
+    for (const std::string& note :
+         {alpha_note, held_words(metered->target(), metered->target_before_limits())}) {
       if (!note.empty()) print_note(note);
     }
     if (!json->to_stdout()) {

@@ -18,6 +18,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/files/sequence_files.h"
+#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
@@ -109,7 +110,8 @@ class Reporter {
   absl::Status finish() {
     progress_.clear();
     for (const auto& [note, images] : notes_) {
-      if (images > 1 && !of_run(note)) print_note(absl::StrFormat("the same of %d more: %s", images - 1, note));
+      if (images > 1 && !of_run(note))
+        print_note(absl::StrFormat("the same of %d more: %s", images - 1, note));
     }
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
     if (!options_.quiet && !json_.to_stdout()) {
@@ -176,7 +178,8 @@ absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
   std::error_code failed;
   const bool pattern = input.find_first_of("*?[%#@") != std::string::npos;
   const bool there = std::filesystem::exists(input, failed);
-  if (there ? !std::filesystem::is_directory(input, failed) : !pattern) return std::vector<std::string>{input};
+  if (there ? !std::filesystem::is_directory(input, failed) : !pattern)
+    return std::vector<std::string>{input};
   return find_frames({input});
 }
 
@@ -196,8 +199,8 @@ absl::StatusOr<std::vector<RenderJob>> render_jobs(const RenderOptions& options)
       const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);
       const auto [other, fresh] = outputs.emplace(output, file);
       if (!fresh) {
-        return absl::InvalidArgumentError(absl::StrFormat(
-            "%s and %s would both become %s; render one of them apart", other->second, file, output));
+        return usage_error(absl::StrFormat("%s and %s would both become %s; render one of them apart",
+                                           other->second, file, output));
       }
       jobs.push_back({file, output});
     }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/strings/str_format.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
@@ -21,6 +22,7 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
 #include "client/color/view_error.h"
 #include "client/image/image.h"
 #include "proto/candela/v1/settings.h"
@@ -30,10 +32,6 @@ namespace {
 
 // Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
-
-// If the server has no memory for an image, the command tries so often again. The waits double, 3 s in all.
-constexpr int kTries = 4;
-constexpr absl::Duration kFirstWait = absl::Milliseconds(200);
 
 std::string curve_word(v1::Settings settings) {
   (void)v1::complete_settings(settings);  // the default, if the user chose none; parsing has checked the rest
@@ -46,7 +44,7 @@ double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now(
 // may use them.
 class Shared {
  public:
-  explicit Shared(const RenderOptions& options) : options_(options), link_(options.server) {}
+  explicit Shared(const RenderOptions& options) : options_(options), link_(options.server, options.quiet) {}
 
   // Reads the file of --locked-exposure, if it is given.
   absl::Status read_exposure() {
@@ -73,21 +71,21 @@ class Shared {
     return *limits_;
   }
 
-  // Waits for the built-in server.
-  absl::StatusOr<const Connection*> connection() {
+  // Waits for the built-in server. OK once link() may be called.
+  absl::Status connect() {
     const absl::MutexLock lock(&mutex_);
-    if (server_) return *server_;
-    server_ = link_.connection();
-    if (!server_->ok()) return *server_;
-    if (absl::Status status = link_.check_tier(options_.settings.tier()); !status.ok()) server_ = status;
-    return *server_;
+    if (connected_) return *connected_;
+    connected_ = link_.connection().status();
+    if (connected_->ok()) connected_ = link_.check_tier(options_.settings.tier());
+    return *connected_;
   }
+  const ServerLink& link() const { return link_; }
 
   // Why no image can be rendered; OK as long as they can.
   absl::Status failure() {
     const absl::MutexLock lock(&mutex_);
     if (limits_ && !limits_->ok()) return limits_->status();
-    return server_ && !server_->ok() ? server_->status() : absl::OkStatus();
+    return connected_.value_or(absl::OkStatus());
   }
 
   // Stops the built-in server and frees its memory. Connections must not be used any more.
@@ -118,7 +116,7 @@ class Shared {
   // The exposure of all images, if it is given.
   std::optional<double> locked() const { return locked_; }
   double bake_ms() const { return bake_ms_; }
-  // Call it after connection().
+  // Call it after connect().
   double start_ms() const { return link_.start_ms(); }
 
  private:
@@ -126,7 +124,7 @@ class Shared {
   absl::Mutex mutex_;
   ServerLink link_;
   std::optional<absl::StatusOr<v1::Limits>> limits_ ABSL_GUARDED_BY(mutex_);
-  std::optional<absl::StatusOr<const Connection*>> server_ ABSL_GUARDED_BY(mutex_);
+  std::optional<absl::Status> connected_ ABSL_GUARDED_BY(mutex_);
   absl::Mutex calls_mutex_;
   int calls_ ABSL_GUARDED_BY(calls_mutex_) = 0;
   uint64_t ended_calls_ ABSL_GUARDED_BY(calls_mutex_) = 0;
@@ -146,8 +144,7 @@ class Rendering {
     report_.input = job_.input;
     report_.output = job_.output;
     report_.error_map = options_.error_map;
-    report_.metered =
-        options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !shared_.locked();
+    report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !shared_.locked();
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
     report_.tone_curve = options_.settings.curve();
@@ -168,14 +165,19 @@ class Rendering {
   }
 
  private:
-  absl::StatusOr<Image> read() {
-    progress_.show("reading " + job_.input);
+  absl::StatusOr<Image> read_input() {
     const absl::StatusOr<v1::Limits> limits = shared_.limits();
     if (!limits.ok()) return limits.status();
+    return read_image(job_.input,
+                      {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
+                      options_.shown);
+  }
+
+  absl::StatusOr<Image> read() {
+    progress_.show("reading " + job_.input);
+    if (const auto limits = shared_.limits(); !limits.ok()) return limits.status();
     const absl::Time begin = absl::Now();
-    absl::StatusOr<Image> image = read_image(
-        job_.input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-        options_.shown);
+    absl::StatusOr<Image> image = read_input();
     read_ms_ = ms_since(begin);
     if (!image.ok()) return image;
     add_notes(std::exchange(image->notes, {}));
@@ -188,8 +190,7 @@ class Rendering {
   // picture stays in memory.
   absl::StatusOr<Image> render(Image frame) {
     progress_.show("rendering " + job_.input);
-    const absl::StatusOr<const Connection*> server = shared_.connection();
-    if (!server.ok()) return server.status();
+    if (absl::Status status = shared_.connect(); !status.ok()) return status;
     const absl::Time begin = absl::Now();
     FrameView view = view_of(frame);
     if (options_.previous.exposure() > 0) view.previous = options_.previous;
@@ -203,9 +204,9 @@ class Rendering {
     if (options_.alpha_by_default) add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
     if (shared_.view()) *settings.mutable_table() = shared_.view()->table;
-    absl::StatusOr<RenderResult> result = call(**server, settings, view, begin + kRenderTimeout);
+    absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
-    if (!result.ok()) return name_file(result.status(), job_.input);
+    if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
     if (only_) shared_.close();
 
     report_.header = result->header;
@@ -228,21 +229,42 @@ class Rendering {
     return picture;
   }
 
+  absl::StatusOr<RenderResult> call(const v1::Settings& settings, Image& frame, FrameView& view,
+                                    absl::Time deadline) {
+    absl::StatusOr<RenderResult> result;
+    const absl::Status status = shared_.link().call(deadline, [&](const Connection& server) {
+      if (absl::Status read = read_again(frame, view); !read.ok()) return read;
+      result = call_once(server, settings, view, deadline);
+      return result.status();
+    });
+    if (!status.ok()) return status;
+    return result;
+  }
+
   // Several images at once may be too many for the server's memory. Then this one waits for another one's
-  // call to end, or for a while if the memory is not theirs.
-  absl::StatusOr<RenderResult> call(const Connection& server, const v1::Settings& settings,
-                                    const FrameView& view, absl::Time deadline) {
-    absl::Duration wait = kFirstWait;
-    for (int tries = 0;;) {
+  // call to end.
+  absl::StatusOr<RenderResult> call_once(const Connection& server, const v1::Settings& settings,
+                                         const FrameView& view, absl::Time deadline) {
+    while (true) {
       shared_.begin_call();
       absl::StatusOr<RenderResult> result = server.render(settings, view, deadline);
       shared_.end_call();
-      if (only_ || tries >= kTries || !absl::IsUnavailable(result.status())) return result;
-      if (shared_.wait_for_a_call()) continue;
-      absl::SleepFor(wait);
-      wait *= 2;
-      ++tries;
+      if (only_ || !absl::IsUnavailable(result.status()) || !shared_.wait_for_a_call()) return result;
     }
+  }
+
+  // The call that sent the frame was lost, and the frame was freed by then.
+  absl::Status read_again(Image& frame, FrameView& view) {
+    if (!frame.pixels.empty()) return absl::OkStatus();
+    absl::StatusOr<Image> image = read_input();
+    if (!image.ok()) return image.status();
+    if (image->width != frame.width || image->height != frame.height || image->format != frame.format) {
+      return absl::FailedPreconditionError(absl::StrFormat(
+          "%s: it was replaced by another image while it was rendered; render it again", job_.input));
+    }
+    frame.pixels = std::move(image->pixels);
+    view.pixels = frame.pixels.span();
+    return absl::OkStatus();
   }
 
   absl::Status write(const Image& picture) {
@@ -298,14 +320,12 @@ class Rendering {
 
 // Checks the files to write before the work, and makes their folders.
 absl::Status prepare_outputs(const RenderOptions& options, const std::vector<RenderJob>& jobs) {
-  std::vector<std::string> inputs;
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.insert(inputs.end(), {options.view.config, options.locked_exposure});
   std::vector<OutputFile> outputs;
   for (const RenderJob& job : jobs) {
     inputs.push_back(job.input);
     outputs.push_back({job.output, "the image"});
-  }
-  for (const std::string& read : {options.view.config, options.locked_exposure}) {
-    if (!read.empty()) inputs.push_back(read);
   }
   outputs.push_back({options.error_map, "the error map"});
   outputs.push_back({options.json, "the JSON"});

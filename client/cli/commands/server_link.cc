@@ -4,7 +4,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/cli/commands/address_space.h"
+#include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
+#include "client/retry.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -16,19 +19,29 @@ constexpr absl::Duration kAnswerTimeout = absl::Seconds(10);
 absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
   absl::StatusOr<v1::GetServerInfoResponse> info = server.server_info(absl::Now() + kAnswerTimeout);
   if (!absl::IsDeadlineExceeded(info.status())) return info;
-  return absl::DeadlineExceededError(
+  // The next server is asked.
+  return absl::UnavailableError(
       absl::StrFormat("no answer from %s within %s; it hangs or is not a candelad; name another server",
                       server.address(), absl::FormatDuration(kAnswerTimeout)));
 }
 
 }  // namespace
 
-ServerLink::ServerLink(const ServerChoice& choice) : choice_(choice) {
+ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tiers)
+    : choice_(choice), quiet_(quiet) {
   if (!choice_.address.empty()) return;
+  absl::Status room = check_address_space(built_in_server_bytes(), "the built-in server",
+                                          ", or name a running candelad with --server");
+  if (!room.ok()) {
+    std::promise<Started> refused;
+    refused.set_value(room);
+    starting_ = refused.get_future();
+    return;
+  }
   EmbeddedServer::prepare();
-  starting_ = std::async(std::launch::async, [this]() -> Started {
+  starting_ = std::async(std::launch::async, [this, measures_tiers]() -> Started {
     const absl::Time begin = absl::Now();
-    Started server = EmbeddedServer::start(choice_.device);
+    Started server = EmbeddedServer::start(choice_.device, measures_tiers);
     start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
     return server;
   });
@@ -60,12 +73,36 @@ absl::StatusOr<const Connection*> ServerLink::connection() {
   return &connections_.front();
 }
 
-absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& options) {
+absl::Status ServerLink::call(absl::Time deadline,
+                              absl::FunctionRef<absl::Status(const Connection&)> one) const {
+  RetryOptions options{.limit = choice_.resume_limit, .deadline = deadline};
+  options.on_wait = [this](size_t server, const absl::Status& why, absl::Duration) {
+    tell_of_wait(connections_[server].address(), why);
+  };
+  return retry(connections_.size(), options, [&](size_t server) { return one(connections_[server]); });
+}
+
+void ServerLink::tell_of_wait(const std::string& server, const absl::Status& why) const {
+  if (quiet_ || told_.exchange(true)) return;
+  // The rest of the message tells the user what to do, which the command does.
+  const std::string words(why.message());
+  print_note_over_progress(absl::StrFormat("%s: %s; waiting for up to %s (--resume)", server,
+                                           words.substr(0, words.find(';')),
+                                           absl::FormatDuration(choice_.resume_limit)));
+}
+
+absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) {
+  SessionOptions options = session;
+  options.resume_limit = choice_.resume_limit;
+  options.on_open_wait = [this](const std::string& server, const absl::Status& why) {
+    tell_of_wait(server, why);
+  };
   if (choice_.address.empty()) {
     const absl::StatusOr<const Connection*> server = connection();
     if (!server.ok()) return server.status();
     return Session::open({(*server)->channel()}, options);
   }
+  if (absl::Status room = check_address_space(session_bytes(), "a session", ""); !room.ok()) return room;
   SessionOptions there = options;
   there.security = choice_.security;
   there.servers = addresses();
@@ -75,10 +112,12 @@ absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& options) 
 absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
   const absl::StatusOr<const Connection*> server = connection();
   if (!server.ok()) return server.status();
-  absl::StatusOr<v1::GetServerInfoResponse> info = ask_info(**server);
-  for (size_t i = 1; i < connections_.size() && !info.ok(); ++i) {
-    if (auto answer = ask_info(connections_[i]); answer.ok()) info = std::move(answer);
-  }
+  absl::StatusOr<v1::GetServerInfoResponse> info;
+  const absl::Status status = call(absl::InfiniteFuture(), [&info](const Connection& one) {
+    info = ask_info(one);
+    return info.status();
+  });
+  if (!status.ok()) return status;
   return info;
 }
 

@@ -1,12 +1,15 @@
 // The server that a command uses: a running one, or the built-in one, which starts in this process.
 #pragma once
 
+#include <atomic>
 #include <future>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/commands/embedded_server.h"
 #include "client/cli/options/options.h"
@@ -19,8 +22,9 @@ namespace candela {
 class ServerLink {
  public:
   // Starts the built-in server on another thread if the choice names
-  // no server, so that files can be read meanwhile.
-  explicit ServerLink(const ServerChoice& choice);
+  // no server, so that files can be read meanwhile. `quiet`: no note tells the user of a wait for a server. It
+  // measures its tiers at once if `measures_tiers` is set.
+  ServerLink(const ServerChoice& choice, bool quiet, bool measures_tiers = false);
   ~ServerLink() { close(); }
   ServerLink(const ServerLink&) = delete;
   ServerLink& operator=(const ServerLink&) = delete;
@@ -28,6 +32,10 @@ class ServerLink {
   // Waits until the built-in server has started. The pointer is valid
   // until close(). A malformed address is a usage error.
   absl::StatusOr<const Connection*> connection();
+
+  // Makes `one` call: to the first server of the choice, and to the next ones or later again as retry() does
+  // within the choice's --resume. Any thread may call it after connection() has succeeded.
+  absl::Status call(absl::Time deadline, absl::FunctionRef<absl::Status(const Connection&)> one) const;
 
   // Opens a session on that server, or on one of the other servers of the choice. Ignores `options.servers`.
   // Several sessions may be open at once. All of them must end before close().
@@ -53,10 +61,15 @@ class ServerLink {
  private:
   using Started = absl::StatusOr<std::unique_ptr<EmbeddedServer>>;
 
+  // Tells the user once that the command waits for `server`.
+  void tell_of_wait(const std::string& server, const absl::Status& why) const;
+
   // The addresses of the running servers to use.
   std::vector<std::string> addresses() const;
 
   const ServerChoice choice_;
+  const bool quiet_;
+  mutable std::atomic<bool> told_ = false;  // of a wait
   std::future<Started> starting_;
   std::unique_ptr<EmbeddedServer> server_;
   std::vector<Connection> connections_;  // to the first server, then to the others of the choice

@@ -11,11 +11,6 @@ namespace candela {
 
 absl::StatusOr<ShotExposures> ShotExposures::open(const StreamOptions& options) {
   ShotExposures shot(options);
-  if (shot.saved()) {
-    if (absl::Status status = make_folder_of(options.save_exposures); !status.ok()) return status;
-    const absl::StatusOr<std::string> path = writable_destination(options.save_exposures);
-    if (!path.ok()) return path.status();
-  }
   // The options refuse more than one of them.
   for (const std::string& path : {options.exposures, options.locked_exposure, options.state}) {
     if (!path.empty()) shot.path_ = path;
@@ -30,6 +25,12 @@ absl::StatusOr<ShotExposures> ShotExposures::open(const StreamOptions& options) 
   if (!options.exposures.empty()) shot.given_ = GivenExposures::each(shot.path_, *file);
   shot.read_ = *std::move(file);
   return shot;
+}
+
+absl::Status ShotExposures::prepare_save() const {
+  if (!saved()) return absl::OkStatus();
+  if (absl::Status status = make_folder_of(options_.save_exposures); !status.ok()) return status;
+  return writable_destination(options_.save_exposures).status();
 }
 
 absl::StatusOr<SequenceChoice> ShotExposures::choice() const {

@@ -38,6 +38,9 @@ class ShotExposures {
   std::optional<v1::SessionState> state() const;
 
   // True if the exposures are saved. Then the session returns its states.
+  // Makes the folder of the file to save, and fails if it cannot be written. Call it after the outputs are
+  // checked.
+  absl::Status prepare_save() const;
   bool saved() const { return !options_.save_exposures.empty(); }
   // Writes the file. `state` is the session's after the last of `frames`, of which there is at least one.
   absl::Status save(const Sequence& sequence, FrameRate rate, const std::vector<ExposedFrame>& frames,

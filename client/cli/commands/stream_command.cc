@@ -25,6 +25,8 @@
 #include "client/cli/files/sequence.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
+#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
@@ -73,7 +75,7 @@ class Streaming {
         sequence_(sequence),
         named_(named),
         progress_(progress),
-        link_(options.server),
+        link_(options.server, options.quiet),
         images_(options.write, options.quiet, json, progress, summary_) {}
 
   absl::StatusOr<StreamSummary> run() {
@@ -143,10 +145,9 @@ class Streaming {
     options.state = shot_.state();
     options.return_state = shot_.saved();
     options.jpeg_quality = static_cast<uint32_t>(options_.write.jpeg_quality);
-    options.resume_limit = options_.resume_limit;
     progress_.show("opening a session");
     absl::StatusOr<Session> session = link_.open_session(options);
-    if (!session.ok()) return session.status();
+    if (!session.ok()) return in_options(session.status(), options_.settings);
     begin_ = absl::Now();
     feeder.start(*session, options.settings);
     absl::Status status = take_results(*session, feeder);
@@ -163,7 +164,7 @@ class Streaming {
   absl::Status take_results(Session& session, FrameFeeder& feeder) {
     while (true) {
       absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
-      if (!result.ok()) return result.status();
+      if (!result.ok()) return in_options(result.status(), options_.settings);
       if (!*result) return absl::OkStatus();
       tell_of_resume(session);
       const size_t index = sequence_.index_of((*result)->sequence);
@@ -175,9 +176,9 @@ class Streaming {
 
   absl::Status take(size_t index, FrameResult& result, const FrameFacts& facts) {
     StreamFrame frame = frame_of(index);
-    frame.status = result.status;
+    frame.status = in_options(result.status, options_.settings);
     if (!result.status.ok()) {
-      if (!options_.skip_bad) return name_file(result.status, frame.input);
+      if (!options_.skip_bad) return name_file(frame.status, frame.input);
       return skip(index, std::move(frame));
     }
     frame.header = result.image.header;
@@ -290,8 +291,9 @@ class Streaming {
 absl::Status check_outputs(const StreamOptions& options, const std::vector<NamedImage>& images,
                            const std::optional<OutputNames>& names) {
   std::map<std::string, std::string> sources;
-  std::vector<std::string> inputs = {options.view.config, options.exposures, options.locked_exposure,
-                                     options.state};
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.insert(inputs.end(),
+                {options.view.config, options.exposures, options.locked_exposure, options.state});
   std::vector<OutputFile> outputs = {
       {options.json, "the JSON"}, {options.plot, "the plot"}, {options.save_exposures, "the exposures"}};
   for (const auto& [number, input, output] : images) {
@@ -299,7 +301,7 @@ absl::Status check_outputs(const StreamOptions& options, const std::vector<Named
     if (!names) continue;
     const auto [other, fresh] = sources.emplace(output, input);
     if (!fresh) {
-      return absl::InvalidArgumentError(
+      return usage_error(
           absl::StrFormat("%s and %s would both become %s; write to a pattern such "
                           "as out/%%04d%s",
                           other->second, input, output, names->extension()));
@@ -359,6 +361,7 @@ absl::Status run_stream(const StreamOptions& options) {
   const absl::StatusOr<StreamPlan> plan = plan_stream(options, *shot);
   if (!plan.ok()) return plan.status();
   const auto& [names, sequence, images] = *plan;
+  if (absl::Status status = shot->prepare_save(); !status.ok()) return status;
   if (!options.plot.empty()) {
     if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
   }

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/call/plain_file.h"
 #include "client/cli/files/frame_numbers.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
@@ -122,6 +124,22 @@ class Members {
   absl::Status& status_;
 };
 
+// Finds a key that one object holds twice. A parser would take the last one without a word.
+class OnceKeys {
+ public:
+  void look(int depth, Json::parse_event_t event, const Json& value) {
+    if (event == Json::parse_event_t::object_start) keys_[depth + 1].clear();
+    if (event != Json::parse_event_t::key) return;
+    const bool fresh = keys_[depth].insert(value.get<std::string>()).second;
+    if (!fresh && twice_.empty()) twice_ = value.get<std::string>();
+  }
+  const std::string& twice() const { return twice_; }
+
+ private:
+  std::map<int, std::set<std::string>> keys_;  // by the depth of their object
+  std::string twice_;
+};
+
 constexpr v1::Range<double> kAnyEv{-1e6, 1e6};
 
 std::vector<ExposedFrame> frames_from(const Json& array, absl::Status& status) {
@@ -202,9 +220,18 @@ std::string to_text(const ExposureFile& file) {
 }
 
 absl::StatusOr<ExposureFile> parse_exposures(const std::string& text) {
+  OnceKeys once;
   // Deeper values are nothing of ours, so they are not built.
-  const auto shallow = [](int depth, Json::parse_event_t, Json&) { return depth <= kMaxDepth; };
+  const auto shallow = [&once](int depth, Json::parse_event_t event, Json& value) {
+    if (depth <= kMaxDepth) once.look(depth, event, value);
+    return depth <= kMaxDepth;
+  };
   const Json json = Json::parse(text, shallow, /*allow_exceptions=*/false);
+  if (!once.twice().empty()) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "\"%s\" is there twice in one object; the exposure file is damaged, so write it again",
+        once.twice()));
+  }
   if (!json.is_object() || json.value("format", Json()) != kFormat) {
     return absl::InvalidArgumentError(
         "this is not an exposure file, or it is damaged; `candela meter --save-exposures` writes one");
@@ -241,22 +268,14 @@ absl::StatusOr<ExposureFile> parse_exposures(const std::string& text) {
 }
 
 absl::StatusOr<ExposureFile> read_exposures(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string text;
-  std::vector<char> part(size_t{1} << 16);
-  while (in && text.size() <= kMaxBytes) {
-    in.read(part.data(), static_cast<std::streamsize>(part.size()));
-    text.append(part.data(), static_cast<size_t>(in.gcount()));
+  const absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
+  if (!text.ok()) {
+    return absl::Status(text.status().code(),
+                        absl::StrFormat("%s: cannot read this exposure file: %s; `candela meter "
+                                        "--save-exposures` writes one",
+                                        path, text.status().message()));
   }
-  if (text.empty()) {
-    return absl::NotFoundError(absl::StrFormat(
-        "%s: there is no exposure file that can be read; `candela meter --save-exposures` writes one", path));
-  }
-  if (text.size() > kMaxBytes) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: an exposure file has at most %d MiB; this file is larger", path, kMaxBytes >> 20));
-  }
-  absl::StatusOr<ExposureFile> file = parse_exposures(text);
+  absl::StatusOr<ExposureFile> file = parse_exposures(*text);
   if (file.ok()) return file;
   return absl::Status(file.status().code(), absl::StrFormat("%s: %s", path, file.status().message()));
 }

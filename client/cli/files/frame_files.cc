@@ -61,7 +61,8 @@ absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, dou
 
 absl::Status name_file(const absl::Status& status, const std::string& path) {
   if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return status;
-  return absl::Status(status.code(), absl::StrFormat("%s: %s", path, status.message()));
+  const std::string words = absl::StrFormat("%s: %s", path, status.message());
+  return is_usage_error(status) ? usage_error(words) : absl::Status(status.code(), words);
 }
 
 absl::StatusOr<BakedView> bake(const ViewChoice& choice) {

@@ -1,7 +1,9 @@
 #include "client/cli/files/output_files.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
 #include <map>
@@ -10,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
 
 namespace candela {
@@ -21,12 +24,16 @@ using FileId = std::tuple<dev_t, ino_t, std::string>;
 
 // Nothing for a path that is no regular file and cannot become one.
 std::optional<FileId> file_id(const std::string& path) {
-  if (path.empty() || path == "-") return std::nullopt;
+  if (path.empty()) return std::nullopt;
+  struct stat about {};
+  if (path == "-") {
+    if (fstat(STDOUT_FILENO, &about) != 0 || !S_ISREG(about.st_mode)) return std::nullopt;
+    return FileId{about.st_dev, about.st_ino, ""};
+  }
   // Missing folders are made, so "new/../a" will be "a".
   std::error_code failed;
   const fs::path plain = fs::weakly_canonical(fs::absolute(path, failed), failed);
   const std::string whole = failed ? path : plain.string();
-  struct stat about {};
   if (stat(path.c_str(), &about) != 0 && stat(whole.c_str(), &about) != 0) return FileId{0, 0, whole};
   if (!S_ISREG(about.st_mode)) return std::nullopt;
   return FileId{about.st_dev, about.st_ino, ""};
@@ -34,9 +41,16 @@ std::optional<FileId> file_id(const std::string& path) {
 
 }  // namespace
 
+std::vector<std::string> files_of(const ServerChoice& server) {
+  const ClientSecurity& security = server.security;
+  return {security.ca_file, security.cert_file, security.key_file, security.token_file};
+}
+
 absl::Status check_outputs_apart(const std::vector<std::string>& inputs,
                                  const std::vector<OutputFile>& outputs) {
   std::map<FileId, std::string> read;
+  const auto given =
+      std::count_if(inputs.begin(), inputs.end(), [](const auto& path) { return !path.empty(); });
   for (const std::string& input : inputs) {
     if (const std::optional<FileId> id = file_id(input)) read.emplace(*id, input);
   }
@@ -46,15 +60,13 @@ absl::Status check_outputs_apart(const std::vector<std::string>& inputs,
     if (!id) continue;
     if (const auto input = read.find(*id); input != read.end()) {
       const std::string which = input->second == output.path ? "" : absl::StrFormat(", %s", input->second);
-      return absl::InvalidArgumentError(
-          absl::StrFormat("%s is %s%s; write %s to another file", output.path,
-                          inputs.size() == 1 ? "the input" : "one of the inputs", which, output.what));
+      return usage_error(absl::StrFormat("%s is %s%s; write %s to another file", output.path,
+                                         given == 1 ? "the input" : "one of the inputs", which, output.what));
     }
     const auto [other, fresh] = written.emplace(*id, &output);
     if (!fresh) {
-      return absl::InvalidArgumentError(
-          absl::StrFormat("%s: %s and %s would be one file; write one elsewhere", output.path,
-                          other->second->what, output.what));
+      return usage_error(absl::StrFormat("%s: %s and %s would be one file; write one elsewhere", output.path,
+                                         other->second->what, output.what));
     }
   }
   return absl::OkStatus();

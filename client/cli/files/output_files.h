@@ -5,18 +5,22 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "client/cli/options/options.h"
 
 namespace candela {
 
 struct OutputFile {
-  std::string path;  // "" and "-", which is stdout, are no files and always good
+  std::string path;  // "" is no file and always good
   std::string what;  // in the user's words: "the image", "the JSON"
 };
 
+// The files that the options of a server name: certificates, keys and the token. "" where one is not given.
+std::vector<std::string> files_of(const ServerChoice& server);
+
 // Refuses an output that is one of the inputs, and two outputs that are one file. Files are the same if their
 // device and inode are, so links and other spellings of a path do not hide it; a file that does not exist yet
-// is known by its path without links. Pipes and devices are good. Inputs that are not there are ignored.
-// INVALID_ARGUMENT that names both.
+// is known by its path without links. "-" is the file that stdout leads to. Pipes and devices are good.
+// Inputs that are "" or not there are ignored. A usage error that names both.
 absl::Status check_outputs_apart(const std::vector<std::string>& inputs,
                                  const std::vector<OutputFile>& outputs);
 

@@ -28,6 +28,10 @@ void print_error(const absl::Status& status) {
 
 void print_note(const std::string& note) { absl::FPrintF(stderr, "note: %s\n", one_line(note)); }
 
+void print_note_over_progress(const std::string& note) {
+  absl::FPrintF(stderr, "%snote: %s\n", isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "", one_line(note));
+}
+
 absl::Status print(const std::string& text) {
   errno = 0;
   if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) {

@@ -14,6 +14,9 @@ void print_error(const absl::Status& status);
 // Prints `note: ...` on stderr, as a single line.
 void print_note(const std::string& note);
 
+// The same while a Progress may show its line. Any thread.
+void print_note_over_progress(const std::string& note);
+
 // Prints to stdout. Fails if stdout cannot be written, for
 // example on a full disk. A closed pipe is not an error.
 absl::Status print(const std::string& text);

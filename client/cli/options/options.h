@@ -23,6 +23,8 @@ struct ServerChoice {
   std::vector<std::string> others = {};  // more addresses, for a session that loses the first server
   std::string source = {};               // of the address: "--server", "from CANDELA_SERVER", ...; "": none
   ClientSecurity security = {};          // for running servers
+  // The time to look for a server that takes the work, or that resumes it after a loss.
+  absl::Duration resume_limit = absl::Seconds(30);
   std::string device;  // of the built-in server: a part of its name, or its index; empty: the best one
 };
 
@@ -59,8 +61,7 @@ struct StreamOptions : PictureOptions {
   double cut_threshold_ev = 0;  // 0: no detection
   v1::Encoding encoding = v1::ENCODING_RAW;
   absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
-  absl::Duration resume_limit = absl::Seconds(30);
-  std::string session;  // its name; empty: a random one
+  std::string session;                                // its name; empty: a random one
   bool skip_bad = false;
   ServerChoice server;
   // Exposure files, "" for none; at most one of the first three.
@@ -111,6 +112,8 @@ struct ReportOptions {
 };
 
 struct InfoOptions {
+  InfoOptions() { server.resume_limit = absl::ZeroDuration(); }
+
   std::vector<std::string> files;  // to describe; none: the server
   ServerChoice server;
   std::string json;  // as in RenderOptions

@@ -140,7 +140,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_quiet_option(app, kOutputSection, options.quiet);
   app.add_flag("--verbose,-v", options.verbose, "Print everything about the result, not only a line")
       ->group(kOutputSection);
-  add_server_options(app, options.server);
+  add_servers_options(app, options.server);
 }
 
 absl::Status finish_render_options(RenderArguments& arguments) {
@@ -156,7 +156,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   }
   status.Update(finish_locked_exposure(options));
   status.Update(check_error_map(options));
-  status.Update(finish_server_options(options.server));
+  status.Update(finish_server_options(options.server, true));
   return status;
 }
 

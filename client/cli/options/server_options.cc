@@ -68,6 +68,10 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
       "Running candelads, HOST:PORT or unix:PATH: the first that answers, and the next one if it is lost "
       "(default: $CANDELA_SERVER, or else a server built into this process)",
       [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
+  add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
+             absl::ToDoubleSeconds(choice.resume_limit),
+             "How long to look for a server when one is lost, and to wait for one that is full or starting",
+             [&choice](double seconds) { choice.resume_limit = absl::Seconds(seconds); });
   add_security_and_device(app, choice);
 }
 

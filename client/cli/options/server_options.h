@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "client/cli/options/options.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 
@@ -13,7 +14,9 @@ namespace candela {
 // app.
 void add_server_options(CLI::App& app, ServerChoice& choice);
 
-// The same for a session. Its --server may name several servers.
+inline constexpr v1::Range<double> kSeconds{0.001, 86400};
+
+// The same for a command whose --server may name several servers, and --resume.
 void add_servers_options(CLI::App& app, ServerChoice& choice);
 
 // Only the options of a connection's security. Each also has an environment variable, such as

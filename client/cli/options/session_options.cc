@@ -86,9 +86,6 @@ void add_curve_options(CLI::App& app, StreamOptions& options) {
 
 void add_session_server_options(CLI::App& app, StreamOptions& options) {
   add_servers_options(app, options.server);
-  add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
-             absl::ToDoubleSeconds(options.resume_limit), "How long to look for a server when one is lost",
-             [&options](double seconds) { options.resume_limit = absl::Seconds(seconds); });
   add_text(app, kServer, "--session", "NAME", "Name of the session (default: a random one)", options.session);
 }
 

@@ -11,7 +11,6 @@
 
 namespace candela {
 
-inline constexpr v1::Range<double> kSeconds{0.001, 86400};
 inline constexpr v1::Range<double> kFps{0.001, 100000};
 
 void add_lookahead_option(CLI::App& app, const std::string& section, uint32_t& frames);
@@ -23,7 +22,7 @@ void add_timeout_option(CLI::App& app, const std::string& section, absl::Duratio
 void add_session_options(CLI::App& app, StreamOptions& options);
 // The files that hold its curve of exposure: --save-exposures and --exposure-plot.
 void add_curve_options(CLI::App& app, StreamOptions& options);
-// Its servers, --resume and --session.
+// Its servers and --session.
 void add_session_server_options(CLI::App& app, StreamOptions& options);
 
 }  // namespace candela

@@ -48,16 +48,25 @@ TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
   return plan;
 }
 
-// The files that the report writes, as far as an image could have their names.
-std::vector<OutputFile> outputs_of(const ReportOptions& options) {
+// The files that the report writes, with the error maps of these tiers.
+std::vector<OutputFile> outputs_of(const ReportOptions& options, const std::vector<std::string>& tiers) {
   std::vector<OutputFile> outputs;
   for (const char* name : {"index.html", "report.json", "times.csv", "hard_cases.csv", "aces.csv"}) {
     outputs.push_back({absl::StrCat(options.directory, "/", name), "the report"});
   }
   for (size_t i = 1; i <= options.images.size(); ++i) {
     outputs.push_back({absl::StrCat(options.directory, "/image_", i, ".png"), "the report"});
+    for (const std::string& tier : tiers) {
+      outputs.push_back({absl::StrCat(options.directory, "/", error_map_name(i, tier)), "the report"});
+    }
   }
   return outputs;
+}
+
+absl::Status check_outputs(const ReportOptions& options, const std::vector<std::string>& tiers) {
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.insert(inputs.end(), options.images.begin(), options.images.end());
+  return check_outputs_apart(inputs, outputs_of(options, tiers));
 }
 
 absl::StatusOr<ReportImage> cut_to(double megapixels, std::string name, Image image) {
@@ -163,7 +172,7 @@ absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
 absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progress) {
   const absl::Time begin = absl::Now();
   const std::string load_before = load();
-  ServerLink link(options.server);
+  ServerLink link(options.server, options.quiet);
   const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   if (!info.ok()) return info.status();
   const absl::StatusOr<const Connection*> server = link.connection();
@@ -171,6 +180,7 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
   const absl::StatusOr<std::vector<ReportImage>> images = read_images(options, info->limits());
   if (!images.ok()) return images.status();
   const ReportSession session(**server, *info, progress);
+  if (absl::Status status = check_outputs(options, session.tiers()); !status.ok()) return status;
   const absl::StatusOr<Json> measured =
       measure(session, time_plan(options, begin), *images, options.directory);
   if (!measured.ok()) return measured.status();
@@ -194,7 +204,7 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
 }  // namespace
 
 absl::Status run_report(const ReportOptions& options) {
-  absl::Status status = check_outputs_apart(options.images, outputs_of(options));
+  absl::Status status = check_outputs(options, {});
   if (status.ok()) status = make_folder(options.directory);
   if (!status.ok()) return status;
   Progress progress(!options.quiet);

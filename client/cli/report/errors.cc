@@ -8,8 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "proto/candela/v1/settings.h"
 #include "client/cli/report/pictures.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -159,7 +159,8 @@ absl::Status write_picture(const absl::StatusOr<Image>& picture, const std::stri
 // The folder of an image's pictures and the beginning of their names.
 struct PictureFiles {
   const std::string& folder;
-  const std::string stem;
+  const size_t image;  // counted from 1
+  const std::string stem = absl::StrCat("image_", image);
 };
 
 // The errors of one image at one tier. Writes the error map and, at the bounded tier, the picture.
@@ -168,7 +169,7 @@ absl::StatusOr<Json> map_row(const ReportSession& session, const RenderResult& r
   const uint32_t width = result.header.width(), height = result.header.height();
   Json row = {{"tier", tier}};
   row.update(errors_of(result.header.verify()));
-  row["file"] = picture_name(files.stem + "_errors", tier);
+  row["file"] = error_map_name(files.image, tier);
   absl::Status written = write_picture(small_error_map(result.error_map, width, height),
                                        absl::StrCat(files.folder, "/", row["file"].get<std::string>()));
   if (tier == session.bounded_tier()) {
@@ -205,6 +206,10 @@ absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& 
 
 }  // namespace
 
+std::string error_map_name(size_t image, const std::string& tier) {
+  return picture_name(absl::StrCat("image_", image, "_errors"), tier);
+}
+
 absl::StatusOr<Json> measure_hard_cases(const ReportSession& session) {
   const absl::StatusOr<std::vector<HardCase>> cases = hard_cases();
   if (!cases.ok()) return cases.status();
@@ -231,7 +236,7 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
                                     const std::string& folder) {
   Json rows = Json::array();
   for (const ReportImage& image : images) {
-    absl::StatusOr<Json> row = image_row(session, image, {folder, absl::StrCat("image_", rows.size() + 1)});
+    absl::StatusOr<Json> row = image_row(session, image, {folder, rows.size() + 1});
     if (!row.ok()) return row.status();
     rows.push_back(*std::move(row));
   }

@@ -24,6 +24,9 @@ absl::StatusOr<Json> measure_hard_cases(const ReportSession& session);
 absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vector<ReportImage>& images,
                                     const std::string& folder);
 
+// The file of an error map in that folder; images are counted from 1.
+std::string error_map_name(size_t image, const std::string& tier);
+
 // `curves`: every curve of the server on a small sample scene at bounded_tier().
 absl::StatusOr<Json> measure_curves(const ReportSession& session);
 

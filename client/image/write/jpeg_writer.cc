@@ -1,5 +1,6 @@
 // Writes JPEG (JFIF) with 8 bits, 4:4:4.
 #include "absl/strings/str_format.h"
+#include "client/image/write/encoded_aspect.h"
 #include "client/image/write/writers.h"
 
 namespace candela {
@@ -19,7 +20,7 @@ absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions
   if (!status.ok() && !file.failed()) {
     return absl::InternalError(absl::StrFormat("%s: %s", file.path(), status.message()));
   }
-  if (image.has_alpha) notes.push_back("alpha dropped: .jpg has none");
+  if (image.has_alpha) notes.push_back(kNoAlphaInJpeg);
   return absl::OkStatus();
 }
 

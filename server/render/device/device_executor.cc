@@ -46,6 +46,7 @@ absl::StatusOr<std::unique_ptr<DeviceExecutor>> DeviceExecutor::create(Device& d
 }
 
 absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+  if (absl::Status status = recorder_.usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
   Metered metered;
@@ -101,8 +102,9 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   return sum_tiles(textures, plan, read);
 }
 
-absl::StatusOr<uint64_t> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan,
-                                              std::vector<StageTime>* stages) {
+absl::StatusOr<Drawn> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan,
+                                           std::vector<StageTime>* stages) {
+  if (absl::Status status = recorder_.usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
   const Buffer* table = nullptr;
@@ -118,11 +120,15 @@ absl::StatusOr<uint64_t> DeviceExecutor::draw(FrameMemory& memory, const Plan& p
   recorder_.barrier_to_host();
   if (absl::Status done = recorder_.submit_and_wait(); !done.ok()) return done;
   add_timings(recorder_, stages);
-  return plan.resolve.inputs.constants.wide != 0 ? gamut_cut_components(textures) : 0;
+  return plan.resolve.inputs.constants.wide != 0 ? drawn_from_tiles(textures) : Drawn{};
 }
 
 absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const Plan& plan,
                                            const Buffer* table) {
+  if (plan.resolve.inputs.constants.wide != 0) {  // what metering found is read; resolve counts from 0
+    recorder_.fill_zero(textures.tiles.buffer());
+    recorder_.barrier();
+  }
   for (const BloomStep& step : plan.bloom_steps) {
     recorder_.mark(name(step.pass));
     if (absl::Status status = record_bloom(step, textures, pipelines_, recorder_); !status.ok())

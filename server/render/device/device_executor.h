@@ -17,8 +17,7 @@ class DeviceExecutor final : public Executor {
   static absl::StatusOr<std::unique_ptr<DeviceExecutor>> create(Device& device);
 
   absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<uint64_t> draw(FrameMemory& memory, const Plan& plan,
-                                std::vector<StageTime>* stages) override;
+  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
 
  private:
   DeviceExecutor(Device& device, PipelineCache pipelines, Recorder recorder);

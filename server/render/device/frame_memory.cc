@@ -78,16 +78,16 @@ absl::Status check_sizes(const FrameDesc& desc, const std::vector<Wanted>& wante
     if (w.key.bytes() > max_allocation_bytes) {
       return absl::ResourceExhaustedError(absl::StrFormat(
           "a %dx%d %s frame needs a texture of %d bytes and this device allocates at most %d "
-          "at once; send fewer "
-          "pixels",
+          "at once; send fewer pixels",
           desc.width, desc.height, v1::word_of(desc.format), w.key.bytes(), max_allocation_bytes));
     }
   }
   if (bytes <= budget_bytes) return absl::OkStatus();
   if (by_reference) {
     return absl::ResourceExhaustedError(absl::StrFormat(
-        "a %dx%d %s frame needs %d bytes to be rendered and verified and the memory budget is %d; "
-        "send fewer pixels, do without verification or raise --memory-budget",
+        "a %dx%d %s frame needs %d bytes with those of the float64 reference and the memory budget is %d; "
+        "send fewer pixels, do without verification, max_error_codes and the tier reference, or raise "
+        "--memory-budget",
         desc.width, desc.height, v1::word_of(desc.format), bytes, budget_bytes));
   }
   return absl::ResourceExhaustedError(absl::StrFormat(
@@ -110,26 +110,48 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
   return absl::OkStatus();
 }
 
+bool may_use_reference(const TextureLayout& layout, Verify verify) {
+  return verify != Verify::kNo || layout.by_reference || layout.may_need_reference;
+}
+
+uint64_t reference_bytes_of(const TextureLayout& layout, Verify verify) {
+  return may_use_reference(layout, verify) ? layout.reference_bytes : 0;
+}
+
+// Lists what the frame needs and sets the sum of its bytes, or refuses what can never fit.
+absl::Status plan_memory(const TexturePool& pool, const DeviceSummary& device, const TextureLayout& layout,
+                         Verify verify, FrameTextures& textures, std::vector<Wanted>* wanted) {
+  textures.layout = layout;
+  want_for_rendering(device, textures, wanted);
+  want_for_verification(device, verify, textures, wanted);
+  textures.bytes = reference_bytes_of(layout, verify);
+  for (const Wanted& w : *wanted) textures.bytes += w.key.bytes();
+  return check_sizes(layout.desc, *wanted, textures.bytes, may_use_reference(layout, verify),
+                     device.max_allocation_bytes, pool.budget_bytes());
+}
+
 }  // namespace
 
 absl::StatusOr<FrameMemory> FrameMemory::take(TexturePool& pool, const DeviceSummary& device,
                                               const TextureLayout& layout, Verify verify) {
   auto textures = std::make_unique<FrameTextures>();
-  textures->layout = layout;
   std::vector<Wanted> wanted;
-  want_for_rendering(device, *textures, &wanted);
-  want_for_verification(device, verify, *textures, &wanted);
-  const bool by_reference = verify != Verify::kNo || layout.by_reference;
-  const uint64_t reference_bytes = by_reference ? layout.reference_bytes : 0;
-  textures->bytes = reference_bytes;
-  for (const Wanted& w : wanted) textures->bytes += w.key.bytes();
-  absl::Status status = check_sizes(layout.desc, wanted, textures->bytes, by_reference,
-                                    device.max_allocation_bytes, pool.budget_bytes());
-  if (status.ok()) status = take_all(pool, wanted, reference_bytes, *textures);
+  absl::Status status = plan_memory(pool, device, layout, verify, *textures, &wanted);
+  if (status.ok()) status = take_all(pool, wanted, reference_bytes_of(layout, verify), *textures);
   if (!status.ok()) return status;
   FrameMemory memory;
   memory.textures_ = std::move(textures);
   return memory;
+}
+
+absl::StatusOr<uint64_t> FrameMemory::bytes_for(const TexturePool& pool, const DeviceSummary& device,
+                                                const TextureLayout& layout, Verify verify) {
+  FrameTextures textures;
+  std::vector<Wanted> wanted;
+  if (absl::Status status = plan_memory(pool, device, layout, verify, textures, &wanted); !status.ok()) {
+    return status;
+  }
+  return textures.bytes;
 }
 
 FrameMemory::FrameMemory() = default;
@@ -138,6 +160,10 @@ FrameMemory& FrameMemory::operator=(FrameMemory&&) noexcept = default;
 FrameMemory::~FrameMemory() = default;
 
 const FrameDesc& FrameMemory::desc() const { return textures_->layout.desc; }
+
+bool FrameMemory::needs_reference() const {
+  return textures_ != nullptr && (textures_->reference || textures_->exact);
+}
 
 uint64_t FrameMemory::bytes() const { return textures_->bytes; }
 
@@ -168,16 +194,23 @@ std::span<const uint16_t> FrameMemory::error_map_row(uint32_t y) const {
 void FrameMemory::keep_output_only() {
   if (textures_ == nullptr) return;
   FrameTextures& all = *textures_;
-  FrameTextures kept;
-  kept.layout = all.layout;
-  kept.bytes = all.bytes;
-  kept.error_map = std::move(all.error_map);
-  if (all.readback) {
-    kept.readback = std::move(all.readback);
-  } else {
-    kept.output = std::move(all.output);
+  {
+    FrameTextures kept;
+    kept.layout = all.layout;
+    kept.bytes = all.bytes;
+    kept.claim = std::move(all.claim);
+    kept.error_map = std::move(all.error_map);
+    if (all.readback) {
+      kept.readback = std::move(all.readback);
+    } else {
+      kept.output = std::move(all.output);
+    }
+    all = std::move(kept);
   }
-  all = std::move(kept);
+  // Only after the pool has the others back: whom the claim lets in must find them there.
+  if (all.claim) all.claim->shrink(all.readback.bytes() + all.output.bytes() + all.error_map.bytes());
 }
+
+void FrameMemory::account(std::unique_ptr<MemoryClaim> claim) { textures_->claim = std::move(claim); }
 
 }  // namespace candela

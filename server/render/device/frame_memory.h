@@ -19,12 +19,23 @@ struct FrameTextures;
 // Whether a frame is compared with the float64 reference, and whether a map of its error is kept.
 enum class Verify { kNo, kYes, kWithMap };
 
+// The account that a frame's memory is on. Destroyed with the memory. Any thread.
+class MemoryClaim {
+ public:
+  virtual ~MemoryClaim() = default;
+  // The frame keeps only `bytes`.
+  virtual void shrink(uint64_t bytes) = 0;
+};
+
 // Taken from the pool, and given back to it on destruction. Movable. One thread at a time.
 class FrameMemory {
  public:
   // Takes everything or nothing; fails as Renderer::allocate does. `pool` outlives the memory.
   static absl::StatusOr<FrameMemory> take(TexturePool& pool, const DeviceSummary& device,
                                           const TextureLayout& layout, Verify verify);
+  // The part of the budget that take() takes. RESOURCE_EXHAUSTED if that can never be had.
+  static absl::StatusOr<uint64_t> bytes_for(const TexturePool& pool, const DeviceSummary& device,
+                                            const TextureLayout& layout, Verify verify);
 
   FrameMemory();  // none
   FrameMemory(FrameMemory&&) noexcept;
@@ -42,11 +53,15 @@ class FrameMemory {
   // Row y of the error map as halves: the largest error of R, G and B in codes, infinite for a NaN. Rows
   // follow each other without a gap. Valid as output_row() is; empty without Verify::kWithMap.
   std::span<const uint16_t> error_map_row(uint32_t y) const;
+  // True if the float64 reference renders or verifies the frame, which takes seconds for a large one.
+  bool needs_reference() const;
   // The part of the pool's budget that it takes at first.
   uint64_t bytes() const;
   // Gives everything but the finished image and its error map back to the pool, so that a slow reader holds
   // only what it still has to read.
   void keep_output_only();
+  // Puts the memory on an account, once.
+  void account(std::unique_ptr<MemoryClaim> claim);
 
   // The rest is for server/render and its tests.
   FrameTextures& textures() { return *textures_; }

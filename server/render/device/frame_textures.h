@@ -1,9 +1,11 @@
 // The textures of one frame. Internal to server/render and its tests.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
+#include "server/render/device/frame_memory.h"
 #include "server/render/device/texture_pool.h"
 #include "server/render/plan/texture_layout.h"
 #include "shaders/reference.h"
@@ -19,7 +21,8 @@ struct MeteredScene {
 
 struct FrameTextures {
   TextureLayout layout;
-  uint64_t bytes = 0;  // of the pool's budget, for all that follows
+  uint64_t bytes = 0;                  // of the pool's budget, for all that follows
+  std::unique_ptr<MemoryClaim> claim;  // may be null
 
   TexturePool::Lease input;
   TexturePool::Lease output;

@@ -118,4 +118,6 @@ TexturePool::Lease::~Lease() {
 
 const Buffer& TexturePool::Lease::buffer() const { return entry_->buffer; }
 
+uint64_t TexturePool::Lease::bytes() const { return entry_ ? entry_->bytes : 0; }
+
 }  // namespace candela

@@ -90,6 +90,7 @@ class TexturePool::Lease {
   ~Lease();
 
   const Buffer& buffer() const;
+  uint64_t bytes() const;  // of the budget; 0 without a hold
   explicit operator bool() const { return entry_ != nullptr; }
 
  private:

@@ -136,8 +136,9 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const 
   return sums;
 }
 
-uint64_t gamut_cut_components(const FrameTextures& textures) {
-  return tile_at(textures, 0).gamut_cut_components;
+Drawn drawn_from_tiles(const FrameTextures& textures) {
+  const shader::TileRecord tile = tile_at(textures, 0);
+  return {tile.gamut_cut_components, std::bit_cast<float>(tile.negative_light_bits)};
 }
 
 }  // namespace candela

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "server/render/device/executor.h"
 #include "server/render/device/frame_textures.h"
 #include "server/render/plan/plan.h"
 
@@ -21,7 +22,7 @@ struct TileSums {
 // ran with.
 TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const IngestRead& read);
 
-// What resolve counted in a plan with `wide` set.
-uint64_t gamut_cut_components(const FrameTextures& textures);
+// What resolve found in a plan with `wide` set.
+Drawn drawn_from_tiles(const FrameTextures& textures);
 
 }  // namespace candela

@@ -177,6 +177,11 @@ float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats) {
   return static_cast<float>(bloom.threshold() * std::exp2(stats.mean_log2_luminance));
 }
 
+Area bright_area(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc) {
+  return lit_area(stats.tile_light, desc.width, desc.height,
+                  bright_bound(bloom, bright_threshold(bloom, stats)));
+}
+
 void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan) {
   if (bloom.intensity() == 0) {
@@ -186,8 +191,7 @@ void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::B
   const FrameStats& stats = metered.stats;
   const bool blurs = bloom.kind() == v1::Bloom::KIND_GAUSSIAN;
   const float threshold = bright_threshold(bloom, stats);
-  plan.lit =
-      lit_area(stats.tile_light, layout.desc.width, layout.desc.height, bright_bound(bloom, threshold));
+  plan.lit = bright_area(bloom, stats, layout.desc);
   if (plan.lit.empty()) {
     plan.words.push_back(absl::StrFormat(
         "no bloom: nothing passes the threshold %g%s (the brightest is %g)", threshold,

@@ -12,6 +12,9 @@ shader::InputParams input_params(const TextureLayout& layout, const std::optiona
 // Scene luminance above which there is bloom: the settings' threshold, or kGaussian's multiple of the mean.
 float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats);
 
+// The parts of the frame with light that may pass the bright pass.
+Area bright_area(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc);
+
 void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan);
 

@@ -60,8 +60,8 @@ reference::MeterParams reference_meter(const Settings& settings) {
 }
 
 // The factor that exposes the scene. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
-double exposure_factor(const Settings& settings, const FrameDecisions& decisions) {
-  return std::min<double>(decisions.exposure * settings->prescale(), shader::MAX_EXPOSURE);
+double exposure_factor(const Settings& settings, double exposure) {
+  return std::min<double>(exposure * settings->prescale(), shader::MAX_EXPOSURE);
 }
 
 // Whether there is light outside of Rec.709, of which a curve may cut a part.
@@ -111,7 +111,7 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
                   .level_size = kWholeBloom};
     plan.resolve.bloom = plan.bloom->kind;
   }
-  plan.resolve.exposure = exposure_factor(settings, decisions);
+  plan.resolve.exposure = exposure_factor(settings, decisions.exposure);
   plan.resolve.level_size = bloom.kind() == v1::Bloom::KIND_GAUSSIAN ? layout.level_size : kWholeBloom;
   plan.resolve.bloom_intensity = bloom.intensity();
   plan.resolve.curve = static_cast<uint32_t>(settings->curve());
@@ -147,7 +147,7 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   shader::ResolveParams params{};
   params.frame = input_params(layout, matrix);
   params.output_pitch = layout.pitch;
-  params.exposure = static_cast<float>(exposure_factor(settings, decisions));
+  params.exposure = static_cast<float>(exposure_factor(settings, decisions.exposure));
   params.curve_white = settings->curve_white();
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
   params.background_r = settings->background().red();
@@ -270,6 +270,18 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
       settings->tier()));
   plan.reference = plan_reference(layout, settings, decisions, matrix);
   return plan;
+}
+
+BoundFacts frame_facts(const Metered& metered, const Settings& settings, double exposure,
+                       const FrameDesc& desc) {
+  const v1::Bloom& bloom = settings->bloom();
+  BoundFacts facts;
+  facts.threshold = bright_threshold(bloom, metered.stats);
+  facts.blooms = bloom.intensity() > 0 && !bright_area(bloom, metered.stats, desc).empty();
+  facts.wide = wide(metered);
+  facts.translucent = metered.alpha && settings->alpha() == v1::ALPHA_STRAIGHT;
+  facts.exposure = exposure_factor(settings, exposure);
+  return facts;
 }
 
 absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings,

@@ -16,6 +16,7 @@
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
 #include "server/render/plan/texture_layout.h"
+#include "server/render/settings/error_bound.h"
 #include "server/render/settings/settings.h"
 #include "server/vulkan/box.h"
 #include "shaders/color_table.h"
@@ -112,6 +113,10 @@ struct FrameDecisions {
 // Pure: the same arguments give the same plan.
 Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Settings& settings,
                 const FrameDecisions& decisions);
+
+// What the error bound of a metered frame depends on. `exposure` is the frame's factor E. Pure.
+BoundFacts frame_facts(const Metered& metered, const Settings& settings, double exposure,
+                       const FrameDesc& desc);
 
 // The table that resolve looks colours up in: the settings' own, or one of the two that are baked for aces-1,
 // as the frame has light outside of Rec.709 or not; null for curves that are formulas. Fails as aces_1_table

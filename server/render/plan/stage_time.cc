@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "server/base/slices.h"
+
 namespace candela {
 
 void add_time(const StageTime& time, std::vector<StageTime>* stages) {
@@ -17,10 +19,11 @@ void add_time(const StageTime& time, std::vector<StageTime>* stages) {
 }
 
 HostStage::HostStage(const char* name, std::vector<StageTime>* stages)
-    : name_(name), stages_(stages), begin_(std::chrono::steady_clock::now()) {}
+    : name_(name), stages_(stages), begin_(std::chrono::steady_clock::now()), paused_before_(time_paused()) {}
 
 HostStage::~HostStage() {
-  const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - begin_;
+  const std::chrono::nanoseconds took =
+      std::chrono::steady_clock::now() - begin_ - (time_paused() - paused_before_);
   add_time({name_, static_cast<uint64_t>(took.count())}, stages_);
 }
 

@@ -15,7 +15,7 @@ struct StageTime {
 // Adds the time to the stage of the same name, or appends a new stage.
 void add_time(const StageTime& time, std::vector<StageTime>* stages);
 
-// Adds to the stage the host time from construction to destruction.
+// Adds to the stage the host time from construction to destruction, without pauses between slices.
 class HostStage {
  public:
   // `name` and `stages` outlive it.
@@ -28,6 +28,7 @@ class HostStage {
   const char* name_;
   std::vector<StageTime>* stages_;
   const std::chrono::steady_clock::time_point begin_;
+  const std::chrono::nanoseconds paused_before_;
 };
 
 }  // namespace candela

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "server/render/settings/error_bound.h"
 #include "server/render/settings/tiers.h"
 #include "shaders/params.h"
 #include "shaders/reference.h"
@@ -16,6 +17,16 @@ std::vector<LevelSize> level_sizes(const FrameDesc& desc, const v1::Bloom& bloom
   return bloom.kind() == v1::Bloom::KIND_GAUSSIAN
              ? gaussian_level_sizes(desc.width, desc.height)
              : bloom_level_sizes(desc.width, desc.height, bloom.levels(), level_size);
+}
+
+// For all tiers that max_error_codes may choose.
+TextureLayout layout_for_any(const FrameDesc& desc, const Settings& settings) {
+  const std::span<const Tier> rows = tiers_in_question(desc, settings);
+  const Tier* metered_as = rows.empty() ? &settings.tier() : &rows.back();
+  if (metered_as->host_reference && rows.size() > 1) --metered_as;  // a row of the device
+  TextureLayout layout = layout_textures(desc, settings.with_tier(metered_as->name));
+  layout.may_need_reference = !rows.empty() && rows.back().host_reference;
+  return layout;
 }
 
 // About 26 bytes a pixel.
@@ -51,6 +62,7 @@ std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height) {
 }
 
 TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings) {
+  if (settings.tier_is_open()) return layout_for_any(desc, settings);
   const v1::Metering& metering = settings->exposure().metering();
   const v1::Bloom& bloom = settings->bloom();
   const Tier& tier = settings.tier();

@@ -17,9 +17,6 @@ struct LevelSize {
   uint32_t height;
 };
 
-// Texels of the frame to one texel of the first bloom level, along a side, if no level is left out.
-inline constexpr uint32_t kWholeBloom = 2;
-
 // Sizes of the bloom levels of a width x height frame: half its size, half of that and so on, at most
 // `levels`. The first level always exists; a further one exists only if its short side has 2 texels or more.
 // A `level_size` of 4 leaves out the first level, but keeps at least one.
@@ -41,13 +38,15 @@ struct TextureLayout {
   std::vector<LevelSize> level_sizes;  // of the bloom; empty if the settings ask for none
   uint32_t level_size = kWholeBloom;   // texels of the frame to one of level 0, along a side
   bool by_reference = false;           // the float64 reference renders the frame, on the host
+  bool may_need_reference = false;     // by_reference may be set when the frame is metered
   uint64_t reference_bytes = 0;        // what the reference allocates, to render or to verify
 
   bool first_level_twice = false;  // level 0 also stands for a finer level that was left out
   uint32_t summed_levels = 0;      // in the end, level 0 holds the sum of this many levels' light
 };
 
-// Pure.
+// Pure. If max_error_codes has still to choose a tier, the layout is that of the costliest tier on the device
+// that it may choose, and by_reference is set only if nothing else can keep it.
 TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings);
 
 }  // namespace candela

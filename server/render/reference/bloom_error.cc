@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "server/base/slices.h"
 #include "shaders/bilinear.h"
 
 namespace candela {
@@ -50,6 +51,7 @@ double bloom_error(const ReferenceFrame& truth, const FrameTextures& textures, b
         largest = std::max(largest, should[k]);
       }
     }
+    checkpoint();
   }
   // Below a float's normal range the device may have flushed everything to 0.
   return worst / std::max<double>(largest, std::numeric_limits<float>::min());

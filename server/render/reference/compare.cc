@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/base/slices.h"
 #include "server/render/reference/row_parts.h"
 
 namespace candela {
@@ -43,7 +44,10 @@ class Largest {
     }
   }
   void add(Largest other) {
-    for (; !other.values_.empty(); other.values_.pop()) add(other.values_.top());
+    for (; !other.values_.empty(); other.values_.pop()) {
+      add(other.values_.top());
+      checkpoint();
+    }
   }
   float least() const { return values_.top(); }
 
@@ -77,24 +81,25 @@ double error_in_codes(const Picture& picture, uint32_t x, uint32_t y, size_t k,
   return std::isnan(error) ? kInfinity : error * kCodes;
 }
 
-// Adds the errors of row y to the tally, and to the map if there is one. Returns the sum of the row's errors.
-double compare_row(const ReferenceFrame& truth, const Picture& codes, const Picture& image, uint32_t y,
-                   Tally* tally, uint16_t* map) {
-  const auto row = truth.row(y);
+// Adds the errors of these texels to the tally, to *sum, and to the map if there is one.
+void compare_span(const ReferenceFrame& truth, const Picture& codes, const Picture& image,
+                  const RowSpan& span, Tally* tally, double* sum, uint16_t* map) {
+  const auto row = truth.row(span);
   const double largest = largest_code(image.format);
   Verification& v = tally->worst;
-  double sum = 0.0;
-  for (uint32_t x = 0; x < row.size(); ++x) {
+  const uint32_t y = span.y;
+  for (uint32_t x = span.first; x < span.last; ++x) {
+    const std::array<double, 4>& should = row[x - span.first];
     const bool unseen = truth.straight() && std::round(image.component(x, y, 3) * largest) == 0 &&
-                        std::round(row[x][3] * largest) == 0;
+                        std::round(should[3] * largest) == 0;
     double worst = 0.0;
     for (size_t k = 0; k < 3; ++k) {
-      const double error = error_in_codes(codes, x, y, k, row[x], truth.straight());
+      const double error = error_in_codes(codes, x, y, k, should, truth.straight());
       worst = std::max(worst, error);
-      sum += error;
+      *sum += error;
       tally->largest.add(static_cast<float>(error));
       const double off = std::abs(std::round(image.component(x, y, k) * largest) -
-                                  std::round(truth.code(row[x][k], largest, x, y, k)));
+                                  std::round(truth.code(should[k], largest, x, y, k)));
       if (unseen) continue;
       if (off != 0) ++v.differing;
       v.max_difference = std::max(v.max_difference, off);
@@ -104,9 +109,8 @@ double compare_row(const ReferenceFrame& truth, const Picture& codes, const Pict
       v.worst_x = x;
       v.worst_y = y;
     }
-    if (map != nullptr) map[size_t{y} * row.size() + x] = imath_float_to_half(static_cast<float>(worst));
+    if (map != nullptr) map[size_t{y} * truth.width() + x] = imath_float_to_half(static_cast<float>(worst));
   }
-  return sum;
 }
 
 Verification add_up(std::vector<Tally> tallies, const std::vector<double>& row_sums, uint64_t components,
@@ -149,10 +153,8 @@ Verification compare(const ReferenceFrame& truth, const Picture& codes, const Pi
   const uint32_t parts = row_parts(height);
   std::vector<Tally> tallies(parts, {{}, Largest(beyond)});
   std::vector<double> row_sums(height);
-  for_row_parts(height, parts, [&](uint32_t first, uint32_t last, uint32_t part) {
-    for (uint32_t y = first; y < last; ++y) {
-      row_sums[y] = compare_row(truth, codes, image, y, &tallies[part], map);
-    }
+  for_row_parts(truth.width(), height, parts, [&](const RowSpan& span, uint32_t part) {
+    compare_span(truth, codes, image, span, &tallies[part], &row_sums[span.y], map);
   });
   return add_up(std::move(tallies), row_sums, components, beyond);
 }

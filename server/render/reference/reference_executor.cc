@@ -41,15 +41,16 @@ void store_output(const FrameTextures& textures, const ReferenceFrame& frame, do
   }
 }
 
-void render_row(const FrameTextures& textures, const ReferenceFrame& frame, uint32_t y) {
-  const auto row = frame.row(y);
-  for (uint32_t x = 0; x < row.size(); ++x) {
+void render_span(const FrameTextures& textures, const ReferenceFrame& frame, const RowSpan& span) {
+  const auto row = frame.row(span);
+  for (uint32_t x = span.first; x < span.last; ++x) {
     for (size_t k = 0; k < 4; ++k) {
+      const double value = row[x - span.first][k];
       if (textures.exact) {
-        const size_t index = (size_t{y} * textures.layout.pitch + x) * 4 + k;
-        store(textures.host_exact(), index, static_cast<float>(row[x][k]));
+        const size_t index = (size_t{span.y} * textures.layout.pitch + x) * 4 + k;
+        store(textures.host_exact(), index, static_cast<float>(value));
       }
-      store_output(textures, frame, row[x][k], x, y, k);
+      store_output(textures, frame, value, x, span.y, k);
     }
   }
 }
@@ -69,17 +70,21 @@ absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const Inge
   return metered;
 }
 
-absl::StatusOr<uint64_t> ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan,
-                                                 std::vector<StageTime>* stages) {
+absl::StatusOr<Drawn> ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan,
+                                              std::vector<StageTime>* stages) {
   const HostStage stage(kReferenceStage, stages);
   FrameTextures& textures = memory.textures();
   std::optional<MeteredScene> scene = std::exchange(textures.metered_scene, std::nullopt);
+  if (!scene) {  // the device metered the frame
+    scene = meter_scene(textures, plan.reference.matrix, plan.reference.meter, reference::Rounding::kNone);
+  }
   const ReferenceFrame frame(*std::move(scene), plan, kWholeBloom);
   const uint32_t height = frame.height();
-  for_row_parts(height, row_parts(height), [&](uint32_t first, uint32_t last, uint32_t) {
-    for (uint32_t y = first; y < last; ++y) render_row(textures, frame, y);
-  });
-  return plan.resolve.inputs.constants.wide != 0 ? frame.cut_components() : 0;
+  for_row_parts(frame.width(), height, row_parts(height),
+                [&](const RowSpan& span, uint32_t) { render_span(textures, frame, span); });
+  Drawn drawn;
+  if (plan.resolve.inputs.constants.wide != 0) drawn.gamut_cut_components = frame.cut_components();
+  return drawn;
 }
 
 }  // namespace candela

@@ -17,7 +17,7 @@ class ReferenceExecutor final : public Executor {
 
   // The mean log2 luminance is the reference's own; the other statistics are the device's.
   absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<uint64_t> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
+  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
 
  private:
   Executor& device_;

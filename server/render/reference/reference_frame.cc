@@ -5,11 +5,19 @@
 #include <functional>
 #include <utility>
 
+#include "server/base/slices.h"
 #include "server/render/color/aces.h"
 
 namespace candela {
 
 namespace {
+
+// While it lives, the twins that this thread calls go through checkpoints.
+class TwinCheckpoints {
+ public:
+  TwinCheckpoints() { reference::after_row = checkpoint; }
+  ~TwinCheckpoints() { reference::after_row = nullptr; }
+};
 
 // aces-1 is computed by OpenColorIO itself, so that the error of the baked table counts. A client's own table
 // is exact by definition.
@@ -28,6 +36,7 @@ std::function<reference::Rgb(const reference::Rgb&)> look_of(const Plan& plan) {
 reference::Scene ingest_scene(const FrameTextures& textures, const std::optional<reference::Matrix>& matrix,
                               reference::Rounding rounding, reference::BadCounts* bad) {
   const FrameDesc& desc = textures.layout.desc;
+  const TwinCheckpoints checkpoints;
   const size_t stride = size_t{textures.layout.pitch} * bytes_per_pixel(desc.format);
   reference::BadCounts counts;
   reference::Scene scene =
@@ -48,6 +57,7 @@ ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t le
       resolve_(plan.reference.resolve),
       dither_frame_(plan.reference.dither_frame) {
   if (plan.reference.bloom) {
+    const TwinCheckpoints checkpoints;
     reference::BloomSpec bloom = *plan.reference.bloom;
     bloom.level_size = level_size;
     if (bloom.kind != shader::BLOOM_GAUSSIAN) resolve_.level_size = level_size;
@@ -67,14 +77,15 @@ reference::Rgb ReferenceFrame::bloom_light(uint32_t x, uint32_t y) const {
   return light;
 }
 
-std::vector<std::array<double, 4>> ReferenceFrame::row(uint32_t y) const {
-  return reference::resolve_row(metered_.scene, bloom_, levels_, resolve_, y);
+std::vector<std::array<double, 4>> ReferenceFrame::row(const RowSpan& span) const {
+  return reference::resolve_row(metered_.scene, bloom_, levels_, resolve_, span.y, span.first, span.last);
 }
 
 uint64_t ReferenceFrame::cut_components() const {
   uint64_t cut = 0;
   for (uint32_t y = 0; y < height(); ++y) {
     cut += reference::cut_components(metered_.scene, bloom_, levels_, resolve_, y);
+    checkpoint();
   }
   return cut;
 }
@@ -88,6 +99,7 @@ MeteredScene meter_scene(const FrameTextures& textures, const std::optional<refe
                          const reference::MeterParams& params, reference::Rounding rounding) {
   MeteredScene metered;
   metered.scene = ingest_scene(textures, matrix, rounding, &metered.bad);
+  const TwinCheckpoints checkpoints;
   metered.meter = reference::meter(metered.scene, params);
   return metered;
 }

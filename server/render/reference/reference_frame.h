@@ -9,6 +9,7 @@
 
 #include "server/render/device/frame_textures.h"
 #include "server/render/plan/plan.h"
+#include "server/render/reference/row_parts.h"
 #include "shaders/reference.h"
 
 namespace candela {
@@ -16,6 +17,7 @@ namespace candela {
 // The largest value of a component of an OUTPUT_* format; 0 for formats that do not quantise.
 double largest_code(uint32_t format);
 
+// Long work goes through checkpoints.
 class ReferenceFrame {
  public:
   // `level_size` is TextureLayout::level_size: kWholeBloom, or a tier's own.
@@ -34,8 +36,8 @@ class ReferenceFrame {
   // Whether colour is straight: not multiplied by alpha.
   bool straight() const { return resolve_.alpha == shader::ALPHA_STRAIGHT; }
 
-  // The display values of row y, before dither and quantising. Any thread.
-  std::vector<std::array<double, 4>> row(uint32_t y) const;
+  // The display values of these texels, before dither and quantising. Any thread.
+  std::vector<std::array<double, 4>> row(const RowSpan& span) const;
 
   // Of the whole frame: see reference::cut_components().
   uint64_t cut_components() const;

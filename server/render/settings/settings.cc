@@ -1,17 +1,26 @@
 #include "server/render/settings/settings.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
-#include "server/base/digest.h"
 #include "server/render/color/primaries.h"
+#include "shaders/params.h"
 
 namespace candela {
 namespace {
+
+// What stands for all values in a test frame that is timed.
+constexpr float kMeasuredIgnoreBelow = 1e-3f;
+constexpr uint32_t kMeasuredSpot = 1 << 14;  // the whole frame
+constexpr uint32_t kMeasuredLevels = 8;      // further ones take no time
+constexpr std::array<float, 9> kMeasuredMatrix = {0.5f, 0.25f, 0.25f, 0.25f, 0.5f, 0.25f, 0.25f, 0.25f, 0.5f};
 
 absl::Status check_exposure(const v1::Exposure& exposure) {
   if (exposure.min_exposure() > exposure.max_exposure()) {
@@ -91,6 +100,19 @@ absl::StatusOr<std::shared_ptr<const ColorTable>> table_from(const v1::Settings&
   return table;
 }
 
+// See Settings::table_step().
+double largest_step(const ColorTable& table) {
+  const size_t n = table.size;
+  int largest = 0;
+  for (size_t distance = 3; distance < table.values.size(); distance *= n) {  // along red, green and blue
+    for (size_t i = 0; i + distance < table.values.size(); ++i) {
+      if (i / distance % n == n - 1) continue;  // the last point along this axis
+      largest = std::max(largest, std::abs(int{table.values[i]} - int{table.values[i + distance]}));
+    }
+  }
+  return largest * double{shader::TABLE_MAX_ROOT} / 65535;
+}
+
 // From the frame's primaries, and the scene's white if it is balanced, to the scene.
 absl::StatusOr<std::optional<std::array<float, 9>>> matrix_from(const v1::Settings& message) {
   const bool named = message.input_primaries() != v1::PRIMARIES_UNSPECIFIED;
@@ -128,25 +150,54 @@ absl::StatusOr<Settings> Settings::from(v1::Settings message) {
   const auto matrix = matrix_from(message);
   if (!matrix.ok()) return matrix.status();
   if (message.has_table()) message.mutable_table()->clear_values();
-  return Settings(
-      std::make_shared<State>(State{std::move(message), *tier, *std::move(table), *matrix, false}));
+  auto state = std::make_shared<State>();
+  state->message = std::move(message);
+  state->tier = *tier;
+  state->table = *std::move(table);
+  state->to_scene = *matrix;
+  if (state->table && state->message.has_max_error_codes()) state->table_step = largest_step(*state->table);
+  return Settings(std::move(state));
 }
 
 Settings Settings::with_tier(const std::string& name) const {
   auto state = std::make_shared<State>(*state_);
   state->message.set_tier(name);
   state->tier = find_tier(name);
+  state->tier_is_chosen = true;
   return Settings(std::move(state));
 }
 
-Settings Settings::for_measuring(const Tier& tier, const FrameDesc& desc) const {
+Settings Settings::within(const std::string& name) const {
+  if (!tier_is_open()) return with_tier(name);
   auto state = std::make_shared<State>(*state_);
-  state->message.set_tier(tier.name);
+  state->costliest = find_tier(name);
+  return Settings(std::move(state));
+}
+
+Settings Settings::for_measuring(const Tier& tier) const {
+  const v1::Settings& from = state_->message;
+  auto state = std::make_shared<State>();
+  v1::Settings& message = state->message;
+  message.set_curve(from.curve());
+  message.set_transfer(from.transfer());
+  message.set_output_format(from.output_format());
+  message.set_dither(from.dither());
+  v1::Metering& metering = *message.mutable_exposure()->mutable_metering();
+  metering.set_statistic(from.exposure().metering().statistic());
+  metering.set_weights(from.exposure().metering().weights());
+  metering.mutable_spot()->set_x1(kMeasuredSpot);
+  metering.mutable_spot()->set_y1(kMeasuredSpot);
+  if (from.exposure().metering().ignore_below() > 0) metering.set_ignore_below(kMeasuredIgnoreBelow);
+  v1::Bloom& bloom = *message.mutable_bloom();
+  bloom.set_kind(from.bloom().kind());
+  bloom.set_levels(std::min(from.bloom().levels(), kMeasuredLevels));
+  bloom.set_firefly_weights(from.bloom().firefly_weights());
+  if (from.bloom().intensity() == 0) bloom.set_intensity(0);
+  v1::complete_settings(message).IgnoreError();  // they are settings already
+  message.set_tier(tier.name);
   state->tier = &tier;
-  v1::Rectangle& spot = *state->message.mutable_exposure()->mutable_metering()->mutable_spot();
-  spot = {};
-  spot.set_x1(desc.width);
-  spot.set_y1(desc.height);
+  state->table = state_->table;
+  if (state_->to_scene) state->to_scene = kMeasuredMatrix;
   return Settings(std::move(state));
 }
 
@@ -159,18 +210,36 @@ Settings Settings::for_metering(bool histogram) const {
   return Settings(std::move(state));
 }
 
+Settings Settings::with_table_owner(std::shared_ptr<const void> owner) const {
+  struct Owned {
+    std::shared_ptr<const ColorTable> table;
+    std::shared_ptr<const void> owner;
+  };
+  const auto owned = std::make_shared<const Owned>(Owned{state_->table, std::move(owner)});
+  auto state = std::make_shared<State>(*state_);
+  state->table = std::shared_ptr<const ColorTable>(owned, owned->table.get());
+  return Settings(std::move(state));
+}
+
 std::string Settings::measurement_key() const {
-  v1::Settings measured = state_->message;
-  for (const v1::SettingField& setting : v1::setting_fields()) {
-    google::protobuf::Message& holder = setting.holder(measured);
-    if (setting.declaration().not_measured()) holder.GetReflection()->ClearField(&holder, setting.field);
+  const Settings measured = for_measuring(*state_->tier);  // the tier is not in the key
+  const v1::Settings& message = *measured;
+  const v1::Metering& metering = message.exposure().metering();
+  const v1::Bloom& bloom = message.bloom();
+  std::vector<std::string> words = {v1::word_of(message.curve()), v1::word_of(message.transfer()),
+                                    v1::word_of(message.output_format()), v1::word_of(metering.statistic()),
+                                    v1::word_of(metering.weights())};
+  if (message.dither()) words.push_back("dither");
+  if (metering.ignore_below() > 0) words.push_back("ignore-below");
+  if (measured.to_scene()) words.push_back("matrix");
+  if (const ColorTable* table = measured.table().get()) {
+    words.push_back(absl::StrFormat("table %d %d", table->size, table->axes));
   }
-  std::string bytes = v1::deterministic_bytes(measured);
-  if (state_->table) {
-    bytes.append(reinterpret_cast<const char*>(state_->table->values.data()),
-                 state_->table->values.size() * sizeof state_->table->values[0]);
+  if (bloom.intensity() > 0) {
+    words.push_back(absl::StrFormat("%s bloom %d%s", v1::word_of(bloom.kind()), bloom.levels(),
+                                    bloom.firefly_weights() ? " firefly" : ""));
   }
-  return sha256_hex(bytes);
+  return absl::StrJoin(words, " ");
 }
 
 v1::Transfer output_transfer(const v1::Settings& settings) {

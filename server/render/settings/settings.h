@@ -37,19 +37,30 @@ class Settings {
   const std::optional<std::array<float, 9>>& to_scene() const { return state_->to_scene; }
   // Whether metering needs a histogram.
   bool wants_histogram() const { return state_->wants_histogram; }
-  // Whether a promise chooses the tier; see choose_tier().
-  bool has_promise() const { return state_->message.has_max_error_codes() || state_->message.has_max_ms(); }
+  // Whether max_error_codes has still to choose the tier, for each frame; until then tier() means nothing.
+  bool tier_is_open() const { return state_->message.has_max_error_codes() && !state_->tier_is_chosen; }
+  // The last row of tiers() that max_error_codes may choose, because max_ms is given too; null: all of them.
+  const Tier* costliest_tier() const { return state_->costliest; }
+  // The largest difference of a root between neighbours of the client's table, 0 .. TABLE_MAX_ROOT; 0 without
+  // one, and without max_error_codes.
+  double table_step() const { return state_->table_step; }
 
-  // A copy with another tier. `name` must be a tier.
+  // A copy with another tier, which was chosen if there is a promise. `name` must be a tier.
   Settings with_tier(const std::string& name) const;
-  // A copy for a test frame that the server measures in place of the client's; its spot is the whole frame.
-  Settings for_measuring(const Tier& tier, const FrameDesc& desc) const;
+  // A copy for the tier that max_ms chose: with that tier, or if there is max_error_codes, too, with the rows
+  // up to it to choose from. `name` must be a tier.
+  Settings within(const std::string& name) const;
+  // A copy for a test frame whose time stands for that of all frames with the same measurement_key().
+  Settings for_measuring(const Tier& tier) const;
   // A copy for a frame that is only metered: without bloom and promises, and with a histogram if it is
   // wanted.
   Settings for_metering(bool histogram) const;
 
-  // A key for measured times and errors: the SHA-256, in hex, of every setting that the contract does not
-  // mark `not_measured`.
+  // A copy that keeps `owner` as long as anyone uses the client's table, which there must be.
+  Settings with_table_owner(std::shared_ptr<const void> owner) const;
+
+  // A key for measured times: everything in the settings that a frame's time depends on, in words. Settings
+  // that the contract marks `not_measured` are not in it, and of most numbers only whether they are 0.
   std::string measurement_key() const;
 
  private:
@@ -59,6 +70,9 @@ class Settings {
     std::shared_ptr<const ColorTable> table;
     std::optional<std::array<float, 9>> to_scene;
     bool wants_histogram = false;
+    bool tier_is_chosen = false;
+    const Tier* costliest = nullptr;
+    double table_step = 0.0;
   };
   explicit Settings(std::shared_ptr<const State> state) : state_(std::move(state)) {}
 

@@ -10,10 +10,7 @@ namespace candela {
 
 namespace {
 
-std::string words(const TierNumbers& n) {
-  return absl::StrFormat("%s takes %.3g ms with at most %.3g codes of error", n.tier, n.ms,
-                         n.max_error_codes);
-}
+std::string words(const TierNumbers& n) { return absl::StrFormat("%s takes %.3g ms", n.tier, n.ms); }
 
 std::string words(const v1::Settings& settings) {
   std::vector<std::string> parts;
@@ -23,40 +20,60 @@ std::string words(const v1::Settings& settings) {
   return absl::StrJoin(parts, " with ");
 }
 
-bool faster(const TierNumbers& a, const TierNumbers& b) { return a.ms < b.ms; }
-bool more_accurate(const TierNumbers& a, const TierNumbers& b) {
-  return a.max_error_codes < b.max_error_codes;
+std::string words(const Tier& tier, double bound) {
+  return bound < kNoBound ? absl::StrFormat("%s is within %.3g codes of the reference", tier.name, bound)
+                          : absl::StrFormat("%s has no bound", tier.name);
+}
+
+std::string words(const BoundFacts& facts) {
+  return absl::StrFormat("%s%s", facts.blooms ? "it blooms" : "nothing in it blooms",
+                         facts.wide ? " and it has negative components" : "");
 }
 
 }  // namespace
 
-absl::StatusOr<TierChoice> choose_tier(std::span<const TierNumbers> numbers, const v1::Settings& settings) {
-  std::vector<TierNumbers> accurate;  // tiers that keep max_error_codes
-  std::vector<TierNumbers> keeping;   // tiers that keep both
+absl::StatusOr<TierChoice> choose_by_time(std::span<const TierNumbers> numbers, const Settings& settings) {
+  const TierNumbers* chosen = nullptr;
   for (const TierNumbers& n : numbers) {
-    if (settings.has_max_error_codes() && n.max_error_codes > settings.max_error_codes()) continue;
-    accurate.push_back(n);
-    if (!settings.has_max_ms() || n.ms <= settings.max_ms()) keeping.push_back(n);
+    if (n.ms <= settings->max_ms()) chosen = &n;
   }
-  if (keeping.empty()) {
-    // The closest: the fastest tier that is accurate enough, or else the most accurate one.
-    const TierNumbers& nearest = accurate.empty()
-                                     ? *std::min_element(numbers.begin(), numbers.end(), more_accurate)
-                                     : *std::min_element(accurate.begin(), accurate.end(), faster);
+  const auto too_slow = [&](const TierNumbers& nearest) {
     return absl::FailedPreconditionError(absl::StrFormat(
         "no tier keeps %s for frames of this size with these settings on this device; closest: %s",
-        words(settings), words(nearest)));
+        words(*settings), words(nearest)));
+  };
+  const auto faster = [](const TierNumbers& a, const TierNumbers& b) { return a.ms < b.ms; };
+  if (chosen == nullptr) return too_slow(*std::min_element(numbers.begin(), numbers.end(), faster));
+  if (settings->has_max_error_codes()) {
+    const auto accurate = std::find_if(numbers.begin(), numbers.end(), [&](const TierNumbers& n) {
+      return error_bound(*find_tier(n.tier), settings, easiest_facts()) <= settings->max_error_codes();
+    });
+    if (accurate != numbers.end() && &*accurate > chosen) return too_slow(*accurate);
   }
-  const TierNumbers& chosen = settings.has_max_error_codes()
-                                  ? *std::min_element(keeping.begin(), keeping.end(), faster)
-                                  : *std::min_element(keeping.begin(), keeping.end(), more_accurate);
   std::vector<std::string> others;
   for (const TierNumbers& n : numbers) {
-    if (n.tier != chosen.tier) others.push_back(words(n));
+    if (n.tier != chosen->tier) others.push_back(words(n));
   }
-  return TierChoice{chosen.tier,
-                    absl::StrFormat("%s, as measured here; it keeps %s%s%s", words(chosen), words(settings),
-                                    others.empty() ? "" : "; ", absl::StrJoin(others, ", "))};
+  return TierChoice{chosen->tier, absl::StrFormat("%s, the median measured here; it keeps %s%s%s",
+                                                  words(*chosen), words(*settings),
+                                                  others.empty() ? "" : "; ", absl::StrJoin(others, ", "))};
+}
+
+std::string reason_for(const Tier& tier, double bound, const Settings& settings, const BoundFacts& facts) {
+  std::string cheaper;
+  for (const Tier& other : tiers()) {
+    if (&other >= &tier) break;
+    cheaper += absl::StrFormat("; %s here", words(other, error_bound(other, settings, facts)));
+  }
+  return absl::StrFormat("%s for this frame: %s; it keeps %s%s", words(tier, bound), words(facts),
+                         words(*settings), cheaper);
+}
+
+absl::Status no_tier_keeps(const Settings& settings, const BoundFacts& facts) {
+  const Tier& closest = settings.costliest_tier() != nullptr ? *settings.costliest_tier() : tiers().back();
+  return absl::FailedPreconditionError(absl::StrFormat(
+      "no tier keeps %s for this frame: %s; closest: %s, and only slower tiers are more accurate",
+      words(*settings), words(facts), words(closest, error_bound(closest, settings, facts))));
 }
 
 }  // namespace candela

@@ -92,7 +92,9 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
   header.set_prescale(frame.settings->prescale());
   for (const std::string& line : report.plan.words) header.add_plan(line);
   add_stages(rendered, *header.mutable_stages());
-  header.set_tier(frame.settings->tier());
+  header.set_tier(report.tier.empty() ? frame.settings->tier() : report.tier);  // empty if nothing was drawn
+  header.set_tier_reason(report.tier_reason);
+  if (report.error_bound) header.set_error_bound_codes(*report.error_bound);
   header.set_device(device);
   if (report.verification) {
     *header.mutable_verify() = verification(report.verification->rounded);

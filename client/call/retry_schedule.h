@@ -1,0 +1,41 @@
+// Which of several servers to call next, and when.
+#pragma once
+
+#include <cstddef>
+#include <random>
+#include <vector>
+
+#include "absl/time/time.h"
+
+namespace candela {
+
+// The servers are called in turn. The first round over all of them has no pauses; with a single server, its
+// first try again has none. Then the pauses between rounds double, from 0.1 s to 1 s. Pauses and the times
+// that servers name get up to half as much again at random, so that clients that one server refused together
+// do not come back together. Used by one thread.
+class RetrySchedule {
+ public:
+  explicit RetrySchedule(size_t servers) : not_before_(servers, absl::InfinitePast()) {}
+
+  // The server to call next, counted from 0.
+  size_t next() const { return next_; }
+
+  // That call failed. The server asks for a wait of `delay`. `progress`: the call did some of its work first,
+  // so the pauses start at the shortest again.
+  void failed(absl::Duration delay, bool progress = false);
+
+  // True if every server has failed since the last progress.
+  bool round_over() const { return attempts_ >= not_before_.size(); }
+
+  // When to make the next call.
+  absl::Time when() const { return when_; }
+
+ private:
+  size_t next_ = 0;
+  size_t attempts_ = 0;                 // calls since the last progress
+  std::vector<absl::Time> not_before_;  // when each server wants to be called again
+  absl::Time when_ = absl::InfinitePast();
+  std::minstd_rand random_{std::random_device()()};
+};
+
+}  // namespace candela

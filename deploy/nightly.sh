@@ -1,0 +1,75 @@
+#!/usr/bin/env bash
+# The tests that take hours, in parts: nightly.sh [PART...]. deploy/test.sh nightly runs it.
+#
+#   asan     the tests of dev, with the address and undefined-behaviour sanitizers
+#   tsan     the tests of dev, with the thread sanitizer
+#   fuzz     each fuzz target for 30 minutes
+#   soak     20 minutes of mixed traffic with faults
+#   attacks  tests/robustness and every test with the label nightly, on the release build
+#   edge     the attacks on the shipped containers; needs root and podman
+#
+# A part in which a test was skipped is incomplete: asan and tsan need CANDELA_DATA. Without PART it runs the parts that have
+# not passed yet on this commit. build/nightly keeps each part's result and log;
+# the log holds the figures for docs/robustness.md. CANDELA_FUZZ_SECONDS and CANDELA_SOAK_SECONDS shorten a part.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+all=(asan tsan fuzz soak attacks edge)
+results=build/nightly
+commit=$(git describe --always --dirty --abbrev=12)
+
+run_asan() { deploy/test.sh asan; }
+run_tsan() { deploy/test.sh tsan; }
+run_fuzz() { CANDELA_FUZZ_SECONDS=${CANDELA_FUZZ_SECONDS:-1800} deploy/test.sh fuzz; }
+run_soak() {
+  build_with_tests release
+  CANDELA_SOAK_SECONDS=${CANDELA_SOAK_SECONDS:-1200} ctest --preset release --tests-regex '^Soak' --verbose
+}
+run_attacks() {
+  deploy/install-packages.sh deploy
+  build_with_tests release
+  ctest --preset attacks
+}
+run_edge() {
+  deploy/install-packages.sh deploy
+  build_with_tests deploy
+  ctest --preset edge
+}
+
+build_with_tests() {
+  deploy/install-packages.sh build run test
+  deploy/build.sh "$1" -DCANDELA_TESTS=ON
+}
+
+# "passed COMMIT DATE SECONDS s" of a part, or nothing.
+result() { cat "$results/$1.txt" 2>/dev/null || true; }
+passed() { [[ $(result "$1") == "passed $commit "* ]]; }
+
+run_part() {
+  local part=$1 start=$SECONDS verdict=failed
+  echo "$part: running (log: $results/$part.log)"
+  # A new shell, so that a failure inside the function ends it.
+  if "$BASH" "$0" --inside "$part" >"$results/$part.log" 2>&1 </dev/null; then verdict=passed; fi
+  if [ "$verdict" = passed ] && grep -qE '\*\*\*Skipped' "$results/$part.log"; then verdict=incomplete; fi
+  echo "$verdict $commit $(date -u +%F) $((SECONDS - start)) s" >"$results/$part.txt"
+  echo "$part: $(result "$part")"
+}
+
+if [ "${1:-}" = --inside ]; then
+  "run_$2"
+  exit
+fi
+for part in "$@"; do
+  [[ " ${all[*]} " == *" $part "* ]] || { echo "nightly.sh: no part '$part'; there are: ${all[*]}" >&2; exit 2; }
+done
+mkdir -p "$results"
+for part in "${@:-${all[@]}}"; do
+  if [ $# -eq 0 ] && passed "$part"; then continue; fi
+  run_part "$part"
+done
+missing=0
+for part in "${@:-${all[@]}}"; do
+  printf '%-8s %s\n' "$part" "$(result "$part")"
+  passed "$part" || missing=1
+done
+exit "$missing"

@@ -1,0 +1,23 @@
+// Who a client is, as far as it cannot pose as many.
+#pragma once
+
+#include <grpcpp/server_context.h>
+
+#include <string>
+
+#include "absl/strings/string_view.h"
+
+namespace candela {
+
+// The client's address without its port: an IPv4 address, or the 64 bits of an IPv6 address that name its
+// network. `peer` is gRPC's "ipv4:HOST:PORT", "ipv6:[HOST]:PORT" or "unix:PATH". Only the local processes
+// that may open a unix: socket call through it. One of them is the proxy, so the last address of
+// `forwarded_for` counts there. Without one, all of them are one client; so are those in this process.
+std::string client_address(absl::string_view peer, absl::string_view forwarded_for);
+
+// Identifies the client of a call by its address together with its client certificate, if it has one, and
+// with its bearer token if `tokens`, which says that the server checks them. None of these can be made up. It
+// is at most 128 bytes long and holds no secret.
+std::string client_identity(const grpc::ServerContextBase& context, bool tokens);
+
+}  // namespace candela

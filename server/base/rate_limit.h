@@ -1,0 +1,31 @@
+// Limits events that a stranger can cause without end, such as log lines, to one a second.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+
+namespace candela {
+
+// Not thread-safe.
+class OneASecond {
+ public:
+  // Counts an event. If it may pass, returns the number of events since the last one that passed, this one
+  // included; otherwise nothing.
+  std::optional<uint64_t> pass() {
+    ++events_;
+    const absl::Time now = absl::Now();
+    if (now < next_) return std::nullopt;
+    next_ = now + absl::Seconds(1);
+    return std::exchange(events_, 0);
+  }
+
+ private:
+  uint64_t events_ = 0;
+  absl::Time next_ = absl::InfinitePast();
+};
+
+}  // namespace candela

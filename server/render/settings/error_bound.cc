@@ -1,0 +1,185 @@
+#include "server/render/settings/error_bound.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "shaders/color_table.h"
+#include "shaders/params.h"
+
+namespace candela {
+namespace {
+
+// The relative error of one rounding to float32.
+constexpr double kRounding = 0x1p-24;
+// Roundings on the way from a scene texel through the curve, as relative errors of its light.
+constexpr double kLightRoundings = 64;
+// Roundings of the bright pass and of sampling bloom, and of one level on its way down and up.
+constexpr double kBloomRoundings = 30;
+constexpr double kLevelRoundings = 28;
+// Roundings of a luminance that the bright pass compares with its threshold.
+constexpr double kLuminanceRoundings = 24;
+// Roundings of terms of both signs in a matrix, in bloom over negative light and in the curve after them.
+constexpr double kCancelRoundings = 32;
+// The largest component of a colour of luminance 1.
+constexpr double kPureBlue = 1 / 0.0722;
+constexpr double kLargestScene = 65504;
+// The error of the metered mean in EV: its logarithm and its fixed point, and half a bin of the histogram.
+constexpr double kMeanError = 4e-6;
+constexpr double kPercentileError = 1.0 / 128;
+// With straight alpha an object has at most this light, and light of its own is a difference from it.
+constexpr double kObjectRoundings = 8 * shader::MAX_OBJECT_LIGHT;
+// The error of the power of 1/2.2, in codes.
+constexpr double kPowerCodes = 1e-3;
+
+// A curve's sensitivity to errors of its light.
+struct CurveError {
+  double slope;     // display light to light, both the largest of R, G and B
+  double relative;  // display light to a relative error of light
+  double encoded;   // display value, sRGB or linear, to a relative error of light
+  double cancels;   // display light that roundings leave where the curve subtracts; 0: it does not subtract
+};
+
+// Per unit of a root in a table: M_out of r^2, at the largest root.
+constexpr double kLightToRoot = 2 * shader::TABLE_MAX_ROOT * 2.21;
+// The error of a position in a table, in points: its fraction's bits, and the roundings of the axis.
+constexpr double kPositionError = 3e-5;
+
+CurveError table_error(const ColorTable& table, double step) {
+  const double points_per_octave = (table.size - 1) / table_axis_octaves(table.axes, table.end);
+  const double knee = table.axes == shader::AXES_AP1 ? shader::TABLE_AXIS_KNEE_AP1 : shader::TABLE_AXIS_KNEE;
+  const double light = kLightToRoot * step;  // to a point
+  return {.slope = light * points_per_octave * 4 / (3 * knee),
+          .relative = light * points_per_octave * 2,
+          .encoded = 12.92 * light * points_per_octave * 2,
+          .cancels = light * kPositionError};
+}
+
+CurveError curve_error(const Settings& settings) {
+  const double white = settings->curve_white();
+  switch (settings->curve()) {
+    case v1::TONE_CURVE_ACES_NARKOWICZ:
+      return {2.0, 0.5, 1, 0};
+    case v1::TONE_CURVE_ACES_HILL:
+      return {1.6, 0.8, 3, 2.5e-7};
+    case v1::TONE_CURVE_REINHARD_EXTENDED:
+      return {2 * std::max(1.0, 1 / (white * white)), 2, 1, 0};
+    case v1::TONE_CURVE_HABLE:
+      return {1.0, 0.5, 1, 1.5e-7};
+    case v1::TONE_CURVE_AGX:
+      return {2.0, 0.5, 1, 2.5e-7};
+    case v1::TONE_CURVE_PBR_NEUTRAL:
+      return {2.5, 2, 1.5, 2e-7};
+    case v1::TONE_CURVE_ACES_1:
+      return {8, 2, 6, 6e-6};
+    case v1::TONE_CURVE_TABLE:
+      return table_error(*settings.table(), settings.table_step());
+    default:
+      return {1, 1, 1, 0};
+  }
+}
+
+// The relative error of bloom's light.
+double bloom_rounding(const Settings& settings) {
+  return kRounding * (kBloomRoundings + kLevelRoundings * settings->bloom().levels());
+}
+
+// The error of bloom's light where the bright pass subtracts its threshold, in the scene's units.
+double bright_pass_error(const Settings& settings, double threshold) {
+  const v1::Bloom& bloom = settings->bloom();
+  if (bloom.kind() == v1::Bloom::KIND_CONSERVE) return 0;
+  const double luminance = kLuminanceRoundings * kRounding;
+  if (bloom.kind() == v1::Bloom::KIND_MIP) return kPureBlue * 3 * threshold * luminance;
+  // GAUSSIAN: of Q, which shows the bright pass's error up to a luminance of 1 above the threshold.
+  const bool percentile = settings->exposure().metering().statistic() == v1::Metering::STATISTIC_PERCENTILE;
+  const double mean = std::exp2(percentile ? kPercentileError : kMeanError) - 1;
+  return std::min(kLargestScene, kPureBlue * (threshold + 1)) *
+         (threshold * (mean + 2 * kRounding) + (threshold + 1) * luminance);
+}
+
+// The error of exposed light that is not relative to it.
+double light_error(const Settings& settings, const BoundFacts& facts) {
+  double error = 0;
+  double rounding = kCancelRoundings * kRounding;
+  if (facts.blooms) {
+    error += facts.exposure * settings->bloom().intensity() * bright_pass_error(settings, facts.threshold);
+    rounding += bloom_rounding(settings);
+  }
+  if (facts.wide) error += 2 * rounding * facts.negative_light;
+  if (facts.translucent) error += kObjectRoundings * kRounding;
+  return error;
+}
+
+double table_codes(const TableError& error, v1::Transfer transfer) {
+  return transfer == v1::TRANSFER_SRGB      ? error.srgb
+         : transfer == v1::TRANSFER_GAMMA22 ? error.gamma22
+                                            : error.linear;
+}
+
+// The encoding of display light. Each is concave and 0 at 0, so no error of light is larger when it is
+// encoded than the encoded error.
+double encoded(v1::Transfer transfer, double light) {
+  light = std::min(light, 1.0);  // infinity, too
+  if (transfer == v1::TRANSFER_GAMMA22) return std::pow(light, 1 / 2.2);
+  if (transfer == v1::TRANSFER_LINEAR) return light;
+  return light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;
+}
+
+}  // namespace
+
+double error_bound(const Tier& tier, const Settings& settings, const BoundFacts& facts) {
+  if (tier.host_reference) return 0;
+  const bool sized_bloom = settings->bloom().kind() != v1::Bloom::KIND_GAUSSIAN;
+  if (facts.blooms && sized_bloom && tier.bloom_level_size != kWholeBloom) return kNoBound;
+  const bool has_table = settings->curve() == v1::TONE_CURVE_ACES_1;
+  const v1::Transfer transfer = output_transfer(*settings);
+  const CurveError curve = curve_error(settings);
+  const double rounding = kRounding * kLightRoundings + (facts.blooms ? bloom_rounding(settings) : 0);
+  double light = curve.slope * light_error(settings, facts) + curve.cancels;
+  double codes = 0;
+  if (transfer == v1::TRANSFER_GAMMA22 && curve.cancels > 0) {
+    light += curve.relative * rounding;
+  } else {
+    codes += 255 * curve.encoded * rounding;
+  }
+  codes += 255 * encoded(transfer, light);
+  if (transfer == v1::TRANSFER_SRGB) codes += tier.transfer_codes;
+  if (transfer == v1::TRANSFER_GAMMA22) codes += kPowerCodes;
+  if (has_table) codes += table_codes(facts.wide ? tier.wide_table_codes : tier.table_codes, transfer);
+  // Over white, the error of alpha counts as well as that of colour.
+  if (facts.translucent) codes *= 2;
+  return std::min(codes, kNoBound);
+}
+
+BoundFacts easiest_facts() { return {}; }
+
+BoundFacts hardest_facts(const FrameDesc& desc, const Settings& settings) {
+  const bool unsigned_pixels = desc.format == v1::PIXEL_FORMAT_RGB9E5;
+  BoundFacts facts;
+  facts.blooms = settings->bloom().intensity() > 0;
+  facts.wide = !unsigned_pixels || settings.to_scene();
+  facts.translucent = !unsigned_pixels && settings->alpha() == v1::ALPHA_STRAIGHT;
+  facts.exposure = shader::MAX_EXPOSURE;
+  facts.threshold = kLargestScene;
+  facts.negative_light = std::numeric_limits<double>::infinity();
+  return facts;
+}
+
+std::span<const Tier> tiers_in_question(const FrameDesc& desc, const Settings& settings) {
+  const BoundFacts hardest = hardest_facts(desc, settings);
+  const double most = settings->max_error_codes();
+  const std::span<const Tier> all = tiers();
+  size_t first = 0;
+  while (first < all.size() && error_bound(all[first], settings, easiest_facts()) > most) ++first;
+  size_t last = first;
+  for (; last < all.size(); ++last) {
+    if (error_bound(all[last], settings, hardest) <= most || &all[last] == settings.costliest_tier()) break;
+  }
+  if (last == all.size() ||
+      (settings.costliest_tier() != nullptr && &all[first] > settings.costliest_tier())) {
+    return {};
+  }
+  return all.subspan(first, last - first + 1);
+}
+
+}  // namespace candela

@@ -1,0 +1,316 @@
+"""The option table: for every option of every command, a run that shows what the option does.
+
+Each entry is a check, a function of the workbench that raises Wrong. A line of options is written as on the command line.
+`changes` and `each_word` compare results, that is images and numbers: an option that is ignored fails.
+"""
+import json
+
+from bench import Bench, Run
+
+SERVERS = ("render", "stream", "meter", "report", "bench", "info")  # that can also render without a daemon
+GUARDS = {"--tls-ca": "ca.pem", "--tls-cert": "client.pem", "--tls-key": "client.key", "--tls-name": "candela.test",
+          "--token-file": "tokens"}
+
+
+class Wrong(Exception):
+    """An option does not do what it says."""
+
+
+def hold(true: object, message: str) -> None:
+    if not true:
+        raise Wrong(message)
+
+
+def ok(run: Run, line: str) -> Run:
+    hold(run.code == 0, f"`candela {line}` ended with {run.code}: {run.err.strip()}")
+    return run
+
+
+# What each command does with a scene, before any option of the table. {} takes them.
+LINES = {"render": "render scene.exr OUT/o.png --json - -q --server PLAIN {}",
+         "stream": "stream film OUT/%04d.png --fps 24 --json - -q --server PLAIN {}",
+         "meter": "meter scene.exr --json - -q --server PLAIN {}",
+         "info": "info --json - {}", "health": "health --server PLAIN {}",
+         "bench": "bench --size 64x36 --seconds 0.3 --json - -q --server PLAIN {}"}
+
+
+def changes(options: str, base: str = "", line: str = ""):
+    """The result with `options` differs from that with `base` alone. `line` replaces the command's usual line."""
+    def check(bench: Bench, command: str) -> None:
+        full = line or LINES[command]
+        without = ok(bench(full.format(base)), full.format(base)).result()
+        with_it = ok(bench(full.format(f"{base} {options}")), full.format(options)).result()
+        hold(without != with_it, f"`{options}` changes nothing beside `{base}`")
+    return check
+
+
+def each_word(option: str, base: str = "", line: str = "", but: tuple = (), words: tuple = ()):
+    """Every choice that the help lists, or each of `words`, gives another result."""
+    def check(bench: Bench, command: str) -> None:
+        full, seen = line or LINES[command], {}
+        for word in words or bench.words(command, option):
+            if word in but:
+                continue
+            filled = full.format(f"{base} {option} {word}")
+            result = ok(bench(filled), filled).result()
+            hold(result not in seen, f"`{option} {word}` gives the same as `{seen.get(result)}`")
+            seen[result] = word
+        hold(len(seen) > 1, f"there is only {list(seen.values())}")
+    return check
+
+
+def refuses(bad: str, line: str = "", words: str = ""):
+    """`bad` fails in one line, with `words` in it."""
+    def check(bench: Bench, command: str) -> None:
+        run = bench((line or LINES[command]).format(bad))
+        hold(run.code in (1, 2) and len(run.err.strip().splitlines()) == 1,
+             f"`{bad}` ended with {run.code}: {run.err.strip()}")
+        hold(words in run.err, f"`{bad}` does not speak of '{words}': {run.err.strip()}")
+    return check
+
+
+def needs(good: str, bad: str, line: str = "", words: str = ""):
+    """`good` ends well, and `bad` is refused."""
+    def check(bench: Bench, command: str) -> None:
+        full = line or LINES[command]
+        ok(bench(full.format(good)), full.format(good))
+        refuses(bad, full, words)(bench, command)
+    return check
+
+
+def shows(line: str, holds, what: str):
+    """`holds(run)` of that whole line is true."""
+    def check(bench: Bench, _: str) -> None:
+        run = ok(bench(line), line)
+        hold(holds(run), f"`candela {line}`: {what}. It printed: {(run.out + run.err)[:300]}")
+    return check
+
+
+def guarded(option: str):
+    """With every secret a guarded server answers; without this one it does not."""
+    def check(bench: Bench, command: str) -> None:
+        line = {"report": "report OUT --quick --megapixels 0.001 --images alpha.exr -q {}"}.get(
+            command, LINES.get(command, "")).replace("PLAIN", "GUARDED")
+        line += " --server GUARDED" if command in ("report", "info") else ""
+        everything = " ".join(f"{name} {value}" for name, value in GUARDS.items())
+        if command != "report":  # it measures for long; --tls-ca's own entry runs it
+            ok(bench(line.format(everything)), line.format(everything))
+        rest = " ".join(f"{name} {value}" for name, value in GUARDS.items() if name != option)
+        hold(bench(line.format(rest)).code in (1, 2), f"a guarded server answers without {option}")
+    return check
+
+
+def public(bench: Bench, command: str) -> None:
+    """--tls trusts the system's CAs, so only a server with their certificate answers."""
+    line = {"report": "report OUT --quick --megapixels 0.001 --images alpha.exr -q {}"}.get(
+        command, LINES.get(command, "")).replace("PLAIN", "PUBLIC")
+    line += " --server PUBLIC" if command in ("report", "info") else ""
+    run = bench(line.format("--tls"))
+    hold(run.code == 1 and "certificate" in run.err, f"--tls does not check the certificate: {run.err.strip()}")
+    if command != "report":
+        trusted = line.format("--tls --tls-ca ca.pem --tls-name candela.test")
+        ok(bench(trusted), trusted)
+
+
+def elsewhere(line: str):
+    """The address of --server is where the work goes."""
+    return needs("--server PLAIN", "--server 127.0.0.1:1", line, "127.0.0.1:1")
+
+
+def plural(film: str) -> str:
+    """The lines of stream and meter for another film."""
+    return {"stream": f"stream {film} OUT/%04d.png --json - -q --server PLAIN {{}}",
+            "meter": f"meter {film} --json - -q --server PLAIN {{}}"}
+
+
+METERED = {  # of render, stream and meter
+    "--bad-values": lambda c: needs("--bad-values scrub", "--bad-values reject",
+                                    f"{c} nan.pfm {'OUT/%d.png' if c == 'stream' else 'OUT/o.png' if c == 'render' else ''} "
+                                    "--json - -q --server PLAIN {}", "NaN"),
+    "--primaries": lambda c: each_word("--primaries"),
+    "--white-balance": lambda c: changes("--white-balance 3200"),
+    "--tint": lambda c: changes("--tint 0.5", "--white-balance 5000"),
+    "--exposure": lambda c: changes("--exposure 2"),
+    "--compensation": lambda c: changes("--compensation 1"),
+    "--key": lambda c: changes("--key 0.3"),
+    "--min-exposure": lambda c: changes("--min-exposure 30"),
+    "--max-exposure": lambda c: changes("--max-exposure 0.1"),
+    "--metering": lambda c: each_word("--metering"),
+    "--percentiles": lambda c: changes("--percentiles 60,99"),
+    "--weights": lambda c: each_word("--weights", but=("spot",)),
+    "--spot": lambda c: changes("--spot 0,0,9,9"),
+    "--ignore-below": lambda c: changes("--ignore-below 0.2"),
+    "--layer": lambda c: changes("--layer key", line=one_file(c, "layers")),
+    "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
+    "--view": lambda c: changes("--view right", line=one_file(c, "views")),
+    "--alpha": lambda c: alpha(c),
+}
+
+
+def one_file(command: str, name: str) -> str:
+    return {"render": f"render {name}.exr OUT/o.png --json - -q --server PLAIN {{}}",
+            "meter": f"meter {name}.exr --json - -q --server PLAIN {{}}",
+            "stream": f"stream {name}.0001.exr OUT/%04d.png --json - -q --server PLAIN {{}}"}[command]
+
+
+def alpha(command: str):
+    if command == "meter":
+        return changes("--alpha ignore", line=one_file("meter", "alpha"))
+    return each_word("--alpha", line=one_file(command, "alpha"), but=("over",))  # over black is what ignore shows
+
+
+DRAWN = {  # of render and stream
+    "--locked-exposure": lambda c: changes("--locked-exposure shot.json"),
+    "--curve": lambda c: each_word("--curve"),
+    "--curve-white": lambda c: changes("--curve-white 2", "--curve reinhard-extended"),
+    "--prescale": lambda c: changes("--prescale 2"),
+    "--transfer": lambda c: each_word("--transfer"),
+    "--tier": lambda c: each_word("--tier", words=("draft", "standard", "reference")),
+    "--dither": lambda c: changes("--dither"),
+    "--max-error": lambda c: needs("--max-error 255", "--max-error -1", words="--max-error"),
+    "--max-ms": lambda c: needs("--max-ms 1e9", "--max-ms 0.001", words="ms"),
+    "--bloom": lambda c: each_word("--bloom"),
+    "--bloom-intensity": lambda c: changes("--bloom-intensity 1"),
+    "--bloom-threshold": lambda c: changes("--bloom-threshold 3", "--bloom-intensity 1"),
+    "--bloom-softness": lambda c: changes("--bloom-softness 0", "--bloom-intensity 1 --bloom-threshold 0.5"),
+    "--bloom-levels": lambda c: changes("--bloom-levels 2", "--bloom-intensity 1"),
+    "--bloom-firefly": lambda c: changes("--bloom-firefly off", "--bloom-intensity 1"),
+    "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
+    "--bits": lambda c: changes("--bits 16"),
+    "--quality": lambda c: changes("--quality 20", line=LINES[c].replace(".png", ".jpg")),
+    "--ocio": lambda c: changes("--ocio studio.ocio"),
+    "--ocio-input": lambda c: changes("--ocio-input Other", "--ocio studio.ocio"),
+    "--display": lambda c: changes("--display Projector", "--ocio studio.ocio"),
+}
+SEQUENCED = {  # of stream and meter
+    "--range": lambda c: changes("--range 1-4x2", line=plural("film")[c]),
+    "--missing": lambda c: each_word("--missing", line=plural("gap")[c], but=("error",)),
+    "--cut-at": lambda c: changes("--cut-at 3", line=plural("film")[c]),
+    "--fps": lambda c: changes("--fps 2", line=plural("film")[c]),
+    "--lookahead": lambda c: changes("--lookahead 2", line=plural("film")[c]),
+    "--detect-cuts": lambda c: changes("--detect-cuts 2", line=plural("film")[c]),
+    "--state": lambda c: changes("--state begun.json", "--range 3-", plural("film")[c]),
+    "--adaptation": lambda c: each_word("--adaptation", line=plural("film")[c]),
+    "--speed-up": lambda c: changes("--speed-up 0.1", line=plural("film")[c]),
+    "--speed-down": lambda c: changes("--speed-down 0.1", line=plural("film")[c]),
+    "--frame-timeout": lambda c: needs("--frame-timeout 60", "--frame-timeout 0", plural("film")[c], "--frame-timeout"),
+    "--skip-bad": lambda c: needs("--skip-bad", "", plural("broken")[c], "0001.exr"),
+    "--exposure-plot": lambda c: shows(plural("film")[c].format("--exposure-plot OUT/plot.svg"),
+                                       lambda run: b"<svg" in run.files["plot.svg"], "the plot is no SVG"),
+    "--save-exposures": lambda c: shows(plural("film")[c].format("--save-exposures OUT/exposures.json"),
+                                        lambda run: len(json.loads(run.files["exposures.json"])["frames"]) == 6, "not 6 frames"),
+    "--session": lambda c: needs("--session day-1", "--session a/b", plural("film")[c], "--session"),
+    "--resume": lambda c: needs("--resume 1", "--resume -1", plural("film")[c], "--resume"),
+}
+MOMENT = "--previous-exposure 0.01 --elapsed 0.2 "
+RENDERED = {  # of render alone
+    "--previous-exposure": lambda c: changes("--previous-exposure 0.01 --elapsed 0.1"),
+    "--elapsed": lambda c: changes("--elapsed 2", "--previous-exposure 0.01"),
+    "--adaptation": lambda c: each_word("--adaptation", MOMENT),
+    "--speed-up": lambda c: changes("--speed-up 0.1", MOMENT),
+    "--speed-down": lambda c: changes("--speed-down 9", "--previous-exposure 60 --elapsed 0.2"),
+    "--resume": lambda c: needs("--resume 1", "--resume -1", LINES["render"], "--resume"),
+    "--as": lambda c: each_word("--as", line="render scene.exr alpha.exr OUT/all/ -q --server PLAIN {}"),
+    "--verify": lambda c: shows(LINES["render"].format("--verify"), lambda run: "verify" in run.lines()[0], "no verify in it"),
+    "--error-map": lambda c: shows(LINES["render"].format("--error-map OUT/map.png"),
+                                   lambda run: run.files["map.png"].startswith(b"\x89PNG"), "there is no map"),
+    "--verbose": lambda c: shows("render scene.exr OUT/o.png -v --server PLAIN",
+                                 lambda run: len((run.out + run.err).splitlines()) > 3, "-v prints no more than a line"),
+}
+STREAMED = {  # of stream alone
+    "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
+    "--encoding": lambda c: encodings,
+    "--first": lambda c: shows(LINES["stream"].format("--first 100"), lambda run: "0100.png" in run.files, "no 0100.png"),
+}
+
+
+def encodings(bench: Bench, _: str) -> None:
+    """PNG and JPEG come from the server, in files of the same names as the command's own."""
+    for word, ending in (("raw", "png"), ("png", "png"), ("jpeg", "jpg")):
+        line = f"stream film OUT/%04d.{ending} --json - -q --server PLAIN --encoding {word}"
+        run = ok(bench(line), line)
+        by_server = run.lines()[0].get("encoding")
+        hold(by_server in (word, None), f"--encoding {word} was encoded as {by_server}")
+        hold(len(run.files) == 6, f"--encoding {word} wrote {sorted(run.files)}")
+
+
+def quiet(command: str):
+    line = {"sample": "sample OUT/s.exr --size 8x8", "report": "", "bench": LINES["bench"].replace("--json - -q", "")}.get(
+        command, LINES.get(command, "").replace("--json - -q", "")).format("")
+
+    def check(bench: Bench, _: str) -> None:
+        loud, silent = ok(bench(line), line), ok(bench(line + " -q"), line + " -q")
+        hold(loud.out + loud.err and not silent.out + silent.err, f"-q prints: {silent.out + silent.err}")
+    return check
+
+
+def json_of(command: str):
+    """The same numbers to a file as to stdout."""
+    line = LINES[command].replace("--json -", "--json OUT/numbers.json").format("")
+    return shows(line, lambda run: json.loads(run.files["numbers.json"].splitlines()[0]), "the file has no JSON")
+
+
+def quick_report(bench: Bench, _: str) -> None:
+    """One short report through the guarded server, which needs every one of its options."""
+    secrets = " ".join(f"{name} {value}" for name, value in GUARDS.items())
+    line = f"report OUT --quick --megapixels 0.002 --images alpha.exr -q --server GUARDED {secrets}"
+    run = ok(bench(line, seconds=900), line)
+    hold(not run.out and not run.err, f"-q prints: {run.out + run.err}")
+    report = json.loads(run.files["report.json"])
+    hold(report["quick"] is True, "the report does not say that it was quick")
+    pixels = {round(row["width"] * row["height"] / 1e6, 4) for row in report["times"]}
+    hold(max(pixels) < 0.01, f"--megapixels 0.002 measured {pixels}")
+    hold([image["name"] if isinstance(image, dict) else image for image in report["images"]] == ["alpha.exr"],
+         f"--images took {report['images']}")
+
+
+def table(command: str) -> dict:
+    """The checks of a command by option."""
+    rows = {}
+    for group, commands in ((METERED, ("render", "stream", "meter")), (DRAWN, ("render", "stream")),
+                            (SEQUENCED, ("stream", "meter")), (RENDERED, ("render",)), (STREAMED, ("stream",))):
+        if command in commands:
+            rows |= {option: check(command) for option, check in group.items()}
+    rows |= {option: guarded(option) for option in GUARDS if command != "sample"}
+    if command != "sample":
+        rows["--tls"] = public
+    if command in LINES and command != "health":
+        rows["--json"] = json_of(command)
+    if command not in ("info", "health"):
+        rows["--quiet"] = quiet(command)
+    if command in SERVERS:
+        rows["--device"] = needs("--device llvmpipe", "--device no-such-device", at_home(command), "no-such-device")
+    if command != "sample":
+        rows["--server"] = elsewhere(at_home(command))
+    rows |= OTHERS.get(command, {})
+    rows["--help"] = shows(f"{command} --help", lambda run: "Usage:" in run.out, "it prints no usage")
+    return rows
+
+
+def at_home(command: str) -> str:
+    """A line without a server."""
+    if command == "report":
+        return "report OUT --quick --megapixels 0.001 --images alpha.exr -q {}"
+    return LINES[command].replace("--server PLAIN ", "")
+
+
+OTHERS = {
+    "meter": {"--tier": changes("--tier reference")},
+    "sample": {"--size": changes("--size 9x5", line="sample OUT/s.pfm -q {}", base="--size 8x8"),
+               "--sequence": shows("sample --sequence OUT --size 8x8 --frames 3 -q", lambda run: len(run.files) == 3, "no 3 files"),
+               "--frames": changes("--frames 3", line="sample --sequence OUT --size 8x8 -q {}")},
+    "bench": {"--sessions": shows(LINES["bench"].format("--sessions 2"), lambda run: run.lines()[0]["sessions"] == 2, "not 2"),
+              "--size": shows(LINES["bench"].format(""), lambda run: run.lines()[0]["width"] == 64, "not 64 wide"),
+              "--fps": shows(LINES["bench"].format("--fps 10"), lambda run: run.lines()[0]["frames"] <= 5, "more frames than that"),
+              "--seconds": shows(LINES["bench"].format(""), lambda run: run.lines()[0]["seconds"] < 1, "it took longer"),
+              "--lookahead": needs("--lookahead 2", "--lookahead 17", words="--lookahead"),
+              "--frame-timeout": needs("--frame-timeout 60", "--frame-timeout 0", words="--frame-timeout"),
+              "--encoding": needs("--encoding jpeg", "--encoding webp", words="webp")},
+    # Health needs no token, but a file that is named must be there.
+    "health": {"--timeout": needs("--timeout 5", "--timeout 0", words="--timeout"),
+               "--token-file": refuses("--token-file no-such-file", words="no-such-file")},
+    # A report takes half a minute, so one shows all that it can show.
+    "report": {"--quick": quick_report, "--quiet": quick_report, "--megapixels": quick_report, "--images": quick_report,
+               "--server": refuses("--server 127.0.0.1:1", "report OUT --quick {}", "127.0.0.1:1"),
+               "--device": refuses("--device no-such-device", "report OUT --quick {}", "no-such-device")},
+}

@@ -1,0 +1,268 @@
+"""Provokes every alert of deploy/alerts.yaml: real servers, real mistakes, a real Prometheus that scrapes them.
+
+  alerts_fire_test.py BIN        # the folder with candelad, candela and losing_candelad
+
+The rules are the shipped ones; only their waits and windows are seconds instead of minutes. Before the first mistake no
+alert may fire. Exits with 77 and a reason if there is no Prometheus.
+"""
+import contextlib
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+os.environ["CANDELA_BIN"] = sys.argv[1]
+sys.path.insert(0, str(ROOT / "tests/robustness"))
+import harness  # noqa: E402
+import http2  # noqa: E402
+from harness import Daemon, expect, report, rpc, skip, v1  # noqa: E402
+
+DEPLOY = ROOT / "deploy"
+WITHIN_S = 60
+SECONDS = {"5m": "8s", "10m": "8s", "15m": "30s", "30m": "90s"}  # the windows of the rules
+
+
+def short_rules(text: str) -> str:
+    text = re.sub(r"for: \d+m", "for: 2s", text)
+    return re.sub(r"\[(\d+m)\]", lambda window: f"[{SECONDS[window[1]]}]", text)
+
+
+class Prometheus:
+    def __init__(self, targets: list[str]):
+        self.folder = tempfile.TemporaryDirectory(prefix="candela-alerts-")
+        folder = pathlib.Path(self.folder.name)
+        (folder / "alerts.yaml").write_text(short_rules((DEPLOY / "alerts.yaml").read_text()))
+        self.targets = folder / "targets.json"
+        self.scrape(targets)
+        config, count = re.subn(r"static_configs:\n +- targets: .*\n", "file_sd_configs: [{files: [targets.json], refresh_interval: 1s}]\n",
+                                (DEPLOY / "prometheus.yaml").read_text().replace("15s", "1s"))
+        expect(count == 1, "deploy/prometheus.yaml has no static target to replace")
+        (folder / "prometheus.yaml").write_text(config)
+        self.address = f"127.0.0.1:{harness.free_port()}"
+        self.log = open(folder / "log", "wb")
+        self.process = subprocess.Popen(
+            ["prometheus", f"--config.file={folder}/prometheus.yaml", f"--storage.tsdb.path={folder}/data",
+             f"--web.listen-address={self.address}", "--log.level=warn"], stdout=self.log, stderr=self.log)
+
+    def scrape(self, targets: list[str]) -> None:
+        """From now on, these; returns at once."""
+        new = self.targets.with_suffix(".new")
+        new.write_text(json.dumps([{"targets": targets}]))
+        new.rename(self.targets)
+
+    def wait_for_targets(self, count: int) -> None:
+        end = time.monotonic() + 30
+        while self.targets_up() < count:
+            expect(time.monotonic() < end, "Prometheus does not reach the servers")
+            time.sleep(0.2)
+
+    def get(self, path: str) -> dict:
+        try:
+            with urllib.request.urlopen(f"http://{self.address}{path}", timeout=5) as page:
+                return json.load(page)["data"]
+        except OSError:
+            return {}
+
+    def firing(self) -> dict[str, str]:
+        """Names and summaries of the alerts that fire."""
+        return {alert["labels"]["alertname"]: alert["annotations"]["summary"] for alert in self.get("/api/v1/alerts").get("alerts", [])
+                if alert["state"] == "firing"}
+
+    def targets_up(self) -> int:
+        return sum(target["health"] == "up" for target in self.get("/api/v1/targets?state=active").get("activeTargets", []))
+
+    def wait_for(self, alert: str, provoke=lambda: None) -> None:
+        """Provokes it again and again until it fires."""
+        begin = time.monotonic()
+        while alert not in (firing := self.firing()):
+            expect(time.monotonic() - begin < WITHIN_S, f"{alert} did not fire within {WITHIN_S} s")
+            provoke()
+            time.sleep(0.5)
+        report(alert=alert, seconds=round(time.monotonic() - begin, 1), summary=firing[alert])
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.folder.cleanup()
+
+
+def stream(daemon: Daemon, *requests, token: bytes = b"") -> str:
+    with daemon.channel() as channel:
+        requests = [v1.StreamRequest(open=v1.StreamOpen(session=f"s{time.monotonic_ns()}", resume_token=token)), *requests]
+        return harness.end_of(rpc.RenderServiceStub(channel).Stream(iter(requests), timeout=20))[0]
+
+
+@contextlib.contextmanager
+def bench(daemon: Daemon, *options: str):
+    process = subprocess.Popen([harness.binary("candela"), "bench", "--server", daemon.address, "--seconds", "600", "-q", *options],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+class Holders:
+    """Sessions, each on its own connection, that hold a frame's memory by sending a row now and then."""
+
+    def __init__(self, daemon: Daemon, size: int):
+        self.daemon, self.size, self.over, self.threads = daemon, size, threading.Event(), []
+
+    def add(self) -> None:
+        self.threads.append(threading.Thread(target=self._hold, daemon=True))
+        self.threads[-1].start()
+
+    def _requests(self):
+        yield v1.StreamRequest(open=v1.StreamOpen(session=f"h{time.monotonic_ns()}"))
+        yield v1.StreamRequest(frame=harness.header(0, self.size, self.size))
+        for y in range(self.size):
+            yield v1.StreamRequest(band=v1.Band(first_row=y, pixels=harness.grey(self.size, 1)))
+            if self.over.wait(0.3):
+                return
+
+    def _hold(self) -> None:
+        with self.daemon.channel() as channel:
+            harness.end_of(rpc.RenderServiceStub(channel).Stream(self._requests(), timeout=300))
+
+    def stop(self) -> None:
+        self.over.set()
+        for thread in self.threads:
+            thread.join(20)
+
+
+def lose_devices(prometheus: Prometheus, targets: list[str]) -> None:
+    """A server that loses its first devices, one for each frame."""
+    os.environ["CANDELAD"] = f"{sys.argv[1]}/losing_candelad"
+    with Daemon() as lost:
+        del os.environ["CANDELAD"]
+        prometheus.scrape([*targets, lost.metrics])
+        prometheus.wait_for_targets(len(targets) + 1)
+        time.sleep(1.5)
+        code = harness.render(lost.address, 8, 8)[0]
+        expect(code == "UNAVAILABLE", f"a frame on a lost device ended with {code}")
+        prometheus.wait_for("CandelaDeviceLost")
+    prometheus.scrape(targets)
+
+
+def fill_server(prometheus: Prometheus, daemon: Daemon) -> None:
+    holders = Holders(daemon, 256)
+
+    def fill():
+        used = daemon.series("candela_memory_bytes").get('pool="textures_in_use"', 0)
+        if used < 0.92 * daemon.series("candela_memory_budget_bytes")[""]:
+            holders.add()
+
+    prometheus.wait_for("CandelaMemoryNearlyFull", fill)
+    # More sessions than it takes: some wait for memory in vain, and then none gets in.
+    prometheus.wait_for("CandelaTurnsAway", lambda: [holders.add() for _ in range(10)])
+    holders.stop()
+
+
+def provoke_with_clients(prometheus: Prometheus, plain: Daemon, tight: Daemon, guarded: Daemon) -> None:
+    prometheus.wait_for("CandelaRefusesTokens", lambda: stream(plain, token=b"x" * 50))
+    prometheus.wait_for("CandelaRefusesAccess", lambda: [harness.render(guarded.address, 8, 8) for _ in range(5)])
+    half = (v1.StreamRequest(frame=harness.header(0, 64, 64)),
+            v1.StreamRequest(band=v1.Band(first_row=0, pixels=harness.grey(64, 32))))
+    prometheus.wait_for("CandelaFramesFail", lambda: stream_and_wait(tight, *half))
+    prometheus.wait_for("CandelaLosesLogLines", lambda: harness.render(tight.address, 8, 8))
+    connections = [http2.Connection(tight.address, unread=True) for _ in range(20)]
+    prometheus.wait_for("CandelaRefusesConnections", lambda: connections.append(http2.Connection(tight.address, unread=True)))
+    for connection in connections:
+        connection.close()
+
+
+def stream_and_wait(daemon: Daemon, *requests) -> None:
+    """A session that falls silent within a frame, until the server ends it."""
+    over = threading.Event()
+
+    def slowly():
+        yield v1.StreamRequest(open=v1.StreamOpen(session=f"w{time.monotonic_ns()}"))
+        yield from requests
+        over.wait(20)
+
+    with daemon.channel() as channel:
+        harness.end_of(rpc.RenderServiceStub(channel).Stream(slowly(), timeout=20))
+    over.set()
+
+
+def provoke_with_load(prometheus: Prometheus, plain: Daemon, small: Daemon) -> None:
+    fill_server(prometheus, small)
+    reference = v1.Settings(tier="reference")
+    prometheus.wait_for("CandelaSlowFrames", lambda: harness.render(plain.address, 2560, 1440, reference, seconds=60))
+    with bench(plain, "--sessions", "8", "--size", "3840x2160"):
+        prometheus.wait_for("CandelaQueueWaits")
+
+
+def restarted(daemon: Daemon, *options: str) -> Daemon:
+    """Another process at the addresses of one that was killed."""
+    daemon.process.kill()
+    daemon.process.wait()
+    again = Daemon(*options, "--metrics", daemon.metrics, listen=daemon.address, metrics=False)
+    again.metrics = daemon.metrics
+    expect(again.listening, f"it did not start again: {again.words()}")
+    return again
+
+
+def main() -> None:
+    if not shutil.which("prometheus"):
+        skip("no prometheus; as root: apt-get install prometheus")
+    names = re.findall(r"^ *- alert: (\w+)$", (DEPLOY / "alerts.yaml").read_text(), flags=re.M)
+    with contextlib.ExitStack() as stack:
+        folder = pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        (folder / "tokens").write_text("0123456789abcdef0123456789abcdef\n")
+        (folder / "tokens").chmod(0o600)
+        reader, closed = os.pipe()
+        os.close(reader)
+        plain = stack.enter_context(Daemon())
+        tight = stack.enter_context(Daemon("--max-connections", "12", "--idle-timeout", "1s", stderr=closed))
+        small = stack.enter_context(Daemon("--memory-budget", "16MiB", "--max-sessions", "40", "--idle-timeout", "10s"))
+        guarded = stack.enter_context(Daemon("--token-file", str(folder / "tokens")))
+        targets = [daemon.metrics for daemon in (plain, tight, small, guarded)]
+        prometheus = Prometheus(targets)
+        stack.callback(prometheus.close)
+        prometheus.wait_for_targets(4)
+        expect(harness.render(plain.address)[0] == "OK", "a render fails")
+        time.sleep(12)  # longer than the waits and the windows
+        # `tight` has lost its log from the start: nobody reads it.
+        expect(not prometheus.firing().keys() - {"CandelaLosesLogLines"}, f"these fire without a reason: {prometheus.firing()}")
+        seen = watch(prometheus, names)
+        provoke_with_clients(prometheus, plain, tight, guarded)
+        lose_devices(prometheus, targets)
+        provoke_with_load(prometheus, plain, small)
+        for _ in range(2):
+            time.sleep(2)
+            guarded = stack.enter_context(restarted(guarded))
+        prometheus.wait_for("CandelaRestarts")
+        tight.process.kill()
+        prometheus.wait_for("CandelaNotReady")
+        for daemon in (plain, small, guarded):
+            daemon.process.kill()
+        prometheus.wait_for("CandelaDown")
+        missing = set(names) - seen()
+        expect(not missing, f"this test provokes no {', '.join(sorted(missing))}")
+
+
+def watch(prometheus: Prometheus, names: list[str]):
+    """Every alert that is waited for is noted; returns a function that says which."""
+    waited: set[str] = set()
+    wait = prometheus.wait_for
+
+    def noting(alert: str, provoke=lambda: None) -> None:
+        expect(alert in names, f"there is no alert {alert}")
+        wait(alert, provoke)
+        waited.add(alert)
+
+    prometheus.wait_for = noting
+    return lambda: waited
+
+
+main()

@@ -1,0 +1,58 @@
+"""Slow clients on the metrics port, a hundred at a time: every probe and scrape is answered within its second."""
+import socket
+import threading
+import time
+
+from harness import Daemon, expect, report
+
+CLIENTS = 100
+SECONDS = 8
+REQUESTS = [b"", b"GET /metrics HTTP/1.1\r\n", b"GET /metrics HTTP/1.1\r\nX: " + b"y" * 4000]  # each of them unfinished
+
+
+def slow(address: str, request: bytes, end: float) -> None:
+    """Half a request, and then nothing; again when the server gives up."""
+    host, port = address.rsplit(":", 1)
+    while time.monotonic() < end:
+        try:
+            with socket.create_connection((host, int(port)), timeout=max(0.1, end - time.monotonic())) as connection:
+                connection.sendall(request)
+                connection.recv(100)
+        except OSError:
+            pass
+
+
+def unread(address: str, end: float) -> None:
+    """Asks for pages and reads none of them."""
+    host, port = address.rsplit(":", 1)
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect((host, int(port)))
+        connection.sendall(b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n")
+        time.sleep(max(0, end - time.monotonic()))
+
+
+with Daemon() as daemon:
+    end = time.monotonic() + SECONDS
+    threads = [threading.Thread(target=slow, args=(daemon.metrics, REQUESTS[i % len(REQUESTS)], end)) for i in range(CLIENTS)]
+    threads += [threading.Thread(target=unread, args=(daemon.metrics, end)) for _ in range(10)]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.5)
+    answered, failed, slowest = 0, [], 0.0
+    while time.monotonic() < end - 1:
+        for path in ("/livez", "/readyz", "/metrics"):
+            begin = time.monotonic()
+            status, text = daemon.get(path, 1)
+            slowest = max(slowest, time.monotonic() - begin)
+            if status == 200:
+                answered += 1
+            else:
+                failed.append(f"{path}: {status} {text[:60]}")
+        time.sleep(0.2)
+    for thread in threads:
+        thread.join()
+    report(answered=answered, failed=len(failed), slowest_ms=round(1000 * slowest, 1))
+    expect(answered and not failed, f"{len(failed)} of {answered + len(failed)} probes failed: {failed[:2]}")
+    # The port forgets the slow ones.
+    expect(daemon.get("/livez")[0] == 200 and daemon.stop() == 0, "it does not go on as before")
