@@ -315,6 +315,10 @@ void Server::lose_device(int times) { impl_->devices->lose(times); }
 
 void Server::hang_device(int submissions) { impl_->devices->current()->device->hang_after(submissions); }
 
+absl::Status Server::occupy_device(std::function<void()> work) { return impl_->loop->post(std::move(work)); }
+
+size_t Server::frames_waiting() const { return impl_->loop->waiting(); }
+
 void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (impl_->listener.server == nullptr) return;
   impl_->health->drain();

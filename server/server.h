@@ -52,6 +52,11 @@ class Server {
   void lose_device(int times = 1);
   // For tests: the device does `submissions` more pieces of work, and hangs at the next one.
   void hang_device(int submissions = 0);
+  // For tests: the render thread calls `work` next, and renders nothing until it returns. UNAVAILABLE if the
+  // server is stopping.
+  absl::Status occupy_device(std::function<void()> work);
+  // For tests: the frames that wait for the render thread.
+  size_t frames_waiting() const;
 
   // Health says NOT_SERVING. After config.pre_drain, or at once if the device is gone, new calls get
   // UNAVAILABLE. Frames in flight then have config.drain_timeout to finish before their calls are cancelled.

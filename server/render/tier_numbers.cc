@@ -150,6 +150,15 @@ std::string TierBenchmark::key(v1::PixelFormat format, const Settings& settings)
   return absl::StrFormat("%s|%s|%s", device_, v1::word_of(format), settings.measurement_key());
 }
 
+std::shared_ptr<void> TierBenchmark::take_turn(uint64_t client) {
+  absl::MutexLock lock(&mutex_);
+  if (!measuring_.insert(client).second) return nullptr;
+  return {this, [client](TierBenchmark* benchmark) {
+            absl::MutexLock end(&benchmark->mutex_);
+            benchmark->measuring_.erase(client);
+          }};
+}
+
 std::optional<std::vector<TierNumbers>> TierBenchmark::known(const FrameDesc& desc,
                                                              const Settings& settings) const {
   absl::MutexLock lock(&mutex_);

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,6 +36,10 @@ class TierBenchmark {
   TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
                 std::string cache_file);
 
+  // Measurements of one client run one after the other: in turns of slices none of many would end in time.
+  // The result is the right to measure for `client`, until it is destroyed; null while there is another.
+  std::shared_ptr<void> take_turn(uint64_t client);
+
   // The times of all tiers for frames like this one; absent if frames of its format with these settings are
   // not measured yet. They are on the line through the times of two small frames.
   std::optional<std::vector<TierNumbers>> known(const FrameDesc& desc, const Settings& settings) const;
@@ -62,6 +67,7 @@ class TierBenchmark {
   const std::string cache_file_;
   mutable absl::Mutex mutex_;
   std::map<std::string, Times> known_ ABSL_GUARDED_BY(mutex_);
+  std::set<uint64_t> measuring_ ABSL_GUARDED_BY(mutex_);  // the clients that have a turn
 };
 
 }  // namespace candela

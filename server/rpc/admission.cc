@@ -10,6 +10,7 @@ namespace candela {
 namespace {
 
 constexpr absl::Duration kRetryInterval = absl::Milliseconds(5);
+constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less than a measurement takes
 
 }  // namespace
 
@@ -58,8 +59,10 @@ void Admission::choose_tier() {
   allocate();
 }
 
-// Another call may measure the same at the same time. The first that ends ends both.
+// Another client may measure the same at the same time. The first that ends ends both.
 void Admission::measure_tiers() {
+  turn_ = rendering_.tier_benchmark.take_turn(request_.flow);
+  if (!turn_) return proceed_after(kTurnInterval);
   auto status = std::make_shared<absl::Status>();
   FrameJob job;
   job.flow = request_.flow;
@@ -76,6 +79,7 @@ void Admission::measure_tiers() {
     call->if_running([&] {
       if (!done_) return;
       measuring_.reset();
+      turn_.reset();
       if (!ran.ok()) return complete(ran.status());
       if (retry_after(*status)) return;
       if (!status->ok() && !absl::IsAlreadyExists(*status)) return complete(*status);
@@ -83,12 +87,16 @@ void Admission::measure_tiers() {
     });
   };
   const absl::StatusOr<Ticket> ticket = rendering_.loop.submit(std::move(job));
-  if (!ticket.ok()) return complete(ticket.status());
+  if (!ticket.ok()) {
+    turn_.reset();
+    return complete(ticket.status());
+  }
   measuring_ = *ticket;
 }
 
 void Admission::stop_measuring() {
   if (measuring_) rendering_.loop.cancel(*std::exchange(measuring_, std::nullopt));
+  turn_.reset();
 }
 
 void Admission::allocate() {
@@ -140,8 +148,12 @@ absl::Status Admission::reserve_lookahead(uint64_t frame_bytes) {
 
 bool Admission::retry_after(const absl::Status& status) {
   if (!absl::IsUnavailable(status) || absl::Now() >= deadline_) return false;
-  alarm_ = call_.if_running_after(kRetryInterval, [this] { proceed(); });
+  proceed_after(kRetryInterval);
   return true;
+}
+
+void Admission::proceed_after(absl::Duration delay) {
+  alarm_ = call_.if_running_after(delay, [this] { proceed(); });
 }
 
 void Admission::complete(absl::StatusOr<Admitted> outcome) {

@@ -67,6 +67,7 @@ class Admission {
   absl::Status check_lookahead(uint64_t frame_bytes) const;
   absl::Status reserve_lookahead(uint64_t frame_bytes);
   bool retry_after(const absl::Status& status);
+  void proceed_after(absl::Duration delay);
   void complete(absl::StatusOr<Admitted> outcome);
 
   ServerCall& call_;
@@ -77,6 +78,7 @@ class Admission {
   Done done_;  // null if there is no frame to admit
   std::optional<TierChoice> choice_;
   std::optional<Ticket> measuring_;  // the job that measures the tiers
+  std::shared_ptr<void> turn_;       // held while it does
   absl::Time deadline_;
   std::unique_ptr<grpc::Alarm> alarm_;
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame

@@ -3,43 +3,41 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <thread>
-
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "tests/service/service_fixture.h"
+#include "server/server.h"
 
 namespace candela::testing {
 
-// Keeps the server's render thread busy for about a second with a frame that is compared with the reference.
+// The server renders nothing from construction until release() or destruction.
 class BusyDevice {
  public:
-  // Returns once the thread is busy.
-  explicit BusyDevice(const Connection& connection)
-      : thread_([this, connection] {
-          FrameView frame = view(frame_);
-          frame.verify = true;
-          frame.on_sent = [this] { sent_.Notify(); };
-          const absl::StatusOr<RenderResult> result = connection.render({}, frame);
-          EXPECT_TRUE(result.ok()) << result.status();
-          busy_ = false;
-        }) {
-    sent_.WaitForNotification();
-    absl::SleepFor(absl::Milliseconds(50));
+  explicit BusyDevice(Server& server) : server_(server) {
+    const absl::Status occupied = server.occupy_device([this] {
+      busy_.Notify();
+      released_.WaitForNotification();
+      left_.Notify();
+    });
+    EXPECT_TRUE(occupied.ok()) << occupied;
+    busy_.WaitForNotification();
   }
-  ~BusyDevice() { wait(); }
+  ~BusyDevice() { release(); }
 
-  bool busy() const { return busy_; }
-  void wait() {
-    if (thread_.joinable()) thread_.join();
+  // Returns false if fewer frames than this wait after 10 s.
+  bool wait_until_waiting(size_t frames) const {
+    const absl::Time until = absl::Now() + absl::Seconds(10);
+    while (server_.frames_waiting() < frames && absl::Now() < until) absl::SleepFor(absl::Milliseconds(5));
+    return server_.frames_waiting() >= frames;
+  }
+
+  void release() {
+    if (!released_.HasBeenNotified()) released_.Notify();
+    left_.WaitForNotification();
   }
 
  private:
-  const WireFrame frame_ = natural(960, 540);
-  absl::Notification sent_;
-  std::atomic<bool> busy_ = true;
-  std::thread thread_;  // last: it uses the rest
+  const Server& server_;
+  absl::Notification busy_, released_, left_;
 };
 
 }  // namespace candela::testing

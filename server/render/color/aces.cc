@@ -4,11 +4,12 @@
 
 #include <algorithm>
 #include <map>
-#include <mutex>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
+#include "server/base/slices.h"
 
 namespace candela {
 
@@ -49,16 +50,29 @@ absl::StatusOr<ocio::ConstCPUProcessorRcPtr> make_processor() {
   }
 }
 
-absl::StatusOr<std::shared_ptr<const ColorTable>> kept_table(uint32_t size, uint32_t axes, float end) {
-  static std::mutex& mutex = *new std::mutex;
-  static auto& tables = *new std::map<std::pair<uint32_t, uint32_t>, std::shared_ptr<const ColorTable>>;
-  const std::lock_guard lock(mutex);
-  std::shared_ptr<const ColorTable>& table = tables[{size, axes}];
-  if (table) return table;
+absl::StatusOr<std::shared_ptr<const ColorTable>> bake(uint32_t size, uint32_t axes, float end) {
+  constexpr size_t kPiece = 3 * 8192;  // components; about 3 ms
   std::vector<float> rgb = lattice_light(size, axes, end);
-  if (absl::Status status = aces_1(rgb); !status.ok()) return status;
-  table = std::make_shared<const ColorTable>(make_color_table(size, axes, end, rgb));
-  return table;
+  for (std::span<float> rest = rgb; !rest.empty(); rest = rest.subspan(std::min(kPiece, rest.size()))) {
+    checkpoint();
+    if (absl::Status status = aces_1(rest.first(std::min(kPiece, rest.size()))); !status.ok()) return status;
+  }
+  checkpoint();
+  return std::make_shared<const ColorTable>(make_color_table(size, axes, end, rgb));
+}
+
+// Two threads that request a new table at the same time both bake it, because baking may pause.
+absl::StatusOr<std::shared_ptr<const ColorTable>> kept_table(uint32_t size, uint32_t axes, float end) {
+  static absl::Mutex& mutex = *new absl::Mutex;
+  static auto& tables = *new std::map<std::pair<uint32_t, uint32_t>, std::shared_ptr<const ColorTable>>;
+  {
+    const absl::MutexLock lock(&mutex);
+    if (const auto kept = tables.find({size, axes}); kept != tables.end()) return kept->second;
+  }
+  absl::StatusOr<std::shared_ptr<const ColorTable>> table = bake(size, axes, end);
+  if (!table.ok()) return table;
+  const absl::MutexLock lock(&mutex);
+  return tables.try_emplace({size, axes}, *std::move(table)).first->second;
 }
 
 }  // namespace

@@ -17,8 +17,8 @@ namespace candela {
 // OpenColorIO does not have the transform. Takes about 0.4 us a colour. Any thread.
 absl::Status aces_1(std::span<float> rgb);
 
-// The same as a table of size^3 points. It is baked when its size is first requested, and kept until the
-// process ends. Fails as aces_1 does. Any thread.
+// The same as a table of size^3 points. It is baked when its size is first requested, with checkpoints for
+// threads that run in slices, and kept until the process ends. Fails as aces_1 does. Any thread.
 absl::StatusOr<std::shared_ptr<const ColorTable>> aces_1_table(uint32_t size);
 
 // The same for light up to the gamut of ACES AP1: on its axes, and up to more light. Takes 0.4 us a point,
