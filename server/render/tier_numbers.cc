@@ -22,7 +22,7 @@ namespace candela {
 
 namespace {
 
-constexpr int kTimedFrames = 3;
+constexpr int kTimedFrames = 5;
 // Large enough for a time per pixel, and small enough that a frame takes far less than a slice of the render
 // thread; the reference takes a hundred times as long. Small first.
 struct Size {

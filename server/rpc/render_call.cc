@@ -191,13 +191,9 @@ void RenderCall::on_idle() {
     return watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
   }
   const absl::Time now = absl::Now();
-  if (state_ == State::kBands && now - admitted_ > kMaxUploadTimeouts * idle_timeout()) {
-    return finish(absl::DeadlineExceededError(absl::StrFormat(
-        "the frame was not complete after %s, %d times this server's idle timeout; send it faster",
-        absl::FormatDuration(absl::Trunc(now - admitted_, absl::Milliseconds(1))), kMaxUploadTimeouts)));
-  }
   const absl::Duration idle = now - last_progress_;
   if (state_ == State::kBands) {
+    if (absl::Status slow = check_upload_time("the frame", now - admitted_); !slow.ok()) return finish(slow);
     const absl::Status yield =
         service_.sessions.memory->check_upload(client_, frame_->memory.bytes(), now - admitted_, idle, now);
     if (!yield.ok()) return finish(yield);

@@ -2,10 +2,16 @@
 
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/rpc/wire/status.h"
 
 namespace candela {
+namespace {
+
+constexpr int kMaxUploadTimeouts = 10;  // the longest upload of one frame, in idle timeouts
+
+}  // namespace
 
 ServerCall::ServerCall(grpc::CallbackServerContext& context, CallGate& gate, absl::Duration idle_timeout)
     : context_(context), gate_(gate), idle_timeout_(idle_timeout) {}
@@ -64,6 +70,13 @@ std::unique_ptr<grpc::Alarm> ServerCall::call_after(absl::Duration wait, std::fu
 
 void ServerCall::watch_idle(absl::Duration wait) {
   idle_alarm_ = call_after(wait, [this] { on_alarm(); });
+}
+
+absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Duration taken) const {
+  if (taken <= kMaxUploadTimeouts * idle_timeout_) return absl::OkStatus();
+  return absl::DeadlineExceededError(absl::StrFormat(
+      "%s was not complete after %s, %d times this server's idle timeout; send it faster", frame,
+      absl::FormatDuration(absl::Trunc(taken, absl::Milliseconds(1))), kMaxUploadTimeouts));
 }
 
 void ServerCall::on_alarm() {

@@ -13,6 +13,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
+#include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "server/session/call_gate.h"
@@ -51,6 +52,9 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
   // Calls on_idle() after `wait`. Replaces an earlier watch.
   void watch_idle(absl::Duration wait) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Duration idle_timeout() const { return idle_timeout_; }
+  // DEADLINE_EXCEEDED if the upload of `frame`, which began `taken` ago, is too slow. A client that sends one
+  // row a minute makes progress, but must not go on for days.
+  absl::Status check_upload_time(absl::string_view frame, absl::Duration taken) const;
 
   virtual void on_entered() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
   // The call is still running: watch again, or end it.

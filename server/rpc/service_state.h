@@ -18,10 +18,6 @@
 
 namespace candela {
 
-// The longest upload of one frame, in idle timeouts. A client that sends one row a minute makes progress, but
-// must not go on for days.
-inline constexpr int kMaxUploadTimeouts = 10;
-
 // Everything that renders and encodes frames. Any thread.
 struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.

@@ -51,11 +51,9 @@ void StreamCall::on_idle() {
   if (write_pending_ && now - last_write_ >= timeout) return context_.TryCancel();
   if (reading_ == Reading::kBands || reading_ == Reading::kPassing) {
     const Entry& entry = *open_->frames.newest();
-    if (const absl::Duration taken = now - entry.begun; taken > kMaxUploadTimeouts * timeout) {
-      return finish(absl::DeadlineExceededError(absl::StrFormat(
-          "frame %d was not complete after %s, %d times this server's idle timeout; send it faster",
-          entry.sequence, to_words(taken), kMaxUploadTimeouts)));
-    }
+    const absl::Status slow =
+        check_upload_time(absl::StrFormat("frame %d", entry.sequence), now - entry.begun);
+    if (!slow.ok()) return finish(slow);
   }
   if (reading_ == Reading::kBands) {
     const Entry& entry = *open_->frames.newest();

@@ -57,9 +57,17 @@ class Promises:
         self.channel.close()
 
 
+def use_every_curve(address: str) -> None:
+    """The first frame with a curve compiles its shaders in one piece, once. That is not what this test is about."""
+    for curve, tier in itertools.product(CURVES, ("draft", "standard")):
+        code, message = harness.render(address, settings=v1.Settings(curve=curve, tier=tier))
+        harness.expect(code == "OK", f"a frame with curve {curve} failed: {message}")
+
+
 def main() -> None:
     rows = int(sys.argv[1]) if len(sys.argv) > 1 else 0
     with harness.Daemon("--max-calls", "80") as daemon:
+        use_every_curve(daemon.address)
         control = harness.beside_fair_neighbour(daemon.address)
         bystander = harness.Bystander(daemon.address)
         unwell = []
