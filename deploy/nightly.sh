@@ -6,7 +6,7 @@
 #   fuzz     each fuzz target for 30 minutes
 #   soak     20 minutes of mixed traffic with faults
 #   attacks  tests/robustness and every test with the label nightly, on the release build
-#   edge     the attacks on the shipped containers; needs root and podman
+#   edge     the attacks on the shipped containers, and the image for GPUs; needs root and podman
 #
 # A part in which a test was skipped is incomplete: asan and tsan need CANDELA_DATA. Without PART it runs the parts that have
 # not passed yet on this commit. build/nightly keeps each part's result and log;

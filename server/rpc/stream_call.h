@@ -103,8 +103,8 @@ class StreamCall final : public ServerCall, public SessionCall {
   // answered.
   void end_without(const SessionFrames::Entries& dropped, const absl::Status& status)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // Counts the dropped frames that are not finished by `status`, and frees their memory. A frame that is being
-  // rendered is finished and discarded, and releases its memory only then.
+  // Counts the dropped frames that are not finished by `status`, and frees their memory. A frame that is
+  // being rendered is finished and discarded, and releases its memory only then.
   void release(const SessionFrames::Entries& dropped, const absl::Status& status)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void log_failure(const Entry& entry, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

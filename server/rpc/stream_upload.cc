@@ -68,6 +68,8 @@ void StreamCall::on_idle() {
   // If the session is full of frames that wait for later ones, nothing is read, and that is idle too.
   const bool may_arrive = read_pending_ || reading_ == Reading::kBetween;
   if (may_arrive && !busy && now - std::max(last_read_, last_write_) >= timeout) {
+    // A frame that a silent client left incomplete is no failure of this server.
+    if (open_) release(open_->frames.drop_all(), absl::CancelledError());
     return finish(idle_for(timeout));
   }
   watch_idle(std::min(timeout / 2, ClientMemory::kLookInterval));

@@ -32,9 +32,18 @@ def the_image_builds() -> None:
     print(f"built in {time.monotonic() - begin:.0f} s")
 
 
-def in_image(*command: str) -> str:
+def in_image(*command: str, image: str = podman.IMAGE) -> str:
     """Runs a command in the image as root, who can read every file."""
-    return podman.podman("run", "--rm", "--network=none", "--user=0", f"--entrypoint={command[0]}", podman.IMAGE, *command[1:])
+    return podman.podman("run", "--rm", "--network=none", "--user=0", f"--entrypoint={command[0]}", image, *command[1:])
+
+
+def drivers_of(image: str) -> list[str]:
+    return sorted(in_image("find", "/usr", "-name", "libvulkan_*.so", image=image).splitlines())
+
+
+def expect_libraries(image: str, *programs: str) -> None:
+    unfit = [line for program in programs for line in in_image("ldd", program, image=image).splitlines() if "not found" in line]
+    expect(not unfit, f"libraries are missing: {unfit}")
 
 
 def image_field(field: str) -> str:
@@ -55,11 +64,19 @@ def the_image_is_small_and_holds_what_runs_and_says_what_it_is() -> None:
     writable = in_image("find", "/", "-xdev", "-perm", "-o+w", "!", "-type", "l", "!", "-type", "c", "!", "-path", "/tmp",
                         "!", "-path", "/var/tmp", "!", "-path", "/run/lock", "!", "-path", "/proc/*", "!", "-path", "/dev/*")
     expect(writable == "", f"anyone may write:\n{writable}")
-    drivers = in_image("find", "/usr", "-name", "libvulkan_*.so", "-printf", "%f\n")
-    expect(drivers == "libvulkan_lvp.so", f"these drivers are inside, not lavapipe's alone:\n{drivers}")
-    unfit = [line for program in ("/usr/bin/candela", "/usr/bin/candelad", in_image("find", "/usr/lib", "-name", "libvulkan_lvp.so"))
-             for line in in_image("ldd", program).splitlines() if "not found" in line]
-    expect(not unfit, f"libraries are missing: {unfit}")
+    drivers = drivers_of(podman.IMAGE)
+    expect([pathlib.Path(driver).name for driver in drivers] == ["libvulkan_lvp.so"], f"not lavapipe alone: {drivers}")
+    expect_libraries(podman.IMAGE, "/usr/bin/candela", "/usr/bin/candelad", *drivers)
+
+
+def the_gpu_image_has_mesas_drivers_and_still_runs_without_a_gpu() -> None:
+    podman.build_gpu_image(VERSION)
+    drivers = drivers_of(podman.GPU_IMAGE)
+    names = {pathlib.Path(driver).name for driver in drivers}
+    expect({"libvulkan_radeon.so", "libvulkan_intel.so", "libvulkan_lvp.so"} <= names, f"it has {names}")
+    expect_libraries(podman.GPU_IMAGE, *drivers)
+    info = podman.podman("run", "--rm", "--network=none", *podman.AS_SHIPPED, "--entrypoint=candela", podman.GPU_IMAGE, "info")
+    expect("llvmpipe" in info, f"without a GPU it runs on something else than lavapipe:\n{info}")
 
 
 def the_sbom_lists_every_package() -> None:

@@ -198,7 +198,7 @@ if minor and int(minor[1]) >= 21:
         base = os.path.relpath(DEPLOY, os.path.realpath(scratch))
         pathlib.Path(scratch, "kustomization.yaml").write_text(
             f"apiVersion: kustomize.config.k8s.io/v1beta1\nkind: Kustomization\nresources: [{base}]\n"
-            f"components: [{base}/kube-tls, {base}/kube-servicemonitor]\n")
+            f"components: [{base}/kube-tls, {base}/kube-podmonitor]\n")
         built = subprocess.run([kubectl, "kustomize", scratch], capture_output=True, text=True)
     check(built.returncode == 0, f"kubectl kustomize: {built.stderr.strip()}")
     made = {document["kind"]: document for document in yaml.safe_load_all(built.stdout)}

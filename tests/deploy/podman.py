@@ -20,6 +20,7 @@ from collections.abc import Callable
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CACHE = pathlib.Path(os.environ.get("CANDELA_DEPLOY_CACHE", "/var/tmp/candela-deploy"))
 IMAGE = f"localhost/candela:test-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:12]}"
+GPU_IMAGE = f"{IMAGE}-gpu"
 BASE = "docker.io/library/debian:bookworm-slim"
 BASE_DAYS = 7  # after this many days it is rebuilt, with every layer
 SKIPPED = 77
@@ -146,6 +147,11 @@ def build(tag: str, file: pathlib.Path, context: pathlib.Path, *options: str) ->
     """Builds an image on the local base images, with packages from this machine's mirror."""
     podman("build", "--pull=never", "--network=host", "--format=docker", f"--tag={tag}", f"--file={file}", *options, context,
            timeout=2400)
+
+
+def build_gpu_image(version: str) -> None:
+    """The image with all of Mesa's drivers, beside the shipped one."""
+    build(GPU_IMAGE, ROOT / "deploy/Containerfile", ROOT, f"--build-arg=VERSION={version}", "--build-arg=DRIVERS=mesa")
 
 
 def build_image(version: str) -> None:

@@ -67,7 +67,7 @@ def main() -> None:
         memory_is_taken(c)
         half = [opened("h"), v1.StreamRequest(frame=harness.header(0, 64, 64)),
                 v1.StreamRequest(band=v1.Band(first_row=0, pixels=harness.grey(64, 32)))]
-        c.expect("half a frame, then silence", "UNAVAILABLE", {'result="unavailable"': 1}, lambda: silence(c, half))
+        c.expect("half a frame, then silence", "UNAVAILABLE", {'result="cancelled"': 1}, lambda: silence(c, half))
         c.expect("half a frame, then the end", "INVALID_ARGUMENT", {'result="invalid_argument"': 1}, lambda: c.stream(*half))
         expect(not c.wrong, "; ".join(c.wrong))
         expect(daemon.stop() == 0, "it did not end with 0")
