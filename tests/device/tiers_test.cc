@@ -266,6 +266,16 @@ TEST_F(Tiers, TimesThatCannotBeReadAreMeasured) {
   }
 }
 
+TEST_F(Tiers, AClientMeasuresOneThingAtATime) {
+  TierBenchmark benchmark(shared_renderer, "a device", "");
+  std::shared_ptr<void> turn = benchmark.take_turn(1);
+  EXPECT_NE(turn, nullptr);
+  EXPECT_EQ(benchmark.take_turn(1), nullptr);
+  EXPECT_NE(benchmark.take_turn(2), nullptr);
+  turn.reset();
+  EXPECT_NE(benchmark.take_turn(1), nullptr);
+}
+
 TEST_F(Tiers, AMeasurementThatNobodyWaitsForEnds) {
   TierBenchmark benchmark(shared_renderer, "a device", "");
   int pieces = 0;

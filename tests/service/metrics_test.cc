@@ -241,8 +241,8 @@ TEST_F(SessionMetrics, AFrameEndsByWhatEndedIt) {
     c.send_rows(frame_, 0, 4);
     ASSERT_TRUE(wait_until_in_use(Connection(channel_)));
   };
-  // An upload that goes silent: its session can resume.
-  EXPECT_EQ(session(grpc::UNAVAILABLE, upload), (Counts{{"unavailable", 1}}));
+  // A client that goes silent within a frame.
+  EXPECT_EQ(session(grpc::UNAVAILABLE, upload), (Counts{{"cancelled", 1}}));
   EXPECT_EQ(session(grpc::CANCELLED,
                     [&](StreamClient& c) {
                       upload(c);
