@@ -44,11 +44,16 @@ bool send_bands(RawCall& call, const FrameView& frame) {
   return true;
 }
 
+absl::Status end_of(RawCall& call, const Peer& peer) {
+  const grpc::Status status = call.finish();
+  return from_grpc(status, peer, call.connected());
+}
+
 template <typename Response>
 absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request, const Peer& peer) {
   grpc::ByteBuffer message;
   const bool answered = call.write(v1::pack(request)) && call.half_close() && call.read(message);
-  if (absl::Status status = from_grpc(call.finish(), peer, call.connected()); !status.ok()) return status;
+  if (absl::Status status = end_of(call, peer); !status.ok()) return status;
   Response response;
   if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;
@@ -81,14 +86,14 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
       call.write(start_message(settings, frame)) && send_bands(call, frame) && call.half_close();
   if (sent && frame.on_sent) frame.on_sent();
   if (!sent || !call.read(message)) {
-    const absl::Status status = from_grpc(call.finish(), peer_, call.connected());
+    const absl::Status status = end_of(call, peer_);
     return status.ok() ? not_the_protocol("it ended before its header") : status;
   }
   ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map, frame.exposure});
   do {
     if (absl::Status status = reader.read(message); !status.ok()) return status;
   } while (call.read(message));
-  if (absl::Status status = from_grpc(call.finish(), peer_, true); !status.ok()) return status;
+  if (absl::Status status = end_of(call, peer_); !status.ok()) return status;
   return reader.take();
 }
 
@@ -102,7 +107,7 @@ absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings
   grpc::ByteBuffer message;
   const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
                         call.half_close() && call.read(message);
-  if (absl::Status status = from_grpc(call.finish(), peer_, call.connected()); !status.ok()) return status;
+  if (absl::Status status = end_of(call, peer_); !status.ok()) return status;
   v1::MeterResponse response;
   if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;

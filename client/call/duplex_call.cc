@@ -54,6 +54,7 @@ DuplexCall::Event DuplexCall::wait(absl::Time until) {
         return Event::kWritable;
       case kFinish:
         ended_ = true;
+        connected_ |= !status_.error_details().empty();
         return Event::kEnded;
       case kWake: {
         const absl::MutexLock lock(&mutex_);

@@ -52,7 +52,8 @@ class DuplexCall {
   grpc::ByteBuffer& message() { return message_; }
   const grpc::Status& status() const { return status_; }
 
-  // Whether the server was reached, because a message was sent to it.
+  // True if the server was reached: a message was sent to it, or it refused the call with details, which may
+  // come before the first message is sent. Final after the call's end.
   bool connected() const { return connected_; }
 
   // Asks gRPC to end the call; kEnded follows soon.

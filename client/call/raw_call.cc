@@ -54,6 +54,7 @@ grpc::Status RawCall::finish() {
   stream_->Finish(&status, this);
   wait();
   finished_ = true;
+  connected_ |= !status.error_details().empty();
   return status;
 }
 

@@ -31,7 +31,8 @@ class RawCall {
   // Returns how the call ended. To be called once, after the last read.
   grpc::Status finish();
 
-  // Whether the server was reached, because a message was sent to it.
+  // True if the server was reached: a message was sent to it, or it refused the call with details, which may
+  // come before the first message is sent. Final after the call's end.
   bool connected() const { return connected_; }
 
  private:

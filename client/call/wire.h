@@ -35,8 +35,8 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& 
                                                                     absl::Duration ping_interval);
 
 // The error for the user, made from gRPC's. UNAVAILABLE of a server that was reached has its retry delay, see
-// retry_after(). `connected` says whether a message was sent to the server. If
-// not, and if TLS may be the reason, this connects once more, see why_tls_fails().
+// retry_after(). `connected` says whether the server was reached. If not, and if TLS may be the reason, this
+// connects once more, see why_tls_fails().
 absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected);
 
 }  // namespace candela

@@ -2,14 +2,21 @@
 // for nothing else.
 #include "client/retry.h"
 
+#include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
+#include <memory>
+#include <string>
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "client/call/duplex_call.h"
+#include "client/call/raw_call.h"
 #include "client/call/retry_info.h"
 #include "client/session.h"
+#include "proto/candela/v1/message_wire.h"
 #include "tests/unit/fake_server.h"
 
 namespace candela {
@@ -79,6 +86,49 @@ TEST(FirstOpen, ServersThatCannotBeReachedAreNotWaitedFor) {
       Session::open(options_for({"127.0.0.1:1", "127.0.0.1:2"}, absl::Minutes(10))).status();
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   EXPECT_LT(absl::Now() - begin, absl::Minutes(1));
+}
+
+// Refuses a session before it reads anything, as candelad does when it is full.
+class RefusingServer : public v1::RenderService::Service {
+ public:
+  RefusingServer() {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+  ~RefusingServer() override { server_->Shutdown(std::chrono::system_clock::now()); }
+
+  std::shared_ptr<grpc::Channel> channel() const {
+    return grpc::CreateChannel("127.0.0.1:" + std::to_string(port_), grpc::InsecureChannelCredentials());
+  }
+  grpc::Status Stream(grpc::ServerContext*, Wire*) override { return full(); }
+
+ private:
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+constexpr char kStream[] = "/candela.v1.RenderService/Stream";
+
+TEST(Reached, ARefusalThatIsFasterThanTheFirstMessageIsOne) {
+  const RefusingServer server;
+  RawCall call(server.channel(), kStream, absl::InfiniteFuture());
+  absl::SleepFor(absl::Milliseconds(100));  // the refusal is here
+  EXPECT_FALSE(call.write(v1::pack(v1::StreamRequest())));
+  EXPECT_EQ(call.finish().error_message(), full().error_message());
+  EXPECT_TRUE(call.connected());
+}
+
+TEST(Reached, ASessionSeesItToo) {
+  const RefusingServer server;
+  DuplexCall call(server.channel(), kStream, {});
+  ASSERT_EQ(call.wait(), DuplexCall::Event::kWritable);
+  absl::SleepFor(absl::Milliseconds(100));
+  call.write(v1::pack(v1::StreamRequest()));
+  while (call.wait() != DuplexCall::Event::kEnded) continue;
+  EXPECT_EQ(call.status().error_message(), full().error_message());
+  EXPECT_TRUE(call.connected());
 }
 
 // What a Connection returns for a server that refuses a call for now.
