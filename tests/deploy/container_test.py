@@ -367,7 +367,8 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
 
 
 CLAIMS = {claim.__name__: claim for claim in (
-    the_image_builds, the_image_is_small_and_holds_what_runs_and_says_what_it_is, the_sbom_lists_every_package,
+    the_image_builds, the_image_is_small_and_holds_what_runs_and_says_what_it_is,
+    the_gpu_image_has_mesas_drivers_and_still_runs_without_a_gpu, the_sbom_lists_every_package,
     it_does_not_start_in_the_open_or_without_a_driver_and_says_why, it_renders_and_streams_the_hosts_bits,
     a_stop_under_load_loses_no_frame, more_sessions_than_memory_are_refused_and_nothing_is_killed,
     behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame, kube_play_brings_it_up,
