@@ -59,7 +59,7 @@ void Admission::choose_tier() {
   allocate();
 }
 
-// Another client may measure the same at the same time. The first that ends ends both.
+// Another flow may measure the same at the same time. The first that ends ends both.
 void Admission::measure_tiers() {
   turn_ = rendering_.tier_benchmark.take_turn(request_.flow);
   if (!turn_) return proceed_after(kTurnInterval);

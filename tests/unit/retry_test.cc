@@ -1,5 +1,5 @@
-// Servers that refuse a call for now: a session's first open and retry() wait for them as they are told, and
-// for nothing else.
+// Servers that refuse a call because they are busy: a session's first open and retry() wait for them as they
+// are told, and for nothing else.
 #include "client/retry.h"
 
 #include <grpcpp/create_channel.h>
@@ -131,7 +131,7 @@ TEST(Reached, ASessionSeesItToo) {
   EXPECT_TRUE(call.connected());
 }
 
-// What a Connection returns for a server that refuses a call for now.
+// What a Connection returns for a server that is busy.
 absl::Status refused(absl::Duration delay) {
   absl::Status status = absl::UnavailableError("full");
   set_retry_delay(status, delay);
