@@ -150,12 +150,12 @@ std::string TierBenchmark::key(v1::PixelFormat format, const Settings& settings)
   return absl::StrFormat("%s|%s|%s", device_, v1::word_of(format), settings.measurement_key());
 }
 
-std::shared_ptr<void> TierBenchmark::take_turn(uint64_t flow) {
+std::shared_ptr<void> TierBenchmark::take_turn(uint64_t client) {
   absl::MutexLock lock(&mutex_);
-  if (!measuring_.insert(flow).second) return nullptr;
-  return {this, [flow](TierBenchmark* benchmark) {
+  if (!measuring_.insert(client).second) return nullptr;
+  return {this, [client](TierBenchmark* benchmark) {
             absl::MutexLock end(&benchmark->mutex_);
-            benchmark->measuring_.erase(flow);
+            benchmark->measuring_.erase(client);
           }};
 }
 

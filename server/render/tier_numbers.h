@@ -36,10 +36,9 @@ class TierBenchmark {
   TierBenchmark(std::function<std::shared_ptr<Renderer>()> renderer, std::string device,
                 std::string cache_file);
 
-  // Measurements of one flow (see Flow in server/schedule/frame_queue.h) run one after the other: if many
-  // alternated by slices, none would end in time. The result is the right to measure for `flow`, until it is
-  // destroyed; null while another holds it.
-  std::shared_ptr<void> take_turn(uint64_t flow);
+  // Measurements of one client run one after the other: if many alternated by slices, none would end in time.
+  // The result is the right to measure for `client`, until it is destroyed; null while another holds it.
+  std::shared_ptr<void> take_turn(uint64_t client);
 
   // The times of all tiers for frames like this one; absent if frames of its format with these settings are
   // not measured yet. They are on the line through the times of two small frames.
@@ -68,7 +67,7 @@ class TierBenchmark {
   const std::string cache_file_;
   mutable absl::Mutex mutex_;
   std::map<std::string, Times> known_ ABSL_GUARDED_BY(mutex_);
-  std::set<uint64_t> measuring_ ABSL_GUARDED_BY(mutex_);  // the flows that have a turn
+  std::set<uint64_t> measuring_ ABSL_GUARDED_BY(mutex_);  // the clients that have a turn
 };
 
 }  // namespace candela

@@ -59,9 +59,9 @@ void Admission::choose_tier() {
   allocate();
 }
 
-// Another flow may measure the same at the same time. The first that ends ends both.
+// Another client may measure the same at the same time. The first that ends ends both.
 void Admission::measure_tiers() {
-  turn_ = rendering_.tier_benchmark.take_turn(request_.flow);
+  turn_ = rendering_.tier_benchmark.take_turn(client_);
   if (!turn_) return proceed_after(kTurnInterval);
   auto status = std::make_shared<absl::Status>();
   FrameJob job;

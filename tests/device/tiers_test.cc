@@ -266,7 +266,7 @@ TEST_F(Tiers, TimesThatCannotBeReadAreMeasured) {
   }
 }
 
-TEST_F(Tiers, AFlowMeasuresOneThingAtATime) {
+TEST_F(Tiers, AClientMeasuresOneThingAtATime) {
   TierBenchmark benchmark(shared_renderer, "a device", "");
   std::shared_ptr<void> turn = benchmark.take_turn(1);
   EXPECT_NE(turn, nullptr);
