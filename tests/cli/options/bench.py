@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT / "tests/robustness"))
 from harness import Daemon, binary  # noqa: E402
 from scenes import NAN, write_pfm  # noqa: E402
 
-COMMANDS = ("render", "stream", "meter", "report", "sample", "bench", "info", "health")
+DAEMON = "candelad"
 # Times and names differ from run to run; everything else of a command's JSON is its result.
 UNSTEADY = ("_ms", "seconds", "server", "device", "output", "plan", "frames_per_second", "per_session", "window_fps")
 
@@ -54,15 +54,24 @@ class Bench:
     def __enter__(self):
         self._make_scenes()
         self._make_certificates()
-        self.plain = self._daemon()
-        self.guarded = self._daemon("--tls-cert", self._in("server.pem"), "--tls-key", self._in("server.key"),
-                                    "--tls-client-ca", self._in("ca.pem"), "--token-file", self._in("tokens"))
-        self.public = self._daemon("--tls-cert", self._in("server.pem"), "--tls-key", self._in("server.key"))
         return self
 
     def __exit__(self, *unused):
         for daemon in self.daemons:
             daemon.__exit__()
+
+    @functools.cached_property
+    def plain(self) -> Daemon:
+        return self._daemon()
+
+    @functools.cached_property
+    def guarded(self) -> Daemon:
+        return self._daemon("--tls-cert", self._in("server.pem"), "--tls-key", self._in("server.key"),
+                            "--tls-client-ca", self._in("ca.pem"), "--token-file", self._in("tokens"))
+
+    @functools.cached_property
+    def public(self) -> Daemon:
+        return self._daemon("--tls-cert", self._in("server.pem"), "--tls-key", self._in("server.key"))
 
     def _in(self, name: str) -> str:
         return str(self.folder / name)
@@ -120,24 +129,24 @@ class Bench:
         out.mkdir()
         line = re.sub(r"\bOUT\b", out.name, line)
         for name in ("plain", "guarded", "public"):
-            if hasattr(self, name):
-                line = re.sub(rf"\b{name.upper()}\b", getattr(self, name).address, line)
+            line = re.sub(rf"\b{name.upper()}\b", lambda _, name=name: getattr(self, name).address, line)
         done = subprocess.run([binary("candela"), *shlex.split(line)], cwd=self.folder, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=seconds,
                               env=self.environment)
         return Run(done.returncode, done.stdout, done.stderr.replace(out.name, "OUT"), out)
 
-    @functools.cached_property
-    def helps(self) -> dict[str, str]:
-        daemon = subprocess.run([binary("candelad"), "--help"], stdout=subprocess.PIPE, text=True, timeout=60, check=True)
-        return {command: self(f"{command} --help").out for command in COMMANDS} | {"candelad": daemon.stdout}
+    @functools.cache
+    def help(self, command: str) -> str:
+        if command == DAEMON:
+            return subprocess.run([binary(DAEMON), "--help"], stdout=subprocess.PIPE, text=True, timeout=60, check=True).stdout
+        return self(f"{command} --help").out
 
     def options(self, command: str) -> set[str]:
-        return set(re.findall(r"^  (?:-\w,)?(--[a-z][a-z0-9-]*)", self.helps[command], re.M))
+        return set(re.findall(r"^  (?:-\w,)?(--[a-z][a-z0-9-]*)", self.help(command), re.M))
 
     def words(self, command: str, option: str) -> list[str]:
         """The choices that the help lists, as in "...: one, two (note), three (default one)"."""
-        line = re.search(rf"^  {option} .*", self.helps[command], re.M).group()
+        line = re.search(rf"^  {option} .*", self.help(command), re.M).group()
         listed = re.sub(r"\([^()]*\)", "", line).rsplit(":", 1)[1].split(", or ")[0]
         return [word.strip() for word in listed.split(",")]
 
