@@ -35,7 +35,7 @@ class Bystander {
     EXPECT_TRUE(client_.open("bystander"));
     one();
     thread_ = std::thread([this] {
-      while (!stop_) one();
+      while (!stop_ && !::testing::Test::HasFailure()) one();
     });
   }
   ~Bystander() {
