@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/call/environment_calls.h"
+#include "client/call/exchange.h"
 #include "client/call/raw_call.h"
 #include "client/call/result_reader.h"
 #include "client/call/wire.h"
@@ -24,39 +26,27 @@ grpc::ByteBuffer start_message(const v1::Settings& settings, const FrameView& fr
   header.set_sequence(frame.sequence);
   header.set_width(frame.width);
   header.set_height(frame.height);
-  header.set_format(frame.format);
-  header.set_total_bytes(frame.pixels.size());
+  if (frame.view) {
+    *header.mutable_view() = *frame.view;
+  } else {
+    header.set_format(frame.format);
+    header.set_total_bytes(frame.pixels.size());
+  }
   if (frame.exposure) header.set_exposure(*frame.exposure);
   request.mutable_start()->set_verify(frame.verify);
   request.mutable_start()->set_error_map(frame.error_map);
   return v1::pack(request);
 }
 
-// Copies each band, because gRPC may keep a message after its call has ended.
+absl::Status check_whole(const FrameView& frame) {
+  if (frame.view) return check_view(frame.width, frame.height, frame.pixels.size());
+  return check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
+}
+
 bool send_bands(RawCall& call, const FrameView& frame) {
+  if (frame.view) return true;
   const uint64_t row_bytes = uint64_t{frame.width} * bytes_per_pixel(frame.format);
-  const uint64_t rows = rows_of_band(row_bytes);
-  for (uint64_t y = 0; y < frame.height; y += rows) {
-    const uint64_t bytes = std::min<uint64_t>(rows, frame.height - y) * row_bytes;
-    const grpc::Slice pixels(frame.pixels.data() + y * row_bytes, bytes);
-    if (!call.write(v1::make_band(v1::kFrameBand, static_cast<uint32_t>(y), pixels))) return false;
-  }
-  return true;
-}
-
-absl::Status end_of(RawCall& call, const Peer& peer) {
-  const grpc::Status status = call.finish();
-  return from_grpc(status, peer, call.connected());
-}
-
-template <typename Response>
-absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request, const Peer& peer) {
-  grpc::ByteBuffer message;
-  const bool answered = call.write(v1::pack(request)) && call.half_close() && call.read(message);
-  if (absl::Status status = end_of(call, peer); !status.ok()) return status;
-  Response response;
-  if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
-  return response;
+  return send_bands(call, v1::kFrameBand, row_bytes, frame.pixels);
 }
 
 }  // namespace
@@ -76,10 +66,7 @@ Connection::Connection(std::shared_ptr<grpc::Channel> channel, Peer peer)
 
 absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, const FrameView& frame,
                                                 absl::Time deadline) const {
-  if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
-      !status.ok()) {
-    return status;
-  }
+  if (absl::Status status = check_whole(frame); !status.ok()) return status;
   RawCall call(channel_, "/candela.v1.RenderService/Render", deadline);
   grpc::ByteBuffer message;
   const bool sent =
@@ -99,18 +86,32 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
 
 absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings, const FrameView& frame,
                                                     absl::Time deadline) const {
-  if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
-      !status.ok()) {
-    return status;
-  }
+  if (absl::Status status = check_whole(frame); !status.ok()) return status;
   RawCall call(channel_, "/candela.v1.RenderService/Meter", deadline);
   grpc::ByteBuffer message;
   const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
                         call.half_close() && call.read(message);
-  if (absl::Status status = end_of(call, peer_); !status.ok()) return status;
-  v1::MeterResponse response;
-  if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
-  return response;
+  return answer_of<v1::MeterResponse>(call, answered, message, peer_);
+}
+
+absl::StatusOr<v1::Environment> Connection::put_environment(const Panorama& panorama,
+                                                            absl::Time deadline) const {
+  return candela::put_environment(channel_, peer_, panorama, deadline);
+}
+
+absl::StatusOr<v1::Environment> Connection::get_environment(const std::string& id,
+                                                            absl::Time deadline) const {
+  return candela::get_environment(channel_, peer_, id, deadline);
+}
+
+absl::StatusOr<EnvironmentBake> Connection::bake_environment(const v1::BakeEnvironmentRequest& request,
+                                                             absl::Time deadline) const {
+  return candela::bake_environment(channel_, peer_, request, deadline);
+}
+
+absl::StatusOr<v1::DropEnvironmentResponse> Connection::drop_environment(const std::string& id,
+                                                                         absl::Time deadline) const {
+  return candela::drop_environment(channel_, peer_, id, deadline);
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> Connection::server_info(absl::Time deadline) const {

@@ -19,6 +19,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/environment.h"
 #include "client/render_result.h"
 #include "client/security.h"
 
@@ -30,7 +31,7 @@ struct FrameView {
   uint32_t height = 0;  // pixels
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
   // Rows from top to bottom without padding. They must live until `on_sent` is called or the call returns.
-  std::span<const std::byte> pixels;
+  std::span<const std::byte> pixels = {};
   uint64_t sequence = 0;  // comes back in the result's header
   // The exposure to adapt from. Without it the frame takes its target exposure.
   std::optional<v1::ExposureState> previous = std::nullopt;
@@ -40,6 +41,8 @@ struct FrameView {
   std::function<void()> on_sent = nullptr;
   bool verify = false;     // compare the image with the float64 reference; takes the server seconds
   bool error_map = false;  // also return a map of the error; only with `verify`
+  // Instead of pixels: the server renders this view. `format` and `pixels` are not used.
+  std::optional<v1::View> view = std::nullopt;
 };
 
 // Any thread may use it, for several calls at once. Movable. Every error message is one line for the user.
@@ -63,6 +66,23 @@ class Connection {
   // Meters the frame without rendering it. Ignores the frame's `on_sent`, `verify` and `error_map`.
   absl::StatusOr<v1::MeterResponse> meter(const v1::Settings& settings, const FrameView& frame,
                                           absl::Time deadline = absl::InfiniteFuture()) const;
+
+  // Puts the panorama on the server, unless it is there.
+  absl::StatusOr<v1::Environment> put_environment(const Panorama& panorama,
+                                                  absl::Time deadline = absl::InfiniteFuture()) const;
+
+  // The environment with this id. NOT_FOUND, as for the other calls about environments, if the server does
+  // not have it.
+  absl::StatusOr<v1::Environment> get_environment(const std::string& id,
+                                                  absl::Time deadline = absl::InfiniteFuture()) const;
+
+  // The cube map and the specular levels that `request` asks for.
+  absl::StatusOr<EnvironmentBake> bake_environment(const v1::BakeEnvironmentRequest& request,
+                                                   absl::Time deadline = absl::InfiniteFuture()) const;
+
+  // Frees the environment as soon as nothing uses it.
+  absl::StatusOr<v1::DropEnvironmentResponse> drop_environment(
+      const std::string& id, absl::Time deadline = absl::InfiniteFuture()) const;
 
   // The server's version, device, limits, formats and tiers.
   absl::StatusOr<v1::GetServerInfoResponse> server_info(absl::Time deadline = absl::InfiniteFuture()) const;

@@ -3,7 +3,7 @@ include(CMakePackageConfigHelpers)
 
 # The public headers. Here their includes name files from the top of the tree; installed, from include/.
 set(public ${CMAKE_BINARY_DIR}/install/candela)
-foreach(header client/connection.h client/render_result.h client/retry.h client/security.h client/session.h proto/candela/v1/limits.h)
+foreach(header client/connection.h client/environment.h client/render_result.h client/retry.h client/security.h client/session.h proto/candela/v1/limits.h)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/${header})
   file(READ ${CMAKE_SOURCE_DIR}/${header} text)
   string(REPLACE "#include \"client/" "#include \"candela/" text "${text}")
@@ -17,7 +17,7 @@ install(FILES ${CMAKE_SOURCE_DIR}/proto/candela/v1/render.proto DESTINATION ${CM
 
 install(TARGETS candela candelad)
 set_target_properties(candela_client_connection PROPERTIES EXPORT_NAME client)
-install(TARGETS candela_client_connection candela_address candela_wire candela_proto candela_messages EXPORT candelaTargets)
+install(TARGETS candela_client_connection candela_address candela_environment_id candela_wire candela_proto candela_messages EXPORT candelaTargets)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/candela)
 install(EXPORT candelaTargets NAMESPACE candela:: DESTINATION ${package})
 configure_package_config_file(client/candelaConfig.cmake.in ${CMAKE_BINARY_DIR}/install/candelaConfig.cmake

@@ -1,12 +1,14 @@
 #include "client/session.h"
 
 #include <algorithm>
+#include <map>
 #include <random>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/call/environment_calls.h"
 #include "client/call/retry_schedule.h"
 #include "client/call/session_stream.h"
 #include "client/call/wire.h"
@@ -53,12 +55,34 @@ class Session::Core {
     while (true) {
       if (!state_.wait_until_needed()) return absl::OkStatus();
       const SessionServer& server = servers_[schedule_.next()];
-      const CallEnd end = SessionStream(server, options_, name_, state_).run();
+      CallEnd end = SessionStream(server, options_, name_, state_).run();
+      if (absl::IsNotFound(end.status)) {
+        const bool again = std::exchange(put_for_nothing_, !end.progress);
+        if (!again && put_panoramas(server, end)) continue;
+      }
       if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
       schedule_.failed(end.retry_delay, end.progress);
       absl::Status status = state_.was_open() ? pause_after(end.status) : pause_before_open(server, end);
       if (!status.ok()) return status;
     }
+  }
+
+  // `server` lacks the environment of a view. Puts the panoramas of all views there that have no result yet.
+  // Returns false if the session cannot go on with that; then `end` says why.
+  bool put_panoramas(const SessionServer& server, CallEnd& end) {
+    const std::map<std::string, std::shared_ptr<const Panorama>> panoramas = state_.panoramas();
+    for (const auto& [id, panorama] : panoramas) {
+      if (state_.cancelled()) return false;
+      const absl::StatusOr<v1::Environment> put =
+          put_environment(server.channel, server.peer, *panorama, absl::Now() + options_.silence_limit);
+      if (put.ok() && put->id() == id) continue;
+      end.status = put.ok() ? absl::InvalidArgumentError(absl::StrFormat(
+                                  "the view's environment is %s, and that of its panorama %s", id, put->id()))
+                            : put.status();
+      end.resume = absl::IsUnavailable(end.status);
+      return false;
+    }
+    return !panoramas.empty();
   }
 
   // An open session has lost its server. Waits until the next call may begin.
@@ -95,9 +119,10 @@ class Session::Core {
   const SessionOptions options_;
   const std::string name_;
   const std::vector<SessionServer> servers_;
-  RetrySchedule schedule_;  // this and the next two are the thread's
-  absl::Status refusal_;    // of the last server that was reached and has not opened the session
-  absl::Time open_by_;      // when open() gives up, once a server was reached
+  RetrySchedule schedule_;        // this and the next three are the thread's
+  absl::Status refusal_;          // of the last server that was reached and has not opened the session
+  absl::Time open_by_;            // when open() gives up, once a server was reached
+  bool put_for_nothing_ = false;  // the last call had no progress after the panoramas were put
   SessionState state_;
   std::thread thread_;  // last, because it uses the others
 };

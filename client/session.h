@@ -34,6 +34,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
+#include "client/environment.h"
 #include "client/render_result.h"
 #include "client/security.h"
 
@@ -77,11 +78,11 @@ struct SessionFrame {
   uint32_t height = 0;  // pixels
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
   // Rows from top to bottom without padding. They must not change while the session holds `owner`.
-  std::span<const std::byte> pixels;
+  std::span<const std::byte> pixels = {};
   // Keeps `pixels` alive. The session holds it until the frame has its result, because the frame may have to
   // be sent again, and gRPC may hold it a little longer. Without an owner `pixels` must live as long as gRPC
   // does.
-  std::shared_ptr<const void> owner;
+  std::shared_ptr<const void> owner = nullptr;
   uint64_t sequence = 0;      // greater than the previous frame's; comes back with the result
   int64_t media_time_ns = 0;  // presentation time, 0 .. 2^62 ns; not before the previous frame's
   bool cut = false;           // a new scene begins here: exposure jumps to this frame's target
@@ -90,6 +91,11 @@ struct SessionFrame {
   // The longest time from the server's reading the frame's header to rendering it. If it passes, the result
   // is DEADLINE_EXCEEDED.
   absl::Duration timeout = absl::InfiniteDuration();
+  // Instead of pixels: the server renders this view. `format`, `pixels` and `owner` are not used.
+  std::optional<v1::View> view = std::nullopt;
+  // The panorama of the view's environment. The session puts it on a server that does not have it, and goes
+  // on. Without it such a server ends the session with NOT_FOUND.
+  std::shared_ptr<const Panorama> panorama = nullptr;
 };
 
 // The result of one frame.

@@ -17,10 +17,10 @@ SessionLog::SessionLog(v1::Settings settings, const std::optional<v1::SessionSta
 }
 
 absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
-  if (absl::Status status = check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
-      !status.ok()) {
-    return status;
-  }
+  const absl::Status whole = frame.view
+                                 ? check_view(frame.width, frame.height, frame.pixels.size())
+                                 : check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
+  if (!whole.ok()) return whole;
   if (last_sequence_ && frame.sequence <= *last_sequence_) {
     return absl::InvalidArgumentError(
         absl::StrFormat("frame %d comes after frame %d; the sequence numbers of a session must increase",
@@ -71,6 +71,15 @@ uint64_t SessionLog::rewind() {
 }
 
 const SessionStep* SessionLog::next() { return given_ == steps_.size() ? nullptr : &steps_[given_++]; }
+
+std::map<std::string, std::shared_ptr<const Panorama>> SessionLog::panoramas() const {
+  std::map<std::string, std::shared_ptr<const Panorama>> panoramas;
+  for (const SessionStep& step : steps_) {
+    if (step.frame == nullptr || !step.frame->view || step.frame->panorama == nullptr) continue;
+    panoramas.emplace(step.frame->view->environment(), step.frame->panorama);
+  }
+  return panoramas;
+}
 
 std::deque<SessionStep>::const_iterator SessionLog::first_frame() const {
   return std::find_if(steps_.begin(), steps_.end(),

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -51,6 +52,9 @@ class SessionLog {
   void answered(const std::string& token);
 
   uint64_t unanswered() const { return unanswered_; }
+
+  // The panoramas of the views that have no result yet, by the ids of their environments.
+  std::map<std::string, std::shared_ptr<const Panorama>> panoramas() const;
 
  private:
   std::deque<SessionStep>::const_iterator first_frame() const;

@@ -137,6 +137,11 @@ void SessionState::take_answer(FrameAnswer answer) {
   found_again();
 }
 
+std::map<std::string, std::shared_ptr<const Panorama>> SessionState::panoramas() const {
+  const absl::MutexLock lock(&mutex_);
+  return log_.panoramas();
+}
+
 bool SessionState::cancelled() const {
   const absl::MutexLock lock(&mutex_);
   return cancelled_;

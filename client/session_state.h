@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -66,6 +67,9 @@ class SessionState {
   bool take_open(const v1::StreamOpened& opened);
   // The due frame has its result.
   void take_answer(FrameAnswer answer);
+
+  // See SessionLog.
+  std::map<std::string, std::shared_ptr<const Panorama>> panoramas() const;
 
   bool cancelled() const;
   bool was_open() const;

@@ -28,6 +28,7 @@ struct Config {
   bool validation = false;    // enable Vulkan's validation layers
   std::string cache_dir;      // for device measurements; empty: kept in memory only
   uint64_t memory_budget_bytes = 0;  // for the texture pool; 0: see choose_memory_budget
+  uint64_t environment_budget_bytes = 0;  // for environments; 0: a quarter of memory_budget_bytes
   uint32_t client_share = 50;        // percent of the memory that other clients leave; see ClientBudget
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels

@@ -49,6 +49,12 @@ const Option kOptions[] = {
     {"memory-budget", BytesOption{&Config::memory_budget_bytes, kMemoryBudgetBytes, kZeroIsAutomatic},
      "Memory for textures; 0: 2GiB, or 3/8 of the cgroup's memory limit if that is less",
      "It holds frames in flight and textures that are kept for later frames."},
+    {"environment-budget",
+     BytesOption{&Config::environment_budget_bytes, kMemoryBudgetBytes, kZeroIsAutomatic},
+     "Part of the memory budget that environments may hold; 0: a quarter",
+     "An environment holds its panorama and what its views read. When the budget is full, the environment "
+     "that "
+     "was used longest ago and that nobody uses is freed. So is one whose memory a frame needs."},
     {"client-share", NumberOption{&Config::client_share, {1, 100}},
      "Part of the memory that the other clients leave which one client may hold while they are connected, in "
      "percent",

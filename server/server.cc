@@ -48,6 +48,7 @@ constexpr int kMovingLimits = 4;
 Config fit_to_memory(const Config& asked, const MemoryBudget& budget) {
   Config config = asked;
   config.memory_budget_bytes = budget.bytes;
+  if (config.environment_budget_bytes == 0) config.environment_budget_bytes = budget.bytes / 4;
   config.max_sessions = std::min(config.max_sessions, budget.most_sessions);
   config.max_calls = std::min(config.max_calls, budget.most_sessions);
   return config;
@@ -148,7 +149,8 @@ void Server::Impl::make_service(TokenKeys keys) {
       .session_gate = CallGate("sessions", config.max_sessions),
       .sessions = {.keys = std::move(keys),
                    .memory = std::make_shared<ClientMemory>(config.memory_budget_bytes, config.client_share,
-                                                            config.idle_timeout / 2)}});
+                                                            config.idle_timeout / 2)},
+      .environments = EnvironmentStore(config.environment_budget_bytes)});
   service = std::make_unique<RenderService>(
       *state, [d = devices.get()] { return d->current()->pool.counters(); }, server_info(config, device));
 }

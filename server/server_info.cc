@@ -46,6 +46,7 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
   info.mutable_limits()->set_max_dimension(limits.max_dimension);
   info.mutable_limits()->set_max_band_bytes(v1::kMaxBandBytes);
   info.mutable_limits()->set_memory_budget_bytes(config.memory_budget_bytes);
+  info.mutable_limits()->set_environment_budget_bytes(config.environment_budget_bytes);
   info.mutable_limits()->set_max_sessions(config.max_sessions);
   info.mutable_limits()->set_max_frames_in_flight(config.max_frames_in_flight);
   return info;

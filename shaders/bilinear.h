@@ -7,8 +7,8 @@
 
 namespace candela::reference {
 
-// `level` at (u, v) in texels, with texel (x, y) at exactly (x, y). AnyLevel::at(x, y) must clamp to the
-// edge, like Level's.
+// `level` at (u, v) in texels, with texel (x, y) at exactly (x, y). AnyLevel::at(x, y) must know
+// what lies beyond its edge: Level's clamps.
 template <typename AnyLevel>
 Rgb bilinear(const AnyLevel& level, double u, double v) {
   const double x0 = std::floor(u);

@@ -36,17 +36,31 @@ std::array<double, 2> panorama_uv(const Direction& d);
 double panorama_solid_angle(const Scene& panorama, uint32_t y);
 // P(d): `panorama` at d, bilinear, without a seam. Alpha is not read.
 Rgb panorama_at(const Scene& panorama, const Direction& d);
+// The same at (u, v), each 0 .. 1.
+Rgb panorama_at(const Scene& panorama, double u, double v);
 // Turns a looked-up direction for an environment that is turned by `rotation_deg` about +Y.
 Direction turned_back(const Direction& d, double rotation_deg);
 
 // --- cube_face.comp and cube_down.comp (section 2)
 
+// A place on a face: s and t are -1 .. 1 from edge to edge. Texel (i, j) of a level of `size` has its centre
+// at s = 2 (i + 0.5) / size - 1, t = 2 (j + 0.5) / size - 1.
+struct CubeSpot {
+  uint32_t face = 0;
+  double s = 0.0;
+  double t = 0.0;
+};
+// The point of that place on the cube -1 .. 1, which is not normalised, and the way back for any direction
+// but 0. On an edge the earlier axis wins.
+Direction cube_point(const CubeSpot& spot);
+CubeSpot cube_spot(const Direction& d);
 // The unit direction of the centre of texel (i, j), and the texel's solid angle.
 Direction cube_direction(uint32_t face, uint32_t i, uint32_t j, uint32_t size);
 double cube_solid_angle(uint32_t i, uint32_t j, uint32_t size);
-// The side of level 0 that is made for a bake of `size`, and the default size for a panorama's width.
+// N0, the default size for a panorama's width.
 uint32_t cube_default_size(uint32_t panorama_width);
-// Level 0: each texel is the mean of samples x samples values of P.
+// Level 0: each texel is the mean of samples x samples values of P. A bake holds the world turned by
+// `rotation_deg`.
 CubeLevel cube_face(const Scene& panorama, uint32_t size, uint32_t samples, double rotation_deg);
 // The next level, half as large. `level.size` is even.
 CubeLevel cube_down(const CubeLevel& level);

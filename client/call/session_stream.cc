@@ -60,8 +60,12 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
   header.set_sequence(frame.sequence);
   header.set_width(frame.width);
   header.set_height(frame.height);
-  header.set_format(frame.format);
-  header.set_total_bytes(frame.pixels.size());
+  if (frame.view) {
+    *header.mutable_view() = *frame.view;
+  } else {
+    header.set_format(frame.format);
+    header.set_total_bytes(frame.pixels.size());
+  }
   header.set_media_time_ns(frame.media_time_ns);
   header.set_cut(frame.cut);
   if (frame.exposure) header.set_exposure(*frame.exposure);
@@ -215,7 +219,11 @@ void SessionStream::send_step() {
     *request.mutable_change()->mutable_settings() = next.step->settings;
   } else {
     *request.mutable_frame() = header_of(*next.step->frame);
-    sending_ = next.step->frame;
+    if (next.step->frame->view) {
+      ++owed_;
+    } else {
+      sending_ = next.step->frame;
+    }
     row_ = 0;
   }
   duplex_.write(v1::pack(request));

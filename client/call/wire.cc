@@ -108,6 +108,16 @@ absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format
   return absl::OkStatus();
 }
 
+absl::Status check_view(uint32_t width, uint32_t height, size_t bytes) {
+  if (bytes != 0)
+    return absl::InvalidArgumentError("a frame has both pixels and a view; it takes one of them");
+  if (width == 0 || height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("view is %dx%d pixels; it must be at least 1x1", width, height));
+  }
+  return absl::OkStatus();
+}
+
 uint64_t rows_of_band(uint64_t row_bytes) {
   return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
 }

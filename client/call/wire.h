@@ -22,6 +22,9 @@ namespace candela {
 // INVALID_ARGUMENT unless a frame of this size and format without padding has exactly `bytes` bytes.
 absl::Status check_frame(uint32_t width, uint32_t height, v1::PixelFormat format, size_t bytes);
 
+// INVALID_ARGUMENT unless a view of this size comes without pixels.
+absl::Status check_view(uint32_t width, uint32_t height, size_t bytes);
+
 // The number of rows of `row_bytes` bytes in a band; at least 1.
 uint64_t rows_of_band(uint64_t row_bytes);
 

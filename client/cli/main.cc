@@ -90,6 +90,8 @@ absl::Status run(const Invocation& invocation) {
         if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options);
         if constexpr (std::is_same_v<Options, StreamOptions>) return run_stream(options);
         if constexpr (std::is_same_v<Options, MeterOptions>) return run_meter(options);
+        if constexpr (std::is_same_v<Options, PanoramaViewOptions>) return run_view(options);
+        if constexpr (std::is_same_v<Options, EnvironmentOptions>) return run_environment(options);
         if constexpr (std::is_same_v<Options, BenchOptions>) return run_bench(options);
         if constexpr (std::is_same_v<Options, SampleOptions>) return run_sample(options);
         if constexpr (std::is_same_v<Options, ReportOptions>) return run_report(options);

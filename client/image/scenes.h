@@ -36,6 +36,13 @@ TexelFunction natural(uint32_t width, uint32_t height);
 // All other light is at most 1000.
 TexelFunction lit_tiles(uint32_t width, uint32_t height);
 
+// A panorama in the projection of docs/environments.md section 1: a sky, a sun of 0.27 degrees radius and
+// 65504 (the largest half; it would be 1e5) at 40 degrees to the right and 35 up, and a ground of 10 degree
+// squares. On the horizon stand four walls of 24 degrees: red ahead, green to the right, blue behind, yellow
+// to the left, with one to four dark marks in this order, the first at the left, and a white corner at the
+// upper right.
+TexelFunction panorama(uint32_t width, uint32_t height);
+
 // A frame on which HDR programs often fail (docs/pipeline.md section 6).
 struct HardCase {
   std::string name;

@@ -5,6 +5,7 @@
 #include "server/base/slices.h"
 #include "server/render/device/device_executor.h"
 #include "server/render/device/frame_textures.h"
+#include "server/render/environment/environment_baker.h"
 #include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
@@ -13,18 +14,22 @@
 
 namespace candela {
 
-Renderer::Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device)
+Renderer::Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device,
+                   std::unique_ptr<EnvironmentBaker> baker)
     : device_(device),
       pool_(pool),
       by_device_(std::move(by_device)),
-      by_reference_(std::make_unique<ReferenceExecutor>(*by_device_)) {}
+      by_reference_(std::make_unique<ReferenceExecutor>(*by_device_)),
+      baker_(std::move(baker)) {}
 
 Renderer::~Renderer() = default;
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool) {
   absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device);
   if (!executor.ok()) return executor.status();
-  return std::unique_ptr<Renderer>(new Renderer(device, pool, *std::move(executor)));
+  absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker = EnvironmentBaker::create(device, pool);
+  if (!baker.ok()) return baker.status();
+  return std::unique_ptr<Renderer>(new Renderer(device, pool, *std::move(executor), *std::move(baker)));
 }
 
 absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings,

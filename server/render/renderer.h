@@ -15,6 +15,7 @@
 
 namespace candela {
 
+class EnvironmentBaker;
 class Executor;
 struct Drawn;
 
@@ -24,7 +25,7 @@ struct FrameMoment {
   std::optional<PreviousExposure> previous;  // absent: the frame takes its target at once
 };
 
-// One thread at a time, except allocate().
+// One thread at a time, except allocate() and what EnvironmentBaker says.
 class Renderer {
  public:
   // `device` and `pool` outlive the renderer.
@@ -49,6 +50,9 @@ class Renderer {
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,
                                      const FrameMoment& moment = {});
 
+  // Bakes environments on this device.
+  EnvironmentBaker& baker() const { return *baker_; }
+
   // The two halves of render(). The caller decides the exposure between them, and may meter or draw other
   // frames before it calls draw(), once. If max_error_codes has to choose the tier, draw() does; the device
   // has metered the frame, unless only the reference can keep it. FAILED_PRECONDITION if no tier within
@@ -58,7 +62,8 @@ class Renderer {
                                    const Metered& metered, const Exposed& exposed);
 
  private:
-  Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device);
+  Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device,
+           std::unique_ptr<EnvironmentBaker> baker);
   Executor& executor_of(const FrameMemory& memory) const;
   // Makes the image and fills in the report, except what verification finds.
   absl::StatusOr<Drawn> draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
@@ -71,6 +76,7 @@ class Renderer {
   TexturePool& pool_;
   const std::unique_ptr<Executor> by_device_;
   const std::unique_ptr<Executor> by_reference_;
+  const std::unique_ptr<EnvironmentBaker> baker_;
 };
 
 }  // namespace candela

@@ -14,6 +14,17 @@ constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less th
 
 }  // namespace
 
+absl::Status use_view(const v1::View& message, ServiceState& state, Admission::Request& request) {
+  absl::StatusOr<View> view = view_from(message);
+  if (!view.ok()) return view.status();
+  absl::StatusOr<EnvironmentUse> environment =
+      state.environments.find("view.environment", message.environment(), *state.rendering.renderer());
+  if (!environment.ok()) return environment.status();
+  request.view = *std::move(view);
+  request.environment = *std::move(environment);
+  return absl::OkStatus();
+}
+
 absl::Status Admission::expect(Request request) {
   request_ = std::move(request);
   choice_.reset();
@@ -32,7 +43,7 @@ void Admission::begin(Done done) {
 
 void Admission::cancel() {
   done_ = nullptr;
-  stop_measuring();
+  stop_working();
 }
 
 void Admission::end() {
@@ -44,6 +55,7 @@ void Admission::end() {
 
 void Admission::proceed() {
   if (!done_) return;
+  if (request_.environment != nullptr && !request_.environment->ready) return prepare_environment();
   if (request_.choose_tier && !choice_) return choose_tier();
   allocate();
 }
@@ -63,27 +75,53 @@ void Admission::choose_tier() {
 void Admission::measure_tiers() {
   turn_ = rendering_.tier_benchmark.take_turn(client_);
   if (!turn_) return proceed_after(kTurnInterval);
-  auto status = std::make_shared<absl::Status>();
-  FrameJob job;
-  job.flow = request_.flow;
-  job.task = [status, &benchmark = rendering_.tier_benchmark, desc = request_.desc,
-              settings = request_.settings] {
-    const auto between = [&] {
+  const auto measure = [&benchmark = rendering_.tier_benchmark, desc = request_.desc,
+                        settings = request_.settings] {
+    return benchmark.measure(desc.format, settings, [&] {
       checkpoint();
       return benchmark.known(desc, settings) ? absl::AlreadyExistsError("measured meanwhile")
                                              : absl::OkStatus();
-    };
-    *status = benchmark.measure(desc.format, settings, between);
+    });
   };
-  job.done = [this, status, call = call_.shared_from_this()](const absl::StatusOr<RenderedFrame>& ran) {
+  work(measure, [this](const absl::Status& status) {
+    if (retry_after(status)) return;
+    if (!status.ok() && !absl::IsAlreadyExists(status)) return complete(status);
+    proceed();
+  });
+}
+
+// What the environment's views read is made when the first of them comes.
+void Admission::prepare_environment() {
+  const EnvironmentUse environment = request_.environment;
+  if (environment->preparing.exchange(true)) return proceed_after(kTurnInterval);
+  turn_ = {nullptr, [environment](void*) { environment->preparing = false; }};
+  const auto prepare = [environment, turn = turn_] {
+    absl::Status status =
+        environment->renderer->baker().prepare_view(environment->environment, view_quality());
+    environment->ready = status.ok();
+    return status;
+  };
+  work(prepare, [this](const absl::Status& status) {
+    if (absl::IsUnavailable(status) && environments_.free_one()) return proceed();
+    if (retry_after(status)) return;
+    if (!status.ok()) return complete(status);
+    proceed();
+  });
+}
+
+void Admission::work(std::function<absl::Status()> task, std::function<void(const absl::Status&)> then) {
+  auto status = std::make_shared<absl::Status>();
+  FrameJob job;
+  job.flow = request_.flow;
+  job.task = [status, task = std::move(task)] { *status = task(); };
+  job.done = [this, status, then = std::move(then),
+              call = call_.shared_from_this()](const absl::StatusOr<RenderedFrame>& ran) {
     call->if_running([&] {
       if (!done_) return;
-      measuring_.reset();
+      working_.reset();
       turn_.reset();
       if (!ran.ok()) return complete(ran.status());
-      if (retry_after(*status)) return;
-      if (!status->ok() && !absl::IsAlreadyExists(*status)) return complete(*status);
-      proceed();
+      then(*status);
     });
   };
   const absl::StatusOr<Ticket> ticket = rendering_.loop.submit(std::move(job));
@@ -91,21 +129,28 @@ void Admission::measure_tiers() {
     turn_.reset();
     return complete(ticket.status());
   }
-  measuring_ = *ticket;
+  working_ = *ticket;
 }
 
-void Admission::stop_measuring() {
-  if (measuring_) rendering_.loop.cancel(*std::exchange(measuring_, std::nullopt));
+void Admission::stop_working() {
+  if (working_) rendering_.loop.cancel(*std::exchange(working_, std::nullopt));
   turn_.reset();
 }
 
 void Admission::allocate() {
-  const std::shared_ptr<Renderer> renderer = rendering_.renderer();
+  const std::shared_ptr<Renderer> renderer =
+      request_.environment != nullptr ? request_.environment->renderer : rendering_.renderer();
   absl::StatusOr<FrameMemory> memory = take_memory(*renderer);
   if (retry_after(memory.status())) return;
   if (!memory.ok()) return complete(memory.status());
   auto frame = std::make_shared<Frame>(
       Frame{renderer, *std::move(memory), std::move(request_.settings), request_.sequence});
+  if (request_.environment != nullptr) {
+    frame->source = [environment = std::move(request_.environment),
+                     view = std::move(request_.view)](FrameMemory& pixels) {
+      return environment->renderer->baker().render_view(environment->environment, view, pixels);
+    };
+  }
   complete(Admitted{std::move(frame), std::move(choice_)});
 }
 
@@ -117,6 +162,9 @@ absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
   absl::StatusOr<std::unique_ptr<MemoryClaim>> claim = memory_.claim_frame(client_, *bytes, absl::Now());
   if (!claim.ok()) return claim.status();
   absl::StatusOr<FrameMemory> memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
+  while (absl::IsUnavailable(memory.status()) && environments_.free_one()) {
+    memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
+  }
   if (memory.ok()) memory->account(*std::move(claim));
   if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(*bytes, absl::Now());
   return memory;

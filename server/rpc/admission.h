@@ -12,6 +12,7 @@
 #include "absl/time/time.h"
 #include "server/rpc/server_call.h"
 #include "server/rpc/service_state.h"
+#include "server/session/environment_start.h"
 
 namespace candela {
 
@@ -27,8 +28,10 @@ class Admission {
     Settings settings;
     Verify verify = Verify::kNo;
     bool choose_tier = false;  // max_ms has to choose a tier
-    Flow flow = 0;             // is charged for measuring the tiers
-    uint32_t lookahead = 0;    // frames; memory for as many more is reserved
+    Flow flow = 0;             // is charged for measuring the tiers, and for preparing an environment
+    EnvironmentUse environment = nullptr;  // of a view; null: the frame has pixels
+    View view = {};
+    uint32_t lookahead = 0;  // frames; memory for as many more is reserved
     // The time to retry, once for the tier and once for the memory, while either is UNAVAILABLE. 0: refuse at
     // once.
     absl::Duration patience = absl::ZeroDuration();
@@ -43,8 +46,12 @@ class Admission {
   using Done = std::function<void(absl::StatusOr<Admitted>)>;
 
   // `call` owns this object. Its frames are `client`'s.
-  Admission(ServerCall& call, Rendering& rendering, ClientMemory& memory, ClientId client)
-      : call_(call), rendering_(rendering), memory_(memory), client_(client) {}
+  Admission(ServerCall& call, ServiceState& state, ClientId client)
+      : call_(call),
+        rendering_(state.rendering),
+        memory_(*state.sessions.memory),
+        environments_(state.environments),
+        client_(client) {}
 
   // The next frame has its header; the one before is admitted. Takes nothing. RESOURCE_EXHAUSTED if the frame
   // or its look-ahead can never be admitted.
@@ -61,7 +68,11 @@ class Admission {
   void proceed();
   void choose_tier();
   void measure_tiers();
-  void stop_measuring();
+  void prepare_environment();
+  // Runs `task` on the render thread, in slices, in the request's flow and within turn_; then calls `then`
+  // with its status, under the call's mutex.
+  void work(std::function<absl::Status()> task, std::function<void(const absl::Status&)> then);
+  void stop_working();
   void allocate();
   absl::StatusOr<FrameMemory> take_memory(Renderer& renderer);
   absl::Status check_lookahead(uint64_t frame_bytes) const;
@@ -73,15 +84,20 @@ class Admission {
   ServerCall& call_;
   Rendering& rendering_;
   ClientMemory& memory_;
+  EnvironmentStore& environments_;
   const ClientId client_;
   Request request_;
   Done done_;  // null if there is no frame to admit
   std::optional<TierChoice> choice_;
-  std::optional<Ticket> measuring_;  // the job that measures the tiers
-  std::shared_ptr<void> turn_;       // held while it does
+  std::optional<Ticket> working_;  // the job that measures the tiers or prepares the environment
+  std::shared_ptr<void> turn_;     // held while it does
   absl::Time deadline_;
   std::unique_ptr<grpc::Alarm> alarm_;
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame
 };
+
+// Makes `request` one for a view. NOT_FOUND naming the environment if the server does not have it;
+// INVALID_ARGUMENT naming the view's field.
+absl::Status use_view(const v1::View& view, ServiceState& state, Admission::Request& request);
 
 }  // namespace candela

@@ -26,7 +26,7 @@ RenderCall::RenderCall(grpc::CallbackServerContext* context, ServiceState& state
       work_(work),
       client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
       flow_(client_ << 1),
-      admission_(*this, state.rendering, *state.sessions.memory, client_),
+      admission_(*this, state, client_),
       begun_(absl::Now()),
       last_progress_(begun_) {}
 
@@ -63,14 +63,21 @@ absl::Status RenderCall::take_start() {
     start_->verify = Verify::kNo;
     start_->settings = start_->settings.for_metering(/*histogram=*/true);
   }
-  if (absl::Status status = admission_.expect({.desc = start_->desc,
-                                               .sequence = start_->sequence,
-                                               .settings = start_->settings,
-                                               .verify = start_->verify,
-                                               .choose_tier = start_->settings->has_max_ms(),
-                                               .flow = flow_});
-      !status.ok()) {
-    return status;
+  Admission::Request asked{.desc = start_->desc,
+                           .sequence = start_->sequence,
+                           .settings = start_->settings,
+                           .verify = start_->verify,
+                           .choose_tier = start_->settings->has_max_ms(),
+                           .flow = flow_};
+  const bool views = request.start().frame().has_view();
+  if (views) {
+    const v1::View& view = request.start().frame().view();
+    if (absl::Status status = use_view(view, service_, asked); !status.ok()) return status;
+  }
+  if (absl::Status status = admission_.expect(std::move(asked)); !status.ok()) return status;
+  if (views) {
+    admit();
+    return absl::OkStatus();
   }
   bands_.emplace(v1::kFrameBand, start_->desc, start_->row_stride_bytes);
   state_ = State::kFirstBand;
@@ -91,10 +98,12 @@ void RenderCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
   state_ = State::kBands;
   last_progress_ = absl::Now();
   admitted_ = last_progress_;
+  if (!bands_) return StartRead(&incoming_);  // the half-close
   if (absl::Status status = take_band(); !status.ok()) finish(status);
 }
 
 absl::Status RenderCall::take_band() {
+  if (!bands_) return absl::InvalidArgumentError("a band came, but the frame has a view; half-close instead");
   FrameMemory& memory = frame_->memory;
   absl::Status status = bands_->read(incoming_, [&memory](uint32_t y) { return memory.input_row(y); });
   incoming_.Clear();
@@ -105,7 +114,9 @@ absl::Status RenderCall::take_band() {
 absl::Status RenderCall::enqueue() {
   // gRPC reports a client that vanished as one that half-closed.
   if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
-  if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
+  if (bands_) {
+    if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
+  }
   FrameJob job{.frame = frame_, .work = work_, .ordered = false, .flow = flow_};
   job.deadline = absl::FromChrono(context_.deadline());
   job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous,

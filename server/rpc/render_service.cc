@@ -5,16 +5,23 @@
 #include <utility>
 
 #include "server/render/self_test.h"
+#include "server/rpc/bake_environment_call.h"
+#include "server/rpc/put_environment_call.h"
 #include "server/rpc/render_call.h"
 #include "server/rpc/stream_call.h"
+#include "server/rpc/wire/status.h"
 
 namespace candela {
 
 namespace {
 
-// The index of `rpc Meter` in render.proto. On the wire, a call with one answer is a stream with one message,
-// and RenderCall handles streams. The generated class has no raw handler for that.
+// The indices of rpcs in render.proto. On the wire, a call with one request or one answer is a stream with
+// one message, and these are handled as streams. The generated class has no raw handler for that.
 constexpr int kMeterIndex = 2;
+constexpr int kPutEnvironmentIndex = 4;
+constexpr int kBakeEnvironmentIndex = 6;
+
+using RawHandler = grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>;
 
 // The times of the tiers, as far as they are measured.
 void add_times(const TierBenchmark& benchmark, v1::GetServerInfoResponse& info) {
@@ -34,11 +41,17 @@ void add_times(const TierBenchmark& benchmark, v1::GetServerInfoResponse& info) 
 RenderService::RenderService(ServiceState& state, std::function<PoolCounters()> pool,
                              v1::GetServerInfoResponse info)
     : state_(state), pool_(std::move(pool)), info_(std::move(info)), started_(absl::Now()) {
-  MarkMethodRawCallback(kMeterIndex,
-                        new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
-                            [&state](grpc::CallbackServerContext* context) {
-                              return RenderCall::begin(context, state, Work::kMeter);
-                            }));
+  MarkMethodRawCallback(kMeterIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
+                          return RenderCall::begin(context, state, Work::kMeter);
+                        }));
+  MarkMethodRawCallback(kPutEnvironmentIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
+                          return PutEnvironmentCall::begin(context, state);
+                        }));
+  // Says that gRPC does not read the one request itself.
+  MarkMethodStreamed(kBakeEnvironmentIndex, nullptr);
+  MarkMethodRawCallback(kBakeEnvironmentIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
+                          return BakeEnvironmentCall::begin(context, state);
+                        }));
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Render(
@@ -68,6 +81,28 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
   response->set_frames_rendered(state_.rendering.frames_rendered);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(grpc::Status::OK);
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* RenderService::GetEnvironment(grpc::CallbackServerContext* context,
+                                                        const v1::GetEnvironmentRequest* request,
+                                                        v1::Environment* response) {
+  const absl::StatusOr<EnvironmentUse> found =
+      state_.environments.find("id", request->id(), *state_.rendering.renderer());
+  if (found.ok()) *response = (*found)->facts;
+  response->set_had_it(true);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(to_grpc(found.status()));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* RenderService::DropEnvironment(grpc::CallbackServerContext* context,
+                                                         const v1::DropEnvironmentRequest* request,
+                                                         v1::DropEnvironmentResponse* response) {
+  const absl::StatusOr<bool> in_use = state_.environments.drop(request->id(), *state_.rendering.renderer());
+  if (in_use.ok()) response->set_in_use(*in_use);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(to_grpc(in_use.status()));
   return reactor;
 }
 

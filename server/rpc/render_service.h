@@ -12,8 +12,10 @@ namespace candela {
 
 // Calls with pixels use raw bytes. The others use the generated classes.
 class RenderService final
-    : public v1::RenderService::WithRawCallbackMethod_Render<v1::RenderService::WithRawCallbackMethod_Stream<
-          v1::RenderService::WithCallbackMethod_GetServerInfo<v1::RenderService::Service>>> {
+    : public v1::RenderService::WithRawCallbackMethod_Render<
+          v1::RenderService::WithRawCallbackMethod_Stream<v1::RenderService::WithCallbackMethod_GetServerInfo<
+              v1::RenderService::WithCallbackMethod_GetEnvironment<
+                  v1::RenderService::WithCallbackMethod_DropEnvironment<v1::RenderService::Service>>>>> {
  public:
   // `info` holds the answers that do not change while the server runs. `pool` returns the counters of the
   // texture pool. `state` outlives the service.
@@ -28,6 +30,14 @@ class RenderService final
   grpc::ServerUnaryReactor* GetServerInfo(grpc::CallbackServerContext* context,
                                           const v1::GetServerInfoRequest* request,
                                           v1::GetServerInfoResponse* response) override;
+
+  grpc::ServerUnaryReactor* GetEnvironment(grpc::CallbackServerContext* context,
+                                           const v1::GetEnvironmentRequest* request,
+                                           v1::Environment* response) override;
+
+  grpc::ServerUnaryReactor* DropEnvironment(grpc::CallbackServerContext* context,
+                                            const v1::DropEnvironmentRequest* request,
+                                            v1::DropEnvironmentResponse* response) override;
 
  private:
   ServiceState& state_;

@@ -14,6 +14,7 @@
 #include "server/render/tier_numbers.h"
 #include "server/schedule/render_loop.h"
 #include "server/session/call_gate.h"
+#include "server/session/environment_store.h"
 #include "server/session/sessions.h"
 
 namespace candela {
@@ -44,6 +45,7 @@ struct ServiceState {
   CallGate call_gate;  // Render and Meter calls
   CallGate session_gate;
   Sessions sessions;
+  EnvironmentStore environments;
 };
 
 }  // namespace candela

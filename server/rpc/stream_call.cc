@@ -35,7 +35,7 @@ StreamCall::StreamCall(grpc::CallbackServerContext* context, ServiceState& state
       state_(state),
       flow_(state.sessions.next_flow.fetch_add(2)),
       client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
-      admission_(*this, state.rendering, *state.sessions.memory, client_),
+      admission_(*this, state, client_),
       last_read_(absl::Now()),
       last_write_(last_read_) {}
 
@@ -76,7 +76,8 @@ absl::Status StreamCall::take_message(grpc::ByteBuffer& message) {
   if (reading_ == Reading::kBands) return take_band(message);
   if (reading_ == Reading::kPassing) return take_passed(message);
   if (reading_ == Reading::kFirstBand) {
-    admit(message);
+    first_band_.Swap(&message);
+    admit();
     return absl::OkStatus();
   }
   v1::StreamRequest request;
@@ -126,24 +127,35 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   settings.advance(header.sequence());
   const SessionSettings& asked = settings.now();
   if (absl::Status status = check_settings_for(asked.settings, layout->desc); !status.ok()) return status;
+  const StreamStart& start = open_->session.start;
+  const bool draws = start.draws();
+  // A frame that is not drawn gives its memory back before it waits for later ones.
+  Admission::Request request{
+      .desc = layout->desc,
+      .sequence = header.sequence(),
+      .settings = draws ? settings.of_frame() : settings.of_frame().for_metering(/*histogram=*/false),
+      .choose_tier = draws && settings.wants_tier(),
+      .flow = flow_,
+      .lookahead = draws ? start.lookahead : 0,
+      .patience = idle_timeout()};
+  if (header.has_view()) {
+    if (absl::Status status = check_primaries_for_view(asked.settings); !status.ok()) return status;
+    if (absl::Status status = use_view(header.view(), state_, request); !status.ok()) return status;
+    environment_ = request.environment;
+  }
   if (absl::Status status =
           open_->frames.add(header, *layout, asked.settings->exposure(), asked.hash, absl::Now());
       !status.ok()) {
     return status;
   }
+  if (absl::Status status = admission_.expect(std::move(request)); !status.ok()) return status;
+  if (header.has_view()) {
+    admit();
+    return absl::OkStatus();
+  }
   bands_.emplace(v1::kStreamFrameBand, layout->desc, layout->row_stride_bytes);
   reading_ = Reading::kFirstBand;
-  // A frame that is not drawn gives its memory back before it waits for later ones.
-  const StreamStart& start = open_->session.start;
-  const bool draws = start.draws();
-  return admission_.expect(
-      {.desc = layout->desc,
-       .sequence = header.sequence(),
-       .settings = draws ? settings.of_frame() : settings.of_frame().for_metering(/*histogram=*/false),
-       .choose_tier = draws && settings.wants_tier(),
-       .flow = flow_,
-       .lookahead = draws ? start.lookahead : 0,
-       .patience = idle_timeout()});
+  return absl::OkStatus();
 }
 
 void StreamCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
@@ -154,10 +166,20 @@ void StreamCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
   entry.tier = open_->settings.tier();
   entry.tier_reason = open_->settings.tier_reason();
   entry.begun = absl::Now();
+  if (!bands_) return take_view();
   reading_ = Reading::kBands;
   grpc::ByteBuffer band;
   band.Swap(&first_band_);
   if (absl::Status status = take_band(band); !status.ok()) return read_no_more(status);
+  read_on();
+}
+
+// The newest frame is a view and has its memory: nothing more of it comes.
+void StreamCall::take_view() {
+  reading_ = Reading::kBetween;
+  if (absl::Status status = submit(open_->frames.newest(), open_->frames.first_work()); !status.ok()) {
+    return read_no_more(status);
+  }
   read_on();
 }
 
@@ -379,6 +401,7 @@ void StreamCall::on_finish(const absl::Status& status, const std::string& messag
   }
   admission_.end();
   first_band_.Clear();
+  environment_.reset();
   visit_.reset();
 }
 

@@ -27,6 +27,7 @@ namespace candela {
 //
 //   open -> between -> first band -> admission -> bands -> between ... -> closed
 //           between -> passing -> between
+//           between -> admission -> between         (a view)
 //
 // SessionFrames holds the frames that were read and StreamAnswers sends their answers. The next message is
 // read only if there is room for what it may bring, so HTTP/2 flow control holds the client back. The render
@@ -72,11 +73,13 @@ class StreamCall final : public ServerCall, public SessionCall {
   absl::Status take_message(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_open(const v1::StreamRequest& request) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_header(const v1::FrameHeader& header) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void admit(grpc::ByteBuffer& band) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // A frame that was answered before the session was resumed: its bands are read and dropped.
   absl::Status pass_over(const v1::FrameHeader& header, const WireLayout& layout)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_passed(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void end_passed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void take_view() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status idle_for(absl::Duration timeout) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_admitted(absl::StatusOr<Admission::Admitted> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_band(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -117,6 +120,8 @@ class StreamCall final : public ServerCall, public SessionCall {
   grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
   std::optional<Open> open_ ABSL_GUARDED_BY(mutex_);
   Admission admission_ ABSL_GUARDED_BY(mutex_);
+  EnvironmentUse environment_
+      ABSL_GUARDED_BY(mutex_);                     // of the newest view: it is kept until the session ends
   uint64_t sequence_ ABSL_GUARDED_BY(mutex_) = 0;  // of the newest header
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
   grpc::ByteBuffer first_band_ ABSL_GUARDED_BY(mutex_);  // waits for its frame's memory

@@ -18,8 +18,7 @@ std::string to_words(absl::Duration duration) {
 
 }  // namespace
 
-void StreamCall::admit(grpc::ByteBuffer& band) {
-  first_band_.Swap(&band);
+void StreamCall::admit() {
   reading_ = Reading::kAdmission;
   admission_.begin([this](absl::StatusOr<Admission::Admitted> admitted)
                        ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
@@ -27,6 +26,10 @@ void StreamCall::admit(grpc::ByteBuffer& band) {
 
 absl::Status StreamCall::pass_over(const v1::FrameHeader& header, const WireLayout& layout) {
   open_->frames.add_passed(header.sequence(), layout, open_->settings.now().hash, open_->settings.tier());
+  if (header.has_view()) {
+    end_passed();
+    return absl::OkStatus();
+  }
   bands_.emplace(v1::kStreamFrameBand, layout.desc, layout.row_stride_bytes);
   open_->frames.newest()->begun = absl::Now();
   reading_ = Reading::kPassing;
@@ -38,10 +41,14 @@ absl::Status StreamCall::take_passed(grpc::ByteBuffer& message) {
   absl::Status status = bands_->read(message, [&row](uint32_t) { return std::span(row); });
   if (!status.ok() || !bands_->complete()) return status;
   bands_.reset();
+  end_passed();
+  return absl::OkStatus();
+}
+
+void StreamCall::end_passed() {
   reading_ = Reading::kBetween;
   SessionFrames::passed(*open_->frames.newest());
   write_on();
-  return absl::OkStatus();
 }
 
 void StreamCall::on_idle() {

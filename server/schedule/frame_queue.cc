@@ -11,9 +11,15 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
   Frame& frame = *job.frame;
   Renderer& renderer = *frame.renderer;
   if (job.work != Work::kDraw) {
+    std::vector<StageTime> stages;
+    if (frame.source) {
+      const HostStage view("view", &stages);
+      if (absl::Status status = frame.source(frame.memory); !status.ok()) return status;
+    }
     absl::StatusOr<Metered> metered = renderer.meter(frame.memory, frame.settings);
     if (!metered.ok()) return metered.status();
     frame.metered = *std::move(metered);
+    frame.metered->stages.insert(frame.metered->stages.begin(), stages.begin(), stages.end());
   }
   if (job.work == Work::kMeter) {
     FrameReport report;

@@ -27,6 +27,8 @@ struct Frame {
   Settings settings;
   uint64_t sequence = 0;                          // the client's number, which seeds the dither
   std::optional<Metered> metered = std::nullopt;  // set by kMeter and kRender, used by kDraw
+  // Makes the frame's pixels, once, before it is metered. Null: they came from the client.
+  std::function<absl::Status(FrameMemory&)> source = nullptr;
 };
 
 struct RenderedFrame {

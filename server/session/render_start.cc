@@ -62,15 +62,40 @@ absl::StatusOr<Verify> verify_from(const v1::RenderStart& start) {
   return start.error_map() ? Verify::kWithMap : start.verify() ? Verify::kYes : Verify::kNo;
 }
 
+// The server renders a view as a frame of halves.
+absl::StatusOr<WireLayout> view_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
+  if (header.format() != v1::PIXEL_FORMAT_UNSPECIFIED || header.row_stride_bytes() != 0 ||
+      header.total_bytes() != 0) {
+    return absl::InvalidArgumentError(
+        "frame.view is set, and so is frame.format, row_stride_bytes or total_bytes; a view has no pixels on "
+        "the "
+        "wire, so leave them out");
+  }
+  const FrameDesc desc{header.width(), header.height(), v1::PIXEL_FORMAT_RGBA16F};
+  if (absl::Status status = check_frame(desc, limits); !status.ok()) return status;
+  return WireLayout{desc, desc.row_bytes()};
+}
+
 }  // namespace
 
 absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
+  if (header.has_view()) return view_layout_from(header, limits);
   absl::StatusOr<FrameDesc> desc = frame_from(header);
   if (!desc.ok()) return desc.status();
   if (absl::Status status = check_frame(*desc, limits); !status.ok()) return status;
   const absl::StatusOr<uint64_t> stride = row_stride(header, *desc);
   if (!stride.ok()) return stride.status();
   return WireLayout{*desc, *stride};
+}
+
+absl::Status check_primaries_for_view(const Settings& settings) {
+  const bool rec709 = settings->input_primaries() == v1::PRIMARIES_UNSPECIFIED ||
+                      settings->input_primaries() == v1::PRIMARIES_REC709;
+  if (rec709 && !settings->has_input_chromaticities()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "settings.input_primaries or input_chromaticities are set for a view; its light is Rec.709, so leave "
+      "them "
+      "out, and give the panorama's when it is put");
 }
 
 absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits) {
@@ -90,6 +115,9 @@ absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, 
   if (!given.ok()) return given.status();
   const absl::StatusOr<Verify> verify = verify_from(start);
   if (!verify.ok()) return verify.status();
+  if (start.frame().has_view()) {
+    if (absl::Status status = check_primaries_for_view(*settings); !status.ok()) return status;
+  }
   return RenderStart{.desc = layout->desc,
                      .sequence = start.frame().sequence(),
                      .row_stride_bytes = layout->row_stride_bytes,

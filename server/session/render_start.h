@@ -33,7 +33,11 @@ struct WireLayout {
   uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
 };
 
-// check_frame, the row stride and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED.
+// check_frame, the row stride and the total size; of a view, the frame that the server renders it as.
+// INVALID_ARGUMENT or RESOURCE_EXHAUSTED.
 absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits);
+
+// A view's light has Rec.709 primaries: INVALID_ARGUMENT if the settings say anything else.
+absl::Status check_primaries_for_view(const Settings& settings);
 
 }  // namespace candela

@@ -119,8 +119,10 @@ void Recorder::update(const Buffer& buffer, const void* data, uint64_t bytes) {
   vkCmdUpdateBuffer(commands_, buffer.handle(), 0, bytes, data);
 }
 
-void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) {
-  const VkBufferCopy region{0, 0, bytes};
+void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) { copy_from(from, 0, to, bytes); }
+
+void Recorder::copy_from(const Buffer& from, uint64_t offset, const Buffer& to, uint64_t bytes) {
+  const VkBufferCopy region{offset, 0, bytes};
   vkCmdCopyBuffer(commands_, from.handle(), to.handle(), 1, &region);
 }
 

@@ -47,6 +47,8 @@ class Recorder {
   // 65536.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
+  // The same from the byte `offset` of `from` on.
+  void copy_from(const Buffer& from, uint64_t offset, const Buffer& to, uint64_t bytes);
 
   // Everything recorded before is finished and visible, on the device, to everything recorded after. Only a
   // GPU can reveal a missing barrier: the software device runs in order, and synchronisation validation does

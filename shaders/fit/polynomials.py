@@ -11,8 +11,8 @@ degree with the Remez exchange algorithm. That one has the smallest largest erro
 reach ("best"), so the two together say how much a better fit could gain. The script prints both and exits
 with 1 if a stated interval, degree or error does not match.
 
-Errors are absolute, in the unit of the function: EV for log2, 8-bit codes for sRGB. The error of exp2 is
-absolute over [1, 2], so it bounds the relative error.
+Errors are absolute, in the unit of the function: EV for log2, 8-bit codes for sRGB, radians for the arctangent.
+The error of exp2 is absolute over [1, 2], so it bounds the relative error.
 """
 import math
 import pathlib
@@ -28,10 +28,15 @@ def srgb_codes(x):
     return 255 * (1.055 * x ** (1 / 2.4) - 0.055)
 
 
+def angle_over_tangent(s):
+    return math.atan(math.sqrt(s)) / math.sqrt(s) if s > 0 else 1.0
+
+
 # File, function, argument, sum that the statements build up, the true function, the interval, and the unit of
 # the error as a multiple of the polynomial's value.
 POLYNOMIALS = [
     ("ingest.comp", "uint fixed_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
+    ("glsl/environment.glsl", "float turns_of_tangent", "s", "q", angle_over_tangent, (0, 1), 2 * math.pi),
     ("glsl/transfer.glsl", "float exact_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
     ("glsl/transfer.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
     ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),

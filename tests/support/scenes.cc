@@ -7,24 +7,9 @@
 #include <cstring>
 #include <utility>
 
+#include "proto/candela/v1/rgb9e5.h"
+
 namespace candela::testing {
-
-namespace {
-
-uint32_t pack_rgb9e5(const Texel& c) {
-  const float largest = std::max({c[0], c[1], c[2], 0.0f});
-  int exponent = largest > 0 ? std::max(-16, std::ilogb(largest)) + 1 : -15;
-  if (std::round(std::ldexp(largest, 9 - exponent)) > 511) ++exponent;
-  uint32_t word = static_cast<uint32_t>(std::min(exponent + 15, 31)) << 27;
-  for (int k = 0; k < 3; ++k) {
-    const float mantissa =
-        std::round(std::ldexp(std::clamp(c[static_cast<size_t>(k)], 0.0f, 65408.0f), 9 - exponent));
-    word |= static_cast<uint32_t>(std::clamp(mantissa, 0.0f, 511.0f)) << (9 * k);
-  }
-  return word;
-}
-
-}  // namespace
 
 WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, const TexelFunction& texel) {
   WireFrame frame{{width, height, format}, {}};
@@ -40,7 +25,7 @@ WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, co
         for (size_t k = 0; k < 4; ++k) half[k] = imath_float_to_half(c[k]);
         std::memcpy(out, half.data(), 8);
       } else {
-        const uint32_t word = pack_rgb9e5(c);
+        const uint32_t word = v1::pack_rgb9e5({c[0], c[1], c[2]});
         std::memcpy(out, &word, 4);
       }
     }

@@ -10,6 +10,8 @@ namespace candela {
 absl::Status run_render(const RenderOptions& options);
 absl::Status run_stream(const StreamOptions& options);
 absl::Status run_meter(const MeterOptions& options);
+absl::Status run_view(const PanoramaViewOptions& options);
+absl::Status run_environment(const EnvironmentOptions& options);
 absl::Status run_bench(const BenchOptions& options);
 absl::Status run_sample(const SampleOptions& options);
 absl::Status run_report(const ReportOptions& options);

@@ -25,18 +25,12 @@
 #include "client/cli/options/option_words.h"
 #include "client/color/view_error.h"
 #include "client/image/image.h"
-#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
 
 // Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
-
-std::string curve_word(v1::Settings settings) {
-  (void)v1::complete_settings(settings);  // the default, if the user chose none; parsing has checked the rest
-  return v1::word_of(settings.curve());
-}
 
 double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli/files/error_map.h"
+#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -144,6 +145,11 @@ void add_everything(const RenderReport& report, std::string& text,
 
 }  // namespace
 
+std::string curve_word(v1::Settings settings) {
+  (void)v1::complete_settings(settings);  // the default, if the user chose none; parsing has checked the rest
+  return v1::word_of(settings.curve());
+}
+
 std::string to_text(const RenderReport& report, bool verbose) {
   std::string text;
   const auto line = [&text](const char* name, const std::string& words) {
@@ -158,13 +164,16 @@ std::string to_text(const RenderReport& report, bool verbose) {
   return text;
 }
 
+std::string bad_values_note(uint64_t nan, uint64_t infinite) {
+  if (nan + infinite == 0) return "";
+  return absl::StrFormat("%d NaN and %d infinite components were taken as 0 and +-65504", nan, infinite);
+}
+
 std::vector<std::string> notes_for_user(const RenderReport& report) {
   std::vector<std::string> notes = report.notes;
   const v1::FrameStatistics& statistics = report.header.statistics();
-  if (statistics.nan_components() + statistics.infinite_components() > 0) {
-    notes.push_back(absl::StrFormat("%d NaN and %d infinite components were taken as 0 and +-65504",
-                                    statistics.nan_components(), statistics.infinite_components()));
-  }
+  const std::string bad = bad_values_note(statistics.nan_components(), statistics.infinite_components());
+  if (!bad.empty()) notes.push_back(bad);
   return notes;
 }
 
@@ -200,6 +209,7 @@ std::string to_json(const RenderReport& report) {
       {"total_ms", report.total_ms},
       {"notes", report.notes},
   };
+  if (!report.environment.empty()) frame["environment"] = report.environment;
   if (header.has_verify()) {
     frame["verify"] = to_json(header.verify(), report.tone_curve);
     frame["verify_unrounded"] = to_json(header.verify_unrounded(), report.tone_curve);

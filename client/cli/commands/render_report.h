@@ -29,40 +29,47 @@ struct ViewReport {
 struct RenderReport {
   std::string input;
   std::string output;
+  std::string environment;  // the id of the panorama that it is a view of; "": it is a frame
   PrimariesUsed primaries;
   std::string curve;  // its word, or the name of the view of --ocio
   v1::ResultHeader header;
   std::string error_map;  // "" if none is written
   bool metered = true;    // false if the user set the exposure
   std::optional<ViewReport> view;
-  std::optional<ViewError> view_error;  // only with --verify
+  std::optional<ViewError> view_error;                    // only with --verify
   v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
-  // In this order: start, view, read, the server's stages, other, write. The built-in server starts while the
-  // image is read. `other` is the part of the call outside the server's stages: sending, receiving, and
-  // compiling shaders for a first frame.
+  // In this order: start, view, read, the server's stages, other, write; of a view of a panorama: ocio, read,
+  // start, put, the server's stages, other, write. The built-in server starts while the image is read.
+  // `other` is the part of the call outside the server's stages: sending, receiving, and compiling shaders
+  // for a first frame.
   std::vector<std::pair<std::string, double>> stage_ms;
   double total_ms = 0;  // from the start of the command until the file is written
   std::vector<std::string> notes;
 };
 
+// The word of the curve that the settings ask for.
+std::string curve_word(v1::Settings settings);
+
 // The result in one line, with a line end, and if the frame was verified the lines about that. `verbose`: all
 // about it in several lines.
 std::string to_text(const RenderReport& report, bool verbose);
 
+// Says what became of values that were no numbers; "" if there were none.
+std::string bad_values_note(uint64_t nan, uint64_t infinite);
+
 // The report's notes, and one about values that were no numbers, if there were any.
 std::vector<std::string> notes_for_user(const RenderReport& report);
 
-// One object on one line, with the keys input, output, size {width, height}, primaries {name, xy, from} (name
-// null if they have none; from is assumed, file or option), curve, device, tier, tier_reason,
-// exposure, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance, bad_values {nan,
-// inf, negative}, absent_pixels, view
-// {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
-// gamut_cut_components, plan, stage_ms, total_ms, notes. A verified frame also has verify and
-// verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y],
-// differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes,
-// p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map it has
-// error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An infinite number
-// becomes null.
+// One object on one line, with the keys input, output, environment (only of a view), size {width, height},
+// primaries {name, xy, from} (name null if they have none; from is assumed, file or option), curve, device,
+// tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
+// max_luminance, bad_values {nan, inf, negative}, absent_pixels, view {display, view, input, table_size,
+// table_end, max_codes, p999_codes, mean_codes} (null without --ocio), gamut_cut_components, plan, stage_ms,
+// total_ms, notes. A verified frame also has verify and verify_unrounded {against, max_error_codes,
+// p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components, meter_error_ev, bloom_error},
+// with --ocio also verify_view {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x,
+// y], opaque_pixels}, and with --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers
+// read back to the same bits. An infinite number becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

@@ -1,9 +1,14 @@
+#include <half.h>
+
+#include <cstring>
+
 #include "absl/strings/str_format.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/image/sample.h"
+#include "client/image/scenes.h"
 
 namespace candela {
 namespace {
@@ -29,25 +34,55 @@ absl::Status make_sequence(const SampleOptions& options) {
       of, options.frames, options.width, options.height, options.sequence));
 }
 
-}  // namespace
+absl::StatusOr<Image> panorama(uint32_t width, uint32_t height) {
+  absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
+  if (!image.ok()) return image;
+  const scenes::TexelFunction texel = scenes::panorama(width, height);
+  std::byte* out = image->pixels.data();
+  for (uint32_t y = 0; y < height; ++y) {
+    for (uint32_t x = 0; x < width; ++x) {
+      const scenes::Texel rgba = texel(x, y);
+      const half pixel[4] = {half(rgba[0]), half(rgba[1]), half(rgba[2]), half(rgba[3])};
+      std::memcpy(out, pixel, sizeof pixel);
+      out += sizeof pixel;
+    }
+  }
+  return image;
+}
 
-absl::Status run_sample(const SampleOptions& options) {
-  if (!options.sequence.empty()) return make_sequence(options);
-  if (absl::Status status = make_folder_of(options.output); !status.ok()) return status;
-  if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
-  Progress progress(!options.quiet);
-  progress.show("making the scene");
-  const absl::StatusOr<Image> scene = sample_scene(options.width, options.height);
-  if (!scene.ok()) return scene.status();
-  progress.show("writing " + options.output);
-  const absl::StatusOr<std::vector<std::string>> notes = write_image(options.output, *scene);
+// Writes a scene or a panorama.
+absl::Status write_picture(const SampleOptions& options, const std::string& path, Progress& progress) {
+  progress.show("making the picture");
+  const absl::StatusOr<Image> image = options.panorama.empty() ? sample_scene(options.width, options.height)
+                                                               : panorama(options.width, options.height);
+  if (!image.ok()) return image.status();
+  progress.show("writing " + path);
+  const absl::StatusOr<std::vector<std::string>> notes = write_image(path, *image);
   progress.clear();
   if (!notes.ok()) return notes.status();
   if (options.quiet) return absl::OkStatus();
   for (const std::string& note : *notes) print_note(note);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status run_sample(const SampleOptions& options) {
+  if (!options.sequence.empty()) return make_sequence(options);
+  const std::string path = options.output + options.panorama;  // one of them is empty
+  if (absl::Status status = make_folder_of(path); !status.ok()) return status;
+  if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
+  Progress progress(!options.quiet);
+  if (absl::Status status = write_picture(options, path, progress); !status.ok()) return status;
+  if (options.quiet) return absl::OkStatus();
+  if (!options.panorama.empty()) {
+    return print(absl::StrFormat(
+        "%s: %dx%d, a panorama with a sun of 65504. To look into it, run `candela view %s view.png`\n", path,
+        options.width, options.height, path));
+  }
   return print(absl::StrFormat(
       "%s: %dx%d, with a sun of 1e5 and shadows of 1e-3. To view it, run `candela render %s scene.png`\n",
-      options.output, options.width, options.height, options.output));
+      path, options.width, options.height, path));
 }
 
 }  // namespace candela

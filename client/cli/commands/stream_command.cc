@@ -254,11 +254,7 @@ class Streaming {
     resumes_ = stats.resumes;
     progress_.clear();
     if (options_.quiet) return;
-    // The rest of the message tells the user what to do, which the session has done.
-    const std::string loss(stats.last_loss.message());
-    print_note(absl::StrFormat("%s; resumed on %s after %.2f s without losing a frame",
-                               loss.substr(0, loss.find(';')), stats.server,
-                               absl::ToDoubleSeconds(stats.time_without_results)));
+    print_note(resume_words(stats));
   }
 
   void show(uint64_t index) {

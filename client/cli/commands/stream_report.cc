@@ -153,6 +153,16 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
   return text;
 }
 
+std::string resume_words(const SessionStats& stats) {
+  // After OK the server was there, and lacked the panorama of a view.
+  if (stats.last_loss.ok()) return absl::StrFormat("%s had to get the panorama again", stats.server);
+  // The rest of the message tells the user what to do, which the session has done.
+  const std::string loss(stats.last_loss.message());
+  return absl::StrFormat("%s; resumed on %s after %.2f s without losing a frame",
+                         loss.substr(0, loss.find(';')), stats.server,
+                         absl::ToDoubleSeconds(stats.time_without_results));
+}
+
 std::string exposure_words(double exposure) {
   return absl::StrFormat("exposure %.4g (%+.2f EV)", exposure, std::log2(exposure));
 }

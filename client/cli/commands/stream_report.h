@@ -61,6 +61,9 @@ std::string to_json(const StreamSummary& summary);
 // Several lines, each with a line end. `where` names the first and the last image; "": there are none.
 std::string to_text(const StreamSummary& summary, const std::string& where);
 
+// Says that the session lost a server and resumed, in one sentence.
+std::string resume_words(const SessionStats& stats);
+
 // "exposure 1.25 (+0.32 EV)"
 std::string exposure_words(double exposure);
 

@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "client/cli/environment/panorama_options.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/bench_options.h"
 #include "client/cli/options/check_words.h"
@@ -40,6 +41,7 @@ constexpr char kExamples[] =
     "  candela render scene.exr scene.png    render it here, without a server\n"
     "  candela render 'in/*.exr' out/         render each image for itself\n"
     "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
+    "  candela view pano.hdr view.png        look into a panorama\n"
     "  candela info                          describe the device this machine renders on\n"
     "`candela help COMMAND` lists a command's options. $CANDELA_SERVER is the default of --server.";
 
@@ -51,6 +53,9 @@ constexpr char kRenderExamples[] =
     "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -";
 
 constexpr v1::Range<double> kTimeoutSeconds{0.001, 3600};
+// Of `candela sample`.
+constexpr uint32_t kSceneWidth = 1920, kSceneHeight = 1080;
+constexpr uint32_t kPanoramaWidth = 1024, kPanoramaHeight = 512;
 
 constexpr char kStreamExamples[] =
     "Examples:\n"
@@ -65,6 +70,19 @@ constexpr char kMeterExamples[] =
     "  candela stream 'shot/*.exr' out/%04d.png --range 100-149 --exposures shot.json\n"
     "  candela stream 'shot/*.exr' out/%04d.png --locked-exposure shot.json";
 
+constexpr char kViewExamples[] =
+    "Examples:\n"
+    "  candela view pano.hdr view.png --yaw 30 --pitch 10 --fov 70 --objects lookdev\n"
+    "  candela view pano.hdr out/%04d.png --turn 360 --frames 240 --fps 24\n"
+    "  candela view pano.exr out/%04d.png --path keys.json --exposure-plot exposure.svg";
+
+constexpr char kEnvironmentExamples[] =
+    "Examples:\n"
+    "  candela environment pano.hdr pano.ktx2 --sh pano.json --preview pano.png\n"
+    "  candela environment pano.hdr pano.ktx2 --handedness right --roughness-mapping perceptual\n"
+    "  candela environment pano.exr faces/ --size 512\n"
+    "  candela environment pano.exr cross.exr --layout cross";
+
 constexpr char kBenchExamples[] =
     "Examples:\n"
     "  candela bench --server 127.0.0.1:50051 --sessions 4 --size 1280x720\n"
@@ -73,7 +91,8 @@ constexpr char kBenchExamples[] =
 constexpr char kSampleExamples[] =
     "Examples:\n"
     "  candela sample scene.exr --size 1280x720\n"
-    "  candela sample --sequence in --frames 96";
+    "  candela sample --sequence in --frames 96\n"
+    "  candela sample --panorama pano.exr";
 
 constexpr char kReportExamples[] =
     "Examples:\n"
@@ -97,6 +116,8 @@ struct Arguments {
   RenderArguments render;
   StreamArguments stream;
   MeterOptions meter;
+  PanoramaViewArguments view;
+  EnvironmentArguments environment;
   BenchOptions bench;
   SampleOptions sample;
   ReportOptions report;
@@ -106,16 +127,22 @@ struct Arguments {
 };
 
 void add_sample(CLI::App& app, SampleOptions& sample) {
-  app.add_option("OUT", sample.output, "File to write: .exr or .pfm; not with --sequence")->option_text(" ");
+  app.add_option("OUT", sample.output, "File to write: .exr or .pfm; not with --sequence or --panorama")
+      ->option_text(" ");
   add_text(app, "Options", "--size", "WIDTHxHEIGHT",
-           absl::StrFormat("Pixels; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension, v1::kMaxDimension,
-                           sample.width, sample.height),
+           absl::StrFormat("Pixels; 1x1 .. %dx%d (default %dx%d, of a panorama %dx%d)", v1::kMaxDimension,
+                           v1::kMaxDimension, kSceneWidth, kSceneHeight, kPanoramaWidth, kPanoramaHeight),
            [&sample](const std::string& text) { return parse_size(text, sample.width, sample.height); });
   add_text(
       app, "Options", "--sequence", "DIR|PATTERN",
       "Write a sequence instead, to a folder or to a pattern such as in/%04d.exr; in the middle its light "
       "changes by a factor of 2^12",
       sample.sequence);
+  add_text(
+      app, "Options", "--panorama", "FILE",
+      "Write a panorama instead, .exr or .pfm: sky, sun and ground, and at each quarter of the horizon a "
+      "wall of another colour",
+      sample.panorama);
   add_number(
       app, "Options", "--frames", "N", {2, 100000}, static_cast<double>(sample.frames),
       "Frames of the sequence", [&sample](double n) { sample.frames = static_cast<uint64_t>(n); }, true);
@@ -128,6 +155,17 @@ void add_health(CLI::App& app, HealthOptions& health) {
   add_number(app, "Options", "--timeout", "SECONDS", kTimeoutSeconds, absl::ToDoubleSeconds(health.timeout),
              "How long to wait for an answer",
              [&health](double seconds) { health.timeout = absl::Seconds(seconds); });
+}
+
+void define_panoramas(CLI::App& app, Arguments& arguments) {
+  CLI::App& view =
+      *app.add_subcommand("view", "Renders a view of a panorama, or a sequence with a moving camera.");
+  view.footer(kViewExamples);
+  add_panorama_view_options(view, arguments.view);
+  CLI::App& environment = *app.add_subcommand(
+      "environment", "Bakes a panorama into a cube map with specular levels, for renderers and engines.");
+  environment.footer(kEnvironmentExamples);
+  add_environment_options(environment, arguments.environment);
 }
 
 void define(CLI::App& app, Arguments& arguments) {
@@ -149,7 +187,9 @@ void define(CLI::App& app, Arguments& arguments) {
       "Reports the exposure that metering chooses for an image, and why, or for the frames of a shot.");
   meter.footer(kMeterExamples);
   add_meter_options(meter, arguments.meter);
-  CLI::App& sample = *app.add_subcommand("sample", "Makes a procedural HDR scene, or a sequence of them.");
+  define_panoramas(app, arguments);
+  CLI::App& sample =
+      *app.add_subcommand("sample", "Makes a procedural HDR scene, a sequence of them, or a panorama.");
   sample.footer(kSampleExamples);
   add_sample(sample, arguments.sample);
   CLI::App& report = *app.add_subcommand("report", "Measures this machine and writes a report page.");
@@ -187,11 +227,17 @@ std::string help(const CLI::App& app, const CLI::App* command) {
   return absl::StrReplaceAll(text, {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
 }
 
-absl::Status finish_sample_options(const SampleOptions& sample) {
-  if (sample.output.empty() == sample.sequence.empty()) {
-    return usage_error("sample makes a scene or a sequence: give OUT or --sequence DIR, one of them");
+absl::Status finish_sample_options(SampleOptions& sample) {
+  if (!sample.output.empty() + !sample.sequence.empty() + !sample.panorama.empty() != 1) {
+    return usage_error(
+        "sample makes a scene, a sequence or a panorama: give OUT, --sequence DIR or --panorama FILE, one of "
+        "them");
   }
-  std::string path = sample.output;
+  if (sample.width == 0) {
+    sample.width = sample.panorama.empty() ? kSceneWidth : kPanoramaWidth;
+    sample.height = sample.panorama.empty() ? kSceneHeight : kPanoramaHeight;
+  }
+  std::string path = sample.output + sample.panorama;
   if (absl::Status status = check_output_name(path + sample.sequence); !status.ok()) return status;
   if (!sample.sequence.empty()) {
     const absl::StatusOr<OutputNames> names = OutputNames::parse(sample.sequence, ".exr");
@@ -261,6 +307,24 @@ absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<
                     {.adapts = true, .elapsed_seconds = std::numeric_limits<double>::infinity()});
 }
 
+// Of `candela view` and `candela environment`.
+absl::StatusOr<Invocation> finish_panoramas(const CLI::App& app, const std::vector<std::string>& words,
+                                            Arguments& arguments) {
+  if (app.got_subcommand("environment")) {
+    if (absl::Status status = finish_environment_options(arguments.environment); !status.ok()) return status;
+    return with_notes(arguments.environment.options, words, {});
+  }
+  if (absl::Status status = finish_panorama_view_options(arguments.view); !status.ok()) return status;
+  const PanoramaViewOptions& options = arguments.view.options;
+  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
+  return with_notes(options, words,
+                    {.kind = jpeg ? OutputKind::kJpeg : image_kind(options.output),
+                     .view = !options.view.config.empty(),
+                     .adapts = options.is_sequence() || options.previous.exposure() > 0,
+                     .elapsed_seconds = options.is_sequence() ? std::numeric_limits<double>::infinity()
+                                                              : options.previous.elapsed_seconds()});
+}
+
 absl::StatusOr<Invocation> finish_help(const CLI::App& app, const std::string& command) {
   if (command.empty()) return TextToPrint{help(app, nullptr)};
   const auto named = [&command](const CLI::App* known) { return known->check_name(command); };
@@ -282,6 +346,9 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, const std::vector<std::st
                                   Arguments& arguments) {
   if (app.got_subcommand("render") || app.got_subcommand("stream") || app.got_subcommand("meter")) {
     return finish_images(app, words, arguments);
+  }
+  if (app.got_subcommand("view") || app.got_subcommand("environment")) {
+    return finish_panoramas(app, words, arguments);
   }
   if (app.got_subcommand("bench")) {
     if (absl::Status status = finish_server_options(arguments.bench.server); !status.ok()) return status;
@@ -319,7 +386,8 @@ absl::Status refused(const CLI::App& app, const CLI::Error& error) {
                                      commands.empty() ? "" : " " + commands.front()->get_name()));
 }
 
-// The words for CLI11, last one first. All words after "--" are paths. CLI11 gives them to no list of files, so
+// The words for CLI11, last one first. All words after "--" are paths. CLI11 gives them to no list of files,
+// so
 // "--" is left out, and a path that begins with "-" gets "./" before it.
 std::vector<std::string> for_parser(const std::vector<std::string>& words) {
   const auto mark = std::find(words.begin(), words.end(), "--");

@@ -28,6 +28,22 @@ absl::Status conflict(const std::string& one, const std::string& other) {
 
 }  // namespace
 
+void add_previous_options(CLI::App& app, v1::ExposureState& previous) {
+  add_text(
+      app, kExposureSection, "--previous-exposure", "FACTOR",
+      absl::StrFormat(
+          "Exposure of the previous frame, to adapt from; %s (default: none, the frame takes its target)",
+          format_range(v1::kExposureLimit)),
+      [&previous](const std::string& text) {
+        const absl::StatusOr<double> x = parse_number("--previous-exposure", text, v1::kExposureLimit);
+        if (x.ok()) previous.set_exposure(*x);
+        return x.status();
+      });
+  add_number(app, kExposureSection, "--elapsed", "SECONDS", v1::kElapsedSeconds, 0,
+             "Media time since the previous frame",
+             [&previous](double s) { previous.set_elapsed_seconds(s); });
+}
+
 void add_locked_exposure_option(CLI::App& app, std::string& file) {
   add_file(app, kExposureSection, "--locked-exposure",
            "Expose every frame alike: by the locked exposure of this file, which --save-exposures wrote",
@@ -56,10 +72,16 @@ void add_save_exposures_option(CLI::App& app, StreamOptions& options) {
            options.save_exposures);
 }
 
-absl::Status finish_locked_exposure(const RenderOptions& options) {
-  if (options.locked_exposure.empty()) return absl::OkStatus();
-  if (is_manual(options.settings)) return conflict("--locked-exposure", "--exposure");
-  if (options.previous.exposure() != 0) return conflict("--locked-exposure", "--previous-exposure");
+absl::Status finish_previous_options(const v1::ExposureState& previous) {
+  if (previous.exposure() != 0 || previous.elapsed_seconds() == 0) return absl::OkStatus();
+  return usage_error("--elapsed needs --previous-exposure; give both");
+}
+
+absl::Status finish_locked_exposure(const std::string& file, const v1::Settings& settings,
+                                    const v1::ExposureState& previous) {
+  if (file.empty()) return absl::OkStatus();
+  if (is_manual(settings)) return conflict("--locked-exposure", "--exposure");
+  if (previous.exposure() != 0) return conflict("--locked-exposure", "--previous-exposure");
   return absl::OkStatus();
 }
 

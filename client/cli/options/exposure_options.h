@@ -21,8 +21,16 @@ void add_state_option(CLI::App& app, const std::string& section, StreamOptions& 
 // Defines --save-exposures.
 void add_save_exposures_option(CLI::App& app, StreamOptions& options);
 
-// After parsing: refuses --locked-exposure beside options that decide the exposure, too.
-absl::Status finish_locked_exposure(const RenderOptions& options);
+// Defines --previous-exposure and --elapsed.
+void add_previous_options(CLI::App& app, v1::ExposureState& previous);
+
+// After parsing: refuses --elapsed alone.
+absl::Status finish_previous_options(const v1::ExposureState& previous);
+
+// After parsing: refuses --locked-exposure, whose file is `file`, beside options that decide the exposure,
+// too.
+absl::Status finish_locked_exposure(const std::string& file, const v1::Settings& settings,
+                                    const v1::ExposureState& previous);
 
 // After parsing: refuses options that conflict, and notes those that have no effect.
 absl::Status finish_exposure_options(StreamOptions& options);

@@ -37,6 +37,15 @@ constexpr std::pair<const char*, const char*> kCallFields[] = {
     {"frame.media_time_ns", "the frame's media time"},
     {"output_format", "the output's format"},
     {"table", "the view's table"},
+    {"view.camera.fov_deg", "--fov"},
+    {"view.camera.yaw_deg", "--yaw"},
+    {"view.camera.pitch_deg", "--pitch"},
+    {"view.camera.roll_deg", "--roll"},
+    {"view.rotation_deg", "--rotation"},
+    {"view.objects", "--objects"},
+    {"view.samples", "--samples"},
+    {"rotation_deg", "--rotation"},
+    {"roughness_mapping", "--roughness-mapping"},
 };
 
 std::vector<Name> names_for(const v1::Settings& given) {

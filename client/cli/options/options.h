@@ -12,8 +12,10 @@
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/sequence.h"
 #include "client/color/view_table.h"
+#include "client/environment/baked_environment.h"
 #include "client/image/image.h"
 #include "client/security.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 
@@ -79,6 +81,58 @@ struct MeterOptions : StreamOptions {
   MeterOptions() { encoding = v1::ENCODING_NONE; }
 };
 
+// Views of a panorama: one picture, or a sequence if the camera moves.
+struct PanoramaViewOptions : PictureOptions {
+  PanoramaViewOptions() { camera.set_fov_deg(v1::kDefaultFovDeg); }
+
+  std::string panorama;
+  std::string output;  // a file; for a sequence a pattern with a number, or a folder
+  uint32_t width = 1280;
+  uint32_t height = 720;
+  v1::Camera camera;  // its angles and its field of view; of a sequence, where it begins
+  double rotation_deg = 0;
+  uint32_t samples = v1::kDefaultViewSamples;
+  std::string objects;             // "lookdev", a file, "" for none
+  std::optional<double> turn_deg;  // over the whole sequence
+  std::string camera_path;         // a file of keys, "" for none; not with `turn_deg`
+  std::optional<uint64_t> frames;  // of a sequence
+  std::optional<FrameRate> rate;
+  uint32_t lookahead = 0;
+  v1::Encoding encoding = v1::ENCODING_RAW;
+  std::string session;
+  v1::ExposureState previous;   // exposure 0: none
+  std::string locked_exposure;  // as in StreamOptions
+  ServerChoice server;
+  std::string plot;  // as in StreamOptions
+  std::string json;  // as in RenderOptions
+  bool quiet = false;
+  bool verbose = false;
+
+  bool is_sequence() const { return turn_deg || !camera_path.empty(); }
+};
+
+// How a baked environment becomes files.
+enum class EnvironmentLayout { kFaces, kCross, kEquirectangular };
+
+// The cube map of a panorama. Of the settings, only the panorama's primaries, bad values and the tier count.
+struct EnvironmentOptions : PictureOptions {
+  std::string panorama;
+  std::string output;              // a .ktx2, an .exr, or a folder
+  uint32_t size = 0;               // texels along a face's side; 0: by the panorama's width
+  std::optional<uint32_t> levels;  // nothing: all, or one for an .exr
+  v1::RoughnessMapping roughness_mapping = v1::ROUGHNESS_MAPPING_LINEAR;
+  EnvironmentLayout layout = EnvironmentLayout::kFaces;
+  Handedness handedness = Handedness::kLeft;
+  double rotation_deg = 0;
+  CubeFormat format = CubeFormat::kRgba16f;
+  bool verify = false;    // measure the levels' errors
+  std::string harmonics;  // a .json, "" for none
+  std::string preview;    // a .png, "" for none
+  ServerChoice server;
+  std::string json;  // as in RenderOptions
+  bool quiet = false;
+};
+
 struct BenchOptions {
   uint32_t sessions = 1;
   uint32_t width = 1920;
@@ -93,12 +147,14 @@ struct BenchOptions {
   bool quiet = false;
 };
 
+// One of `output`, `sequence` and `panorama` is not empty.
 struct SampleOptions {
-  std::string output;    // a scene; empty: a sequence
-  std::string sequence;  // a pattern with %d, or a folder; empty: a scene
+  std::string output;    // a scene
+  std::string sequence;  // a pattern with %d, or a folder
+  std::string panorama;  // a panorama
   uint64_t frames = 48;  // length of a sequence
-  uint32_t width = 1920;
-  uint32_t height = 1080;
+  uint32_t width = 0;    // 0, until parsing ends: not given
+  uint32_t height = 0;
   bool quiet = false;
 };
 
@@ -128,8 +184,9 @@ struct TextToPrint {
   std::string text;  // --help, --version
 };
 
-using Invocation = std::variant<TextToPrint, RenderOptions, StreamOptions, MeterOptions, BenchOptions,
-                                SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
+using Invocation =
+    std::variant<TextToPrint, RenderOptions, StreamOptions, MeterOptions, PanoramaViewOptions,
+                 EnvironmentOptions, BenchOptions, SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
 
 // Reads nothing but its arguments. Every failure is a usage error (see usage.h) of one line that says how to
 // correct the command.

@@ -18,22 +18,6 @@ namespace {
 
 constexpr char kVerification[] = "Verification";
 
-void add_previous_options(CLI::App& app, RenderOptions& options) {
-  add_text(
-      app, kExposureSection, "--previous-exposure", "FACTOR",
-      absl::StrFormat(
-          "Exposure of the previous frame, to adapt from; %s (default: none, the frame takes its target)",
-          format_range(v1::kExposureLimit)),
-      [&options](const std::string& text) {
-        const absl::StatusOr<double> x = parse_number("--previous-exposure", text, v1::kExposureLimit);
-        if (x.ok()) options.previous.set_exposure(*x);
-        return x.status();
-      });
-  add_number(app, kExposureSection, "--elapsed", "SECONDS", v1::kElapsedSeconds, 0,
-             "Media time since the previous frame",
-             [&options](double s) { options.previous.set_elapsed_seconds(s); });
-}
-
 void add_verification_options(CLI::App& app, RenderOptions& options) {
   app.add_flag("--verify", options.verify,
                "Compare the image with the float64 reference and report the error; takes seconds")
@@ -128,7 +112,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_choice_options(app, options.shown);
   add_settings_options(app, options.settings);
   add_view_options(app, options.view);
-  add_previous_options(app, options);
+  add_previous_options(app, options.previous);
   add_locked_exposure_option(app, options.locked_exposure);
   add_verification_options(app, options);
   add_text(app, kOutputSection, "--as", "KIND",
@@ -151,10 +135,8 @@ absl::Status finish_render_options(RenderArguments& arguments) {
           ? options.output
           : (std::filesystem::path(options.output) / ("*" + options.extension)).string();
   absl::Status status = finish_picture_options(options, arguments.picture, output);
-  if (options.previous.exposure() == 0 && options.previous.elapsed_seconds() != 0) {
-    status.Update(usage_error("--elapsed needs --previous-exposure; give both"));
-  }
-  status.Update(finish_locked_exposure(options));
+  status.Update(finish_previous_options(options.previous));
+  status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
   status.Update(check_error_map(options));
   status.Update(finish_server_options(options.server, true));
   return status;

@@ -23,6 +23,8 @@ inline constexpr BandKind kImageBand{2, 3};        // RenderResponse.band
 inline constexpr BandKind kErrorMapBand{3, 3};     // RenderResponse.error_map
 inline constexpr BandKind kStreamFrameBand{2, 4};  // StreamRequest.band
 inline constexpr BandKind kStreamImageBand{2, 6};  // StreamResponse.band
+inline constexpr BandKind kPanoramaBand{2, 2};     // PutEnvironmentRequest.band
+inline constexpr BandKind kBakeBand{3, 3};         // BakeEnvironmentResponse.band
 
 // Makes a message with one band that begins at row `first_row`. `pixels` is not empty and is not copied; the
 // message keeps a reference to it.

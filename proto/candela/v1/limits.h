@@ -34,6 +34,19 @@ inline constexpr Range<uint32_t> kTableSize{2, 65};              // points a sid
 inline constexpr Range<double> kTableEnd{1.0, 65504.0};          // exposed light
 inline constexpr float kDefaultTableEnd = 32.0f;
 
+// Environments and views; docs/environments.md.
+inline constexpr uint32_t kMaxPanoramaWidth = 8192;   // pixels
+inline constexpr uint32_t kMaxPanoramaHeight = 4096;  // pixels
+inline constexpr uint32_t kMaxObjects = 64;           // of a view
+inline constexpr Range<double> kFovDeg{1.0, 170.0};
+inline constexpr double kDefaultFovDeg = 60.0;
+inline constexpr Range<double> kRotationDeg{-360.0, 360.0};
+inline constexpr Range<double> kCameraAngleDeg{-360000.0, 360000.0};
+inline constexpr double kMaxCoordinate = 1e6;   // of a camera or a sphere, and its radius
+inline constexpr double kUnitTolerance = 1e-3;  // of a quaternion's length
+inline constexpr uint32_t kDefaultViewSamples = 4;
+inline constexpr Range<uint32_t> kCubeSize{16, 4096};  // a power of two
+
 // Sessions.
 inline constexpr Range<uint32_t> kLookahead{0, 16};         // frames
 inline constexpr Range<double> kCutThresholdEv{0.0, 16.0};  // 0: no detection

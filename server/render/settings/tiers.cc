@@ -15,7 +15,9 @@ constexpr Tier kTiers[] = {
      .wide_table_size = 49,
      .table_codes = {9, 20, 3.3},
      .wide_table_codes = {12, 22, 13},
-     .host_reference = false},
+     .host_reference = false,
+     .cube_samples = 4,
+     .specular_detail = 0.55},
     {.name = "standard",
      .summary = "all of the pipeline in float32, sRGB within 0.0001 code; aces-1 by 65^3 points (wide-gamut "
                 "frames: 97^3)",
@@ -26,7 +28,9 @@ constexpr Tier kTiers[] = {
      .wide_table_size = 97,
      .table_codes = {1.9, 9, 2.2},
      .wide_table_codes = {6, 12, 13},
-     .host_reference = false},
+     .host_reference = false,
+     .cube_samples = 4,
+     .specular_detail = 0.3},
     {.name = "reference",
      .summary = "the float64 reference itself, on the host, from a scene that is not rounded to halves; slow",
      .bloom_level_size = 2,
@@ -36,7 +40,9 @@ constexpr Tier kTiers[] = {
      .wide_table_size = 0,
      .table_codes = {},
      .wide_table_codes = {},
-     .host_reference = true},
+     .host_reference = true,
+     .cube_samples = 16,
+     .specular_detail = 0.1},
 };
 
 }  // namespace

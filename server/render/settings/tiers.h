@@ -36,6 +36,11 @@ struct Tier {
   // Bloom and resolve run in the float64 reference on the host, and the scene is not rounded to halves. A
   // large frame takes seconds.
   bool host_reference;
+  // Baking of environments (docs/environments.md), on the device in every tier. K for a panorama whose texels
+  // are as large as those of level 0, and the largest side of a texel of the chain that a specular level
+  // takes whole, by the distance over which the lobe changes there.
+  uint32_t cube_samples;
+  double specular_detail;
 };
 
 // Cheapest first, and each is at least as accurate as the ones before it.

@@ -19,7 +19,8 @@ from scenes import NAN, write_pfm  # noqa: E402
 
 DAEMON = "candelad"
 # Times and names differ from run to run; everything else of a command's JSON is its result.
-UNSTEADY = ("_ms", "seconds", "server", "device", "output", "plan", "frames_per_second", "per_session", "window_fps")
+UNSTEADY = ("_ms", "seconds", "server", "device", "output", "plan", "frames_per_second", "per_session", "window_fps",
+            "files")
 
 
 class Run:
@@ -82,6 +83,8 @@ class Bench:
 
     def _make_scenes(self) -> None:
         self("sample scene.exr --size 96x64 -q")
+        self("sample --panorama pano.exr --size 128x64 -q")
+        (self.folder / "keys.json").write_text('{"keys": [{"time": 0}, {"time": 1, "yaw": 90}]}')
         self("sample --sequence film --size 48x32 --frames 6 -q")
         write_pfm(self.folder / "nan.pfm", 4, 4, [NAN] + [0.25 * i for i in range(47)])
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}

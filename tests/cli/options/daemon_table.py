@@ -14,7 +14,8 @@ from table import hold
 
 LIMITS = {"--memory-budget": ("64MiB", "memory_budget_bytes", 64 << 20), "--max-frame-bytes": ("1MiB", "max_frame_bytes", 1 << 20),
           "--max-dimension": ("77", "max_dimension", 77), "--max-sessions": ("3", "max_sessions", 3),
-          "--max-frames-in-flight": ("5", "max_frames_in_flight", 5)}
+          "--max-frames-in-flight": ("5", "max_frames_in_flight", 5),
+          "--environment-budget": ("32MiB", "environment_budget_bytes", 32 << 20)}
 
 
 def info(daemon: Daemon):

@@ -7,7 +7,7 @@ import json
 
 from bench import Bench, Run
 
-SERVERS = ("render", "stream", "meter", "report", "bench", "info")  # that can also render without a daemon
+SERVERS = ("render", "stream", "meter", "view", "environment", "report", "bench", "info")  # that can also render without a daemon
 GUARDS = {"--tls-ca": "ca.pem", "--tls-cert": "client.pem", "--tls-key": "client.key", "--tls-name": "candela.test",
           "--token-file": "tokens"}
 
@@ -30,6 +30,8 @@ def ok(run: Run, line: str) -> Run:
 LINES = {"render": "render scene.exr OUT/o.png --json - -q --server PLAIN {}",
          "stream": "stream film OUT/%04d.png --fps 24 --json - -q --server PLAIN {}",
          "meter": "meter scene.exr --json - -q --server PLAIN {}",
+         "view": "view pano.exr OUT/o.png --size 48x32 --yaw 40 --pitch 20 --json - -q --server PLAIN {}",
+         "environment": "environment pano.exr OUT/o.ktx2 --json - -q --server PLAIN {}",
          "info": "info --json - {}", "health": "health --server PLAIN {}",
          "bench": "bench --size 64x36 --seconds 0.3 --json - -q --server PLAIN {}"}
 
@@ -123,11 +125,17 @@ def plural(film: str) -> str:
             "meter": f"meter {film} --json - -q --server PLAIN {{}}"}
 
 
-METERED = {  # of render, stream and meter
+# The outputs of one file.
+OUTPUTS = {"render": "OUT/o.png", "stream": "OUT/%d.png", "meter": "", "view": "OUT/o.png --size 48x32", "environment": "OUT/o.ktx2"}
+INPUT = {  # of render, stream, meter, view and environment
     "--bad-values": lambda c: needs("--bad-values scrub", "--bad-values reject",
-                                    f"{c} nan.pfm {'OUT/%d.png' if c == 'stream' else 'OUT/o.png' if c == 'render' else ''} "
-                                    "--json - -q --server PLAIN {}", "NaN"),
+                                    f"{c} nan.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "NaN"),
     "--primaries": lambda c: each_word("--primaries"),
+    "--layer": lambda c: changes("--layer key", line=one_file(c, "layers")),
+    "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
+    "--view": lambda c: changes("--view right", line=one_file(c, "views")),
+}
+METERED = {  # of render, stream, meter and view
     "--white-balance": lambda c: changes("--white-balance 3200"),
     "--tint": lambda c: changes("--tint 0.5", "--white-balance 5000"),
     "--exposure": lambda c: changes("--exposure 2"),
@@ -140,17 +148,12 @@ METERED = {  # of render, stream and meter
     "--weights": lambda c: each_word("--weights", but=("spot",)),
     "--spot": lambda c: changes("--spot 0,0,9,9"),
     "--ignore-below": lambda c: changes("--ignore-below 0.2"),
-    "--layer": lambda c: changes("--layer key", line=one_file(c, "layers")),
-    "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
-    "--view": lambda c: changes("--view right", line=one_file(c, "views")),
-    "--alpha": lambda c: alpha(c),
 }
 
 
 def one_file(command: str, name: str) -> str:
-    return {"render": f"render {name}.exr OUT/o.png --json - -q --server PLAIN {{}}",
-            "meter": f"meter {name}.exr --json - -q --server PLAIN {{}}",
-            "stream": f"stream {name}.0001.exr OUT/%04d.png --json - -q --server PLAIN {{}}"}[command]
+    number = ".0001" if command == "stream" else ""
+    return f"{command} {name}{number}.exr {OUTPUTS[command]} --json - -q --server PLAIN {{}}"
 
 
 def alpha(command: str):
@@ -159,7 +162,13 @@ def alpha(command: str):
     return each_word("--alpha", line=one_file(command, "alpha"), but=("over",))  # over black is what ignore shows
 
 
-DRAWN = {  # of render and stream
+OVER = {  # of frames, which may have alpha
+    "--alpha": lambda c: alpha(c),
+}
+BEHIND = {  # of render and stream
+    "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
+}
+DRAWN = {  # of render, stream and view
     "--locked-exposure": lambda c: changes("--locked-exposure shot.json"),
     "--curve": lambda c: each_word("--curve"),
     "--curve-white": lambda c: changes("--curve-white 2", "--curve reinhard-extended"),
@@ -175,7 +184,6 @@ DRAWN = {  # of render and stream
     "--bloom-softness": lambda c: changes("--bloom-softness 0", "--bloom-intensity 1 --bloom-threshold 0.5"),
     "--bloom-levels": lambda c: changes("--bloom-levels 2", "--bloom-intensity 1"),
     "--bloom-firefly": lambda c: changes("--bloom-firefly off", "--bloom-intensity 1"),
-    "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
     "--bits": lambda c: changes("--bits 16"),
     "--quality": lambda c: changes("--quality 20", line=LINES[c].replace(".png", ".jpg")),
     "--ocio": lambda c: changes("--ocio studio.ocio"),
@@ -203,19 +211,59 @@ SEQUENCED = {  # of stream and meter
     "--resume": lambda c: needs("--resume 1", "--resume -1", plural("film")[c], "--resume"),
 }
 MOMENT = "--previous-exposure 0.01 --elapsed 0.2 "
-RENDERED = {  # of render alone
+MOMENTARY = {  # of render and view
     "--previous-exposure": lambda c: changes("--previous-exposure 0.01 --elapsed 0.1"),
     "--elapsed": lambda c: changes("--elapsed 2", "--previous-exposure 0.01"),
     "--adaptation": lambda c: each_word("--adaptation", MOMENT),
     "--speed-up": lambda c: changes("--speed-up 0.1", MOMENT),
     "--speed-down": lambda c: changes("--speed-down 9", "--previous-exposure 60 --elapsed 0.2"),
-    "--resume": lambda c: needs("--resume 1", "--resume -1", LINES["render"], "--resume"),
+    "--resume": lambda c: needs("--resume 1", "--resume -1", LINES[c], "--resume"),
+}
+RENDERED = {  # of render alone
     "--as": lambda c: each_word("--as", line="render scene.exr alpha.exr OUT/all/ -q --server PLAIN {}"),
     "--verify": lambda c: shows(LINES["render"].format("--verify"), lambda run: "verify" in run.lines()[0], "no verify in it"),
     "--error-map": lambda c: shows(LINES["render"].format("--error-map OUT/map.png"),
                                    lambda run: run.files["map.png"].startswith(b"\x89PNG"), "there is no map"),
     "--verbose": lambda c: shows("render scene.exr OUT/o.png -v --server PLAIN",
                                  lambda run: len((run.out + run.err).splitlines()) > 3, "-v prints no more than a line"),
+}
+TURN = "view pano.exr OUT/%04d.png --size 32x24 --frames 4 --json - -q --server PLAIN --turn 90 {}"
+VIEWED = {  # of view alone
+    "--yaw": lambda c: changes("--yaw 50"),
+    "--pitch": lambda c: changes("--pitch 50"),
+    "--roll": lambda c: changes("--roll 50"),
+    "--fov": lambda c: changes("--fov 50"),
+    "--size": lambda c: changes("--size 32x48"),
+    "--samples": lambda c: each_word("--samples", "--objects lookdev", words=("1", "4", "16")),
+    "--rotation": lambda c: changes("--rotation 50"),
+    "--objects": lambda c: changes("--objects lookdev"),
+    "--turn": lambda c: changes("--turn 80", line=TURN),
+    "--path": lambda c: shows(TURN.replace("--turn 90", "--path keys.json").format(""), lambda run: len(run.files) == 4, "no 4 files"),
+    "--frames": lambda c: shows(TURN.format("--frames 2"), lambda run: len(run.files) == 2, "no 2 files"),
+    "--fps": lambda c: changes("--fps 2", line=TURN),
+    "--lookahead": lambda c: changes("--lookahead 2", line=TURN),
+    "--session": lambda c: needs("--session day-1", "--session a/b", TURN, "--session"),
+    "--encoding": lambda c: needs("--encoding png", "--encoding webp", TURN, "webp"),
+    "--exposure-plot": lambda c: shows(TURN.format("--exposure-plot OUT/plot.svg"),
+                                       lambda run: b"<svg" in run.files["plot.svg"], "the plot is no SVG"),
+    "--verbose": lambda c: shows("view pano.exr OUT/o.png --size 8x8 -v --server PLAIN",
+                                 lambda run: len((run.out + run.err).splitlines()) > 3, "-v prints no more than a line"),
+}
+BAKED = {  # of environment alone
+    "--size": lambda c: changes("--size 16"),
+    "--levels": lambda c: changes("--levels 1"),
+    "--roughness-mapping": lambda c: each_word("--roughness-mapping", "--size 64"),
+    "--layout": lambda c: each_word("--layout", line=LINES[c].replace(".ktx2", ".exr"), words=("equirectangular", "cross")),
+    "--handedness": lambda c: each_word("--handedness", words=("left", "right")),
+    "--rotation": lambda c: changes("--rotation 50"),
+    "--format": lambda c: each_word("--format"),
+    "--tier": lambda c: each_word("--tier", words=("draft", "standard", "reference")),
+    "--verify": lambda c: shows(LINES[c].format("--verify"), lambda run: run.lines()[0]["levels"][0]["error"] > 0, "no error"),
+    "--sh": lambda c: shows(LINES[c].format("--sh OUT/sh.json"),
+                            lambda run: len(json.loads(run.files["sh.json"])["radiance"]) == 9, "no 9 coefficients"),
+    "--preview": lambda c: shows(LINES[c].format("--preview OUT/p.png"),
+                                 lambda run: run.files["p.png"].startswith(b"\x89PNG"), "there is no preview"),
+    "--resume": lambda c: needs("--resume 1", "--resume -1", LINES[c], "--resume"),
 }
 STREAMED = {  # of stream alone
     "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
@@ -267,8 +315,11 @@ def quick_report(bench: Bench, _: str) -> None:
 def table(command: str) -> dict:
     """The checks of a command by option."""
     rows = {}
-    for group, commands in ((METERED, ("render", "stream", "meter")), (DRAWN, ("render", "stream")),
-                            (SEQUENCED, ("stream", "meter")), (RENDERED, ("render",)), (STREAMED, ("stream",))):
+    for group, commands in ((INPUT, ("render", "stream", "meter", "view", "environment")),
+                            (METERED, ("render", "stream", "meter", "view")), (OVER, ("render", "stream", "meter")),
+                            (BEHIND, ("render", "stream")), (DRAWN, ("render", "stream", "view")),
+                            (SEQUENCED, ("stream", "meter")), (MOMENTARY, ("render", "view")), (RENDERED, ("render",)),
+                            (STREAMED, ("stream",)), (VIEWED, ("view",)), (BAKED, ("environment",))):
         if command in commands:
             rows |= {option: check(command) for option, check in group.items()}
     rows |= {option: guarded(option) for option in GUARDS if command != "sample"}
@@ -298,6 +349,7 @@ OTHERS = {
     "meter": {"--tier": changes("--tier reference")},
     "sample": {"--size": changes("--size 9x5", line="sample OUT/s.pfm -q {}", base="--size 8x8"),
                "--sequence": shows("sample --sequence OUT --size 8x8 --frames 3 -q", lambda run: len(run.files) == 3, "no 3 files"),
+               "--panorama": shows("sample --panorama OUT/p.exr --size 16x8 -q", lambda run: len(run.files) == 1, "no file"),
                "--frames": changes("--frames 3", line="sample --sequence OUT --size 8x8 -q {}")},
     "bench": {"--sessions": shows(LINES["bench"].format("--sessions 2"), lambda run: run.lines()[0]["sessions"] == 2, "not 2"),
               "--size": shows(LINES["bench"].format(""), lambda run: run.lines()[0]["width"] == 64, "not 64 wide"),

@@ -1,0 +1,209 @@
+#include <bit>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/cli/environment/panorama_options.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/settings_options.h"
+#include "client/cli/options/usage.h"
+#include "proto/candela/v1/settings.h"
+
+namespace candela {
+namespace {
+
+constexpr char kCube[] = "Cube map";
+constexpr v1::Range<double> kLevels{1, 9};
+
+// A word of an option and what it means.
+template <typename Value>
+using Words = std::vector<std::pair<std::string, Value>>;
+
+template <typename Value>
+absl::StatusOr<Value> value_of(const Words<Value>& words, const std::string& what, const std::string& typed) {
+  std::vector<std::string> known;
+  for (const auto& [word, value] : words) {
+    if (absl::EqualsIgnoreCase(word, typed)) return value;
+    known.push_back(word);
+  }
+  return unknown_word(what, typed, known);
+}
+
+// "HELP: one, two (default one)"
+template <typename Value>
+void add_words(CLI::App& app, const char* name, const std::string& help, const Words<Value>& words,
+               Value& chosen) {
+  std::vector<std::string> known;
+  for (const auto& [word, value] : words) known.push_back(word);
+  add_text(app, kCube, name, "NAME",
+           absl::StrFormat("%s: %s (default %s)", help, absl::StrJoin(known, ", "), known.front()),
+           [name, words, &chosen](const std::string& typed) {
+             const absl::StatusOr<Value> value = value_of(words, std::string(name) + " word", typed);
+             if (value.ok()) chosen = *value;
+             return value.status();
+           });
+}
+
+const Words<EnvironmentLayout>& layouts() {
+  static const Words<EnvironmentLayout> words = {{"faces", EnvironmentLayout::kFaces},
+                                                 {"cross", EnvironmentLayout::kCross},
+                                                 {"equirectangular", EnvironmentLayout::kEquirectangular}};
+  return words;
+}
+
+bool is_about_panoramas(const v1::SettingField& setting) {
+  const std::string& flag = setting.declaration().flag();
+  return flag == "primaries" || flag == "bad-values" || flag == "tier";
+}
+
+absl::Status set_size(EnvironmentOptions& options, const std::string& text) {
+  const v1::Range<double> range{v1::kCubeSize.min, v1::kCubeSize.max};
+  const absl::StatusOr<double> size = parse_number("--size", text, range, true);
+  if (!size.ok()) return size.status();
+  if (!std::has_single_bit(static_cast<uint32_t>(*size))) {
+    return usage_error(
+        absl::StrFormat("--size is %s; it must be a power of two, %s", text, format_range(range)));
+  }
+  options.size = static_cast<uint32_t>(*size);
+  return absl::OkStatus();
+}
+
+void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
+  EnvironmentOptions& options = arguments.options;
+  add_text(app, kCube, "--size", "N",
+           absl::StrFormat("Texels along a face's side: a power of two, %d .. %d (default: by the panorama's "
+                           "width, a quarter of it or the next larger one, 16 .. 2048)",
+                           v1::kCubeSize.min, v1::kCubeSize.max),
+           [&options](const std::string& text) { return set_size(options, text); });
+  add_text(app, kCube, "--levels", "N",
+           absl::StrFormat("Levels, each half as large and rougher; %s (default: all, down to 16 x 16; of an "
+                           ".exr one)",
+                           format_range(kLevels)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> levels = parse_number("--levels", text, kLevels, true);
+             if (levels.ok()) options.levels = static_cast<uint32_t>(*levels);
+             return levels.status();
+           });
+  add_enum<v1::RoughnessMapping>(
+      app, kCube, "--roughness-mapping", "roughness mapping", v1::ROUGHNESS_MAPPING_LINEAR,
+      "Roughness of level i of n: i / (n - 1), or 1 - sqrt(1 - i / (n - 1))",
+      [&options](v1::RoughnessMapping mapping) { options.roughness_mapping = mapping; });
+  add_text(
+      app, kCube, "--layout", "NAME",
+      "Of an .exr: equirectangular, cross; of a .ktx2 or a folder: faces (default: the first that OUT can "
+      "have)",
+      arguments.layout);
+  add_text(app, kCube, "--handedness", "left|right",
+           "Of faces: left as KTX2 asks and three.js samples, right as Filament and Khronos' glTF viewer do "
+           "(default left)",
+           [&arguments](const std::string& typed) {
+             const absl::StatusOr<Handedness> hand = value_of<Handedness>(
+                 {{"left", Handedness::kLeft}, {"right", Handedness::kRight}}, "handedness", typed);
+             if (hand.ok()) arguments.options.handedness = *hand;
+             arguments.handed = true;
+             return hand.status();
+           });
+  add_rotation_option(app, kCube, options.rotation_deg);
+  add_words<CubeFormat>(app, "--format", "Of texels",
+                        {{"rgba16f", CubeFormat::kRgba16f}, {"rgb9e5", CubeFormat::kRgb9e5}}, options.format);
+}
+
+void add_files(CLI::App& app, EnvironmentOptions& options) {
+  const auto add = [&app](const char* name, const char* extension, const std::string& help, std::string& to) {
+    add_text(app, kOutputSection, name, absl::StrCat("FILE", extension), help,
+             [name, extension, &to](const std::string& path) {
+               const std::string has = std::filesystem::path(path).extension().string();
+               if (absl::AsciiStrToLower(has) != extension) {
+                 return usage_error(absl::StrFormat("%s %s: it is written as %s", name, path, extension));
+               }
+               to = path;
+               return absl::OkStatus();
+             });
+  };
+  add("--sh", ".json", "Write the spherical harmonics of radiance and irradiance", options.harmonics);
+  add("--preview", ".png",
+      "Draw the levels, as they are rendered with the default settings but without bloom", options.preview);
+}
+
+bool is_folder(const std::string& path) {
+  std::error_code failed;
+  return absl::EndsWith(path, "/") || std::filesystem::is_directory(path, failed);
+}
+
+// The layouts that the output can have; the first is the default.
+absl::StatusOr<std::vector<EnvironmentLayout>> layouts_of(const std::string& output) {
+  if (is_folder(output)) return std::vector{EnvironmentLayout::kFaces};
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
+  if (extension == ".ktx2") return std::vector{EnvironmentLayout::kFaces};
+  if (extension == ".exr") {
+    return std::vector{EnvironmentLayout::kEquirectangular, EnvironmentLayout::kCross};
+  }
+  return usage_error(
+      absl::StrFormat("%s: an environment is written as .ktx2, as .exr, or into a folder, such as %s/",
+                      output, std::filesystem::path(output).stem().string()));
+}
+
+absl::Status choose_layout(EnvironmentArguments& arguments) {
+  EnvironmentOptions& options = arguments.options;
+  const absl::StatusOr<std::vector<EnvironmentLayout>> possible = layouts_of(options.output);
+  if (!possible.ok()) return possible.status();
+  options.layout = possible->front();
+  if (arguments.layout.empty()) return absl::OkStatus();
+  const absl::StatusOr<EnvironmentLayout> layout = value_of(layouts(), "layout", arguments.layout);
+  if (!layout.ok()) return layout.status();
+  options.layout = *layout;
+  for (const EnvironmentLayout one : *possible) {
+    if (one == *layout) return absl::OkStatus();
+  }
+  return usage_error(absl::StrFormat(
+      "--layout %s: %s cannot have it; .exr files are equirectangular or cross, .ktx2 files and folders have "
+      "faces",
+      arguments.layout, options.output));
+}
+
+}  // namespace
+
+void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
+  EnvironmentOptions& options = arguments.options;
+  app.add_option("PANO", options.panorama,
+                 "Panorama in the equirectangular projection, twice as wide as high: OpenEXR, Radiance .hdr "
+                 "or PFM")
+      ->required()
+      ->option_text(" ");
+  app.add_option("OUT", options.output,
+                 "A .ktx2 with all levels; an .exr of one picture a level, where level 1 of NAME.exr is "
+                 "NAME.level1.exr; or a folder, DIR/, with six .exr faces a level")
+      ->required()
+      ->option_text(" ");
+  add_cube_options(app, arguments);
+  add_choice_options(app, options.shown);
+  add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
+           options.shown.view);
+  add_settings_options(app, options.settings, is_about_panoramas);
+  add_files(app, options);
+  app.add_flag("--verify", options.verify, "Measure each level's error against the float64 reference")
+      ->group(kOutputSection);
+  add_json_option(app, kOutputSection, "Write what was baked, and the times, as one line of JSON",
+                  options.json);
+  add_quiet_option(app, kOutputSection, options.quiet);
+  add_servers_options(app, options.server);
+}
+
+absl::Status finish_environment_options(EnvironmentArguments& arguments) {
+  EnvironmentOptions& options = arguments.options;
+  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
+  if (absl::Status status = choose_layout(arguments); !status.ok()) return status;
+  if (!options.levels && options.layout != EnvironmentLayout::kFaces) options.levels = 1;
+  if (arguments.handed && options.layout != EnvironmentLayout::kFaces) {
+    options.notes.push_back("--handedness changes nothing: only faces have one");
+  }
+  return finish_server_options(options.server, true);
+}
+
+}  // namespace candela

@@ -1,0 +1,314 @@
+// `candela environment`: the cube map of a panorama as files.
+#include <OpenEXR/ImfThreading.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/commands/render_report.h"
+#include "client/cli/commands/server_link.h"
+#include "client/cli/environment/environment_preview.h"
+#include "client/cli/environment/environment_report.h"
+#include "client/cli/environment/panorama_file.h"
+#include "client/cli/files/frame_files.h"
+#include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
+#include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
+#include "client/cli/options/usage.h"
+#include "client/environment/environment_files.h"
+#include "client/environment/pictures.h"
+#include "client/image/write/atomic_file.h"
+
+namespace candela {
+namespace {
+namespace fs = std::filesystem;
+
+// Ends the wait for a server that never answers.
+constexpr absl::Duration kBakeTimeout = absl::Minutes(30);
+
+constexpr double kLeastMetered = 1e-6;  // luminance of a preview's pixels
+
+constexpr uint32_t kSmallestLevel = 16;  // texels along a face's side
+
+double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
+
+bool has_faces(const EnvironmentOptions& options) { return options.layout == EnvironmentLayout::kFaces; }
+
+bool is_ktx2(const EnvironmentOptions& options) {
+  std::error_code failed;
+  return has_faces(options) && !fs::is_directory(options.output, failed) &&
+         absl::AsciiStrToLower(fs::path(options.output).extension().string()) == ".ktx2";
+}
+
+// The picture of a level: OUT.exr, OUT.level1.exr, ...
+std::string picture_path(const EnvironmentOptions& options, size_t level) {
+  if (level == 0) return options.output;
+  const fs::path path(options.output);
+  const std::string name =
+      absl::StrFormat("%s.level%d%s", path.stem().string(), level, path.extension().string());
+  return (path.parent_path() / name).string();
+}
+
+// The folder of the faces, without a slash at its end.
+std::string folder_of(const EnvironmentOptions& options) {
+  const fs::path path(options.output);
+  return (path.has_filename() ? path : path.parent_path()).string();
+}
+
+// INVALID_ARGUMENT for more levels than a cube map of this size has.
+absl::Status check_levels(uint32_t levels, uint32_t size) {
+  uint32_t most = 1;
+  for (uint32_t side = size; side > kSmallestLevel; side /= 2) ++most;
+  if (levels <= most) return absl::OkStatus();
+  return usage_error(absl::StrFormat("--levels is %d; a cube map of %dx%d has %d, down to %dx%d", levels,
+                                     size, size, most, kSmallestLevel, kSmallestLevel));
+}
+
+absl::StatusOr<BakedEnvironment> environment_from(const EnvironmentBake& bake,
+                                                  const EnvironmentOptions& options) {
+  BakedEnvironment environment;
+  environment.format = options.format;
+  environment.handedness = options.handedness;
+  for (size_t i = 0; i < bake.levels.size(); ++i) {
+    const v1::BakedLevel& level = bake.header.levels(static_cast<int>(i));
+    PixelBuffer texels(bake.levels[i].size());
+    if (texels.empty()) return absl::ResourceExhaustedError("out of memory for the cube map");
+    std::memcpy(texels.data(), bake.levels[i].data(), bake.levels[i].size());
+    environment.levels.push_back({level.size(), static_cast<float>(level.roughness()), std::move(texels)});
+  }
+  const auto& sh = bake.header.radiance_sh();
+  for (int i = 0; i < std::min(sh.size(), 27); ++i) {
+    environment.harmonics[static_cast<size_t>(i / 3)][static_cast<size_t>(i % 3)] = static_cast<float>(sh[i]);
+  }
+  return environment;
+}
+
+class EnvironmentJob {
+ public:
+  EnvironmentJob(const EnvironmentOptions& options, Progress& progress)
+      : options_(options), progress_(progress), link_(options.server, options.quiet) {}
+
+  absl::StatusOr<EnvironmentReport> run() {
+    report_.notes = options_.notes;
+    absl::Status status = read();
+    if (status.ok()) status = connect();
+    if (status.ok()) status = bake();
+    if (status.ok()) status = write();
+    if (status.ok()) status = preview();
+    if (!status.ok()) return status;
+    link_.close();
+    report_.total_ms = ms_since(begin_);
+    return std::move(report_);
+  }
+
+ private:
+  absl::Status read() {
+    progress_.show("reading " + options_.panorama);
+    const absl::StatusOr<v1::Limits> limits = link_.limits();
+    if (!limits.ok()) return limits.status();
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<PanoramaFile> file = read_panorama(options_.panorama, options_, *limits);
+    if (!file.ok()) return file.status();
+    add_stage("read", ms_since(begin));
+    report_.primaries = file->primaries;
+    std::move(file->notes.begin(), file->notes.end(), std::back_inserter(report_.notes));
+    panorama_ = std::move(file->panorama);
+    return absl::OkStatus();
+  }
+
+  absl::Status connect() {
+    if (const auto server = link_.connection(); !server.ok()) return server.status();
+    if (link_.start_ms() > 0) add_stage("start", link_.start_ms());
+    return link_.check_tier(options_.settings.tier());
+  }
+
+  absl::Status bake() {
+    const absl::Time deadline = absl::Now() + kBakeTimeout;
+    absl::StatusOr<EnvironmentBake> bake;
+    const absl::Status status = link_.call(deadline, [&](const Connection& server) {
+      bake = bake_on(server, deadline);
+      return bake.status();
+    });
+    if (!status.ok()) return name_file(in_options(status, options_.settings), options_.panorama);
+    panorama_.reset();
+    report_.bake = bake->header;
+    const std::string bad =
+        bad_values_note(report_.panorama.nan_components(), report_.panorama.infinite_components());
+    if (!bad.empty()) report_.notes.push_back(bad);
+    absl::StatusOr<BakedEnvironment> environment = environment_from(*bake, options_);
+    if (!environment.ok()) return environment.status();
+    environment_ = *std::move(environment);
+    return absl::OkStatus();
+  }
+
+  // Both calls go to the same server, because another one may not have the panorama.
+  absl::StatusOr<EnvironmentBake> bake_on(const Connection& server, absl::Time deadline) {
+    progress_.show("sending " + options_.panorama);
+    absl::Time begin = absl::Now();
+    const absl::StatusOr<v1::Environment> put = server.put_environment(*panorama_, deadline);
+    if (!put.ok()) return put.status();
+    report_.panorama = *put;
+    const double put_ms = ms_since(begin);
+    const uint32_t size = options_.size == 0 ? put->default_cube_size() : options_.size;
+    if (absl::Status status = check_levels(options_.levels.value_or(1), size); !status.ok()) return status;
+    progress_.show(absl::StrFormat("baking a cube map of %dx%d", size, size));
+    begin = absl::Now();
+    absl::StatusOr<EnvironmentBake> bake = server.bake_environment(request(put->id()), deadline);
+    if (bake.ok()) add_server_stages(put_ms, ms_since(begin), bake->header);
+    return bake;
+  }
+
+  v1::BakeEnvironmentRequest request(const std::string& id) const {
+    v1::BakeEnvironmentRequest request;
+    request.set_id(id);
+    request.set_size(options_.size);
+    request.set_levels(options_.levels.value_or(0));
+    request.set_roughness_mapping(options_.roughness_mapping);
+    request.set_rotation_deg(options_.rotation_deg);
+    request.set_format(options_.format == CubeFormat::kRgb9e5 ? v1::PIXEL_FORMAT_RGB9E5
+                                                              : v1::PIXEL_FORMAT_RGBA16F);
+    request.set_tier(options_.settings.tier());
+    request.set_verify(options_.verify);
+    return request;
+  }
+
+  absl::Status write() {
+    progress_.show("writing " + options_.output);
+    const absl::Time begin = absl::Now();
+    absl::Status status = is_ktx2(options_)     ? write_ktx2(options_.output, environment_)
+                          : has_faces(options_) ? write_face_files(folder_of(options_), environment_)
+                                                : write_pictures();
+    if (!status.ok()) return status;
+    report_.files.insert(report_.files.begin(), options_.output);
+    if (!options_.harmonics.empty()) {
+      status = write_harmonics(options_.harmonics, environment_.harmonics);
+      report_.files.push_back(options_.harmonics);
+    }
+    add_stage("write", ms_since(begin));
+    return status;
+  }
+
+  absl::Status write_pictures() {
+    for (size_t level = 0; level < environment_.levels.size(); ++level) {
+      const absl::StatusOr<Image> picture = options_.layout == EnvironmentLayout::kCross
+                                                ? cross_picture(environment_, level)
+                                                : equirectangular_picture(environment_, level);
+      if (!picture.ok()) return picture.status();
+      const std::string path = picture_path(options_, level);
+      if (const auto notes = write_image(path, *picture); !notes.ok()) return notes.status();
+      if (level > 0) report_.files.push_back(path);
+    }
+    return absl::OkStatus();
+  }
+
+  // The default settings, but for what is between the crosses: it is not metered, and nothing shines on it.
+  static v1::Settings preview_settings() {
+    v1::Settings settings;
+    settings.mutable_exposure()->mutable_metering()->set_ignore_below(kLeastMetered);
+    settings.mutable_bloom()->set_intensity(0);
+    return settings;
+  }
+
+  // The levels as a frame, which the server renders.
+  absl::Status preview() {
+    if (options_.preview.empty()) return absl::OkStatus();
+    progress_.show("writing " + options_.preview);
+    const absl::Time begin = absl::Now();
+    const absl::StatusOr<Image> sheet = environment_preview(environment_);
+    if (!sheet.ok()) return sheet.status();
+    absl::StatusOr<RenderResult> result;
+    const absl::Status status = link_.call(begin + kBakeTimeout, [&](const Connection& server) {
+      result = server.render(preview_settings(), view_of(*sheet), begin + kBakeTimeout);
+      return result.status();
+    });
+    if (!status.ok()) return name_file(status, options_.preview);
+    const absl::StatusOr<Image> picture = picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
+    if (!picture.ok()) return picture.status();
+    if (const auto notes = write_image(options_.preview, *picture); !notes.ok()) return notes.status();
+    report_.files.push_back(options_.preview);
+    add_stage("preview", ms_since(begin));
+    return absl::OkStatus();
+  }
+
+  void add_stage(const std::string& name, double ms) { report_.stage_ms.emplace_back(name, ms); }
+
+  void add_server_stages(double put_ms, double call_ms, const v1::BakeHeader& header) {
+    add_stage("put", put_ms);
+    double server_ms = 0;
+    for (const v1::StageTime& stage : header.stages()) {
+      const double ms = static_cast<double>(stage.ns()) * 1e-6;
+      add_stage(stage.name(), ms);
+      server_ms += ms;
+    }
+    add_stage("other", std::max(0.0, call_ms - server_ms));
+  }
+
+  const absl::Time begin_ = absl::Now();
+  const EnvironmentOptions& options_;
+  Progress& progress_;
+  ServerLink link_;
+  std::shared_ptr<const Panorama> panorama_;
+  BakedEnvironment environment_;
+  EnvironmentReport report_;
+};
+
+// The files that will be written, as far as they are known before the bake.
+std::vector<OutputFile> outputs_of(const EnvironmentOptions& options) {
+  std::vector<OutputFile> outputs = {
+      {options.harmonics, "the harmonics"}, {options.preview, "the preview"}, {options.json, "the JSON"}};
+  if (!has_faces(options)) {
+    for (uint32_t level = 0; level < *options.levels; ++level) {
+      outputs.push_back({picture_path(options, level), "the environment"});
+    }
+  } else if (is_ktx2(options)) {
+    outputs.push_back({options.output, "the environment"});
+  } else {
+    for (const char* face : {"px", "nx", "py", "ny", "pz", "nz"}) {
+      outputs.push_back({absl::StrFormat("%s/%s.exr", folder_of(options), face), "the faces"});
+    }
+  }
+  return outputs;
+}
+
+// Checks the files to write before the work, and makes their folders.
+absl::Status prepare_outputs(const EnvironmentOptions& options) {
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.push_back(options.panorama);
+  const std::vector<OutputFile> outputs = outputs_of(options);
+  if (absl::Status status = check_outputs_apart(inputs, outputs); !status.ok()) return status;
+  for (const OutputFile& output : outputs) {
+    if (output.path.empty() || output.path == options.json) continue;
+    if (absl::Status status = make_folder_of(output.path); !status.ok()) return status;
+    if (const auto there = writable_destination(output.path); !there.ok()) return there.status();
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status run_environment(const EnvironmentOptions& options) {
+  if (absl::Status status = prepare_outputs(options); !status.ok()) return status;
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  Progress progress(!options.quiet);
+  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+  const absl::StatusOr<EnvironmentReport> report = EnvironmentJob(options, progress).run();
+  progress.clear();
+  if (!report.ok()) return report.status();
+  if (!options.quiet) {
+    for (const std::string& note : report->notes) print_note(note);
+    if (!json->to_stdout()) {
+      if (absl::Status status = print(to_text(*report, options)); !status.ok()) return status;
+    }
+  }
+  return json->write(to_json(*report, options));
+}
+
+}  // namespace candela

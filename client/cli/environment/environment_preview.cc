@@ -1,0 +1,60 @@
+#include "client/cli/environment/environment_preview.h"
+
+#include <half.h>
+
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "client/environment/pictures.h"
+
+namespace candela {
+namespace {
+
+constexpr uint32_t kLargestFace = 256;  // pixels
+constexpr uint32_t kMargin = 16;        // pixels
+
+// The mean of the n x n pixels from column x and row y on.
+std::array<half, 4> mean(const Image& image, uint32_t x, uint32_t y, uint32_t n) {
+  std::array<float, 4> sum{};
+  for (uint32_t j = 0; j < n; ++j) {
+    for (uint32_t i = 0; i < n; ++i) {
+      std::array<half, 4> pixel;
+      const size_t at = (y + j) * image.row_bytes() + (x + i) * sizeof pixel;
+      std::memcpy(pixel.data(), image.pixels.data() + at, sizeof pixel);
+      for (size_t c = 0; c < sum.size(); ++c) sum[c] += pixel[c];
+    }
+  }
+  const float share = 1.0f / static_cast<float>(n * n);
+  return {half(sum[0] * share), half(sum[1] * share), half(sum[2] * share), half(sum[3] * share)};
+}
+
+absl::StatusOr<Image> reduced(const Image& image, uint32_t n) {
+  absl::StatusOr<Image> small = make_image(image.width / n, image.height / n, image.format);
+  if (!small.ok()) return small;
+  std::byte* out = small->pixels.data();
+  for (uint32_t y = 0; y < small->height; ++y) {
+    for (uint32_t x = 0; x < small->width; ++x) {
+      const std::array<half, 4> pixel = mean(image, x * n, y * n, n);
+      std::memcpy(out, pixel.data(), sizeof pixel);
+      out += sizeof pixel;
+    }
+  }
+  return small;
+}
+
+}  // namespace
+
+absl::StatusOr<Image> environment_preview(const BakedEnvironment& environment) {
+  std::vector<Image> crosses;
+  for (size_t level = 0; level < environment.levels.size(); ++level) {
+    absl::StatusOr<Image> cross = cross_picture(environment, level);
+    const uint32_t size = environment.levels[level].size;
+    if (cross.ok() && size > kLargestFace) cross = reduced(*cross, size / kLargestFace);
+    if (!cross.ok()) return cross;
+    crosses.push_back(*std::move(cross));
+  }
+  return preview_sheet(crosses, kMargin);
+}
+
+}  // namespace candela

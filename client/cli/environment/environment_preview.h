@@ -1,0 +1,14 @@
+// A picture of all levels of a baked environment.
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "client/environment/baked_environment.h"
+#include "client/image/image.h"
+
+namespace candela {
+
+// The crosses of the levels side by side, as light. Faces larger than 256 texels are reduced to that: each
+// pixel is the mean of the texels that it stands for. Fails like cross_picture().
+absl::StatusOr<Image> environment_preview(const BakedEnvironment& environment);
+
+}  // namespace candela

@@ -1,0 +1,83 @@
+#include "client/cli/environment/environment_report.h"
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
+
+namespace candela {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+const char* word_of(EnvironmentLayout layout) {
+  return layout == EnvironmentLayout::kFaces   ? "faces"
+         : layout == EnvironmentLayout::kCross ? "cross"
+                                               : "equirectangular";
+}
+
+const char* word_of(CubeFormat format) { return format == CubeFormat::kRgba16f ? "rgba16f" : "rgb9e5"; }
+
+Json levels_of(const v1::BakeHeader& bake) {
+  Json levels = Json::array();
+  for (const v1::BakedLevel& level : bake.levels()) {
+    Json row{{"size", level.size()}, {"roughness", level.roughness()}};
+    if (level.has_error()) row["error"] = level.error();
+    levels.push_back(std::move(row));
+  }
+  return levels;
+}
+
+// "; errors 0.01% 0.42% ..." of the levels, if they were measured.
+std::string errors_of(const v1::BakeHeader& bake) {
+  std::string errors;
+  for (const v1::BakedLevel& level : bake.levels()) {
+    if (level.has_error()) absl::StrAppendFormat(&errors, " %.2g%%", 100 * level.error());
+  }
+  return errors.empty() ? "" : "; errors" + errors;
+}
+
+}  // namespace
+
+std::string to_text(const EnvironmentReport& report, const EnvironmentOptions& options) {
+  const int levels = report.bake.levels_size();
+  const bool faces = options.layout == EnvironmentLayout::kFaces;
+  return absl::StrFormat("%s -> %s: %dx%d, %d level%s, %s, %s%s%s; %s; %.2f s\n", options.panorama,
+                         options.output, report.bake.size(), report.bake.size(), levels,
+                         levels == 1 ? "" : "s", word_of(options.layout), word_of(options.format),
+                         faces ? absl::StrFormat(", %s-handed", name(options.handedness)) : "",
+                         errors_of(report.bake), words_of(report.primaries), report.total_ms / 1000);
+}
+
+std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& options) {
+  const v1::Environment& panorama = report.panorama;
+  Json handedness, stages = Json::object();
+  if (options.layout == EnvironmentLayout::kFaces) handedness = name(options.handedness);
+  for (const auto& [stage, ms] : report.stage_ms) stages[stage] = ms;
+  const Json json = {{"input", options.panorama},
+                     {"output", options.output},
+                     {"id", panorama.id()},
+                     {"panorama", {{"width", panorama.width()}, {"height", panorama.height()}}},
+                     {"primaries", to_json(report.primaries)},
+                     {"layout", word_of(options.layout)},
+                     {"format", word_of(options.format)},
+                     {"handedness", handedness},
+                     {"rotation_deg", options.rotation_deg},
+                     {"roughness_mapping", v1::word_of(options.roughness_mapping)},
+                     {"size", report.bake.size()},
+                     {"levels", levels_of(report.bake)},
+                     {"tier", report.bake.tier()},
+                     {"had_it", panorama.had_it()},
+                     {"bad_values",
+                      {{"nan", panorama.nan_components()},
+                       {"inf", panorama.infinite_components()},
+                       {"negative", panorama.negative_components()}}},
+                     {"files", report.files},
+                     {"stage_ms", stages},
+                     {"total_ms", report.total_ms},
+                     {"notes", report.notes}};
+  // A path may not be UTF-8, so invalid bytes are replaced.
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace candela

@@ -1,0 +1,99 @@
+#include "client/cli/environment/json_fields.h"
+
+#include <cstddef>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/call/plain_file.h"
+#include "client/cli/options/option_kinds.h"
+#include "proto/candela/v1/near_words.h"
+
+namespace candela {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kMaxBytes = size_t{1} << 20;
+
+bool is_within(const Json& value, v1::Range<double> range) {
+  return value.is_number() && value.get<double>() >= range.min && value.get<double>() <= range.max;
+}
+
+}  // namespace
+
+absl::StatusOr<Json> read_json(const std::string& path, const std::string& what) {
+  const absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
+  if (!text.ok()) {
+    return absl::Status(text.status().code(), absl::StrFormat("%s: cannot read this file of %s: %s", path,
+                                                              what, text.status().message()));
+  }
+  Json json = Json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: it holds no JSON object; `candela view --help` shows a file of %s", path, what));
+  }
+  return json;
+}
+
+void JsonFields::allow(std::initializer_list<const char*> members) {
+  if (!object_.is_object()) {
+    status_.Update(absl::InvalidArgumentError(absl::StrFormat("%s is no object", name_)));
+    return;
+  }
+  const std::vector<std::string> known(members.begin(), members.end());
+  for (const auto& [key, value] : object_.items()) {
+    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+    const std::string meant = v1::did_you_mean(v1::near_words(key, known));
+    status_.Update(absl::InvalidArgumentError(
+        absl::StrFormat("%s%s means nothing; %s", name_, key,
+                        meant.empty() ? "there are: " + absl::StrJoin(known, ", ") : meant)));
+  }
+}
+
+double JsonFields::number(const char* key, v1::Range<double> range, std::optional<double> absent) {
+  const Json* value = member(key);
+  if (value == nullptr && absent) return *absent;
+  if (value != nullptr && is_within(*value, range)) return value->get<double>();
+  fail(key, "a number, " + format_range(range));
+  return range.min;
+}
+
+std::array<double, 3> JsonFields::triple(const char* key, v1::Range<double> range,
+                                         std::optional<std::array<double, 3>> absent) {
+  const Json* value = member(key);
+  if (value == nullptr && absent) return *absent;
+  std::array<double, 3> numbers{};
+  bool good = value != nullptr && value->is_array() && value->size() == numbers.size();
+  for (size_t i = 0; good && i < numbers.size(); ++i) {
+    good = is_within((*value)[i], range);
+    if (good) numbers[i] = (*value)[i].get<double>();
+  }
+  if (!good) fail(key, "an array of three numbers, " + format_range(range));
+  return numbers;
+}
+
+bool JsonFields::flag(const char* key, bool absent) {
+  const Json* value = member(key);
+  if (value == nullptr) return absent;
+  if (!value->is_boolean()) fail(key, "true or false");
+  return value->is_boolean() && value->get<bool>();
+}
+
+const Json& JsonFields::array(const char* key, size_t least, size_t most) {
+  static const Json kEmpty = Json::array();
+  const Json* value = member(key);
+  if (value != nullptr && value->is_array() && value->size() >= least && value->size() <= most) return *value;
+  fail(key, absl::StrFormat("an array of %d to %d objects", least, most));
+  return kEmpty;
+}
+
+void JsonFields::fail(const std::string& key, const std::string& wanted) {
+  status_.Update(absl::InvalidArgumentError(absl::StrFormat("%s%s is not %s", name_, key, wanted)));
+}
+
+const Json* JsonFields::member(const char* key) const {
+  return object_.is_object() && object_.contains(key) ? &object_.at(key) : nullptr;
+}
+
+}  // namespace candela

@@ -1,0 +1,71 @@
+#include "client/cli/environment/panorama_file.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/cli/files/frame_files.h"
+#include "client/image/image.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+namespace {
+
+constexpr double kLeastAspect = 1.9, kMostAspect = 2.1;
+
+v1::EnvironmentStart start_of(const Image& image, const v1::Settings& given) {
+  v1::EnvironmentStart start;
+  start.set_width(image.width);
+  start.set_height(image.height);
+  start.set_format(wire_format(image.format));
+  const v1::Settings settings = settings_for(image, given);
+  if (settings.has_input_chromaticities()) {
+    *start.mutable_input_chromaticities() = settings.input_chromaticities();
+  }
+  start.set_input_primaries(settings.input_primaries());
+  start.set_bad_values(settings.bad_values());
+  return start;
+}
+
+absl::Status check_size(const Image& image, const std::string& path) {
+  if (image.width <= v1::kMaxPanoramaWidth && image.height <= v1::kMaxPanoramaHeight) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrFormat("%s: it is %dx%d pixels, and a panorama may have %dx%d; scale it down", path,
+                      image.width, image.height, v1::kMaxPanoramaWidth, v1::kMaxPanoramaHeight));
+}
+
+}  // namespace
+
+absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
+                                           const v1::Limits& limits) {
+  const ImageLimits most{.max_dimension = limits.max_dimension(), .max_bytes = limits.max_frame_bytes()};
+  absl::StatusOr<Image> read = read_image(path, most, options.shown);
+  if (!read.ok()) return read.status();
+  if (absl::Status status = check_size(*read, path); !status.ok()) return status;
+  if (absl::Status status = check_view_input(*read, path, options.settings, options.view); !status.ok()) {
+    return status;
+  }
+  PanoramaFile file;
+  file.notes = std::exchange(read->notes, {});
+  const double aspect = static_cast<double>(read->width) / read->height;
+  if (aspect < kLeastAspect || aspect > kMostAspect) {
+    file.notes.push_back(absl::StrFormat(
+        "%s: it is %dx%d, but a panorama of the whole sphere is twice as wide as high; it is stretched over "
+        "the sphere",
+        path, read->width, read->height));
+  }
+  file.primaries = primaries_used(*read, options.settings);
+  const auto image = std::make_shared<const Image>(*std::move(read));
+  file.panorama = std::make_shared<const Panorama>(
+      Panorama{start_of(*image, options.settings), image->pixels.span(), image});
+  return file;
+}
+
+v1::Settings without_panorama(v1::Settings settings) {
+  settings.clear_input_chromaticities();
+  settings.clear_input_primaries();
+  settings.clear_bad_values();
+  return settings;
+}
+
+}  // namespace candela

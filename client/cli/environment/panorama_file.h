@@ -1,0 +1,33 @@
+// A panorama from an image file.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "candela/v1/render.pb.h"
+#include "client/cli/files/primaries_used.h"
+#include "client/cli/options/options.h"
+#include "client/environment.h"
+
+namespace candela {
+
+struct PanoramaFile {
+  std::shared_ptr<const Panorama> panorama;
+  PrimariesUsed primaries;
+  std::vector<std::string> notes;
+};
+
+// Reads the picture that `options` choose from the file `path`. Its primaries are those of the options'
+// settings, or else the file's; the treatment of bad values is that of the settings. A note tells of a
+// picture that is far from 2:1. `limits` are the server's. Fails like read_image(), and with
+// RESOURCE_EXHAUSTED if it is too large for a panorama.
+absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
+                                           const v1::Limits& limits);
+
+// The settings without those that belong to the panorama: its primaries and its bad values.
+v1::Settings without_panorama(v1::Settings settings);
+
+}  // namespace candela

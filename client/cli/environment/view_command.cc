@@ -1,0 +1,262 @@
+// `candela view`: a picture of a panorama, or a sequence of them.
+#include <OpenEXR/ImfThreading.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/commands/gamut_note.h"
+#include "client/cli/commands/held_exposure.h"
+#include "client/cli/commands/render_report.h"
+#include "client/cli/commands/server_link.h"
+#include "client/cli/environment/panorama_file.h"
+#include "client/cli/environment/view_objects.h"
+#include "client/cli/environment/view_scene.h"
+#include "client/cli/environment/view_sequence.h"
+#include "client/cli/files/exposure_file.h"
+#include "client/cli/files/frame_files.h"
+#include "client/cli/files/json_output.h"
+#include "client/cli/files/output_files.h"
+#include "client/cli/files/sequence_files.h"
+#include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
+#include "client/image/image.h"
+
+namespace candela {
+namespace {
+
+// Ends the wait for a server that never answers.
+constexpr absl::Duration kViewTimeout = absl::Minutes(30);
+
+double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
+
+// Renders one view and writes it.
+class OneView {
+ public:
+  OneView(const PanoramaViewOptions& options, const ViewScene& scene, Progress& progress)
+      : options_(options), scene_(scene), progress_(progress), link_(options.server, options.quiet) {}
+
+  absl::StatusOr<RenderReport> run() {
+    report_.input = options_.panorama;
+    report_.output = options_.output;
+    report_.metered =
+        options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && options_.locked_exposure.empty();
+    report_.notes = options_.notes;
+    report_.curve = curve_word(options_.settings);
+    report_.tone_curve = options_.settings.curve();
+    absl::Status status = bake_view();
+    if (status.ok()) status = read();
+    if (status.ok()) status = connect();
+    if (!status.ok()) return status;
+    absl::StatusOr<Image> picture = render();
+    if (!picture.ok()) return picture.status();
+    if (status = write(*picture); !status.ok()) return status;
+    report_.total_ms = ms_since(begin_);
+    return std::move(report_);
+  }
+
+ private:
+  absl::Status bake_view() {
+    settings_ = without_panorama(options_.settings);
+    frame_.width = options_.width;
+    frame_.height = options_.height;
+    if (options_.previous.exposure() > 0) frame_.previous = options_.previous;
+    if (!options_.locked_exposure.empty()) {
+      const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
+      if (!file.ok()) return file.status();
+      frame_.exposure = file->locked;
+    }
+    if (options_.view.config.empty()) return absl::OkStatus();
+    progress_.show("baking " + options_.view.config);
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<BakedView> baked = bake(options_.view);
+    if (!baked.ok()) return baked.status();
+    report_.stage_ms.emplace_back("ocio", ms_since(begin));
+    report_.view = baked->report;
+    report_.curve = baked->report.view;
+    add_notes(std::move(baked->notes));
+    *settings_.mutable_table() = std::move(baked->table);
+    return absl::OkStatus();
+  }
+
+  absl::Status read() {
+    progress_.show("reading " + options_.panorama);
+    const absl::StatusOr<v1::Limits> limits = link_.limits();
+    if (!limits.ok()) return limits.status();
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<PanoramaFile> file = read_panorama(options_.panorama, options_, *limits);
+    if (!file.ok()) return file.status();
+    report_.stage_ms.emplace_back("read", ms_since(begin));
+    report_.primaries = file->primaries;
+    add_notes(std::exchange(file->notes, {}));
+    panorama_ = std::move(file->panorama);
+    return absl::OkStatus();
+  }
+
+  // Waits for the built-in server.
+  absl::Status connect() {
+    if (const auto server = link_.connection(); !server.ok()) return server.status();
+    if (link_.start_ms() > 0) report_.stage_ms.emplace_back("start", link_.start_ms());
+    return link_.check_tier(options_.settings.tier());
+  }
+
+  absl::StatusOr<Image> render() {
+    const absl::Time deadline = absl::Now() + kViewTimeout;
+    absl::StatusOr<RenderResult> result;
+    const absl::Status status = link_.call(deadline, [&](const Connection& server) {
+      result = render_on(server, deadline);
+      return result.status();
+    });
+    if (!status.ok()) return name_file(in_options(status, options_.settings), options_.panorama);
+    panorama_.reset();
+    link_.close();
+    add_note(bad_values_);
+    report_.header = result->header;
+    if (!frame_.exposure)
+      add_note(held_words(result->header.target(), result->header.target_before_limits()));
+    add_note(gamut_note(result->header, settings_).value_or(""));
+    return picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
+  }
+
+  // Both calls go to the same server, because another one may not have the panorama.
+  absl::StatusOr<RenderResult> render_on(const Connection& server, absl::Time deadline) {
+    progress_.show("sending " + options_.panorama);
+    absl::Time begin = absl::Now();
+    const absl::StatusOr<v1::Environment> environment = server.put_environment(*panorama_, deadline);
+    if (!environment.ok()) return environment.status();
+    report_.environment = environment->id();
+    bad_values_ = bad_values_note(environment->nan_components(), environment->infinite_components());
+    const double put_ms = ms_since(begin);
+    progress_.show("rendering " + options_.output);
+    begin = absl::Now();
+    FrameView frame = frame_;
+    frame.view = scene_.view(environment->id(), 0);
+    absl::StatusOr<RenderResult> result = server.render(settings_, frame, deadline);
+    if (result.ok()) add_stages(put_ms, ms_since(begin), result->header);
+    return result;
+  }
+
+  absl::Status write(const Image& picture) {
+    progress_.show("writing " + options_.output);
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<std::vector<std::string>> notes = write_image(options_.output, picture, options_.write);
+    if (!notes.ok()) return notes.status();
+    report_.stage_ms.emplace_back("write", ms_since(begin));
+    add_notes(*std::move(notes));
+    return absl::OkStatus();
+  }
+
+  void add_stages(double put_ms, double call_ms, const v1::ResultHeader& header) {
+    report_.stage_ms.emplace_back("put", put_ms);
+    double server_ms = 0;
+    for (const v1::StageTime& stage : header.stages()) {
+      const double ms = static_cast<double>(stage.ns()) * 1e-6;
+      report_.stage_ms.emplace_back(stage.name(), ms);
+      server_ms += ms;
+    }
+    report_.stage_ms.emplace_back("other", std::max(0.0, call_ms - server_ms));
+  }
+
+  void add_notes(std::vector<std::string> notes) {
+    std::move(notes.begin(), notes.end(), std::back_inserter(report_.notes));
+  }
+  void add_note(std::string note) {
+    if (!note.empty()) report_.notes.push_back(std::move(note));
+  }
+
+  const absl::Time begin_ = absl::Now();
+  const PanoramaViewOptions& options_;
+  const ViewScene& scene_;
+  Progress& progress_;
+  ServerLink link_;
+  v1::Settings settings_;
+  FrameView frame_;
+  std::shared_ptr<const Panorama> panorama_;
+  std::string bad_values_;  // a note about the panorama's, or ""
+  RenderReport report_;
+};
+
+// The inputs, which no output may replace.
+std::vector<std::string> inputs_of(const PanoramaViewOptions& options) {
+  std::vector<std::string> inputs = files_of(options.server);
+  inputs.insert(inputs.end(),
+                {options.panorama, options.view.config, options.locked_exposure, options.camera_path});
+  if (options.objects != kLookdev) inputs.push_back(options.objects);
+  return inputs;
+}
+
+absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene) {
+  const absl::Status apart =
+      check_outputs_apart(inputs_of(options), {{options.output, "the image"}, {options.json, "the JSON"}});
+  if (!apart.ok()) return apart;
+  if (absl::Status status = make_folder_of(options.output); !status.ok()) return status;
+  if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  Progress progress(!options.quiet);
+  const absl::StatusOr<RenderReport> report = OneView(options, scene, progress).run();
+  progress.clear();
+  if (!report.ok()) return report.status();
+  if (!options.quiet) {
+    for (const std::string& note : notes_for_user(*report)) print_note(note);
+    if (!json->to_stdout()) {
+      if (absl::Status status = print(to_text(*report, options.verbose)); !status.ok()) return status;
+    }
+  }
+  return json->write(to_json(*report));
+}
+
+// Checks the files of a sequence before the work, and makes its folder.
+absl::StatusOr<std::string> prepare_sequence(const PanoramaViewOptions& options, uint64_t frames) {
+  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
+  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+  if (!names.ok()) return names.status();
+  std::vector<OutputFile> outputs = {{options.json, "the JSON"}, {options.plot, "the plot"}};
+  for (uint64_t i = 0; i < frames; ++i) outputs.push_back({names->path(i, ""), "the images"});
+  if (absl::Status status = check_outputs_apart(inputs_of(options), outputs); !status.ok()) return status;
+  if (!options.plot.empty()) {
+    if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
+  }
+  if (absl::Status status = make_folder_of(names->path(0, "")); !status.ok()) return status;
+  return absl::StrFormat("%s .. %s", names->path(0, ""), names->path(frames - 1, ""));
+}
+
+absl::Status view_sequence(const PanoramaViewOptions& options, const ViewScene& scene) {
+  const absl::StatusOr<std::string> where = prepare_sequence(options, scene.frames());
+  if (!where.ok()) return where.status();
+  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
+  if (!json.ok()) return json.status();
+  Progress progress(!options.quiet);
+  const absl::StatusOr<StreamSummary> summary = render_view_sequence(options, scene, *json, progress);
+  progress.clear();
+  if (!summary.ok()) return summary.status();
+  if (!options.plot.empty()) {
+    if (absl::Status status = plot_exposure(summary->curve, options.plot); !status.ok()) return status;
+  }
+  if (!options.quiet) {
+    std::set<std::string> notes = summary->notes;
+    notes.insert(options.notes.begin(), options.notes.end());
+    for (const std::string& note : notes) print_note(note);
+    if (!json->to_stdout()) {
+      if (absl::Status status = print(to_text(*summary, *where)); !status.ok()) return status;
+    }
+  }
+  if (absl::Status status = json->add(to_json(*summary)); !status.ok()) return status;
+  return json->close();
+}
+
+}  // namespace
+
+absl::Status run_view(const PanoramaViewOptions& options) {
+  const absl::StatusOr<ViewScene> scene = ViewScene::open(options);
+  if (!scene.ok()) return scene.status();
+  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+  return options.is_sequence() ? view_sequence(options, *scene) : view_one(options, *scene);
+}
+
+}  // namespace candela

@@ -1,0 +1,93 @@
+#include "client/environment/baked_environment.h"
+
+#include <half.h>
+
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/rgb9e5.h"
+
+namespace candela {
+namespace {
+
+absl::Status check_level(const BakedEnvironment& environment, size_t index) {
+  const BakedLevel& level = environment.levels[index];
+  const uint32_t wanted = index == 0 ? level.size : environment.levels[index - 1].size / 2;
+  if (level.size == 0 || level.size != wanted) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "level %d of the environment has faces of %dx%d texels; they must be %s", index, level.size,
+        level.size, index == 0 ? "at least 1x1" : absl::StrFormat("%dx%d", wanted, wanted)));
+  }
+  const uint64_t bytes = uint64_t{kCubeFaces} * level.size * level.size * bytes_per_texel(environment.format);
+  if (level.texels.size() != bytes) {
+    return absl::InvalidArgumentError(absl::StrFormat("level %d of the environment has %d bytes; it needs %d",
+                                                      index, level.texels.size(), bytes));
+  }
+  if (!(level.roughness >= 0 && level.roughness <= 1)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "level %d of the environment has roughness %g; it must be 0 .. 1", index, level.roughness));
+  }
+  return absl::OkStatus();
+}
+
+// Packs the halves of one texel.
+uint32_t pack(const std::byte* halves, Rgb9e5Losses& losses) {
+  uint16_t half[3];
+  std::memcpy(half, halves, sizeof half);
+  std::array<float, 3> rgb;
+  for (size_t c = 0; c < 3; ++c) {
+    rgb[c] = imath_half_to_float(half[c]);
+    losses.negative += !(rgb[c] >= 0);
+    losses.clamped += rgb[c] > v1::kMaxRgb9e5;
+  }
+  return v1::pack_rgb9e5(rgb);
+}
+
+}  // namespace
+
+const char* name(Handedness handedness) { return handedness == Handedness::kLeft ? "left" : "right"; }
+
+absl::Status check_environment(const BakedEnvironment& environment) {
+  if (environment.levels.empty()) return absl::InvalidArgumentError("the environment has no level");
+  for (size_t i = 0; i < environment.levels.size(); ++i) {
+    if (absl::Status status = check_level(environment, i); !status.ok()) return status;
+  }
+  return check_harmonics(environment.harmonics);
+}
+
+absl::Status check_harmonics(const RadianceHarmonics& harmonics) {
+  for (const auto& rgb : harmonics) {
+    for (const float value : rgb) {
+      if (!std::isfinite(value)) {
+        return absl::InvalidArgumentError(
+            absl::StrFormat("a spherical harmonic of the environment is %g; it must be finite", value));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Rgb9e5Losses> convert_to_rgb9e5(BakedEnvironment& environment) {
+  if (absl::Status status = check_environment(environment); !status.ok()) return status;
+  Rgb9e5Losses losses;
+  if (environment.format == CubeFormat::kRgb9e5) return losses;
+  std::vector<PixelBuffer> packed;
+  for (const BakedLevel& level : environment.levels) {
+    PixelBuffer& words = packed.emplace_back(level.texels.size() / 2);
+    if (words.empty()) {
+      return absl::ResourceExhaustedError(
+          absl::StrFormat("not enough memory for the %d bytes of an RGB9E5 level", level.texels.size() / 2));
+    }
+    for (size_t i = 0; i < words.size() / 4; ++i) {
+      const uint32_t word = pack(level.texels.data() + 8 * i, losses);
+      std::memcpy(words.data() + 4 * i, &word, 4);
+    }
+  }
+  for (size_t i = 0; i < packed.size(); ++i) environment.levels[i].texels = std::move(packed[i]);
+  environment.format = CubeFormat::kRgb9e5;
+  return losses;
+}
+
+}  // namespace candela

@@ -1,0 +1,37 @@
+#include "server/render/environment/cube_levels.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "server/vulkan/pipeline.h"
+#include "shaders/params.h"
+
+namespace candela {
+
+static_assert(PipelineCache::kWriteAlignment == 16 * kCubeTexelBytes);
+
+uint32_t default_cube_size(uint32_t panorama_width) {
+  return std::clamp(std::bit_ceil((panorama_width + 3) / 4), kMinCubeSize, 2048u);
+}
+
+uint32_t cube_samples(uint32_t panorama_width, uint32_t size, uint32_t samples) {
+  return samples * std::max(1u, (panorama_width + 4 * size - 1) / (4 * size));
+}
+
+uint32_t chain_levels(uint32_t size) { return static_cast<uint32_t>(std::bit_width(size)); }
+
+uint32_t specular_levels(uint32_t size) { return chain_levels(size) - chain_levels(kMinCubeSize) + 1; }
+
+uint64_t CubeLevels::face_texels(uint32_t level) const {
+  const uint64_t side = size_of(level) + 2;
+  return side * side;
+}
+
+uint64_t CubeLevels::start(uint32_t level) const { return CUBE_LEVEL_START(size, size_of(level), level); }
+
+uint64_t cube_bytes(uint32_t size, uint32_t levels) {
+  const CubeLevels cube{{}, size, levels};
+  return (cube.start(levels - 1) + cube.level_texels(levels - 1)) * kCubeTexelBytes;
+}
+
+}  // namespace candela

@@ -1,0 +1,393 @@
+#include "server/render/environment/environment_baker.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "server/render/device/frame_textures.h"
+#include "server/render/environment/view_scene.h"
+#include "shaders/brdf_table.spv.h"
+#include "shaders/cube_down.spv.h"
+#include "shaders/cube_face.spv.h"
+#include "shaders/cube_specular.spv.h"
+#include "shaders/panorama.spv.h"
+#include "shaders/panorama_sh.spv.h"
+#include "shaders/view.spv.h"
+
+namespace candela {
+
+namespace {
+
+static_assert(sizeof(shader::ViewParams) <= PipelineCache::kPushBytes);
+
+// What an invocation costs, in look-ups of P.
+constexpr double kPanoramaCost = 2.0;
+constexpr double kDownCost = 2.0;
+constexpr double kShTexelCost = 0.5;
+constexpr double kChainCost = 2.0;  // of a look-up between two levels
+constexpr double kBrdfCost = 4.0 * shader::BRDF_POLAR_POINTS * shader::BRDF_ROUND_POINTS;
+constexpr double kObjectCost = 10.0;  // of a pixel that may show an object, in pixels of sky
+
+constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
+constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
+
+shader::PanoramaLayout layout_of(const Environment& environment, double rotation_deg) {
+  const double turns = rotation_deg / 360 - std::floor(rotation_deg / 360);
+  const double texels = turns * environment.width;
+  const auto whole = std::min(static_cast<uint32_t>(texels), environment.width - 1);
+  return {environment.width, environment.height, environment.pitch, whole,
+          static_cast<float>(texels - whole)};
+}
+
+template <typename T>
+std::span<const std::byte> bytes_of(const std::vector<T>& values) {
+  return std::as_bytes(std::span(values));
+}
+
+// The size N of a bake, checked.
+absl::StatusOr<uint32_t> size_of(const Environment& environment, const BakeSpec& spec) {
+  if (spec.size == 0) return default_cube_size(environment.width);
+  if (std::has_single_bit(spec.size) && spec.size >= kMinCubeSize && spec.size <= kMaxCubeSize)
+    return spec.size;
+  return absl::InvalidArgumentError(
+      absl::StrFormat("bake.size is %d; it must be a power of two, 16 .. 4096", spec.size));
+}
+
+// `spec` has its size.
+bool has_specular(const BakeSpec& spec) {
+  return spec.size > kMinCubeSize && spec.quality.specular_detail > 0;
+}
+
+// About how many texels of the chain a texel reads: those of side s over the sphere, with s^2 = detail^2
+// (theta^2 + 4 alpha^2).
+double specular_cost(double alpha2, double detail2) { return 100 + 4 / detail2 * std::log(1 + 2.5 / alpha2); }
+
+absl::StatusOr<CubeLevels> take_levels(TexturePool& pool, uint32_t size, uint32_t levels) {
+  const uint64_t texels = cube_bytes(size, levels) / kCubeTexelBytes;
+  absl::StatusOr<TexturePool::Lease> lease =
+      pool.take({static_cast<uint32_t>(texels), 1, static_cast<uint32_t>(kCubeTexelBytes)});
+  if (!lease.ok()) return lease.status();
+  return CubeLevels{*std::move(lease), size, levels};
+}
+
+LongPass level_pass(std::span<const uint32_t> spirv, std::vector<VkBufferView> reads,
+                    const CubeLevels& levels, uint32_t level, double cost) {
+  return {.spirv = spirv,
+          .constants = {},
+          .reads = std::move(reads),
+          .target = &levels.texels.buffer(),
+          .target_offset = levels.start(level) * kCubeTexelBytes,
+          .invocations = levels.level_texels(level),
+          .cost = cost};
+}
+
+}  // namespace
+
+EnvironmentBaker::EnvironmentBaker(Device& device, TexturePool& pool, LongPasses passes)
+    : device_(device), pool_(pool), passes_(std::move(passes)) {}
+
+absl::StatusOr<std::unique_ptr<EnvironmentBaker>> EnvironmentBaker::create(Device& device,
+                                                                           TexturePool& pool) {
+  absl::StatusOr<LongPasses> passes = LongPasses::create(device, pool);
+  if (!passes.ok()) return passes.status();
+  return std::unique_ptr<EnvironmentBaker>(new EnvironmentBaker(device, pool, *std::move(passes)));
+}
+
+absl::StatusOr<PanoramaUpload> EnvironmentBaker::take(const FrameDesc& desc) const {
+  return PanoramaUpload::take(pool_, device_.summary(), desc);
+}
+
+absl::StatusOr<Environment> EnvironmentBaker::finish(PanoramaUpload upload,
+                                                     const std::optional<std::array<float, 9>>& matrix) {
+  const shader::PanoramaCounts none{};
+  absl::StatusOr<TexturePool::Lease> counts = passes_.upload(std::as_bytes(std::span(&none, 1)));
+  if (!counts.ok()) return counts.status();
+  if (upload.staged_) {
+    absl::Status status = passes_.copy(upload.staged_.buffer(), upload.wire_.buffer());
+    if (!status.ok()) return status;
+  }
+  const FrameDesc& desc = upload.desc_;
+  shader::PanoramaParams params{};
+  params.frame.width = desc.width;
+  params.frame.height = desc.height;
+  params.frame.input_pitch = upload.pitch_;
+  if (matrix) std::memcpy(&params.frame.m00, matrix->data(), sizeof *matrix);
+  params.counts_lo = low(counts->buffer().address());
+  params.counts_hi = high(counts->buffer().address());
+  const LongPass pass = {.spirv = k_panorama_spirv,
+                         .constants = {static_cast<uint32_t>(desc.format), matrix ? 1u : 0u},
+                         .reads = {upload.wire_.buffer().view()},
+                         .target = &upload.panorama_.buffer(),
+                         .invocations = uint64_t{upload.pitch_} / shader::GROUP_TEXELS * desc.height,
+                         .invocation_bytes = shader::GROUP_TEXELS * 8,
+                         .cost = kPanoramaCost};
+  if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
+  shader::PanoramaCounts found{};
+  if (absl::Status status = passes_.read(counts->buffer(), 0, std::as_writable_bytes(std::span(&found, 1)));
+      !status.ok()) {
+    return status;
+  }
+  Environment environment;
+  environment.width = desc.width;
+  environment.height = desc.height;
+  environment.pitch = upload.pitch_;
+  environment.bad = {found.nan_components, found.infinite_components, found.negative_components, {}};
+  if (found.first_bad_texel_inverted != 0) environment.bad.first_bad_texel = ~found.first_bad_texel_inverted;
+  environment.panorama = std::move(upload.panorama_);
+  return environment;
+}
+
+absl::StatusOr<Harmonics> EnvironmentBaker::radiance(Environment& environment) {
+  if (environment.radiance) return *environment.radiance;
+  const uint32_t width = environment.width;
+  const absl::StatusOr<TexturePool::Lease> columns = passes_.upload(bytes_of(column_factors(width)));
+  if (!columns.ok()) return columns.status();
+  std::vector<float> sums(size_t{environment.height} * shader::SH_PARTS * 16);
+  const absl::StatusOr<TexturePool::Lease> parts = passes_.take(sums.size() * sizeof(float));
+  if (!parts.ok()) return parts.status();
+  const LongPass pass = {.spirv = k_panorama_sh_spirv,
+                         .constants = {},
+                         .reads = {environment.panorama.buffer().view(), columns->buffer().view()},
+                         .target = &parts->buffer(),
+                         .invocations = uint64_t{environment.height} * shader::SH_PARTS,
+                         .invocation_bytes = 16 * sizeof(float),
+                         .cost = kShTexelCost * (2.0 + static_cast<double>(width) / shader::SH_PARTS)};
+  shader::PanoramaShParams params{};
+  params.panorama = layout_of(environment, 0);
+  absl::Status status = passes_.run(pass, params);
+  if (status.ok()) status = passes_.read(parts->buffer(), 0, std::as_writable_bytes(std::span(sums)));
+  if (!status.ok()) return status;
+  environment.radiance = radiance_of(sums, width, environment.height);
+  return *environment.radiance;
+}
+
+absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environment,
+                                                      const BakeSpec& spec) const {
+  const absl::StatusOr<uint32_t> size = size_of(environment, spec);
+  if (!size.ok()) return size.status();
+  const uint32_t chain = std::max(*size, default_cube_size(environment.width));
+  const uint64_t largest = cube_bytes(chain, chain_levels(chain));
+  uint64_t bytes = largest;
+  if (*size > kMinCubeSize && spec.quality.specular_detail > 0)
+    bytes += cube_bytes(*size / 2, specular_levels(*size) - 1);
+  if (largest > device_.summary().max_allocation_bytes) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "bake.size %d needs a texture of %d bytes and this device allocates at most %d at once; ask for a "
+        "smaller size",
+        *size, largest, device_.summary().max_allocation_bytes));
+  }
+  if (bytes > pool_.budget_bytes()) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "bake.size %d needs %d bytes of textures and the memory budget is %d; ask for a smaller "
+        "size or raise --memory-budget",
+        *size, bytes, pool_.budget_bytes()));
+  }
+  return bytes;
+}
+
+absl::StatusOr<BakedCube> EnvironmentBaker::bake(const Environment& environment, const BakeSpec& spec) {
+  if (absl::StatusOr<uint64_t> bytes = bake_bytes(environment, spec); !bytes.ok()) return bytes.status();
+  BakedCube cube;
+  cube.spec = spec;
+  cube.spec.size = *size_of(environment, spec);
+  const uint32_t chain_size = std::max(cube.spec.size, default_cube_size(environment.width));
+  absl::StatusOr<CubeLevels> chain = take_levels(pool_, chain_size, chain_levels(chain_size));
+  if (!chain.ok()) return chain.status();
+  cube.chain = *std::move(chain);
+  cube.first = chain_levels(chain_size) - chain_levels(cube.spec.size);
+  if (has_specular(cube.spec)) {
+    absl::StatusOr<CubeLevels> specular =
+        take_levels(pool_, cube.spec.size / 2, specular_levels(cube.spec.size) - 1);
+    if (!specular.ok()) return specular.status();
+    cube.specular = *std::move(specular);
+  }
+  absl::Status status = make_level_0(environment, cube.spec, cube.chain);
+  if (status.ok()) status = make_chain(cube.chain);
+  if (status.ok()) status = make_specular(cube.spec, cube.chain, cube.specular);
+  if (!status.ok()) return status;
+  return cube;
+}
+
+absl::Status EnvironmentBaker::make_level_0(const Environment& environment, const BakeSpec& spec,
+                                            CubeLevels& chain) {
+  shader::CubeFaceParams params{};
+  params.panorama = layout_of(environment, spec.rotation_deg);
+  params.size = chain.size;
+  params.samples = cube_samples(environment.width, chain.size, spec.quality.cube_samples);
+  const double cost = static_cast<double>(params.samples) * params.samples;
+  return passes_.run(level_pass(k_cube_face_spirv, {environment.panorama.buffer().view()}, chain, 0, cost),
+                     params);
+}
+
+absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
+  for (uint32_t level = 1; level < chain.levels; ++level) {
+    shader::CubeDownParams params{};
+    params.size = chain.size_of(level);
+    params.from = static_cast<uint32_t>(chain.start(level - 1));
+    const LongPass pass =
+        level_pass(k_cube_down_spirv, {chain.texels.buffer().view()}, chain, level, kDownCost);
+    if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLevels& chain,
+                                             CubeLevels& specular) {
+  const double detail2 = spec.quality.specular_detail * spec.quality.specular_detail;
+  for (uint32_t level = 0; level < specular.levels; ++level) {
+    const double roughness = specular_roughness(level + 1, specular.levels + 1, spec.mapping);
+    const double alpha2 = std::pow(roughness, 4);
+    shader::CubeSpecularParams params{};
+    params.size = specular.size_of(level);
+    params.chain_size = chain.size;
+    params.chain_last = chain.levels - 1;
+    params.alpha2 = static_cast<float>(alpha2);
+    params.detail2 = static_cast<float>(detail2);
+    const LongPass pass = level_pass(k_cube_specular_spirv, {chain.texels.buffer().view()}, specular, level,
+                                     specular_cost(alpha2, detail2));
+    if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<const Buffer*> EnvironmentBaker::brdf_table() {
+  if (brdf_) return &brdf_.buffer();
+  const uint64_t texels = uint64_t{shader::BRDF_SIZE} * shader::BRDF_SIZE / 4;
+  absl::StatusOr<TexturePool::Lease> lease = passes_.take(texels * 16);
+  if (!lease.ok()) return lease.status();
+  const LongPass pass = {.spirv = k_brdf_table_spirv,
+                         .constants = {},
+                         .reads = {},
+                         .target = &lease->buffer(),
+                         .invocations = texels,
+                         .cost = kBrdfCost};
+  if (absl::Status status = passes_.run(pass, shader::BrdfTableParams{}); !status.ok()) return status;
+  // Another job may have made it meanwhile, and may be reading it.
+  if (!brdf_) brdf_ = *std::move(lease);
+  return &brdf_.buffer();
+}
+
+absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality) {
+  const BakeSpec spec = {.mapping = RoughnessMapping::kPerceptual, .quality = quality};
+  if (absl::Status status = brdf_table().status(); !status.ok()) return status;
+  if (environment.view.chain && environment.view.spec.quality == quality) return absl::OkStatus();
+  environment.view = {};
+  absl::StatusOr<BakedCube> cube = bake(environment, spec);
+  if (!cube.ok()) return cube.status();
+  environment.view = *std::move(cube);
+  return absl::OkStatus();
+}
+
+absl::Status EnvironmentBaker::render_view(Environment& environment, const View& view, FrameMemory& memory) {
+  if (absl::Status status = check_view(view); !status.ok()) return status;
+  if (!environment.view.chain)
+    return absl::FailedPreconditionError("the environment has no levels for views");
+  if (memory.desc().format != v1::PIXEL_FORMAT_RGBA16F) {
+    return absl::InvalidArgumentError("a view is a frame of RGBA16F");
+  }
+  const absl::StatusOr<Harmonics> light = radiance(environment);
+  if (!light.ok()) return light.status();
+  const absl::StatusOr<const Buffer*> brdf = brdf_table();
+  if (!brdf.ok()) return brdf.status();
+  const shader::ViewScene scene = view_scene(view, irradiance_of(*light), environment.view.specular);
+  std::vector<std::byte> scene_bytes((sizeof scene + 15) / 16 * 16);
+  std::memcpy(scene_bytes.data(), &scene, sizeof scene);
+  const absl::StatusOr<TexturePool::Lease> on_device = passes_.upload(scene_bytes);
+  if (!on_device.ok()) return on_device.status();
+  absl::Status status = draw_view(environment, view, **brdf, on_device->buffer(), memory);
+  const FrameTextures& textures = memory.textures();
+  if (!status.ok() || !textures.upload) return status;
+  // Whoever renders the frame takes its pixels from here, like those of the wire.
+  return passes_.copy(textures.input.buffer(), textures.upload.buffer());
+}
+
+absl::Status EnvironmentBaker::draw_view(const Environment& environment, const View& view, const Buffer& brdf,
+                                         const Buffer& scene, FrameMemory& memory) {
+  const TextureLayout& layout = memory.textures().layout;
+  const Buffer& input = memory.textures().input.buffer();
+  shader::ViewParams params =
+      view_params(view, layout.desc.width, layout.desc.height, layout.pitch, environment.view.chain.size);
+  params.scene_lo = low(scene.address());
+  params.scene_hi = high(scene.address());
+  const VkBufferView chain = environment.view.chain.texels.buffer().view();
+  const CubeLevels& specular = environment.view.specular;
+  // Without specular levels their weights are 0, but the binding still has to hold something.
+  const VkBufferView reads[] = {chain, specular ? specular.texels.buffer().view() : chain, brdf.view()};
+  const std::vector<TileRow> rows = tile_rows(view, layout.desc.width, layout.desc.height, layout.pitch);
+  const uint64_t row_bytes = uint64_t{layout.pitch} * 8;
+  const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
+    params.first_row = begin * shader::VIEW_TILE_Y;
+    const uint32_t last = std::min(end * shader::VIEW_TILE_Y, layout.desc.height);
+    const VkDescriptorBufferInfo written = {input.handle(), params.first_row * row_bytes,
+                                            (last - params.first_row) * row_bytes};
+    for (const uint32_t objects : {0u, 1u}) {
+      std::vector<Box> boxes;
+      for (uint32_t y = begin; y < end; ++y) {
+        const std::vector<Box>& runs = objects ? rows[y].with_objects : rows[y].sky;
+        boxes.insert(boxes.end(), runs.begin(), runs.end());
+      }
+      if (boxes.empty()) continue;
+      const absl::StatusOr<VkPipeline> pipeline = passes_.pipelines().get(k_view_spirv, {objects});
+      if (!pipeline.ok()) return pipeline.status();
+      passes_.recorder().dispatch(*pipeline, passes_.pipelines().layout(), reads, written, &params,
+                                  sizeof params, boxes);
+    }
+    return absl::OkStatus();
+  };
+  const auto cost = [&](uint32_t y) {
+    constexpr double kTile = shader::VIEW_TILE_X * shader::VIEW_TILE_Y * kChainCost;
+    return kTile * (rows[y].sky_tiles + kObjectCost * rows[y].object_tiles);
+  };
+  return passes_.run(
+      {.spirv = k_view_spirv,
+       .count = static_cast<uint32_t>(rows.size()),
+       .cost = cost,
+       .record = record,
+       .most = static_cast<uint32_t>(PipelineCache::kMaxWriteBytes / row_bytes / shader::VIEW_TILE_Y)});
+}
+
+absl::StatusOr<std::vector<float>> EnvironmentBaker::read_face(const CubeLevels& levels, uint32_t level,
+                                                               uint32_t face) {
+  std::vector<std::array<float, 4>> stored(levels.face_texels(level));
+  const uint64_t first = levels.start(level) + face * levels.face_texels(level);
+  absl::Status status = passes_.read(levels.texels.buffer(), first * kCubeTexelBytes,
+                                     std::as_writable_bytes(std::span(stored)));
+  if (!status.ok()) return status;
+  const uint32_t size = levels.size_of(level);
+  std::vector<float> rgb;
+  rgb.reserve(size_t{3} * size * size);
+  for (uint32_t j = 1; j <= size; ++j) {
+    for (uint32_t i = 1; i <= size; ++i) {
+      const std::array<float, 4>& texel = stored[size_t{j} * (size + 2) + i];
+      rgb.insert(rgb.end(), texel.begin(), texel.begin() + 3);
+    }
+  }
+  return rgb;
+}
+
+absl::StatusOr<std::vector<uint16_t>> EnvironmentBaker::read_brdf_table() {
+  const absl::StatusOr<const Buffer*> table = brdf_table();
+  if (!table.ok()) return table.status();
+  std::vector<uint16_t> halves(size_t{2} * shader::BRDF_SIZE * shader::BRDF_SIZE);
+  absl::Status status = passes_.read(**table, 0, std::as_writable_bytes(std::span(halves)));
+  if (!status.ok()) return status;
+  return halves;
+}
+
+absl::StatusOr<std::vector<uint16_t>> EnvironmentBaker::read_panorama(const Environment& environment) {
+  std::vector<uint16_t> rows(size_t{4} * environment.pitch * environment.height);
+  absl::Status status =
+      passes_.read(environment.panorama.buffer(), 0, std::as_writable_bytes(std::span(rows)));
+  if (!status.ok()) return status;
+  std::vector<uint16_t> tight;
+  for (uint32_t y = 0; y < environment.height; ++y) {
+    const auto row = rows.begin() + size_t{4} * environment.pitch * y;
+    tight.insert(tight.end(), row, row + size_t{4} * environment.width);
+  }
+  return tight;
+}
+
+}  // namespace candela

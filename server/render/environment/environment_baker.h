@@ -1,0 +1,76 @@
+// Bakes environments on the Vulkan device, and renders views of them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/render/device/frame_memory.h"
+#include "server/render/environment/environment.h"
+#include "server/render/environment/long_passes.h"
+#include "server/render/environment/panorama_upload.h"
+#include "server/render/environment/view.h"
+
+namespace candela {
+
+// One thread at a time, except take() and bake_bytes(). That thread goes through checkpoint() between
+// submissions of about kSlice, and may render frames there. The device and the pool outlive the baker and its
+// environments.
+//
+// UNAVAILABLE if the pool's budget does not hold the memory beside what is in use, or if the device is lost;
+// RESOURCE_EXHAUSTED if the budget can never hold it.
+class EnvironmentBaker {
+ public:
+  static absl::StatusOr<std::unique_ptr<EnvironmentBaker>> create(Device& device, TexturePool& pool);
+
+  // The memory for a panorama's pixels. Any thread.
+  absl::StatusOr<PanoramaUpload> take(const FrameDesc& desc) const;
+  // A part of the pool's budget for memory of the host. Any thread.
+  absl::StatusOr<TexturePool::Lease> reserve(uint64_t bytes) const { return pool_.reserve(bytes); }
+
+  // Ingests the pixels. `matrix` takes the input primaries to Rec.709.
+  absl::StatusOr<Environment> finish(PanoramaUpload upload,
+                                     const std::optional<std::array<float, 9>>& matrix);
+
+  // L_lm, which the environment keeps.
+  absl::StatusOr<Harmonics> radiance(Environment& environment);
+
+  // The part of the pool's budget that bake() takes. INVALID_ARGUMENT for a bad size. Any thread.
+  absl::StatusOr<uint64_t> bake_bytes(const Environment& environment, const BakeSpec& spec) const;
+  absl::StatusOr<BakedCube> bake(const Environment& environment, const BakeSpec& spec);
+
+  // Makes what views read, unless the environment has it in this quality.
+  absl::Status prepare_view(Environment& environment, const BakeQuality& quality);
+  // Renders a view into the input of a frame of RGBA16F, in place of the wire's pixels. FAILED_PRECONDITION
+  // without prepare_view(); otherwise fails as check_view() does.
+  absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory);
+
+  // R, G and B of a face's texels, row by row, without the border.
+  absl::StatusOr<std::vector<float>> read_face(const CubeLevels& levels, uint32_t level, uint32_t face);
+  // Scale and bias of the BRDF table as halves, row by row.
+  absl::StatusOr<std::vector<uint16_t>> read_brdf_table();
+  // R, G and B of the stored panorama as halves, with alpha, row by row without padding.
+  absl::StatusOr<std::vector<uint16_t>> read_panorama(const Environment& environment);
+
+  // The longest submission since the last call, in seconds.
+  double take_longest_s() { return passes_.take_longest_s(); }
+
+ private:
+  EnvironmentBaker(Device& device, TexturePool& pool, LongPasses passes);
+  absl::Status make_level_0(const Environment& environment, const BakeSpec& spec, CubeLevels& chain);
+  absl::Status make_chain(CubeLevels& chain);
+  absl::Status make_specular(const BakeSpec& spec, const CubeLevels& chain, CubeLevels& specular);
+  absl::StatusOr<const Buffer*> brdf_table();
+  absl::Status draw_view(const Environment& environment, const View& view, const Buffer& brdf,
+                         const Buffer& scene, FrameMemory& memory);
+
+  Device& device_;
+  TexturePool& pool_;
+  LongPasses passes_;
+  TexturePool::Lease brdf_;
+};
+
+}  // namespace candela

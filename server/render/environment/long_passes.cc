@@ -1,0 +1,153 @@
+#include "server/render/environment/long_passes.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "server/base/slices.h"
+
+namespace candela {
+
+namespace {
+
+// A submission aims at this. Work on the same cores may make it half as long again; it should stay within
+// kSlice.
+constexpr double kSubmissionSeconds = 0.025;
+// Before the pace of a pass is known, a look-up counts as this slow. The software device takes 12 to 25 ns.
+constexpr double kFirstPace = 60e-9;
+// One time may have been disturbed, so the pace changes by no more than this factor.
+constexpr double kMostFaster = 4.0;
+constexpr double kMostSlower = 3.0;
+constexpr double kFastestPace = 1e-12;
+constexpr double kSlowestPace = 1e-5;
+// What is read at a time from memory that is not mapped.
+constexpr uint64_t kReadBytes = uint64_t{16} << 20;
+constexpr uint64_t kMaxGroups = 65535;  // that every device can run side by side
+
+}  // namespace
+
+LongPasses::LongPasses(TexturePool& pool, PipelineCache pipelines, Recorder recorder)
+    : pool_(&pool), pipelines_(std::move(pipelines)), recorder_(std::move(recorder)) {}
+
+absl::StatusOr<LongPasses> LongPasses::create(const Device& device, TexturePool& pool) {
+  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(device);
+  if (!pipelines.ok()) return pipelines.status();
+  absl::StatusOr<Recorder> recorder = Recorder::create(device);
+  if (!recorder.ok()) return recorder.status();
+  return LongPasses(pool, *std::move(pipelines), *std::move(recorder));
+}
+
+double LongPasses::affordable(std::span<const uint32_t> spirv) const {
+  const auto known = seconds_per_cost_.find(spirv.data());
+  return kSubmissionSeconds / (known == seconds_per_cost_.end() ? kFirstPace : known->second);
+}
+
+absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
+                                const std::function<absl::Status()>& record) {
+  checkpoint();
+  if (absl::Status status = recorder_.begin(); !status.ok()) return status;
+  if (absl::Status status = record(); !status.ok()) return status;
+  recorder_.barrier_to_host();
+  const auto begin = std::chrono::steady_clock::now();
+  if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  longest_s_ = std::max(longest_s_, seconds);
+  double& pace = seconds_per_cost_.try_emplace(spirv.data(), kFirstPace).first->second;
+  pace = std::clamp(seconds / cost, std::max(pace / kMostFaster, kFastestPace),
+                    std::min(pace * kMostSlower, kSlowestPace));
+  return absl::OkStatus();
+}
+
+absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params_bytes,
+                             shader::PassRange& range) {
+  const absl::StatusOr<VkPipeline> pipeline = pipelines_.get(pass.spirv, pass.constants);
+  if (!pipeline.ok()) return pipeline.status();
+  constexpr uint64_t kGroup = shader::ENVIRONMENT_GROUP;
+  const uint64_t most = std::min(kMaxGroups * kGroup, PipelineCache::kMaxWriteBytes / pass.invocation_bytes);
+  for (uint64_t first = 0; first < pass.invocations;) {
+    const auto groups = static_cast<uint64_t>(affordable(pass.spirv) / (pass.cost * kGroup));
+    const uint64_t count =
+        std::min({std::max<uint64_t>(groups, 1) * kGroup, most / kGroup * kGroup, pass.invocations - first});
+    const auto record = [&]() -> absl::Status {
+      range = {static_cast<uint32_t>(first), static_cast<uint32_t>(count)};
+      const VkDescriptorBufferInfo written = {pass.target->handle(),
+                                              pass.target_offset + first * pass.invocation_bytes,
+                                              count * pass.invocation_bytes};
+      const Box box = {0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1};
+      recorder_.dispatch(*pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes,
+                         {&box, 1});
+      return absl::OkStatus();
+    };
+    const double cost = pass.cost * static_cast<double>(count);
+    if (absl::Status status = submit(pass.spirv, cost, record); !status.ok()) return status;
+    first += count;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status LongPasses::run(const Steps& steps) {
+  for (uint32_t begin = 0; begin < steps.count;) {
+    const double most = affordable(steps.spirv);
+    double cost = steps.cost(begin);
+    uint32_t end = begin + 1;
+    while (end < steps.count && end - begin < steps.most && cost + steps.cost(end) <= most) {
+      cost += steps.cost(end++);
+    }
+    const auto record = [&] { return steps.record(begin, end); };
+    if (absl::Status status = submit(steps.spirv, cost, record); !status.ok()) return status;
+    begin = end;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<TexturePool::Lease> LongPasses::take(uint64_t bytes, MemoryUse use) {
+  return pool_->take({static_cast<uint32_t>((bytes + 15) / 16), 1, 16, use});
+}
+
+absl::StatusOr<TexturePool::Lease> LongPasses::upload(std::span<const std::byte> bytes) {
+  absl::StatusOr<TexturePool::Lease> lease = take(bytes.size());
+  if (!lease.ok()) return lease.status();
+  if (lease->buffer().mapped() != nullptr) {
+    std::memcpy(lease->buffer().mapped(), bytes.data(), bytes.size());
+    return lease;
+  }
+  const absl::StatusOr<TexturePool::Lease> staged = take(bytes.size(), MemoryUse::kUpload);
+  if (!staged.ok()) return staged.status();
+  std::memcpy(staged->buffer().mapped(), bytes.data(), bytes.size());
+  if (absl::Status status = copy(staged->buffer(), lease->buffer()); !status.ok()) return status;
+  return lease;
+}
+
+absl::Status LongPasses::copy(const Buffer& from, const Buffer& to) {
+  checkpoint();
+  if (absl::Status status = recorder_.begin(); !status.ok()) return status;
+  recorder_.copy(from, to, std::min(from.bytes(), to.bytes()));
+  recorder_.barrier_to_host();
+  return recorder_.submit_and_wait();
+}
+
+absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std::byte> to) {
+  if (from.mapped() != nullptr) {
+    std::memcpy(to.data(), from.mapped() + offset, to.size());
+    return absl::OkStatus();
+  }
+  const absl::StatusOr<TexturePool::Lease> staged =
+      take(std::min<uint64_t>(to.size(), kReadBytes), MemoryUse::kReadback);
+  if (!staged.ok()) return staged.status();
+  for (uint64_t first = 0; first < to.size(); first += kReadBytes) {
+    checkpoint();
+    const uint64_t part = std::min<uint64_t>(kReadBytes, to.size() - first);
+    if (absl::Status status = recorder_.begin(); !status.ok()) return status;
+    recorder_.copy_from(from, offset + first, staged->buffer(), part);
+    recorder_.barrier_to_host();
+    if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
+    std::memcpy(to.data() + first, staged->buffer().mapped(), part);
+  }
+  return absl::OkStatus();
+}
+
+double LongPasses::take_longest_s() { return std::exchange(longest_s_, 0.0); }
+
+}  // namespace candela

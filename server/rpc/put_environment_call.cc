@@ -1,0 +1,278 @@
+#include "server/rpc/put_environment_call.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "absl/hash/hash.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/message_wire.h"
+#include "server/access/client_identity.h"
+#include "server/base/log.h"
+#include "server/rpc/wire/parse_request.h"
+#include "server/schedule/frame_metrics.h"
+
+namespace candela {
+
+struct PutEnvironmentCall::Work {
+  std::shared_ptr<Renderer> renderer;
+  std::unique_ptr<MemoryClaim> claim;  // of the upload
+  EnvironmentRoom room;
+  std::optional<PanoramaUpload> upload;
+  PanoramaStart start;
+  v1::Environment facts;
+  absl::StatusOr<EnvironmentUse> environment = absl::CancelledError();
+  std::vector<StageTime> stages;
+
+  // On the render thread.
+  void run();
+  absl::StatusOr<EnvironmentUse> ingest();
+};
+
+void PutEnvironmentCall::Work::run() {
+  environment = ingest();
+  upload.reset();
+  claim.reset();
+}
+
+absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
+  EnvironmentBaker& baker = renderer->baker();
+  auto kept = std::make_shared<KeptEnvironment>();
+  {
+    const HostStage stage("panorama", &stages);
+    absl::StatusOr<Environment> finished = baker.finish(*std::move(upload), start.to_scene);
+    if (!finished.ok()) return finished.status();
+    kept->environment = *std::move(finished);
+  }
+  const PanoramaBadValues& bad = kept->environment.bad;
+  if (start.reject_bad && bad.first_bad_texel) {
+    const uint32_t width = kept->environment.width;
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "pixel (%d, %d) of the panorama is NaN or Inf, and bad_values is REJECT; use SCRUB or mend the file",
+        *bad.first_bad_texel % width, *bad.first_bad_texel / width));
+  }
+  {
+    const HostStage stage("panorama_sh", &stages);
+    const absl::StatusOr<Harmonics> radiance = baker.radiance(kept->environment);
+    if (!radiance.ok()) return radiance.status();
+    for (const auto& coefficient : *radiance) {
+      for (const double component : coefficient) facts.add_radiance_sh(component);
+    }
+  }
+  facts.set_nan_components(bad.nan);
+  facts.set_infinite_components(bad.infinite);
+  facts.set_negative_components(bad.negative);
+  kept->facts = facts;
+  kept->room = std::move(room);
+  kept->renderer = renderer;
+  return kept;
+}
+
+PutEnvironmentCall* PutEnvironmentCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
+  std::shared_ptr<PutEnvironmentCall> call(new PutEnvironmentCall(context, state));
+  call->start();
+  return call.get();
+}
+
+PutEnvironmentCall::PutEnvironmentCall(grpc::CallbackServerContext* context, ServiceState& state)
+    : ServerCall(*context, state.call_gate, state.limits.idle_timeout),
+      state_(state),
+      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
+      flow_(client_ << 1),
+      last_progress_(absl::Now()) {}
+
+void PutEnvironmentCall::on_entered() {
+  visit_.emplace(state_.sessions.memory->presence(), client_);
+  watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
+  StartRead(&incoming_);
+}
+
+void PutEnvironmentCall::OnReadDone(bool ok) {
+  absl::MutexLock lock(&mutex_);
+  if (finished()) return;
+  last_progress_ = absl::Now();
+  if (ok) state_.metrics.bytes_in(incoming_.Length());
+  absl::Status status;
+  if (!ok) {
+    status = take_half_close();
+  } else if (reading_ == State::kStart) {
+    status = take_start();
+  } else {
+    status = reading_ == State::kFirstBand ? take_memory() : absl::OkStatus();
+    if (status.ok()) status = take_band();
+  }
+  if (!status.ok()) finish(status);
+}
+
+absl::Status PutEnvironmentCall::take_start() {
+  v1::PutEnvironmentRequest request;
+  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  incoming_.Clear();
+  if (!request.has_start()) {
+    return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
+  }
+  absl::StatusOr<PanoramaStart> start = panorama_start_from(request.start(), state_.limits.frame);
+  if (!start.ok()) return start.status();
+  // What can never fit is refused before a pixel is read.
+  const FrameDesc& desc = start->layout.desc;
+  constexpr uint64_t kPanoramaTexelBytes = 8;
+  const uint64_t bytes = environment_bytes(desc.width, kPanoramaTexelBytes * desc.width * desc.height);
+  if (absl::Status status = state_.environments.check_size(bytes); !status.ok()) return status;
+  start_ = *std::move(start);
+  id_.emplace(request.start());
+  bands_.emplace(v1::kPanoramaBand, start_->layout.desc, start_->layout.row_stride_bytes);
+  reading_ = State::kFirstBand;
+  StartRead(&incoming_);
+  return absl::OkStatus();
+}
+
+absl::Status PutEnvironmentCall::take_memory() {
+  const FrameDesc& desc = start_->layout.desc;
+  auto work = std::make_shared<Work>();
+  work->renderer = state_.rendering.renderer();
+  work->start = *start_;
+  absl::StatusOr<PanoramaUpload> upload = work->renderer->baker().take(desc);
+  while (absl::IsUnavailable(upload.status()) && state_.environments.free_one()) {
+    upload = work->renderer->baker().take(desc);
+  }
+  if (!upload.ok()) return upload.status();
+  absl::StatusOr<EnvironmentRoom> room =
+      state_.environments.make_room(environment_bytes(desc.width, upload->kept_bytes()));
+  if (!room.ok()) return room.status();
+  absl::StatusOr<std::unique_ptr<MemoryClaim>> claim =
+      state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now());
+  if (!claim.ok()) return claim.status();
+  work->claim = *std::move(claim);
+  work->room = *std::move(room);
+  work->upload = *std::move(upload);
+  work_ = std::move(work);
+  reading_ = State::kBands;
+  admitted_ = last_progress_;
+  return absl::OkStatus();
+}
+
+// The memory of an upload may be uncached, so the rows are hashed where they arrive.
+absl::Status PutEnvironmentCall::take_band() {
+  const uint64_t row_bytes = start_->layout.desc.row_bytes();
+  rows_.resize(std::max<uint64_t>(incoming_.Length(), row_bytes));
+  const uint32_t first = rows_read_;
+  const auto place = [&](uint32_t y) {
+    rows_read_ = y + 1;
+    return std::span(rows_).subspan((y - first) * row_bytes, row_bytes);
+  };
+  absl::Status status = bands_->read(incoming_, place);
+  incoming_.Clear();
+  if (!status.ok()) return status;
+  for (uint32_t y = first; y < rows_read_; ++y) {
+    const std::span<const std::byte> row = std::span(rows_).subspan((y - first) * row_bytes, row_bytes);
+    id_->add(row);
+    std::memcpy(work_->upload->row(y).data(), row.data(), row_bytes);
+  }
+  StartRead(&incoming_);
+  return absl::OkStatus();
+}
+
+absl::Status PutEnvironmentCall::take_half_close() {
+  // gRPC reports a client that vanished as one that half-closed.
+  if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
+  if (!bands_) return absl::InvalidArgumentError("call was half-closed before its start message");
+  if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
+  rows_ = {};
+  const FrameDesc& desc = start_->layout.desc;
+  v1::Environment& facts = work_->facts;
+  facts.set_id(id_->finish());
+  facts.set_width(desc.width);
+  facts.set_height(desc.height);
+  facts.set_default_cube_size(default_cube_size(desc.width));
+  facts.set_memory_bytes(work_->room.bytes());
+  const absl::StatusOr<EnvironmentUse> known = state_.environments.find("id", facts.id(), *work_->renderer);
+  if (!known.ok()) return enqueue();
+  work_.reset();
+  v1::Environment environment = (*known)->facts;
+  environment.set_had_it(true);
+  answer(environment);
+  return absl::OkStatus();
+}
+
+absl::Status PutEnvironmentCall::enqueue() {
+  FrameJob job;
+  job.flow = flow_;
+  job.task = [work = work_] { work->run(); };
+  job.done = [self = self(), work = work_](const absl::StatusOr<RenderedFrame>& ran) {
+    absl::MutexLock lock(&self->mutex_);
+    if (self->finished()) return;
+    if (!ran.ok()) return self->finish(ran.status());
+    if (!work->environment.ok()) return self->finish(work->environment.status());
+    v1::Environment environment = self->state_.environments.keep(*work->environment)->facts;
+    for (const StageTime& stage : work->stages) {
+      v1::StageTime& time = *environment.add_stages();
+      time.set_name(stage.name);
+      time.set_ns(stage.ns);
+    }
+    self->answer(environment);
+  };
+  const absl::StatusOr<Ticket> ticket = state_.rendering.loop.submit(std::move(job));
+  if (!ticket.ok()) return ticket.status();
+  ticket_ = *ticket;
+  reading_ = State::kQueued;
+  return absl::OkStatus();
+}
+
+void PutEnvironmentCall::answer(const v1::Environment& environment) {
+  log_event(
+      LogLevel::kInfo, "environment put",
+      {{"peer", context_.peer()}, {"id", environment.id()}, {"had_it", environment.had_it() ? "yes" : "no"}});
+  reading_ = State::kSending;
+  last_progress_ = absl::Now();
+  outgoing_ = v1::pack(environment);
+  state_.metrics.bytes_out(outgoing_.Length());
+  StartWrite(&outgoing_);
+}
+
+void PutEnvironmentCall::OnWriteDone(bool ok) {
+  absl::MutexLock lock(&mutex_);
+  if (finished()) return;
+  finish(ok ? absl::OkStatus() : absl::CancelledError("client went away before it had its answer"));
+}
+
+void PutEnvironmentCall::on_finish(const absl::Status& status, const std::string& message) {
+  if (reading_ == State::kQueued) state_.rendering.loop.cancel(ticket_);
+  if (!inside()) {
+    state_.metrics.rejected(state_.call_gate.closed() ? Rejection::kDraining : Rejection::kCalls);
+  } else if (const std::optional<Rejection> reason = rejection_of(status); reason && !status.ok()) {
+    state_.metrics.rejected(*reason);
+  }
+  if (!status.ok()) {
+    log_event(LogLevel::kInfo, "environment not put",
+              {{"peer", context_.peer()},
+               {"status", absl::StatusCodeToString(status.code())},
+               {"message", message}});
+  }
+  work_.reset();
+  visit_.reset();
+}
+
+void PutEnvironmentCall::on_idle() {
+  const absl::Time now = absl::Now();
+  const absl::Duration idle = now - last_progress_;
+  if (reading_ == State::kBands) {
+    if (absl::Status slow = check_upload_time("the panorama", now - admitted_); !slow.ok()) {
+      return finish(slow);
+    }
+    const absl::Status yield =
+        state_.sessions.memory->check_upload(client_, work_->upload->bytes(), now - admitted_, idle, now);
+    if (!yield.ok()) return finish(yield);
+  }
+  if (reading_ == State::kQueued || idle < idle_timeout()) {
+    return watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
+  }
+  // A write that nobody reads never ends, and no status could follow it.
+  if (reading_ == State::kSending) return context_.TryCancel();
+  finish(absl::DeadlineExceededError(
+      absl::StrFormat("nothing arrived for %s, this server's idle timeout; send the panorama without pauses",
+                      absl::FormatDuration(idle_timeout()))));
+}
+
+}  // namespace candela

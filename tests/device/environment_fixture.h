@@ -1,0 +1,144 @@
+// Environments on a device with unified memory and on one without, and what tests compare them with.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/image/image.h"
+#include "server/render/environment/environment_baker.h"
+#include "server/render/renderer.h"
+#include "server/render/settings/tiers.h"
+#include "shaders/environment.h"
+#include "tests/support/driver.h"
+#include "tests/support/files.h"
+#include "tests/support/scenes.h"
+
+namespace candela::testing {
+
+// What a tier's row says.
+inline BakeQuality quality_of(const char* tier) {
+  const Tier* row = find_tier(tier);
+  return {row->cube_samples, row->specular_detail};
+}
+inline const BakeQuality kDraft = quality_of("draft");
+inline const BakeQuality kStandard = quality_of("standard");
+inline const BakeQuality kReference = quality_of("reference");
+
+// A device with everything that bakes and renders on it. One for each kind of memory in a process.
+struct Machine {
+  std::unique_ptr<Device> device;
+  std::unique_ptr<TexturePool> pool;
+  std::unique_ptr<Renderer> renderer;
+  std::unique_ptr<EnvironmentBaker> baker;
+
+  static Machine& with(bool staging) {
+    static Machine machines[2];
+    Machine& m = machines[staging];
+    if (m.baker) return m;
+    keep_driver_loaded();
+    DeviceOptions options;
+    options.staging = staging;
+    m.device = *Device::create(options);
+    m.pool = std::make_unique<TexturePool>(*m.device, uint64_t{4} << 30);
+    m.renderer = *Renderer::create(*m.device, *m.pool);
+    m.baker = *EnvironmentBaker::create(*m.device, *m.pool);
+    return m;
+  }
+};
+
+inline Environment environment_of(EnvironmentBaker& baker, const WireFrame& frame,
+                                  const std::optional<std::array<float, 9>>& matrix = std::nullopt) {
+  absl::StatusOr<PanoramaUpload> upload = baker.take(frame.desc);
+  EXPECT_TRUE(upload.ok()) << upload.status();
+  for (uint32_t y = 0; y < frame.desc.height; ++y) {
+    std::memcpy(upload->row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
+                frame.desc.row_bytes());
+  }
+  absl::StatusOr<Environment> environment = baker.finish(*std::move(upload), matrix);
+  EXPECT_TRUE(environment.ok()) << environment.status();
+  return *std::move(environment);
+}
+
+inline reference::Scene scene_of(const WireFrame& frame,
+                                 const std::optional<std::array<float, 9>>& matrix = std::nullopt,
+                                 reference::BadCounts* counts = nullptr) {
+  reference::BadCounts unused;
+  return reference::ingest(frame.pixels, frame.desc.row_bytes(), frame.desc.width, frame.desc.height,
+                           static_cast<uint32_t>(frame.desc.format), matrix, reference::Rounding::kHalf,
+                           counts ? counts : &unused);
+}
+
+inline reference::CubeLevel level_of(EnvironmentBaker& baker, const CubeLevels& levels, uint32_t level) {
+  reference::CubeLevel out{levels.size_of(level), {}};
+  for (uint32_t face = 0; face < kCubeFaces; ++face) {
+    const absl::StatusOr<std::vector<float>> rgb = baker.read_face(levels, level, face);
+    EXPECT_TRUE(rgb.ok()) << rgb.status();
+    for (size_t i = 0; i < rgb->size(); i += 3)
+      out.texels.push_back({(*rgb)[i], (*rgb)[i + 1], (*rgb)[i + 2]});
+  }
+  return out;
+}
+
+inline double largest(const reference::Rgb& c) {
+  return std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
+}
+
+// Each texel is grey, the largest magnitude among it and its neighbours, so that lookups in it bound the
+// texels that a lookup in `scene` uses.
+inline reference::Scene bound_of(const reference::Scene& scene) {
+  reference::Scene out = scene;
+  const auto magnitude = [&](uint32_t x, uint32_t y) {
+    const auto& c = scene.texels[size_t{y} * scene.width + x];
+    return std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
+  };
+  for (uint32_t y = 0; y < scene.height; ++y) {
+    for (uint32_t x = 0; x < scene.width; ++x) {
+      float most = 0;
+      for (uint32_t j = y == 0 ? 0 : y - 1; j <= std::min(y + 1, scene.height - 1); ++j) {
+        for (const uint32_t i : {(x + scene.width - 1) % scene.width, x, (x + 1) % scene.width}) {
+          most = std::max(most, magnitude(i, j));
+        }
+      }
+      out.texels[size_t{y} * scene.width + x] = {most, most, most, 1};
+    }
+  }
+  return out;
+}
+
+inline WireFrame wire_of(const Image& image) {
+  const auto pixels = image.pixels.span();
+  return {{image.width, image.height,
+           image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
+          {pixels.begin(), pixels.end()}};
+}
+
+// The 64 directions of docs/environments.md section 7.
+inline std::vector<reference::Direction> fibonacci_directions() {
+  std::vector<reference::Direction> out;
+  for (int i = 0; i < 64; ++i) {
+    const double y = 1 - (2 * i + 1) / 64.0, across = std::sqrt(1 - y * y);
+    const double lon = i * 3.14159265358979323846 * (3 - std::sqrt(5.0));
+    out.push_back({std::sin(lon) * across, y, -std::cos(lon) * across});
+  }
+  return out;
+}
+
+// The texel of a level of `size` that is nearest to a direction.
+struct NearestTexel {
+  uint32_t face, i, j;
+};
+inline NearestTexel nearest_texel(const reference::Direction& d, uint32_t size) {
+  const reference::CubeSpot spot = reference::cube_spot(d);
+  const auto at = [&](double s) { return std::min(static_cast<uint32_t>((s + 1) / 2 * size), size - 1); };
+  return {spot.face, at(spot.s), at(spot.t)};
+}
+
+}  // namespace candela::testing

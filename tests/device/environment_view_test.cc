@@ -1,0 +1,311 @@
+// Views of environments on the device, against their float64 twin and as frames.
+#include <half.h>
+
+#include "server/render/device/frame_textures.h"
+#include "tests/device/environment_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+struct Picture {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  std::vector<std::array<float, 4>> texels;
+};
+
+// What the twin looks at: what the device has baked.
+struct TwinStage {
+  std::vector<reference::CubeLevel> chain;
+  std::vector<reference::CubeLevel> specular;
+  std::vector<reference::BrdfSum> brdf;
+  std::vector<reference::Sphere> objects;
+  reference::ViewScene scene;
+};
+
+// Grey, the largest magnitude among each texel and its neighbours, also across edges.
+reference::CubeLevel bound_of(const reference::CubeLevel& level) {
+  reference::CubeLevel out = level;
+  for (uint32_t at = 0; at < level.texels.size(); ++at) {
+    const uint32_t face = at / (level.size * level.size), j = at / level.size % level.size,
+                   i = at % level.size;
+    double most = 0;
+    for (int b = -1; b <= 1; ++b) {
+      for (int a = -1; a <= 1; ++a) {
+        const double s = (2.0 * (static_cast<int>(i) + a) + 1) / level.size - 1;
+        const double t = (2.0 * (static_cast<int>(j) + b) + 1) / level.size - 1;
+        const NearestTexel n = nearest_texel(reference::cube_point({face, s, t}), level.size);
+        most = std::max(most, largest(level.at(n.face, n.i, n.j)));
+      }
+    }
+    out.texels[at] = {most, most, most};
+  }
+  return out;
+}
+
+class EnvironmentViewTest : public ::testing::TestWithParam<bool> {
+ protected:
+  Machine& machine() { return Machine::with(GetParam()); }
+  EnvironmentBaker& baker() { return *machine().baker; }
+
+  Environment ready(const WireFrame& frame) {
+    Environment environment = environment_of(baker(), frame);
+    const absl::Status status = baker().prepare_view(environment, kDraft);
+    EXPECT_TRUE(status.ok()) << status;
+    return environment;
+  }
+
+  FrameMemory memory_for(uint32_t width, uint32_t height, Verify verify = Verify::kNo) {
+    absl::StatusOr<FrameMemory> memory =
+        machine().renderer->allocate({width, height, v1::PIXEL_FORMAT_RGBA16F}, *Settings::from({}), verify);
+    EXPECT_TRUE(memory.ok()) << memory.status();
+    return *std::move(memory);
+  }
+
+  Picture render(Environment& environment, const View& view, uint32_t width, uint32_t height) {
+    FrameMemory memory = memory_for(width, height);
+    const absl::Status status = baker().render_view(environment, view, memory);
+    EXPECT_TRUE(status.ok()) << status;
+    Picture picture{width, height, {}};
+    for (uint32_t y = 0; y < height; ++y) {
+      const auto* halves = reinterpret_cast<const uint16_t*>(memory.input_row(y).data());
+      for (uint32_t x = 0; x < width; ++x, halves += 4) {
+        picture.texels.push_back({imath_half_to_float(halves[0]), imath_half_to_float(halves[1]),
+                                  imath_half_to_float(halves[2]), imath_half_to_float(halves[3])});
+      }
+    }
+    return picture;
+  }
+
+  std::unique_ptr<TwinStage> stage_of(Environment& environment, const View& view) {
+    auto stage = std::make_unique<TwinStage>();
+    for (uint32_t level = 0; level < environment.view.chain.levels; ++level) {
+      stage->chain.push_back(level_of(baker(), environment.view.chain, level));
+    }
+    stage->specular.push_back(stage->chain[0]);
+    for (uint32_t level = 0; level < environment.view.specular.levels; ++level) {
+      stage->specular.push_back(level_of(baker(), environment.view.specular, level));
+    }
+    const std::vector<uint16_t> table = *baker().read_brdf_table();
+    for (size_t i = 0; i < table.size(); i += 2) {
+      stage->brdf.push_back({imath_half_to_float(table[i]), imath_half_to_float(table[i + 1])});
+    }
+    for (const ViewSphere& s : view.objects) {
+      stage->objects.push_back(
+          {s.centre, s.radius, s.base_color, s.metallic, s.roughness, s.fixed_to_camera});
+    }
+    stage->scene = {stage->chain, stage->specular,   irradiance_of(*baker().radiance(environment)),
+                    stage->brdf,  view.rotation_deg, stage->objects};
+    return stage;
+  }
+
+  void expect_twin(Environment& environment, const View& view, uint32_t width, uint32_t height,
+                   const std::string& what);
+};
+
+INSTANTIATE_TEST_SUITE_P(Memory, EnvironmentViewTest, ::testing::Bool(),
+                         [](const auto& staging) { return staging.param ? "Staging" : "Unified"; });
+
+// Each pixel within 2^-10 of the largest texels that it uses, beside the rounding to halves.
+void EnvironmentViewTest::expect_twin(Environment& environment, const View& view, uint32_t width,
+                                      uint32_t height, const std::string& what) {
+  const Picture is = render(environment, view, width, height);
+  const std::unique_ptr<TwinStage> stage = stage_of(environment, view);
+  TwinStage most = *stage;
+  for (reference::CubeLevel& level : most.chain) level = bound_of(level);
+  for (reference::CubeLevel& level : most.specular) level = bound_of(level);
+  most.scene.chain = most.chain;
+  most.scene.specular = most.specular;
+  double all = 0;
+  for (const auto& c : stage->scene.irradiance) all += largest(c);
+  most.scene.irradiance = {};
+  most.scene.irradiance[0] = {all, all, all};
+  const reference::Camera camera = {view.camera.rotation, view.camera.position, view.camera.fov_deg};
+  size_t near = 0;
+  for (uint32_t y = 0; y < height; ++y) {
+    std::vector<bool> near_edge;
+    const auto should = view_row(stage->scene, camera, width, height, view.samples, y, &near_edge);
+    const auto bound = view_row(most.scene, camera, width, height, view.samples, y);
+    for (uint32_t x = 0; x < width; ++x) {
+      const std::array<float, 4>& texel = is.texels[size_t{y} * width + x];
+      ASSERT_EQ(texel[3], 1.0f);
+      near += near_edge[x];
+      for (size_t k = 0; k < 3 && !near_edge[x]; ++k) {
+        const double clamped = std::clamp(should[x][k], -65504.0, 65504.0);
+        ASSERT_NEAR(texel[k], clamped, largest(bound[x]) / 1024 + std::abs(clamped) / 2048 + 3e-8)
+            << what << " pixel " << x << ", " << y;
+      }
+    }
+  }
+  EXPECT_LE(near, 4 + size_t{width} * height / 50) << what;
+}
+
+View turned_view(double yaw, double pitch, double roll, double fov_deg) {
+  View view;
+  view.camera.rotation = camera_rotation(yaw, pitch, roll);
+  view.camera.fov_deg = fov_deg;
+  return view;
+}
+
+WireFrame sun() {
+  return make_frame(256, 128, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
+    const float v = x == 160 && y == 38 ? 65504.0f : 0.0f;
+    return {v, v, v, 1};
+  });
+}
+
+std::vector<WireFrame> panoramas() {
+  return {natural(3, 2), natural(97, 41), natural(512, 256), natural(1, 64), sun()};
+}
+
+TEST_P(EnvironmentViewTest, TheSkyIsItsTwins) {
+  for (const WireFrame& frame : panoramas()) {
+    Environment environment = ready(frame);
+    for (const double fov_deg : {1.0, 60.0, 170.0}) {
+      View view = turned_view(200, -35, 15, fov_deg);
+      view.rotation_deg = 33;
+      expect_twin(environment, view, 61, 35,
+                  std::to_string(frame.desc.width) + " fov " + std::to_string(fov_deg));
+    }
+    expect_twin(environment, turned_view(0, 90, 0, 90), 40, 40, "zenith");
+    expect_twin(environment, turned_view(45, -35.26, 0, 20), 33, 9, "a corner of the cube");
+    expect_twin(environment, turned_view(0, 0, 0, 60), 1, 1, "one pixel");
+  }
+}
+
+TEST_P(EnvironmentViewTest, LookdevIsItsTwins) {
+  for (const WireFrame& frame : panoramas()) {
+    Environment environment = ready(frame);
+    for (const uint32_t samples : {1u, 4u, 16u}) {
+      View view = turned_view(70, 10, 5, 40);
+      view.rotation_deg = -120;
+      view.samples = samples;
+      view.objects = lookdev_objects();
+      expect_twin(environment, view, 128, 40,
+                  std::to_string(frame.desc.width) + " samples " + std::to_string(samples));
+    }
+  }
+}
+
+// As many as there may be, of every kind, some behind each other, some in each other, some behind the camera.
+std::vector<ViewSphere> many_spheres() {
+  std::vector<ViewSphere> all;
+  for (uint32_t i = 0; i < shader::VIEW_OBJECTS; ++i) {
+    const auto random = [i](uint32_t channel) { return static_cast<double>(noise(i, 17, channel)); };
+    ViewSphere sphere;
+    sphere.centre = {8 * random(0) - 4, 6 * random(1) - 3, 4 - 14 * random(2)};
+    sphere.radius = 0.1 + 0.8 * random(3);
+    sphere.base_color = {random(4), random(5), random(6)};
+    sphere.metallic = i % 3 / 2.0;
+    sphere.roughness = i % 5 / 4.0;
+    const double away = std::hypot(sphere.centre[0], sphere.centre[1], sphere.centre[2] - 5);
+    if (away > sphere.radius + 0.2) all.push_back(sphere);
+  }
+  return all;
+}
+
+TEST_P(EnvironmentViewTest, ManySpheresAreTheTwins) {
+  Environment environment = ready(natural(512, 256));
+  View view = turned_view(-10, 5, 20, 75);
+  view.camera.position = {0, 0, 5};
+  view.objects = many_spheres();
+  for (const uint32_t samples : {1u, 16u}) {
+    view.samples = samples;
+    expect_twin(environment, view, 111, 63, "samples " + std::to_string(samples));
+  }
+}
+
+TEST_P(EnvironmentViewTest, TilesThatAreTakenForSkyMissNoObject) {
+  // A sphere that is seen larger than its own cone says only if the cone is wrong: at the rim of a wide view.
+  Environment environment = ready(flat(8, 4, {1, 1, 1, 1}));
+  for (const double fov_deg : {30.0, 120.0, 170.0}) {
+    View view = turned_view(0, 0, 0, fov_deg);
+    for (int i = 0; i < 40; ++i) {
+      ViewSphere sphere;
+      const double angle = (i - 20) * 0.075;
+      sphere.centre = {4 * std::sin(angle), 2 * std::sin(0.9 * i), -4 * std::cos(angle)};
+      sphere.radius = 0.05 + 0.01 * i;
+      sphere.base_color = {0, 0, 0};
+      sphere.roughness = 1;
+      view.objects.push_back(sphere);
+    }
+    expect_twin(environment, view, 201, 120, std::to_string(fov_deg));
+  }
+}
+
+TEST_P(EnvironmentViewTest, TheSameViewHasTheSameBitsAndItsFrameIsThatOfTheSamePixels) {
+  Environment environment = ready(natural(97, 41));
+  View view = turned_view(10, 0, 0, 50);
+  view.objects = lookdev_objects();
+  FrameMemory by_view = memory_for(97, 55, Verify::kYes), again = memory_for(97, 55);
+  FrameMemory by_wire = memory_for(97, 55);
+  ASSERT_TRUE(baker().render_view(environment, view, by_view).ok());
+  ASSERT_TRUE(baker().render_view(environment, view, again).ok());
+  for (uint32_t y = 0; y < 55; ++y) {
+    const auto row = by_view.input_row(y);
+    EXPECT_EQ(std::memcmp(row.data(), again.input_row(y).data(), row.size()), 0) << "row " << y;
+    std::memcpy(by_wire.input_row(y).data(), row.data(), row.size());
+  }
+  const Settings settings = *Settings::from({});
+  const auto report = machine().renderer->render(by_view, settings);
+  ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_TRUE(machine().renderer->render(by_wire, settings).ok());
+  for (uint32_t y = 0; y < 55; ++y) {
+    const auto row = by_view.output_row(y);
+    EXPECT_EQ(std::memcmp(row.data(), by_wire.output_row(y).data(), row.size()), 0) << "row " << y;
+  }
+  // The float64 reference has seen the same pixels.
+  EXPECT_LE(report->verification->rounded.max_codes, 1.0);
+}
+
+TEST_P(EnvironmentViewTest, AWhiteMatteBallInAWhiteFieldIsNearlyInvisible) {
+  Environment environment = ready(flat(64, 32, {1, 1, 1, 1}));
+  View view = turned_view(0, 0, 0, 60);
+  view.objects = {{{0, 0, -3}, 1, {1, 1, 1}, 0, 1, false}};
+  for (const auto& texel : render(environment, view, 64, 64).texels) {
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(texel[k], 1.0, 2e-3);
+  }
+}
+
+TEST_P(EnvironmentViewTest, WhatCannotBeRenderedIsRefusedByName) {
+  Environment environment = environment_of(baker(), natural(16, 8));
+  FrameMemory memory = memory_for(8, 8);
+  EXPECT_EQ(baker().render_view(environment, {}, memory).code(), absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(baker().prepare_view(environment, kDraft).ok());
+  const auto expect_refused = [&](const View& view, const std::string& text) {
+    const absl::Status status = baker().render_view(environment, view, memory);
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << text;
+    EXPECT_NE(status.message().find(text), std::string::npos) << status;
+  };
+  View view;
+  view.samples = 2;
+  expect_refused(view, "view.samples is 2; it must be 1, 4 or 16");
+  view = {};
+  view.camera.fov_deg = 171;
+  expect_refused(view, "view.camera.fov_deg is 171; it must be 1 .. 170");
+  view = {};
+  view.objects = {{{0, 0, -0.5}, 0.5, {1, 1, 1}, 0, 0, false}};
+  expect_refused(view, "the camera is in view.objects[0]");
+  view.objects = {{{0, 0, -5}, 0, {1, 1, 1}, 0, 0, false}};
+  expect_refused(view, "view.objects[0].radius is 0; it must be above 0");
+  view.objects = {{{0, 0, -5}, 1, {1, 2, 1}, 0, 0, false}};
+  expect_refused(view, "view.objects[0].base_color is 2; it must be 0 .. 1");
+  view.objects.assign(65, {{0, 0, -5}, 1, {1, 1, 1}, 0, 0, false});
+  expect_refused(view, "view.objects has 65 spheres; at most 64 are possible");
+  EXPECT_FALSE(camera_rotation({0, 0, 0, 1.1}).ok());
+}
+
+TEST(ViewCamera, AQuaternionAndAnglesThatSayTheSameTurnTheSame) {
+  const double half = 35.0 * 3.14159265358979323846 / 360;
+  const auto by_quaternion = camera_rotation({0, std::sin(-half), 0, std::cos(-half)});
+  ASSERT_TRUE(by_quaternion.ok());
+  const Matrix3 by_angles = camera_rotation(35, 0, 0);
+  const reference::Rotation twins = reference::camera_rotation(10, 20, 30);
+  const Matrix3 own = camera_rotation(10, 20, 30);
+  for (size_t i = 0; i < 9; ++i) {
+    EXPECT_NEAR((*by_quaternion)[i], by_angles[i], 1e-12);
+    EXPECT_NEAR(own[i], twins[i], 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace candela::testing

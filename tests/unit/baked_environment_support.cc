@@ -1,0 +1,161 @@
+#include "tests/unit/baked_environment_support.h"
+
+#include <gtest/gtest.h>
+#include <half.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "tests/support/files.h"
+
+namespace candela {
+
+Vector cube_point(uint32_t face, uint32_t i, uint32_t j, uint32_t size) {
+  const double s = 2 * (i + 0.5) / size - 1, t = 2 * (j + 0.5) / size - 1;
+  switch (face) {
+    case 0:
+      return {1, -t, -s};
+    case 1:
+      return {-1, -t, s};
+    case 2:
+      return {s, 1, t};
+    case 3:
+      return {s, -1, -t};
+    case 4:
+      return {s, -t, 1};
+    default:
+      return {-s, -t, -1};
+  }
+}
+
+BakedEnvironment environment_of(const std::vector<uint32_t>& sizes, const WorldFunction& texel) {
+  BakedEnvironment environment;
+  for (size_t l = 0; l < sizes.size(); ++l) {
+    BakedLevel& level = environment.levels.emplace_back();
+    level.size = sizes[l];
+    level.roughness = sizes.size() == 1 ? 0 : static_cast<float>(l) / static_cast<float>(sizes.size() - 1);
+    level.texels = PixelBuffer(size_t{6} * level.size * level.size * 8);
+    std::byte* out = level.texels.data();
+    for (uint32_t face = 0; face < 6; ++face) {
+      for (uint32_t j = 0; j < level.size; ++j) {
+        for (uint32_t i = 0; i < level.size; ++i, out += 8) {
+          const Vector value = texel(l, cube_point(face, i, j, level.size));
+          uint16_t half[4] = {0, 0, 0, 0x3c00};
+          for (size_t c = 0; c < 3; ++c) half[c] = imath_float_to_half(static_cast<float>(value[c]));
+          std::memcpy(out, half, sizeof half);
+        }
+      }
+    }
+  }
+  float next = 0;
+  for (auto& rgb : environment.harmonics) {
+    for (float& value : rgb) value = (next += 1) / 3;
+  }
+  return environment;
+}
+
+Vector telling(size_t level, const Vector& point) {
+  Vector value;
+  for (size_t c = 0; c < 3; ++c) value[c] = std::ldexp(2 + point[c], static_cast<int>(level));
+  return value;
+}
+
+Vector paper_of(int wall) { return {wall < 2 ? 1.0 : 0.0, wall % 4 > 1 ? 1.0 : 0.5, wall % 2 + 0.25}; }
+
+Vector arrows(size_t, const Vector& point) {
+  const auto [x, y, z] = point;
+  struct Wall {
+    double distance, flag, arrow;  // along forward, the flag's side and the arrow
+  };
+  const Wall walls[6] = {{x, z, y}, {-x, -z, y}, {y, x, -z}, {-y, x, -z}, {z, -x, y}, {-z, x, y}};
+  const auto wall = std::max_element(walls, walls + 6,
+                                     [](const Wall& a, const Wall& b) { return a.distance < b.distance; });
+  const double u = wall->flag, v = wall->arrow;
+  const bool shaft = std::abs(u) < 0.15 && v > -0.3 && v < 0.4;
+  const bool head = v >= 0.4 && v < 0.8 && std::abs(u) < 0.8 - v;
+  const bool flag = u > 0 && u < 0.8 && std::abs(v) < 0.2;
+  if (shaft || head || flag) return {10, 10, 10};
+  return paper_of(static_cast<int>(wall - walls));
+}
+
+namespace {
+
+template <typename T>
+T read(const std::string& bytes, size_t at) {
+  T value{};
+  if (at + sizeof value > bytes.size()) {
+    ADD_FAILURE() << "the file ends before " << at + sizeof value;
+    return value;
+  }
+  std::memcpy(&value, bytes.data() + at, sizeof value);
+  return value;
+}
+
+void parse_keys(Ktx2& out) {
+  size_t at = out.keys_at;
+  const size_t end = at + out.keys_bytes;
+  while (at < end) {
+    const auto length = read<uint32_t>(out.file, at);
+    ASSERT_LE(at + 4 + length, end);
+    const std::string entry = out.file.substr(at + 4, length);
+    const size_t middle = entry.find('\0');
+    ASSERT_NE(middle, std::string::npos);
+    ASSERT_GT(length, middle + 1);
+    EXPECT_EQ(entry.back(), '\0') << "the value of " << entry.c_str() << " is not a NUL-terminated text";
+    out.entries.emplace_back(entry.substr(0, middle), entry.substr(middle + 1, length - middle - 2));
+    for (at += 4 + length; at % 4 != 0; ++at) EXPECT_EQ(out.file.at(at), '\0') << "padding at " << at;
+  }
+  EXPECT_EQ(at, end);
+}
+
+}  // namespace
+
+Ktx2 parse_ktx2(const std::string& path) {
+  Ktx2 out;
+  out.file = read_file(path);
+  const unsigned char identifier[] = {0xAB, 'K', 'T', 'X', ' ', '2', '0', 0xBB, 0x0D, 0x0A, 0x1A, 0x0A};
+  EXPECT_EQ(out.file.substr(0, 12), std::string(reinterpret_cast<const char*>(identifier), 12));
+  for (size_t k = 0; k < 9; ++k) out.header[k] = read<uint32_t>(out.file, 12 + 4 * k);
+  out.descriptor_at = read<uint32_t>(out.file, 48);
+  out.descriptor_bytes = read<uint32_t>(out.file, 52);
+  out.keys_at = read<uint32_t>(out.file, 56);
+  out.keys_bytes = read<uint32_t>(out.file, 60);
+  out.global_at = read<uint64_t>(out.file, 64);
+  out.global_bytes = read<uint64_t>(out.file, 72);
+  for (size_t level = 0; level < out.header[7]; ++level) {
+    const size_t at = 80 + 24 * level;
+    out.levels.push_back(
+        {read<uint64_t>(out.file, at), read<uint64_t>(out.file, at + 8), read<uint64_t>(out.file, at + 16)});
+  }
+  for (size_t at = 0; at < out.descriptor_bytes; at += 4) {
+    out.descriptor.push_back(read<uint32_t>(out.file, out.descriptor_at + at));
+  }
+  parse_keys(out);
+  return out;
+}
+
+std::string Ktx2::value(const std::string& key) const {
+  for (const auto& [name, text] : entries) {
+    if (name == key) return text;
+  }
+  ADD_FAILURE() << "no key " << key;
+  return "";
+}
+
+Vector Ktx2::texel(size_t level, uint32_t face, uint32_t i, uint32_t j) const {
+  const uint32_t size = header[2] >> level;
+  const size_t index = (size_t{face} * size + j) * size + i;
+  if (header[0] == 123) {
+    const auto word = read<uint32_t>(file, levels[level].offset + 4 * index);
+    const double scale = std::exp2(static_cast<double>(word >> 27) - 24);
+    return {scale * (word & 511), scale * (word >> 9 & 511), scale * (word >> 18 & 511)};
+  }
+  Vector value;
+  for (size_t c = 0; c < 3; ++c) {
+    value[c] = imath_half_to_float(read<uint16_t>(file, levels[level].offset + 8 * index + 2 * c));
+  }
+  return value;
+}
+
+}  // namespace candela
