@@ -17,10 +17,11 @@ import tempfile
 import time
 
 import compare_output
-from compare_tools import CANDELA, HEIGHT, LARGE, WIDTH, Cost, Failed, Tools, run
+from compare_tools import CANDELA, CUBE, HEIGHT, LARGE, PANORAMA, WIDTH, Cost, Failed, Tools, run
 
 MEMORY = f"{WIDTH}x{HEIGHT}, memory to memory"
 QUIET_CORES = 0.2
+BAKES = f"{PANORAMA} panorama, OpenEXR to a cube map of {CUBE}, the whole command"
 FILES = f"{LARGE}, OpenEXR (half, ZIP) to PNG, the whole command"
 
 # Name, group, label, does, does not; Candela's first.
@@ -33,6 +34,10 @@ ROWS = [(name, MEMORY, *words) for name, words in CANDELA.items()] + [
     ("file", FILES, "candela render --curve aces-1", "meters, exposes, bloom, full ACES 1.x by table", ""),
     ("file-curve", FILES, "the same, exposure 1, no bloom", "full ACES 1.x by table", "expose, bloom"),
     ("oiiotool", FILES, "oiiotool --ociodisplay", "full ACES 1.x, computed for every pixel", "meter, expose, bloom"),
+    ("bake", BAKES, "candela environment", "five GGX levels, harmonics, KTX2 of halves; adaptive, within 2 %", ""),
+    ("cmgen", BAKES, "Filament's cmgen --deploy", "five GGX levels and harmonics, KTX of 10 and 11 bits; 1024 samples a texel",
+     "say its error"),
+    ("exrenvmap", BAKES, "OpenEXR's exrenvmap", "the cube map alone, as OpenEXR", "levels, harmonics"),
 ]
 
 
@@ -72,7 +77,8 @@ def processor() -> str:
 
 
 def versions() -> dict[str, str]:
-    packages = ("mesa-vulkan-drivers", "ffmpeg", "python3-opencv", "openimageio-tools", "libopencolorio2.1")
+    packages = ("mesa-vulkan-drivers", "ffmpeg", "python3-opencv", "openimageio-tools", "libopencolorio2.1",
+                "libfilament-tools", "openexr")
     said = run("dpkg-query", "-W", "-f", "${Package} ${Version}\\n", *packages)
     return dict(line.split(" ", 1) for line in said.splitlines())
 
@@ -84,7 +90,8 @@ def measure(tools: Tools, rounds: int, wait: float) -> tuple[dict[str, list[Cost
     failed: dict[str, str] = {}
     others: list[float] = []
     asked = {"candela": tools.candela, "zscale": tools.zscale, "opencv": tools.opencv, "libplacebo": tools.libplacebo,
-             "file": tools.file_whole, "file-curve": tools.file_curve, "oiiotool": tools.oiiotool}
+             "file": tools.file_whole, "file-curve": tools.file_curve, "oiiotool": tools.oiiotool,
+             "bake": tools.bake, "cmgen": tools.cmgen, "exrenvmap": tools.exrenvmap}
     for i in range(rounds):
         wait_for_quiet(wait)
         print(f"round {i + 1} of {rounds}", file=sys.stderr)
@@ -124,7 +131,7 @@ def main() -> None:
         codes = tools.codes_from_oiiotool()
     rows = []
     for name, group, label, does, does_not in ROWS:
-        ours = name in CANDELA or name.startswith("file")
+        ours = name in CANDELA or name.startswith("file") or name == "bake"
         row = {"name": name, "group": group, "label": label, "ours": ours, "does": does, "does_not": does_not}
         if name in costs:
             row |= summary(costs[name])

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 WIDTH, HEIGHT = 1920, 1080
 LARGE = "3840x2160"
+PANORAMA = "1024x512"
+CUBE = 256
 HERE = pathlib.Path(__file__).parent
 
 # Row of render_bench: (label, does, does not).
@@ -67,9 +69,11 @@ class Tools:
     def __init__(self, binaries: pathlib.Path, scratch: pathlib.Path) -> None:
         self.binaries, self.scratch = binaries, scratch
         self.frame, self.large = str(scratch / "frame.exr"), str(scratch / "large.exr")
+        self.panorama = str(scratch / "panorama.exr")
         self.device = ""
         run(str(binaries / "bench_frame"), str(WIDTH), str(HEIGHT), self.frame)
         run(str(binaries / "bench_frame"), *LARGE.split("x"), self.large)
+        run(str(binaries / "candela"), "sample", "--panorama", "--size", PANORAMA, self.panorama, "--quiet")
 
     def candela(self) -> dict[str, Cost]:
         """render_bench's medians; the memcpy is the median of those beside the rows."""
@@ -120,6 +124,18 @@ class Tools:
         return {"oiiotool": cost(
             "oiiotool", "--colorconfig", str(HERE / "aces.ocio"), self.large, "--ociodisplay", "sRGB", "ACES", "-d", "uint8",
             "-o", str(self.scratch / "oiiotool.png"))}
+
+    def bake(self) -> dict[str, Cost]:
+        return {"bake": cost(str(self.binaries / "candela"), "environment", self.panorama, str(self.scratch / "cube.ktx2"),
+                             "--size", str(CUBE), "--sh", str(self.scratch / "cube.json"), "--quiet",
+                             VK_ICD_FILENAMES=lavapipe())}
+
+    def cmgen(self) -> dict[str, Cost]:
+        return {"cmgen": cost("cmgen", "--quiet", f"--deploy={self.scratch / 'cmgen'}", "--format=ktx", f"--size={CUBE}",
+                              self.panorama)}
+
+    def exrenvmap(self) -> dict[str, Cost]:
+        return {"exrenvmap": cost("exrenvmap", "-c", "-w", str(CUBE), self.panorama, str(self.scratch / "cube.exr"))}
 
     def codes_from_oiiotool(self) -> dict[str, float]:
         """The difference between its picture and Candela's curve alone, in 8-bit codes; {} if either is missing."""
