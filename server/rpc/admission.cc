@@ -55,7 +55,8 @@ void Admission::end() {
 
 void Admission::proceed() {
   if (!done_) return;
-  if (request_.environment != nullptr && !request_.environment->ready) return prepare_environment();
+  if (request_.environment != nullptr && !request_.environment->ready_for(request_.view))
+    return prepare_environment();
   if (request_.choose_tier && !choice_) return choose_tier();
   allocate();
 }
@@ -95,10 +96,11 @@ void Admission::prepare_environment() {
   const EnvironmentUse environment = request_.environment;
   if (environment->preparing.exchange(true)) return proceed_after(kTurnInterval);
   turn_ = {nullptr, [environment](void*) { environment->preparing = false; }};
-  const auto prepare = [environment, turn = turn_] {
+  const auto prepare = [environment, turn = turn_, objects = !request_.view.objects.empty()] {
     absl::Status status =
-        environment->renderer->baker().prepare_view(environment->environment, view_quality());
-    environment->ready = status.ok();
+        environment->renderer->baker().prepare_view(environment->environment, view_quality(), objects);
+    if (status.ok()) environment->sky_ready = true;
+    if (status.ok() && objects) environment->objects_ready = true;
     return status;
   };
   work(prepare, [this](const absl::Status& status) {

@@ -187,10 +187,11 @@ absl::Status PutEnvironmentCall::take_half_close() {
   facts.set_height(desc.height);
   facts.set_default_cube_size(default_cube_size(desc.width));
   facts.set_memory_bytes(work_->room.bytes());
-  const absl::StatusOr<EnvironmentUse> known = state_.environments.find("id", facts.id(), *work_->renderer);
+  absl::StatusOr<EnvironmentUse> known = state_.environments.find("id", facts.id(), *work_->renderer);
   if (!known.ok()) return enqueue();
   work_.reset();
   v1::Environment environment = (*known)->facts;
+  known->reset();  // nobody uses it any more when the client has its answer
   environment.set_had_it(true);
   answer(environment);
   return absl::OkStatus();
@@ -205,7 +206,7 @@ absl::Status PutEnvironmentCall::enqueue() {
     if (self->finished()) return;
     if (!ran.ok()) return self->finish(ran.status());
     if (!work->environment.ok()) return self->finish(work->environment.status());
-    v1::Environment environment = self->state_.environments.keep(*work->environment)->facts;
+    v1::Environment environment = self->state_.environments.keep(*std::move(work->environment))->facts;
     for (const StageTime& stage : work->stages) {
       v1::StageTime& time = *environment.add_stages();
       time.set_name(stage.name);

@@ -87,10 +87,13 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* RenderService::GetEnvironment(grpc::CallbackServerContext* context,
                                                         const v1::GetEnvironmentRequest* request,
                                                         v1::Environment* response) {
-  const absl::StatusOr<EnvironmentUse> found =
+  absl::StatusOr<EnvironmentUse> found =
       state_.environments.find("id", request->id(), *state_.rendering.renderer());
-  if (found.ok()) *response = (*found)->facts;
-  response->set_had_it(true);
+  if (found.ok()) {
+    *response = (*found)->facts;
+    response->set_had_it(true);
+    found->reset();  // nobody uses it any more when the client has its answer
+  }
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(to_grpc(found.status()));
   return reactor;

@@ -37,12 +37,14 @@ class EnvironmentRoom {
 struct KeptEnvironment {
   v1::Environment facts;  // without `stages` and `had_it`; does not change
   EnvironmentRoom room;
-  std::shared_ptr<Renderer> renderer;  // of the device that holds the textures
-  Environment environment;             // the render thread's
-  std::atomic<bool> ready = false;     // views of it may be rendered
+  std::shared_ptr<Renderer> renderer;       // of the device that holds the textures
+  Environment environment;                  // the render thread's
+  std::atomic<bool> sky_ready = false;      // views without objects may be rendered
+  std::atomic<bool> objects_ready = false;  // all views
   std::atomic<bool> preparing = false;
 
   const std::string& id() const { return facts.id(); }
+  bool ready_for(const View& view) const { return view.objects.empty() ? sky_ready : objects_ready; }
 };
 using EnvironmentUse = std::shared_ptr<KeptEnvironment>;
 

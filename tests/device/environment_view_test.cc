@@ -266,6 +266,23 @@ TEST_P(EnvironmentViewTest, AWhiteMatteBallInAWhiteFieldIsNearlyInvisible) {
   }
 }
 
+TEST_P(EnvironmentViewTest, TheSkyNeedsNoSpecularLevelsAndObjectsAddThem) {
+  const WireFrame frame = natural(256, 128);
+  Environment whole = ready(frame);
+  Environment grown = environment_of(baker(), frame);
+  ASSERT_TRUE(baker().prepare_view(grown, kDraft, /*objects=*/false).ok());
+  EXPECT_LT(grown.view.bytes(), whole.view.bytes());
+  const View sky = turned_view(20, 10, 0, 60);
+  EXPECT_EQ(render(grown, sky, 40, 30).texels, render(whole, sky, 40, 30).texels);
+  View objects = sky;
+  objects.objects = lookdev_objects();
+  FrameMemory memory = memory_for(8, 8);
+  EXPECT_EQ(baker().render_view(grown, objects, memory).code(), absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(baker().prepare_view(grown, kDraft).ok());
+  EXPECT_EQ(grown.view.bytes(), whole.view.bytes());
+  EXPECT_EQ(render(grown, objects, 40, 30).texels, render(whole, objects, 40, 30).texels);
+}
+
 TEST_P(EnvironmentViewTest, WhatCannotBeRenderedIsRefusedByName) {
   Environment environment = environment_of(baker(), natural(16, 8));
   FrameMemory memory = memory_for(8, 8);

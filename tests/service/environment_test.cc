@@ -90,7 +90,11 @@ class EnvironmentService : public ::testing::Test {
     server_.reset();
     server_ = start_server(config);
   }
-  void SetUp() override { restart(test_config()); }
+  void SetUp() override {
+    Config config = test_config();
+    config.max_calls = 64;  // refused calls keep their places for a moment
+    restart(config);
+  }
 
   Connection connection() const { return Connection(server_->in_process_channel()); }
   std::string put(const Panorama& panorama) const {

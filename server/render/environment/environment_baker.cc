@@ -198,16 +198,12 @@ absl::StatusOr<BakedCube> EnvironmentBaker::bake(const Environment& environment,
   if (!chain.ok()) return chain.status();
   cube.chain = *std::move(chain);
   cube.first = chain_levels(chain_size) - chain_levels(cube.spec.size);
-  if (has_specular(cube.spec)) {
-    absl::StatusOr<CubeLevels> specular =
-        take_levels(pool_, cube.spec.size / 2, specular_levels(cube.spec.size) - 1);
-    if (!specular.ok()) return specular.status();
-    cube.specular = *std::move(specular);
-  }
   absl::Status status = make_level_0(environment, cube.spec, cube.chain);
   if (status.ok()) status = make_chain(cube.chain);
-  if (status.ok()) status = make_specular(cube.spec, cube.chain, cube.specular);
   if (!status.ok()) return status;
+  absl::StatusOr<CubeLevels> specular = make_specular(cube.spec, cube.chain);
+  if (!specular.ok()) return specular.status();
+  cube.specular = *std::move(specular);
   return cube;
 }
 
@@ -234,8 +230,11 @@ absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
   return absl::OkStatus();
 }
 
-absl::Status EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLevels& chain,
-                                             CubeLevels& specular) {
+absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLevels& chain) {
+  if (!has_specular(spec)) return CubeLevels{};
+  absl::StatusOr<CubeLevels> taken = take_levels(pool_, spec.size / 2, specular_levels(spec.size) - 1);
+  if (!taken.ok()) return taken.status();
+  CubeLevels specular = *std::move(taken);
   const double detail2 = spec.quality.specular_detail * spec.quality.specular_detail;
   for (uint32_t level = 0; level < specular.levels; ++level) {
     const double roughness = specular_roughness(level + 1, specular.levels + 1, spec.mapping);
@@ -250,7 +249,7 @@ absl::Status EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLev
                                      specular_cost(alpha2, detail2));
     if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
   }
-  return absl::OkStatus();
+  return specular;
 }
 
 absl::StatusOr<const Buffer*> EnvironmentBaker::brdf_table() {
@@ -270,27 +269,44 @@ absl::StatusOr<const Buffer*> EnvironmentBaker::brdf_table() {
   return &brdf_.buffer();
 }
 
-absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality) {
-  const BakeSpec spec = {.mapping = RoughnessMapping::kPerceptual, .quality = quality};
-  if (absl::Status status = brdf_table().status(); !status.ok()) return status;
-  if (environment.view.chain && environment.view.spec.quality == quality) return absl::OkStatus();
-  environment.view = {};
-  absl::StatusOr<BakedCube> cube = bake(environment, spec);
-  if (!cube.ok()) return cube.status();
-  environment.view = *std::move(cube);
+absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality,
+                                            bool objects) {
+  if (objects) {
+    if (absl::Status status = brdf_table().status(); !status.ok()) return status;
+  }
+  BakedCube& view = environment.view;
+  const BakeQuality sky = {quality.cube_samples, 0.0};
+  if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
+    view = {};
+    absl::StatusOr<BakedCube> cube =
+        bake(environment, {.mapping = RoughnessMapping::kPerceptual, .quality = objects ? quality : sky});
+    if (!cube.ok()) return cube.status();
+    view = *std::move(cube);
+  }
+  if (!objects || view.spec.quality == quality) return absl::OkStatus();
+  BakeSpec spec = view.spec;
+  spec.quality = quality;
+  absl::StatusOr<CubeLevels> specular = make_specular(spec, view.chain);
+  if (!specular.ok()) return specular.status();
+  view.specular = *std::move(specular);
+  view.spec = spec;
   return absl::OkStatus();
 }
 
 absl::Status EnvironmentBaker::render_view(Environment& environment, const View& view, FrameMemory& memory) {
   if (absl::Status status = check_view(view); !status.ok()) return status;
-  if (!environment.view.chain)
-    return absl::FailedPreconditionError("the environment has no levels for views");
+  const bool objects = !view.objects.empty();
+  if (!environment.view.chain || (objects && environment.view.spec.quality.specular_detail == 0.0)) {
+    return absl::FailedPreconditionError("the environment has no levels for this view");
+  }
   if (memory.desc().format != v1::PIXEL_FORMAT_RGBA16F) {
     return absl::InvalidArgumentError("a view is a frame of RGBA16F");
   }
   const absl::StatusOr<Harmonics> light = radiance(environment);
   if (!light.ok()) return light.status();
-  const absl::StatusOr<const Buffer*> brdf = brdf_table();
+  // The sky alone reads no table, but the binding has to hold something.
+  absl::StatusOr<const Buffer*> brdf = &environment.view.chain.texels.buffer();
+  if (objects) brdf = brdf_table();
   if (!brdf.ok()) return brdf.status();
   const shader::ViewScene scene = view_scene(view, irradiance_of(*light), environment.view.specular);
   std::vector<std::byte> scene_bytes((sizeof scene + 15) / 16 * 16);

@@ -42,8 +42,9 @@ class EnvironmentBaker {
   absl::StatusOr<uint64_t> bake_bytes(const Environment& environment, const BakeSpec& spec) const;
   absl::StatusOr<BakedCube> bake(const Environment& environment, const BakeSpec& spec);
 
-  // Makes what views read, unless the environment has it in this quality.
-  absl::Status prepare_view(Environment& environment, const BakeQuality& quality);
+  // Makes what views read, unless the environment has it in this quality. Views without objects read no
+  // specular levels.
+  absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects = true);
   // Renders a view into the input of a frame of RGBA16F, in place of the wire's pixels. FAILED_PRECONDITION
   // without prepare_view(); otherwise fails as check_view() does.
   absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory);
@@ -62,7 +63,8 @@ class EnvironmentBaker {
   EnvironmentBaker(Device& device, TexturePool& pool, LongPasses passes);
   absl::Status make_level_0(const Environment& environment, const BakeSpec& spec, CubeLevels& chain);
   absl::Status make_chain(CubeLevels& chain);
-  absl::Status make_specular(const BakeSpec& spec, const CubeLevels& chain, CubeLevels& specular);
+  // Empty if `spec`, which has its size, has no specular levels.
+  absl::StatusOr<CubeLevels> make_specular(const BakeSpec& spec, const CubeLevels& chain);
   absl::StatusOr<const Buffer*> brdf_table();
   absl::Status draw_view(const Environment& environment, const View& view, const Buffer& brdf,
                          const Buffer& scene, FrameMemory& memory);
