@@ -179,7 +179,8 @@ def more_sessions_than_memory_are_refused_and_nothing_is_killed() -> None:
             wait_until(lambda: candelad.metric("candela_sessions") >= 20, "sessions are open")
             answers: list[subprocess.CompletedProcess] = []
             callers = [threading.Thread(target=lambda i=i: answers.append(attempt(
-                CANDELA, "render", FOLDER / "large.exr", FOLDER / f"{i}.png", "--server", candelad.address)))
+                CANDELA, "render", FOLDER / "large.exr", FOLDER / f"{i}.png", "--server", candelad.address,
+                "--resume", "0")))  # a refused image is not sent again when the crowd has left
                 for i in range(8)]
             for caller in callers:
                 caller.start()
