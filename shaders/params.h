@@ -202,7 +202,8 @@ struct PanoramaConstants {
 };
 
 struct ViewConstants {
-  uint objects;  // the tiles may show objects
+  uint objects;    // the tiles may show objects
+  uint magnified;  // the sky is level 0 everywhere; used without objects
 };
 #endif
 

@@ -11,6 +11,7 @@
 
 layout(local_size_x = VIEW_TILE_X, local_size_y = VIEW_TILE_Y) in;
 layout(constant_id = 0) const bool OBJECTS = false;
+layout(constant_id = 1) const bool MAGNIFIED = false;
 layout(set = 0, binding = 0) uniform utextureBuffer chain;
 layout(set = 0, binding = 1) uniform utextureBuffer specular;
 layout(set = 0, binding = 2) uniform utextureBuffer brdf;
@@ -96,6 +97,7 @@ float lod_of(float size) { return p.lod - 1.5 * log2(size); }
 
 vec3 sky(vec3 d) {
   CubePlace place = cube_place(turned(d));
+  if (MAGNIFIED) return cube_at(chain, CUBE_LEVEL_START(p.chain_size, p.chain_size, 0u), p.chain_size, place);
   return chain_at(chain, p.chain_size, p.chain_last, place, max(0.0, lod_of(place.size)));
 }
 

@@ -40,8 +40,7 @@ struct Machine {
   std::unique_ptr<EnvironmentBaker> baker;
 
   static Machine& with(bool staging) {
-    static Machine machines[2];
-    Machine& m = machines[staging];
+    Machine& m = all()[staging];
     if (m.baker) return m;
     keep_driver_loaded();
     DeviceOptions options;
@@ -52,7 +51,27 @@ struct Machine {
     m.baker = *EnvironmentBaker::create(*m.device, *m.pool);
     return m;
   }
+
+  // Not destroyed at the process's exit, when the validation layers are gone.
+  static std::array<Machine, 2>& all() {
+    static auto* const machines = new std::array<Machine, 2>;
+    return *machines;
+  }
 };
+
+// Closes the machines after the last test.
+class CloseMachines : public ::testing::Environment {
+ public:
+  void TearDown() override {
+    for (Machine& m : Machine::all()) {
+      m.baker.reset();
+      m.renderer.reset();
+      m.pool.reset();
+      m.device.reset();
+    }
+  }
+};
+inline ::testing::Environment* const close_machines = ::testing::AddGlobalTestEnvironment(new CloseMachines);
 
 inline Environment environment_of(EnvironmentBaker& baker, const WireFrame& frame,
                                   const std::optional<std::array<float, 9>>& matrix = std::nullopt) {

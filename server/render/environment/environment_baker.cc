@@ -334,6 +334,7 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
   const VkBufferView reads[] = {chain, specular ? specular.texels.buffer().view() : chain, brdf.view()};
   const std::vector<TileRow> rows = tile_rows(view, layout.desc.width, layout.desc.height, layout.pitch);
   const uint64_t row_bytes = uint64_t{layout.pitch} * 8;
+  const uint32_t magnified = is_magnified(params) ? 1 : 0;
   const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
     params.first_row = begin * shader::VIEW_TILE_Y;
     const uint32_t last = std::min(end * shader::VIEW_TILE_Y, layout.desc.height);
@@ -346,7 +347,7 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
         boxes.insert(boxes.end(), runs.begin(), runs.end());
       }
       if (boxes.empty()) continue;
-      const absl::StatusOr<VkPipeline> pipeline = passes_.pipelines().get(k_view_spirv, {objects});
+      const absl::StatusOr<VkPipeline> pipeline = passes_.pipelines().get(k_view_spirv, {objects, magnified});
       if (!pipeline.ok()) return pipeline.status();
       passes_.recorder().dispatch(*pipeline, passes_.pipelines().layout(), reads, written, &params,
                                   sizeof params, boxes);

@@ -133,6 +133,12 @@ shader::ViewParams view_params(const View& view, uint32_t width, uint32_t height
   return params;
 }
 
+bool is_magnified(const shader::ViewParams& params) {
+  // Of lod, c / m is at most the square root of 3. The margin is for the shader's float arithmetic.
+  constexpr double kMargin = 0.01;
+  return params.lod + 1.5 * std::log2(std::numbers::sqrt3) + kMargin <= 0;
+}
+
 shader::ViewScene view_scene(const View& view, const Harmonics& irradiance, const CubeLevels& specular) {
   shader::ViewScene scene{};
   for (size_t i = 0; i < irradiance.size(); ++i) {

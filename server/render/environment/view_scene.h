@@ -17,6 +17,9 @@ namespace candela {
 shader::ViewParams view_params(const View& view, uint32_t width, uint32_t height, uint32_t pitch,
                                uint32_t chain_size);
 
+// Whether the sky is read from level 0 alone, wherever the camera looks.
+bool is_magnified(const shader::ViewParams& params);
+
 // `specular` has the levels after level 0, with the perceptual mapping; it may be empty.
 shader::ViewScene view_scene(const View& view, const Harmonics& irradiance, const CubeLevels& specular);
 
