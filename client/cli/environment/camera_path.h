@@ -1,4 +1,4 @@
-// How the camera of `candela view` moves over time.
+// The moving camera of `candela view`.
 #pragma once
 
 #include <string>

@@ -104,7 +104,7 @@ void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
   add_text(app, kMove, "--session", "NAME", "Name of the session (default: a random one)", options.session);
 }
 
-// What only a sequence, or only a single view, takes.
+// Options that only a sequence takes, or only a single view.
 absl::Status check_kind(const PanoramaViewOptions& options) {
   if (options.turn_deg && !options.camera_path.empty()) {
     return usage_error("--turn and --path both move the camera; give only one of them");

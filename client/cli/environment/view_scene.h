@@ -1,4 +1,4 @@
-// What `candela view` shows: the messages of its views.
+// The views that `candela view` asks the server for, as messages.
 #pragma once
 
 #include <cstdint>

@@ -111,7 +111,7 @@ struct PanoramaViewOptions : PictureOptions {
   bool is_sequence() const { return turn_deg || !camera_path.empty(); }
 };
 
-// How a baked environment becomes files.
+// The layouts of a baked environment in files.
 enum class EnvironmentLayout { kFaces, kCross, kEquirectangular };
 
 // The cube map of a panorama. Of the settings, only the panorama's primaries, bad values and the tier count.

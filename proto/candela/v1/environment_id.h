@@ -31,7 +31,7 @@ class EnvironmentId {
   std::unique_ptr<Digest> digest_;
 };
 
-// Whether `id` has the form of an id.
+// Whether `id` is 64 hex digits, in lower case.
 bool is_environment_id(absl::string_view id);
 
 }  // namespace candela::v1

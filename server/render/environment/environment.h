@@ -12,7 +12,7 @@
 
 namespace candela {
 
-// What a tier decides about baking (server/render/settings/tiers.h).
+// How finely an environment is baked. server/render/settings/tiers.h has each tier's numbers.
 struct BakeQuality {
   uint32_t cube_samples = 4;  // K of a panorama whose texels are as large as those of level 0
   // The largest side of a texel that a specular level takes whole, by the distance over which the lobe
@@ -57,7 +57,7 @@ struct Environment {
   std::optional<Harmonics> radiance;  // L_lm, once somebody has asked for it
   BakedCube view;                     // what views read, once there was one; the mapping is perceptual
 
-  // Of the pool's budget.
+  // The part of the pool's budget that it holds.
   uint64_t bytes() const { return panorama.bytes() + view.bytes(); }
 };
 

@@ -171,8 +171,9 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
   const uint32_t chain = std::max(*size, default_cube_size(environment.width));
   const uint64_t largest = cube_bytes(chain, chain_levels(chain));
   uint64_t bytes = largest;
-  if (*size > kMinCubeSize && spec.quality.specular_detail > 0)
-    bytes += cube_bytes(*size / 2, specular_levels(*size) - 1);
+  BakeSpec sized = spec;
+  sized.size = *size;
+  if (has_specular(sized)) bytes += cube_bytes(*size / 2, specular_levels(*size) - 1);
   if (largest > device_.summary().max_allocation_bytes) {
     return absl::ResourceExhaustedError(absl::StrFormat(
         "bake.size %d needs a texture of %d bytes and this device allocates at most %d at once; ask for a "
