@@ -20,9 +20,8 @@ absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOpt
   return opened;
 }
 
-DeviceKeeper::DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics,
-                           std::function<void()> on_gone)
-    : open_(std::move(open)), metrics_(metrics), on_gone_(std::move(on_gone)), current_(std::move(first)) {}
+DeviceKeeper::DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics, Events events)
+    : open_(std::move(open)), metrics_(metrics), events_(std::move(events)), current_(std::move(first)) {}
 
 DeviceKeeper::~DeviceKeeper() {
   if (!current()->device->hung()) return;
@@ -41,12 +40,11 @@ std::shared_ptr<Renderer> DeviceKeeper::renderer() const {
   return {device, device->renderer.get()};
 }
 
-void DeviceKeeper::frame_ended(const Renderer& renderer, const absl::Status& status) {
-  // A frame of a device that was already replaced says nothing about the current one.
+void DeviceKeeper::job_ended(const Renderer* renderer, const absl::Status& status) {
   const std::shared_ptr<RenderDevice> device = current();
-  if (&renderer != device->renderer.get()) return;
   if (status.ok()) {
-    rebuilds_ = 0;
+    // A frame of a device that was already replaced says nothing about the current one.
+    if (renderer == device->renderer.get()) rebuilds_ = 0;
   } else if (device->device->hung()) {
     give_up("the device hangs; rendering has stopped", *device);
   } else if (device->device->lost()) {
@@ -83,13 +81,14 @@ void DeviceKeeper::replace(const RenderDevice& lost) {
     current_.swap(old);
   }
   metrics_.device_rebuilt();
+  if (events_.on_replaced) events_.on_replaced();
 }
 
 void DeviceKeeper::give_up(const char* event, const RenderDevice& device) {
   if (gone_.exchange(true)) return;
   log_event(LogLevel::kError, event,
             {{"device", device.device->summary().name}, {"rebuilds", static_cast<int64_t>(rebuilds_)}});
-  if (on_gone_) on_gone_();
+  if (events_.on_gone) events_.on_gone();
 }
 
 void DeviceKeeper::lose(int times) {

@@ -39,10 +39,16 @@ class DeviceKeeper {
  public:
   using Open = std::function<absl::StatusOr<std::shared_ptr<RenderDevice>>()>;
 
-  // `on_gone`, which may be empty, is called once, on the render thread or on a job's own, when the device is
-  // lost again after kMaxRebuilds replacements, or when it hangs. From then on every frame fails.
-  DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics,
-               std::function<void()> on_gone);
+  // What the owner wants to know. Both are called on the render thread or on a job's own, and may be empty.
+  struct Events {
+    // Another device is the current one.
+    std::function<void()> on_replaced = {};
+    // The device is lost again after kMaxRebuilds replacements, or it hangs. Called once. From then on every
+    // frame fails.
+    std::function<void()> on_gone = {};
+  };
+
+  DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metrics& metrics, Events events);
   // Does not destroy a device that hangs.
   ~DeviceKeeper();
 
@@ -52,9 +58,10 @@ class DeviceKeeper {
   std::shared_ptr<Renderer> renderer() const;
   bool gone() const { return gone_; }
 
-  // Call it on the thread that rendered, after each frame, with the result of rendering it on `renderer`.
-  // Replaces the current device if it is lost; that takes some tenths of a second.
-  void frame_ended(const Renderer& renderer, const absl::Status& status);
+  // Call it on the thread that used the device, after each frame and every other job, with its result.
+  // `renderer` is the frame's, null for other jobs. Replaces the current device if it is lost; that takes
+  // some tenths of a second.
+  void job_ended(const Renderer* renderer, const absl::Status& status);
 
   // For tests: loses this device and its replacements, `times` devices in all.
   void lose(int times);
@@ -65,7 +72,7 @@ class DeviceKeeper {
 
   const Open open_;
   Metrics& metrics_;
-  const std::function<void()> on_gone_;
+  const Events events_;
   mutable absl::Mutex mutex_;
   std::shared_ptr<RenderDevice> current_ ABSL_GUARDED_BY(mutex_);
   int rebuilds_ = 0;  // since the last good frame; used by one thread at a time

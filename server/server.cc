@@ -123,7 +123,10 @@ void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper
                                std::function<void()> on_gone) {
   const DeviceSummary& device = first->device->summary();
   metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
-  devices = std::make_unique<DeviceKeeper>(first, std::move(open), *metrics, std::move(on_gone));
+  devices = std::make_unique<DeviceKeeper>(
+      first, std::move(open), *metrics,
+      DeviceKeeper::Events{.on_replaced = [this] { state->environments.forget_others(*devices->renderer()); },
+                           .on_gone = std::move(on_gone)});
   tier_benchmark = std::make_unique<TierBenchmark>(
       [d = devices.get()] { return d->renderer(); }, tier_benchmark_key(device),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
@@ -169,8 +172,13 @@ absl::Status Server::Impl::serve_metrics() {
   if (config.metrics.empty()) return absl::OkStatus();
   metrics->set_sampler([this]() -> Metrics::Sample {
     const PoolCounters pool = devices->current()->pool.counters();
-    return {loop->waiting(), pool.bytes_in_use, pool.bytes_idle, config.memory_budget_bytes,
-            connections.count()};
+    return {.queue_frames = loop->waiting(),
+            .memory_in_use_bytes = pool.bytes_in_use,
+            .memory_idle_bytes = pool.bytes_idle,
+            .memory_budget_bytes = config.memory_budget_bytes,
+            .environment_bytes = state->environments.used_bytes(),
+            .environment_budget_bytes = config.environment_budget_bytes,
+            .connections = connections.count()};
   });
   absl::StatusOr<std::unique_ptr<MetricsServer>> started =
       MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections);
@@ -209,15 +217,16 @@ void Server::Impl::measure_tiers() {
     if (!measured.ok()) {
       log_event(LogLevel::kWarning, "tiers not measured", {{"reason", std::string(measured.message())}});
     }
+    return measured;
   };
   job.done = [](const absl::StatusOr<RenderedFrame>&) {};
   if (const absl::StatusOr<Ticket> ticket = loop->submit(std::move(job)); ticket.ok()) measuring = *ticket;
 }
 
 absl::StatusOr<FrameReport> Server::Impl::render(const FrameJob& job) {
-  absl::StatusOr<FrameReport> report = render_frame(job);
-  devices->frame_ended(*job.frame->renderer, report.status());
-  heartbeat->worked(report.ok());
+  absl::StatusOr<FrameReport> report = run_job(job);
+  devices->job_ended(job.frame == nullptr ? nullptr : job.frame->renderer.get(), report.status());
+  if (job.frame != nullptr) heartbeat->worked(report.ok());
   return report;
 }
 
@@ -228,7 +237,7 @@ absl::Status Server::Impl::beat() {
   // Uploads that stall must not fail the heartbeat.
   if (absl::IsUnavailable(memory.status())) state->sessions.memory->found_no_texture(1, absl::Now());
   if (!memory.ok()) {
-    devices->frame_ended(*renderer, memory.status());  // the device may be lost
+    devices->job_ended(renderer.get(), memory.status());  // the device may be lost
     return memory.status();
   }
   for (uint32_t y = 0; y < kBeat.height; ++y) {
@@ -236,7 +245,7 @@ absl::Status Server::Impl::beat() {
     std::fill(row.begin(), row.end(), std::byte{0});
   }
   const absl::Status status = renderer->render(*memory, settings).status();
-  devices->frame_ended(*renderer, status);
+  devices->job_ended(renderer.get(), status);
   return status;
 }
 
@@ -273,8 +282,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
   if (!access.ok()) return access.status();
   prepare_driver_environment();
   const auto open = [options = DeviceOptions{.selector = config.device,
-                                                  .validation = config.validation,
-                                                  .hang_limit = config.hang_limit},
+                                             .validation = config.validation,
+                                             .hang_limit = config.hang_limit},
                      bytes = budget.bytes] { return open_render_device(options, bytes); };
   absl::StatusOr<std::shared_ptr<RenderDevice>> device = open();
   if (!device.ok()) return device.status();

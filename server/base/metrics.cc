@@ -113,6 +113,16 @@ struct Metrics::Impl final : prometheus::Collectable {
                              .Help("Limit of the texture pool")
                              .Register(registry)
                              .Add({});
+  Gauge& environments = BuildGauge()
+                            .Name("candela_environment_bytes")
+                            .Help("Texture memory of the environments that are kept")
+                            .Register(registry)
+                            .Add({});
+  Gauge& environment_budget = BuildGauge()
+                                  .Name("candela_environment_budget_bytes")
+                                  .Help("Limit of the environments that are kept")
+                                  .Register(registry)
+                                  .Add({});
 
   Gauge& connections =
       BuildGauge().Name("candela_connections").Help("Open connections of clients").Register(registry).Add({});
@@ -144,6 +154,8 @@ struct Metrics::Impl final : prometheus::Collectable {
       memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
       memory_idle.Set(static_cast<double>(sample.memory_idle_bytes));
       memory_budget.Set(static_cast<double>(sample.memory_budget_bytes));
+      environments.Set(static_cast<double>(sample.environment_bytes));
+      environment_budget.Set(static_cast<double>(sample.environment_budget_bytes));
       connections.Set(static_cast<double>(sample.connections));
       log_lines_lost.Increment(static_cast<double>(candela::log_lines_lost()) - log_lines_lost.Value());
     }

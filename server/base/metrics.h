@@ -42,6 +42,8 @@ class Metrics {
     uint64_t memory_in_use_bytes = 0;  // of the texture pool
     uint64_t memory_idle_bytes = 0;
     uint64_t memory_budget_bytes = 0;  // the limit of both together
+    uint64_t environment_bytes = 0;    // those that are kept, a part of the memory in use
+    uint64_t environment_budget_bytes = 0;
     uint64_t connections = 0;
   };
 

@@ -104,6 +104,8 @@ void Admission::prepare_environment() {
     return status;
   };
   work(prepare, [this](const absl::Status& status) {
+    // The environment went with its device.
+    if (request_.environment->renderer != rendering_.renderer()) return complete(status);
     if (absl::IsUnavailable(status) && environments_.free_one()) return proceed();
     if (retry_after(status)) return;
     if (!status.ok()) return complete(status);
@@ -112,18 +114,16 @@ void Admission::prepare_environment() {
 }
 
 void Admission::work(std::function<absl::Status()> task, std::function<void(const absl::Status&)> then) {
-  auto status = std::make_shared<absl::Status>();
   FrameJob job;
   job.flow = request_.flow;
-  job.task = [status, task = std::move(task)] { *status = task(); };
-  job.done = [this, status, then = std::move(then),
+  job.task = std::move(task);
+  job.done = [this, then = std::move(then),
               call = call_.shared_from_this()](const absl::StatusOr<RenderedFrame>& ran) {
     call->if_running([&] {
       if (!done_) return;
       working_.reset();
       turn_.reset();
-      if (!ran.ok()) return complete(ran.status());
-      then(*status);
+      then(ran.status());
     });
   };
   const absl::StatusOr<Ticket> ticket = rendering_.loop.submit(std::move(job));

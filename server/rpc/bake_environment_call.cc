@@ -8,19 +8,15 @@
 #include <utility>
 #include <vector>
 
-#include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "proto/candela/v1/rgb9e5.h"
-#include "server/access/client_identity.h"
 #include "server/base/slices.h"
 #include "server/render/reference/environment_error.h"
 #include "server/rpc/wire/parse_request.h"
-#include "server/schedule/frame_metrics.h"
 
 namespace candela {
 namespace {
@@ -52,7 +48,6 @@ struct BakeEnvironmentCall::Work {
   TexturePool::Lease host_bytes;  // the part of the budget for `faces`
   v1::BakeHeader header;
   std::vector<std::vector<std::byte>> faces;  // six of each level
-  absl::Status status = absl::CancelledError();
 
   uint64_t face_bytes() const;
   // The memory of the host that the bake needs.
@@ -128,34 +123,14 @@ absl::Status BakeEnvironmentCall::Work::download(const BakedCube& cube) {
 }
 
 BakeEnvironmentCall* BakeEnvironmentCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
-  std::shared_ptr<BakeEnvironmentCall> call(new BakeEnvironmentCall(context, state));
+  std::shared_ptr<BakeEnvironmentCall> call(new BakeEnvironmentCall(*context, state));
   call->start();
   return call.get();
 }
 
-BakeEnvironmentCall::BakeEnvironmentCall(grpc::CallbackServerContext* context, ServiceState& state)
-    : ServerCall(*context, state.call_gate, state.limits.idle_timeout),
-      state_(state),
-      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
-      flow_(client_ << 1),
-      last_progress_(absl::Now()) {}
-
-void BakeEnvironmentCall::on_entered() {
-  visit_.emplace(state_.sessions.memory->presence(), client_);
-  watch_idle(idle_timeout());
-  StartRead(&incoming_);
-}
-
-void BakeEnvironmentCall::OnReadDone(bool ok) {
-  absl::MutexLock lock(&mutex_);
-  if (finished()) return;
-  last_progress_ = absl::Now();
-  absl::Status status = absl::InvalidArgumentError("call was half-closed before its request");
-  if (ok) {
-    state_.metrics.bytes_in(incoming_.Length());
-    status = take_request();
-  }
-  if (!status.ok()) finish(status);
+absl::Status BakeEnvironmentCall::on_read(bool message) {
+  if (!message) return absl::InvalidArgumentError("call was half-closed before its request");
+  return take_request();
 }
 
 absl::Status BakeEnvironmentCall::take_request() {
@@ -216,83 +191,42 @@ absl::Status BakeEnvironmentCall::enqueue() {
   for (const auto& coefficient : turned(radiance, work_->start.spec.rotation_deg)) {
     for (const double component : coefficient) work_->header.add_radiance_sh(component);
   }
-  FrameJob job;
-  job.flow = flow_;
-  job.task = [work = work_] { work->status = work->bake(); };
-  job.done = [self = self(), work = work_](const absl::StatusOr<RenderedFrame>& ran) {
-    absl::MutexLock lock(&self->mutex_);
-    if (self->finished()) return;
-    if (!ran.ok()) return self->finish(ran.status());
-    if (!work->status.ok()) return self->finish(work->status);
-    self->at_ = State::kSending;
-    self->last_progress_ = absl::Now();
-    self->send_next();
-  };
-  job.deadline = absl::FromChrono(context_.deadline());
-  const absl::StatusOr<Ticket> ticket = state_.rendering.loop.submit(std::move(job));
-  if (!ticket.ok()) return ticket.status();
-  ticket_ = *ticket;
-  at_ = State::kQueued;
-  return absl::OkStatus();
+  return work([work = work_] { return work->bake(); }, [this] { on_sent(); });
 }
 
-void BakeEnvironmentCall::send_next() {
+// Sends the next message: the header, then for each face its place and its rows.
+void BakeEnvironmentCall::on_sent() {
   if (face_ == work_->faces.size()) return finish(absl::OkStatus());
   v1::BakeEnvironmentResponse response;
   if (!header_sent_) {
     header_sent_ = true;
     *response.mutable_header() = work_->header;
-    outgoing_ = v1::pack(response);
-  } else if (!face_begun_) {
+    return send(v1::pack(response));
+  }
+  if (!face_begun_) {
     face_begun_ = true;
     row_ = 0;
     response.mutable_face()->set_level(face_ / kCubeFaces);
     response.mutable_face()->set_face(face_ % kCubeFaces);
-    outgoing_ = v1::pack(response);
-  } else {
-    const uint32_t side = work_->size >> (face_ / kCubeFaces);
-    const uint64_t row_bytes = uint64_t{side} * bytes_per_pixel(work_->start.format);
-    const auto rows = static_cast<uint32_t>(std::min<uint64_t>(side - row_, v1::kMaxBandBytes / row_bytes));
-    const std::vector<std::byte>& face = work_->faces[face_];
-    outgoing_ =
-        v1::make_band(v1::kBakeBand, row_, grpc::Slice(face.data() + row_ * row_bytes, rows * row_bytes));
-    row_ += rows;
-    if (row_ == side) {
-      ++face_;
-      face_begun_ = false;
-    }
+    return send(v1::pack(response));
   }
-  state_.metrics.bytes_out(outgoing_.Length());
-  StartWrite(&outgoing_);
+  const uint32_t side = work_->size >> (face_ / kCubeFaces);
+  const uint64_t row_bytes = uint64_t{side} * bytes_per_pixel(work_->start.format);
+  const auto rows = static_cast<uint32_t>(std::min<uint64_t>(side - row_, v1::kMaxBandBytes / row_bytes));
+  const std::vector<std::byte>& face = work_->faces[face_];
+  const grpc::Slice pixels(face.data() + row_ * row_bytes, rows * row_bytes);
+  grpc::ByteBuffer band = v1::make_band(v1::kBakeBand, row_, pixels);
+  row_ += rows;
+  if (row_ == side) {
+    ++face_;
+    face_begun_ = false;
+  }
+  send(std::move(band));
 }
 
-void BakeEnvironmentCall::OnWriteDone(bool ok) {
-  absl::MutexLock lock(&mutex_);
-  if (finished()) return;
-  if (!ok) return finish(absl::CancelledError("client went away before it had its bake"));
-  last_progress_ = absl::Now();
-  send_next();
-}
-
-void BakeEnvironmentCall::on_finish(const absl::Status& status, const std::string&) {
-  if (at_ == State::kQueued) state_.rendering.loop.cancel(ticket_);
-  if (!inside()) {
-    state_.metrics.rejected(state_.call_gate.closed() ? Rejection::kDraining : Rejection::kCalls);
-  } else if (const std::optional<Rejection> reason = rejection_of(status); reason && !status.ok()) {
-    state_.metrics.rejected(*reason);
-  }
+void BakeEnvironmentCall::on_finish(const absl::Status& status, const std::string& message) {
+  EnvironmentCall::on_finish(status, message);
   work_.reset();
-  visit_.reset();
-}
-
-void BakeEnvironmentCall::on_idle() {
-  const absl::Duration idle = absl::Now() - last_progress_;
-  if (at_ == State::kQueued) return watch_idle(idle_timeout());
-  if (idle < idle_timeout()) return watch_idle(idle_timeout() - idle);
-  // A write that nobody reads never ends, and no status could follow it.
-  if (at_ == State::kSending) return context_.TryCancel();
-  finish(absl::DeadlineExceededError(absl::StrFormat("no request arrived for %s, this server's idle timeout",
-                                                     absl::FormatDuration(idle_timeout()))));
 }
 
 }  // namespace candela

@@ -1,18 +1,14 @@
 #include "server/rpc/put_environment_call.h"
 
-#include <algorithm>
 #include <cstring>
 #include <utility>
 
-#include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
-#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/rpc/wire/parse_request.h"
-#include "server/schedule/frame_metrics.h"
 
 namespace candela {
 
@@ -23,18 +19,20 @@ struct PutEnvironmentCall::Work {
   std::optional<PanoramaUpload> upload;
   PanoramaStart start;
   v1::Environment facts;
-  absl::StatusOr<EnvironmentUse> environment = absl::CancelledError();
+  EnvironmentUse environment;
   std::vector<StageTime> stages;
 
   // On the render thread.
-  void run();
+  absl::Status run();
   absl::StatusOr<EnvironmentUse> ingest();
 };
 
-void PutEnvironmentCall::Work::run() {
-  environment = ingest();
+absl::Status PutEnvironmentCall::Work::run() {
+  absl::StatusOr<EnvironmentUse> made = ingest();
   upload.reset();
   claim.reset();
+  if (made.ok()) environment = *std::move(made);
+  return made.status();
 }
 
 absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
@@ -71,39 +69,18 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
 }
 
 PutEnvironmentCall* PutEnvironmentCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
-  std::shared_ptr<PutEnvironmentCall> call(new PutEnvironmentCall(context, state));
+  std::shared_ptr<PutEnvironmentCall> call(new PutEnvironmentCall(*context, state));
   call->start();
   return call.get();
 }
 
-PutEnvironmentCall::PutEnvironmentCall(grpc::CallbackServerContext* context, ServiceState& state)
-    : ServerCall(*context, state.call_gate, state.limits.idle_timeout),
-      state_(state),
-      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
-      flow_(client_ << 1),
-      last_progress_(absl::Now()) {}
-
-void PutEnvironmentCall::on_entered() {
-  visit_.emplace(state_.sessions.memory->presence(), client_);
-  watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
-  StartRead(&incoming_);
-}
-
-void PutEnvironmentCall::OnReadDone(bool ok) {
-  absl::MutexLock lock(&mutex_);
-  if (finished()) return;
-  last_progress_ = absl::Now();
-  if (ok) state_.metrics.bytes_in(incoming_.Length());
-  absl::Status status;
-  if (!ok) {
-    status = take_half_close();
-  } else if (reading_ == State::kStart) {
-    status = take_start();
-  } else {
-    status = reading_ == State::kFirstBand ? take_memory() : absl::OkStatus();
-    if (status.ok()) status = take_band();
+absl::Status PutEnvironmentCall::on_read(bool message) {
+  if (!message) return take_half_close();
+  if (reading_ == State::kStart) return take_start();
+  if (reading_ == State::kFirstBand) {
+    if (absl::Status status = take_memory(); !status.ok()) return status;
   }
-  if (!status.ok()) finish(status);
+  return take_band();
 }
 
 absl::Status PutEnvironmentCall::take_start() {
@@ -149,7 +126,7 @@ absl::Status PutEnvironmentCall::take_memory() {
   work->upload = *std::move(upload);
   work_ = std::move(work);
   reading_ = State::kBands;
-  admitted_ = last_progress_;
+  admitted_ = absl::Now();
   return absl::OkStatus();
 }
 
@@ -198,53 +175,31 @@ absl::Status PutEnvironmentCall::take_half_close() {
 }
 
 absl::Status PutEnvironmentCall::enqueue() {
-  FrameJob job;
-  job.flow = flow_;
-  job.task = [work = work_] { work->run(); };
-  job.done = [self = self(), work = work_](const absl::StatusOr<RenderedFrame>& ran) {
-    absl::MutexLock lock(&self->mutex_);
-    if (self->finished()) return;
-    if (!ran.ok()) return self->finish(ran.status());
-    if (!work->environment.ok()) return self->finish(work->environment.status());
-    v1::Environment environment = self->state_.environments.keep(*std::move(work->environment))->facts;
-    for (const StageTime& stage : work->stages) {
-      v1::StageTime& time = *environment.add_stages();
-      time.set_name(stage.name);
-      time.set_ns(stage.ns);
-    }
-    self->answer(environment);
-  };
-  const absl::StatusOr<Ticket> ticket = state_.rendering.loop.submit(std::move(job));
-  if (!ticket.ok()) return ticket.status();
-  ticket_ = *ticket;
-  reading_ = State::kQueued;
-  return absl::OkStatus();
+  reading_ = State::kWhole;
+  return work([work = work_] { return work->run(); },
+              [this, work = work_] {
+                v1::Environment environment = state_.environments.keep(std::move(work->environment))->facts;
+                for (const StageTime& stage : work->stages) {
+                  v1::StageTime& time = *environment.add_stages();
+                  time.set_name(stage.name);
+                  time.set_ns(stage.ns);
+                }
+                answer(environment);
+              });
 }
 
 void PutEnvironmentCall::answer(const v1::Environment& environment) {
   log_event(
       LogLevel::kInfo, "environment put",
       {{"peer", context_.peer()}, {"id", environment.id()}, {"had_it", environment.had_it() ? "yes" : "no"}});
-  reading_ = State::kSending;
-  last_progress_ = absl::Now();
-  outgoing_ = v1::pack(environment);
-  state_.metrics.bytes_out(outgoing_.Length());
-  StartWrite(&outgoing_);
+  reading_ = State::kWhole;
+  send(v1::pack(environment));
 }
 
-void PutEnvironmentCall::OnWriteDone(bool ok) {
-  absl::MutexLock lock(&mutex_);
-  if (finished()) return;
-  finish(ok ? absl::OkStatus() : absl::CancelledError("client went away before it had its answer"));
-}
+void PutEnvironmentCall::on_sent() { finish(absl::OkStatus()); }
 
 void PutEnvironmentCall::on_finish(const absl::Status& status, const std::string& message) {
-  if (reading_ == State::kQueued) state_.rendering.loop.cancel(ticket_);
-  if (!inside()) {
-    state_.metrics.rejected(state_.call_gate.closed() ? Rejection::kDraining : Rejection::kCalls);
-  } else if (const std::optional<Rejection> reason = rejection_of(status); reason && !status.ok()) {
-    state_.metrics.rejected(*reason);
-  }
+  EnvironmentCall::on_finish(status, message);
   if (!status.ok()) {
     log_event(LogLevel::kInfo, "environment not put",
               {{"peer", context_.peer()},
@@ -252,28 +207,13 @@ void PutEnvironmentCall::on_finish(const absl::Status& status, const std::string
                {"message", message}});
   }
   work_.reset();
-  visit_.reset();
 }
 
-void PutEnvironmentCall::on_idle() {
-  const absl::Time now = absl::Now();
-  const absl::Duration idle = now - last_progress_;
-  if (reading_ == State::kBands) {
-    if (absl::Status slow = check_upload_time("the panorama", now - admitted_); !slow.ok()) {
-      return finish(slow);
-    }
-    const absl::Status yield =
-        state_.sessions.memory->check_upload(client_, work_->upload->bytes(), now - admitted_, idle, now);
-    if (!yield.ok()) return finish(yield);
-  }
-  if (reading_ == State::kQueued || idle < idle_timeout()) {
-    return watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
-  }
-  // A write that nobody reads never ends, and no status could follow it.
-  if (reading_ == State::kSending) return context_.TryCancel();
-  finish(absl::DeadlineExceededError(
-      absl::StrFormat("nothing arrived for %s, this server's idle timeout; send the panorama without pauses",
-                      absl::FormatDuration(idle_timeout()))));
+absl::Status PutEnvironmentCall::check_upload(absl::Time now, absl::Duration idle) {
+  if (reading_ != State::kBands) return absl::OkStatus();
+  const absl::Duration taken = now - admitted_;
+  if (absl::Status slow = check_upload_time("the panorama", taken); !slow.ok()) return slow;
+  return state_.sessions.memory->check_upload(client_, work_->upload->bytes(), taken, idle, now);
 }
 
 }  // namespace candela

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <grpcpp/server_context.h>
-#include <grpcpp/support/byte_buffer.h>
 
 #include <memory>
 #include <optional>
@@ -13,8 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "proto/candela/v1/environment_id.h"
-#include "server/rpc/server_call.h"
-#include "server/rpc/service_state.h"
+#include "server/rpc/environment_call.h"
 #include "server/rpc/wire/band_reader.h"
 #include "server/session/environment_start.h"
 
@@ -22,29 +20,25 @@ namespace candela {
 
 // Goes through these states, and may finish in any of them:
 //
-//   start -> first band -> bands -> queued -> sending
+//   start -> first band -> bands -> whole
 //
 // The panorama gets its memory when the first band is here, as frames do.
-class PutEnvironmentCall final : public ServerCall {
+class PutEnvironmentCall final : public EnvironmentCall {
  public:
   // `state` outlives the call.
   static PutEnvironmentCall* begin(grpc::CallbackServerContext* context, ServiceState& state);
 
-  void OnReadDone(bool ok) override;
-  void OnWriteDone(bool ok) override;
-
  private:
-  enum class State { kStart, kFirstBand, kBands, kQueued, kSending };
+  enum class State { kStart, kFirstBand, kBands, kWhole };
   // What the render thread works on.
   struct Work;
 
-  PutEnvironmentCall(grpc::CallbackServerContext* context, ServiceState& state);
-  std::shared_ptr<PutEnvironmentCall> self() {
-    return std::static_pointer_cast<PutEnvironmentCall>(shared_from_this());
-  }
+  using EnvironmentCall::EnvironmentCall;
 
-  void on_entered() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void on_idle() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status on_read(bool message) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void on_sent() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status check_upload(absl::Time now, absl::Duration idle) override
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_finish(const absl::Status& status, const std::string& message) override
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
@@ -55,12 +49,6 @@ class PutEnvironmentCall final : public ServerCall {
   absl::Status enqueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void answer(const v1::Environment& environment) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  ServiceState& state_;
-  const ClientId client_;
-  const Flow flow_;
-  std::optional<ClientPresence::Visit> visit_ ABSL_GUARDED_BY(mutex_);
-  grpc::ByteBuffer incoming_;  // belongs to gRPC between StartRead and OnReadDone
-  grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
   State reading_ ABSL_GUARDED_BY(mutex_) = State::kStart;
   std::optional<PanoramaStart> start_ ABSL_GUARDED_BY(mutex_);
   std::optional<v1::EnvironmentId> id_ ABSL_GUARDED_BY(mutex_);
@@ -68,9 +56,7 @@ class PutEnvironmentCall final : public ServerCall {
   std::vector<std::byte> rows_ ABSL_GUARDED_BY(mutex_);  // of the band that is read
   uint32_t rows_read_ ABSL_GUARDED_BY(mutex_) = 0;
   std::shared_ptr<Work> work_ ABSL_GUARDED_BY(mutex_);
-  Ticket ticket_ ABSL_GUARDED_BY(mutex_) = 0;
   absl::Time admitted_ ABSL_GUARDED_BY(mutex_);
-  absl::Time last_progress_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela

@@ -31,6 +31,12 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
   return renderer.draw(frame.memory, frame.settings, frame.sequence, *frame.metered, exposed);
 }
 
+absl::StatusOr<FrameReport> run_job(const FrameJob& job) {
+  if (!job.task) return render_frame(job);
+  if (absl::Status status = job.task(); !status.ok()) return status;
+  return FrameReport{};
+}
+
 absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {
   if (waiting_ >= capacity_) {
     return absl::UnavailableError(

@@ -51,8 +51,9 @@ struct FrameJob {
   // and may be null for kMeter.
   std::function<Exposed(const FrameStats&)> decide = nullptr;
   // Work that is not a frame, such as measuring. It runs in slices. It may use the device and everything else
-  // that belongs to the render thread, which waits meanwhile; at a checkpoint other jobs use them.
-  std::function<void()> task = nullptr;
+  // that belongs to the render thread, which waits meanwhile; at a checkpoint other jobs use them. Its error
+  // is the job's.
+  std::function<absl::Status()> task = nullptr;
   // A frame that takes long: it is rendered in slices. The render loop adds the frames that the reference
   // renders or verifies.
   bool in_slices = false;
@@ -76,6 +77,9 @@ struct FrameJob {
 // Meters, decides and draws, as far as the job asks for it, with the frame's own renderer. After kMeter the
 // report holds only the statistics and the stages.
 absl::StatusOr<FrameReport> render_frame(const FrameJob& job);
+
+// Runs the job's task, or renders its frame.
+absl::StatusOr<FrameReport> run_job(const FrameJob& job);
 
 // The next job comes from the flow that will have used the least device time after it, if it takes as long as
 // the flow's last one did; ordered jobs of one flow keep their order, and the others

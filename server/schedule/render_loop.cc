@@ -127,10 +127,8 @@ void RenderLoop::begin_slices(FrameJob& job) {
   parts->work = job.work;
   parts->decide = std::move(job.decide);
   parts->task = std::move(job.task);
-  job.slices = std::make_unique<SlicedWork>([this, parts, report = job.report] {
-    if (parts->task) return parts->task();
-    *report = render_(*parts);
-  });
+  job.slices =
+      std::make_unique<SlicedWork>([this, parts, report = job.report] { *report = render_(*parts); });
 }
 
 void RenderLoop::finish(FrameJob job, absl::StatusOr<FrameReport> report) {

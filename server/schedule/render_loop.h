@@ -16,8 +16,8 @@ namespace candela {
 // thread waits for it.
 class RenderLoop {
  public:
-  // Renders a job to completion: render_frame, or a substitute in tests. Called on the render thread, or on
-  // the job's own while the render thread waits.
+  // Runs a job to completion: run_job, or a substitute in tests. Called on the render thread, or on the job's
+  // own while the render thread waits.
   using Render = std::function<absl::StatusOr<FrameReport>(const FrameJob&)>;
 
   // At most `capacity` jobs wait at a time, those between two slices included. Tests shorten and lengthen

@@ -1,5 +1,6 @@
 #include "server/session/environment_store.h"
 
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -82,6 +83,16 @@ absl::StatusOr<bool> EnvironmentStore::drop(const std::string& id, const Rendere
   return found->use_count() > 1;
 }
 
+void EnvironmentStore::forget_others(const Renderer& renderer) {
+  std::list<EnvironmentUse> others;  // freed outside the lock
+  absl::MutexLock lock(&mutex_);
+  for (auto kept = kept_.begin(); kept != kept_.end();) {
+    const auto next = std::next(kept);
+    if ((*kept)->renderer.get() != &renderer) others.splice(others.end(), kept_, kept);
+    kept = next;
+  }
+}
+
 bool EnvironmentStore::free_one() {
   EnvironmentUse oldest;  // freed outside the lock
   absl::MutexLock lock(&mutex_);
@@ -107,10 +118,8 @@ std::list<EnvironmentUse>::iterator EnvironmentStore::position(const std::string
 }
 
 uint64_t environment_bytes(uint32_t width, uint64_t panorama_bytes) {
-  const uint32_t size = default_cube_size(width);
-  const uint32_t levels = specular_levels(size);
-  const uint64_t specular = levels > 1 ? cube_bytes(size / 2, levels - 1) : 0;
-  return panorama_bytes + cube_bytes(size, chain_levels(size)) + specular;
+  const uint32_t size = view_cube_size(width);
+  return panorama_bytes + chain_bytes(size) + specular_bytes(size);
 }
 
 }  // namespace candela

@@ -72,6 +72,9 @@ class EnvironmentStore {
   // Forgets the environment. Returns whether somebody still uses it. Fails as find() does.
   absl::StatusOr<bool> drop(const std::string& id, const Renderer& renderer);
 
+  // Forgets the environments on devices other than that of `renderer`.
+  void forget_others(const Renderer& renderer);
+
   // Frees the environment that nobody uses and that was used longest ago. False if there is none.
   bool free_one();
 

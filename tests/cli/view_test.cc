@@ -138,6 +138,16 @@ TEST_F(PanoramaView, EveryKindOfOutputIsWritten) {
   EXPECT_TRUE(read_image(folder_.path("a.exr")).ok());
 }
 
+TEST_F(PanoramaView, AVerifiedViewIsWithinTheBoundOfItsTier) {
+  std::vector<std::string> words = command("out.png", {"--objects", "lookdev", "--error-map"});
+  words.push_back(folder_.path("map.png"));
+  const Json verified = candela_json(words);
+  EXPECT_LE(verified.at("verify").at("max_error_codes").get<double>(), 0.01);
+  EXPECT_GT(verified.at("verify_unrounded").at("max_error_codes").get<double>(), 0);
+  EXPECT_GT(png_facts(folder_.path("map.png")).width, 64u);
+  EXPECT_FALSE(candela_json(command("out.png", {})).contains("verify"));
+}
+
 TEST_F(PanoramaView, ATurnEndsWhereItBeganAndFrameIsTheViewOfItsYaw) {
   const std::vector<Json> lines =
       sequence({"--turn", "360", "--frames", "4", "--fps", "4", "--exposure", "0"});
@@ -238,6 +248,8 @@ TEST_F(PanoramaView, WrongUseNamesTheOption) {
   EXPECT_NE(refused({"--frames", "3"}, 2).err.find("--turn"), std::string::npos);
   EXPECT_NE(refused({"--turn", "3"}, 2).err.find("single file"), std::string::npos);
   EXPECT_NE(refused({"--turn", "3", "--path", "k"}, 2, "o%d.png").err.find("--path"), std::string::npos);
+  EXPECT_NE(refused({"--turn", "3", "--verify"}, 2, "o%d.png").err.find("--verify"), std::string::npos);
+  EXPECT_NE(refused({"--error-map", "map.jpg"}, 2).err.find("map.jpg"), std::string::npos);
   EXPECT_NE(refused({}, 2, "o%d.png").err.find("--turn"), std::string::npos);
   EXPECT_NE(refused({}, 2, "pano.exr").err.find("is the input"), std::string::npos);
 }

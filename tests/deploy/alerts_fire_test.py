@@ -170,9 +170,7 @@ def fill_server(prometheus: Prometheus, daemon: Daemon) -> None:
 def provoke_with_clients(prometheus: Prometheus, plain: Daemon, tight: Daemon, guarded: Daemon) -> None:
     prometheus.wait_for("CandelaRefusesTokens", lambda: stream(plain, token=b"x" * 50))
     prometheus.wait_for("CandelaRefusesAccess", lambda: [harness.render(guarded.address, 8, 8) for _ in range(5)])
-    half = (v1.StreamRequest(frame=harness.header(0, 64, 64)),
-            v1.StreamRequest(band=v1.Band(first_row=0, pixels=harness.grey(64, 32))))
-    prometheus.wait_for("CandelaFramesFail", lambda: stream_and_wait(tight, *half))
+    prometheus.wait_for("CandelaFramesFail", lambda: stream_late_frames(tight))
     prometheus.wait_for("CandelaLosesLogLines", lambda: harness.render(tight.address, 8, 8))
     connections = [http2.Connection(tight.address, unread=True) for _ in range(20)]
     prometheus.wait_for("CandelaRefusesConnections", lambda: connections.append(http2.Connection(tight.address, unread=True)))
@@ -180,18 +178,18 @@ def provoke_with_clients(prometheus: Prometheus, plain: Daemon, tight: Daemon, g
         connection.close()
 
 
-def stream_and_wait(daemon: Daemon, *requests) -> None:
-    """A session that falls silent within a frame, until the server ends it."""
-    over = threading.Event()
-
-    def slowly():
-        yield v1.StreamRequest(open=v1.StreamOpen(session=f"w{time.monotonic_ns()}"))
-        yield from requests
-        over.wait(20)
+def stream_late_frames(daemon: Daemon) -> None:
+    """A session whose frames take longer to arrive than they may."""
+    def requests():
+        yield v1.StreamRequest(open=v1.StreamOpen(session=f"l{time.monotonic_ns()}"))
+        for sequence in range(5):
+            yield v1.StreamRequest(frame=harness.header(sequence, 64, 64, timeout_ms=1))
+            for first in (0, 32):
+                yield v1.StreamRequest(band=v1.Band(first_row=first, pixels=harness.grey(64, 32)))
+                time.sleep(0.05)
 
     with daemon.channel() as channel:
-        harness.end_of(rpc.RenderServiceStub(channel).Stream(slowly(), timeout=20))
-    over.set()
+        harness.end_of(rpc.RenderServiceStub(channel).Stream(requests(), timeout=20))
 
 
 def provoke_with_load(prometheus: Prometheus, plain: Daemon, small: Daemon) -> None:

@@ -266,6 +266,18 @@ TEST_P(EnvironmentViewTest, AWhiteMatteBallInAWhiteFieldIsNearlyInvisible) {
   }
 }
 
+TEST_P(EnvironmentViewTest, ARoughBallInASmallPanoramaIsNoMirror) {
+  Environment environment = ready(make_frame(16, 8, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t) {
+    return x < 8 ? Texel{0, 0, 0, 1} : Texel{1, 1, 1, 1};
+  }));
+  View view = turned_view(0, 0, 0, 20);
+  view.objects = {{{0, 0, -3}, 1, {1, 1, 1}, 1, 1, false}};
+  const Picture picture = render(environment, view, 64, 64);
+  const auto row = picture.texels.begin() + 32 * 64;
+  for (int x = 1; x < 64; ++x) EXPECT_LT(row[x][0] - row[x - 1][0], 0.1) << x;
+  EXPECT_GT(row[63][0], row[0][0] + 0.2);
+}
+
 TEST_P(EnvironmentViewTest, TheSkyNeedsNoSpecularLevelsAndObjectsAddThem) {
   const WireFrame frame = natural(256, 128);
   Environment whole = ready(frame);

@@ -1,5 +1,5 @@
-// Reads any bytes as either end of a Render call, as a stream's open message, and as a session's client.
-// wire_input.h describes the input.
+// Reads any bytes as either end of a Render call, as a stream's open message, as calls about environments,
+// and as a session's client. wire_input.h describes the input.
 #include <google/protobuf/empty.pb.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/stubs/logging.h>
@@ -33,7 +33,9 @@
 #include "server/session/resume_token.h"
 #include "server/session/stream_start.h"
 #include "tests/fuzz/expect.h"
+#include "tests/fuzz/wire_environment.h"
 #include "tests/fuzz/wire_input.h"
+#include "tests/fuzz/wire_slices.h"
 
 namespace candela {
 namespace {
@@ -41,15 +43,6 @@ namespace {
 using google::protobuf::io::CodedInputStream;
 
 constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
-
-// A message as gRPC delivers it, in slices of any size. Here each slice has separate memory.
-grpc::ByteBuffer in_slices(const std::string& message, size_t slice_bytes) {
-  std::vector<grpc::Slice> slices;
-  for (size_t at = 0; at < message.size(); at += slice_bytes) {
-    slices.emplace_back(message.substr(at, slice_bytes));
-  }
-  return grpc::ByteBuffer(slices.data(), slices.size());
-}
 
 std::string bytes_of(const grpc::ByteBuffer& buffer) {
   std::vector<grpc::Slice> slices;
@@ -384,6 +377,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     case WireInput::Reader::kServer:
       serve(input);
       open_stream(input);
+      put_environment(input);
+      use_environment(input);
       break;
     case WireInput::Reader::kClient:
       receive(input);

@@ -295,6 +295,52 @@ void write_open_with_state(const std::string& path) {
   write_file(path, format_wire_input(input));
 }
 
+// A panorama of 4 x 2 pixels, a bake of it, and a view with a sphere.
+void write_environment(const std::string& folder) {
+  v1::PutEnvironmentRequest put;
+  v1::EnvironmentStart& start = *put.mutable_start();
+  start.set_width(4);
+  start.set_height(2);
+  start.set_format(v1::PIXEL_FORMAT_RGB9E5);
+  start.set_input_primaries(v1::PRIMARIES_REC2020);
+  start.set_bad_values(v1::BAD_VALUES_REJECT);
+  WireInput input;
+  input.messages = {put.SerializeAsString(), band(0, 16), band(1, 16)};
+  write_file(folder + "/put_environment", format_wire_input(input));
+
+  v1::BakeEnvironmentRequest bake;
+  bake.set_id(std::string(64, 'a'));
+  bake.set_size(32);
+  bake.set_levels(1);
+  bake.set_roughness_mapping(v1::ROUGHNESS_MAPPING_PERCEPTUAL);
+  bake.set_rotation_deg(90);
+  bake.set_format(v1::PIXEL_FORMAT_RGBA16F);
+  bake.set_tier("draft");
+  input.messages = {bake.SerializeAsString()};
+  write_file(folder + "/bake", format_wire_input(input));
+
+  v1::RenderRequest render;
+  v1::FrameHeader& frame = *render.mutable_start()->mutable_frame();
+  frame.set_width(3);
+  frame.set_height(4);
+  v1::View& view = *frame.mutable_view();
+  view.set_environment(std::string(64, 'a'));
+  view.set_rotation_deg(10);
+  view.set_samples(16);
+  view.mutable_camera()->set_fov_deg(90);
+  view.mutable_camera()->mutable_orientation()->set_w(1);
+  view.mutable_camera()->mutable_position()->set_z(5);
+  v1::Sphere& sphere = *view.add_objects();
+  sphere.mutable_centre()->set_x(2);
+  sphere.set_radius(0.5);
+  sphere.mutable_base_color()->set_y(0.5);
+  sphere.set_metallic(1);
+  sphere.set_roughness(0.25);
+  sphere.set_fixed_to_camera(true);
+  input.messages = {render.SerializeAsString()};
+  write_file(folder + "/view", format_wire_input(input));
+}
+
 void write_wire(const std::string& folder) {
   for (const bool all_fields : {false, true}) {
     const std::string path = folder + (all_fields ? "/all_" : "/plain_");
@@ -308,6 +354,7 @@ void write_wire(const std::string& folder) {
   write_session(folder + "/session");
   write_metered_session(folder + "/metered_session");
   write_open_with_state(folder + "/open_with_state");
+  write_environment(folder);
 }
 
 }  // namespace

@@ -12,8 +12,10 @@
 #include <string>
 #include <vector>
 
+#include "absl/time/clock.h"
 #include "client/session.h"
 #include "proto/candela/v1/environment_id.h"
+#include "tests/service/scrape.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
 
@@ -342,6 +344,27 @@ TEST_F(EnvironmentService, WorksWithLookAhead) {
   EXPECT_EQ(shown.images.size(), 24u);
 }
 
+TEST_F(EnvironmentService, ThoseOfALostDeviceGoWithIt) {
+  Config config = test_config();
+  config.metrics = "127.0.0.1:0";
+  restart(config);
+  const auto panorama = two_halves();
+  const absl::StatusOr<v1::Environment> kept = connection().put_environment(*panorama);
+  ASSERT_TRUE(kept.ok()) << kept.status();
+  EXPECT_EQ(scrape(*server_).at("candela_environment_bytes"), kept->memory_bytes());
+  server_->lose_device();
+  EXPECT_TRUE(absl::IsUnavailable(connection().render({}, frame_of(view_of(kept->id()))).status()));
+  EXPECT_TRUE(absl::IsNotFound(connection().get_environment(kept->id()).status()));
+  // The call that failed was the last to use it.
+  const absl::Time end = absl::Now() + absl::Seconds(10);
+  while (scrape(*server_).at("candela_environment_bytes") > 0 && absl::Now() < end) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_EQ(scrape(*server_).at("candela_environment_bytes"), 0);
+  const Shown shown = turn(Session::open({server_->in_process_channel()}, {}), panorama, true);
+  EXPECT_TRUE(shown.status.ok()) << shown.status;
+}
+
 // --- bakes
 
 TEST_F(EnvironmentService, ABakeOfAUniformPanoramaIsUniformInEveryLevelAndFormat) {
@@ -419,7 +442,7 @@ TEST_F(EnvironmentService, ABadBakeIsRefused) {
 TEST_F(EnvironmentService, ThoseUsedLastAreKeptWithinTheBudget) {
   Config config = test_config();
   config.memory_budget_bytes = 64 << 20;
-  config.environment_budget_bytes = 2 << 20;
+  config.environment_budget_bytes = 8 << 20;
   restart(config);
   const absl::StatusOr<v1::Environment> first = connection().put_environment(*uniform(0.1f, 256));
   ASSERT_TRUE(first.ok()) << first.status();
@@ -428,7 +451,7 @@ TEST_F(EnvironmentService, ThoseUsedLastAreKeptWithinTheBudget) {
   const std::string third = put(*uniform(0.3f, 256));
   EXPECT_TRUE(absl::IsNotFound(connection().get_environment(first->id()).status()));
   EXPECT_TRUE(connection().get_environment(third).ok());
-  const absl::Status large = connection().put_environment(*uniform(0.4f, 1024)).status();
+  const absl::Status large = connection().put_environment(*uniform(0.4f, 2048)).status();
   EXPECT_TRUE(absl::IsResourceExhausted(large)) << large;
   EXPECT_NE(large.message().find("environment-budget"), std::string::npos) << large;
 }
@@ -436,7 +459,7 @@ TEST_F(EnvironmentService, ThoseUsedLastAreKeptWithinTheBudget) {
 TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
   Config config = test_config();
   config.memory_budget_bytes = 64 << 20;
-  config.environment_budget_bytes = 2 << 20;
+  config.environment_budget_bytes = 8 << 20;
   restart(config);
   const std::string id = put(*uniform(0.1f, 256));
   absl::StatusOr<Session> session = Session::open({server_->in_process_channel()}, {});
@@ -457,16 +480,21 @@ TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
 
 TEST_F(EnvironmentService, AFrameThatNeedsTheMemoryTakesItFromUnusedEnvironments) {
   Config config = test_config();
-  config.memory_budget_bytes = 8 << 20;
-  config.environment_budget_bytes = 6 << 20;
+  config.memory_budget_bytes = 12 << 20;
+  config.environment_budget_bytes = 12 << 20;
   restart(config);
-  for (const float value : {0.1f, 0.2f, 0.3f, 0.4f}) put(*uniform(value, 256));
-  const auto panorama = uniform(0.5f);
+  std::vector<std::string> ids;
+  for (const float value : {0.1f, 0.2f, 0.3f, 0.4f}) {
+    ids.push_back(put(*uniform(value, 256)));
+    ASSERT_TRUE(connection().render({}, frame_of(view_of(ids.back()))).ok());
+  }
+  for (const std::string& id : ids) EXPECT_TRUE(connection().get_environment(id).ok());
   FrameView frame{.width = 640, .height = 480};
   const std::vector<Texel> pixels(640 * 480, Texel{0.5f, 0.5f, 0.5f, 1.0f});
   frame.pixels = std::as_bytes(std::span(pixels));
   const absl::StatusOr<RenderResult> image = connection().render({}, frame);
   EXPECT_TRUE(image.ok()) << image.status();
+  EXPECT_TRUE(absl::IsNotFound(connection().get_environment(ids.front()).status()));
 }
 
 TEST_F(EnvironmentService, APanoramaBeyondTheLimitsIsRefusedByItsStart) {

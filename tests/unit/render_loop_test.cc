@@ -22,7 +22,8 @@ FrameJob job(std::function<void(absl::StatusOr<RenderedFrame>)> done) {
 class GatedRender {
  public:
   RenderLoop::Render function() {
-    return [this](const FrameJob&) -> absl::StatusOr<FrameReport> {
+    return [this](const FrameJob& job) -> absl::StatusOr<FrameReport> {
+      if (job.task) return run_job(job);
       ++begun_;
       open_.WaitForNotification();
       return FrameReport{};
@@ -135,6 +136,7 @@ FrameJob long_job(Flow flow, int slices, std::vector<Flow>& order) {
       absl::SleepFor(absl::Milliseconds(2));
       checkpoint();
     }
+    return absl::OkStatus();
   };
   result.done = [](auto) {};
   return result;
@@ -252,7 +254,7 @@ TEST(RenderLoop, AJobCancelledBetweenSlicesReleasesWhatItHoldsAtOnce) {
   RenderLoop loop(render.function(), 8, absl::ZeroDuration());
   FrameJob endless;
   endless.flow = 2;
-  endless.task = [copy = held, &slices] {
+  endless.task = [copy = held, &slices]() -> absl::Status {
     for (;; ++slices) checkpoint();
   };
   endless.done = [](auto) { ADD_FAILURE() << "a cancelled job was completed"; };
@@ -270,9 +272,9 @@ TEST(RenderLoop, AJobCancelledBetweenSlicesReleasesWhatItHoldsAtOnce) {
 TEST(RenderLoop, AJobCancelledDuringASliceEndsWithIt) {
   absl::Notification begun, cancelled, done;
   absl::Status status;
-  RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 8, absl::ZeroDuration());
+  RenderLoop loop(run_job, 8, absl::ZeroDuration());
   FrameJob endless;
-  endless.task = [&] {
+  endless.task = [&]() -> absl::Status {
     begun.Notify();
     cancelled.WaitForNotification();
     for (;;) checkpoint();
@@ -292,7 +294,7 @@ TEST(RenderLoop, AJobCancelledDuringASliceEndsWithIt) {
 TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
   absl::Notification done;
   absl::Status status = absl::UnknownError("not done");
-  RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 8, absl::ZeroDuration());
+  RenderLoop loop(run_job, 8, absl::ZeroDuration());
   FrameJob late;
   late.deadline = absl::Now() + absl::Milliseconds(500);
   late.task = [] {
@@ -300,6 +302,7 @@ TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
       absl::SleepFor(absl::Milliseconds(100));
       checkpoint();
     }
+    return absl::OkStatus();
   };
   late.done = [&](absl::StatusOr<RenderedFrame> result) {
     status = result.status();

@@ -137,7 +137,7 @@ class Rendering {
   absl::StatusOr<RenderReport> run() {
     report_.input = job_.input;
     report_.output = job_.output;
-    report_.error_map = options_.error_map;
+    report_.error_map = options_.verify.error_map;
     report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !shared_.locked();
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
@@ -189,9 +189,9 @@ class Rendering {
     FrameView view = view_of(frame);
     if (options_.previous.exposure() > 0) view.previous = options_.previous;
     view.exposure = shared_.locked();
-    view.verify = options_.verify;
-    view.error_map = !options_.error_map.empty();
-    const bool verify_view = options_.verify && shared_.view() && shared_.view()->show;
+    view.verify = options_.verify.verify;
+    view.error_map = !options_.verify.error_map.empty();
+    const bool verify_view = options_.verify.verify && shared_.view() && shared_.view()->show;
     // The picture will need the memory.
     if (only_ && !verify_view) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
@@ -272,12 +272,10 @@ class Rendering {
   }
 
   absl::Status write_error_map() {
-    if (options_.error_map.empty()) return absl::OkStatus();
-    progress_.show("writing " + options_.error_map);
-    const absl::StatusOr<Image> map =
-        draw_error_map(error_map_, report_.header.width(), report_.header.height());
-    if (!map.ok()) return map.status();
-    return write_image(options_.error_map, *map, {.text = {{"Description", error_scale_words()}}}).status();
+    if (options_.verify.error_map.empty()) return absl::OkStatus();
+    progress_.show("writing " + options_.verify.error_map);
+    return candela::write_error_map(options_.verify.error_map, error_map_, report_.header.width(),
+                                    report_.header.height());
   }
 
   void add_notes(std::vector<std::string> notes) {
@@ -321,10 +319,10 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
     inputs.push_back(job.input);
     outputs.push_back({job.output, "the image"});
   }
-  outputs.push_back({options.error_map, "the error map"});
+  outputs.push_back({options.verify.error_map, "the error map"});
   outputs.push_back({options.json, "the JSON"});
   if (absl::Status status = check_outputs_apart(inputs, outputs); !status.ok()) return status;
-  for (const std::string& path : {jobs.front().output, options.error_map}) {
+  for (const std::string& path : {jobs.front().output, options.verify.error_map}) {
     if (path.empty()) continue;
     if (absl::Status status = make_folder_of(path); !status.ok()) return status;
     if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();

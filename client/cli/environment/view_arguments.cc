@@ -10,6 +10,7 @@
 #include "client/cli/options/session_options.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/verify_options.h"
 #include "client/cli/options/view_options.h"
 #include "proto/candela/v1/settings.h"
 
@@ -110,6 +111,9 @@ absl::Status check_kind(const PanoramaViewOptions& options) {
     return usage_error("--turn and --path both move the camera; give only one of them");
   }
   if (options.is_sequence()) {
+    if (options.verify.verify) {
+      return usage_error("--verify is for a single view; render one of the sequence's views with its camera");
+    }
     if (options.previous.exposure() == 0) return absl::OkStatus();
     return usage_error("--previous-exposure is for a single view; in a sequence exposure adapts by itself");
   }
@@ -129,6 +133,15 @@ absl::Status check_kind(const PanoramaViewOptions& options) {
     }
   }
   return absl::OkStatus();
+}
+
+absl::Status check_verify(const PanoramaViewOptions& options) {
+  if (options.verify.verify && !options.view.config.empty()) {
+    return usage_error(
+        "--verify compares a view of --ocio with the frame's pixels, and only the server has "
+        "those of a panorama's view; leave out one of the two");
+  }
+  return check_verify_options(options.verify, options.output);
 }
 
 // The name of one of the output's files, by which its format is chosen.
@@ -174,6 +187,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_view_options(app, options.view);
   add_previous_options(app, options.previous);
   add_locked_exposure_option(app, options.locked_exposure);
+  add_verify_options(app, options.verify);
   add_image_options(app, arguments.picture);
   add_encoding_option(app, kOutputSection, options.encoding,
                       "Who encodes the files of a sequence: this command (raw) or the server (png, jpeg)");
@@ -199,6 +213,7 @@ absl::Status finish_panorama_view_options(PanoramaViewArguments& arguments) {
   options.settings.set_alpha(v1::ALPHA_IGNORE);  // a view has none
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
+  status.Update(check_verify(options));
   status.Update(finish_server_options(options.server, true));
   return status;
 }

@@ -18,6 +18,7 @@
 #include "client/cli/environment/view_objects.h"
 #include "client/cli/environment/view_scene.h"
 #include "client/cli/environment/view_sequence.h"
+#include "client/cli/files/error_map.h"
 #include "client/cli/files/exposure_file.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
@@ -44,6 +45,7 @@ class OneView {
   absl::StatusOr<RenderReport> run() {
     report_.input = options_.panorama;
     report_.output = options_.output;
+    report_.error_map = options_.verify.error_map;
     report_.metered =
         options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && options_.locked_exposure.empty();
     report_.notes = options_.notes;
@@ -56,6 +58,7 @@ class OneView {
     absl::StatusOr<Image> picture = render();
     if (!picture.ok()) return picture.status();
     if (status = write(*picture); !status.ok()) return status;
+    if (status = draw_error(); !status.ok()) return status;
     report_.total_ms = ms_since(begin_);
     return std::move(report_);
   }
@@ -65,6 +68,8 @@ class OneView {
     settings_ = without_panorama(options_.settings);
     frame_.width = options_.width;
     frame_.height = options_.height;
+    frame_.verify = options_.verify.verify;
+    frame_.error_map = !options_.verify.error_map.empty();
     if (options_.previous.exposure() > 0) frame_.previous = options_.previous;
     if (!options_.locked_exposure.empty()) {
       const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
@@ -117,6 +122,7 @@ class OneView {
     link_.close();
     add_note(bad_values_);
     report_.header = result->header;
+    error_map_ = std::move(result->error_map);
     if (!frame_.exposure)
       add_note(held_words(result->header.target(), result->header.target_before_limits()));
     add_note(gamut_note(result->header, settings_).value_or(""));
@@ -151,6 +157,12 @@ class OneView {
     return absl::OkStatus();
   }
 
+  absl::Status draw_error() {
+    if (options_.verify.error_map.empty()) return absl::OkStatus();
+    progress_.show("writing " + options_.verify.error_map);
+    return write_error_map(options_.verify.error_map, error_map_, options_.width, options_.height);
+  }
+
   void add_stages(double put_ms, double call_ms, const v1::ResultHeader& header) {
     report_.stage_ms.emplace_back("put", put_ms);
     double server_ms = 0;
@@ -178,6 +190,7 @@ class OneView {
   FrameView frame_;
   std::shared_ptr<const Panorama> panorama_;
   std::string bad_values_;  // a note about the panorama's, or ""
+  std::vector<uint16_t> error_map_;
   RenderReport report_;
 };
 
@@ -192,10 +205,15 @@ std::vector<std::string> inputs_of(const PanoramaViewOptions& options) {
 
 absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene) {
   const absl::Status apart =
-      check_outputs_apart(inputs_of(options), {{options.output, "the image"}, {options.json, "the JSON"}});
+      check_outputs_apart(inputs_of(options), {{options.output, "the image"},
+                                               {options.verify.error_map, "the error map"},
+                                               {options.json, "the JSON"}});
   if (!apart.ok()) return apart;
-  if (absl::Status status = make_folder_of(options.output); !status.ok()) return status;
-  if (const auto kind = check_output_path(options.output); !kind.ok()) return kind.status();
+  for (const std::string& path : {options.output, options.verify.error_map}) {
+    if (path.empty()) continue;
+    if (absl::Status status = make_folder_of(path); !status.ok()) return status;
+    if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
+  }
   absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
   if (!json.ok()) return json.status();
   Progress progress(!options.quiet);

@@ -22,4 +22,8 @@ std::string error_scale_words();
 // than the legend is padded on the right. Returns a kRgba8 image.
 absl::StatusOr<Image> draw_error_map(std::span<const uint16_t> halves, uint32_t width, uint32_t height);
 
+// Draws it into a .png that says what its colours mean.
+absl::Status write_error_map(const std::string& path, std::span<const uint16_t> halves, uint32_t width,
+                             uint32_t height);
+
 }  // namespace candela

@@ -40,14 +40,19 @@ struct PictureOptions {
   bool alpha_by_default = false;   // the user chose no alpha, and the output is a .png or .jpg
 };
 
+// Whether an image is compared with the reference.
+struct VerifyChoice {
+  bool verify = false;
+  std::string error_map;  // a .png, "" for none; only with `verify`
+};
+
 struct RenderOptions : PictureOptions {
   std::vector<std::string> inputs;  // files, and quoted patterns and folders
   std::string output;               // a file, or a folder
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none
   ServerChoice server;
-  bool verify = false;          // compare the image with the reference
-  std::string error_map;        // a .png, "" for none; only with `verify`
+  VerifyChoice verify;
   std::string locked_exposure;  // as in StreamOptions
   std::string json;             // a path, "-" for stdout, "" for none
   bool quiet = false;
@@ -102,6 +107,7 @@ struct PanoramaViewOptions : PictureOptions {
   std::string session;
   v1::ExposureState previous;   // exposure 0: none
   std::string locked_exposure;  // as in StreamOptions
+  VerifyChoice verify;          // of a single view
   ServerChoice server;
   std::string plot;  // as in StreamOptions
   std::string json;  // as in RenderOptions

@@ -10,42 +10,20 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/verify_options.h"
 #include "client/cli/options/view_options.h"
 #include "client/image/image.h"
 
 namespace candela {
 namespace {
 
-constexpr char kVerification[] = "Verification";
-
-void add_verification_options(CLI::App& app, RenderOptions& options) {
-  app.add_flag("--verify", options.verify,
-               "Compare the image with the float64 reference and report the error; takes seconds")
-      ->group(kVerification);
-  add_text(app, kVerification, "--error-map", "FILE.png", "Draw the error of every pixel; implies --verify",
-           [&options](const std::string& path) {
-             options.error_map = path;
-             options.verify = true;
-             return absl::OkStatus();
-           });
-}
-
 absl::Status check_error_map(const RenderOptions& options) {
-  if (options.error_map.empty()) return absl::OkStatus();
-  if (!options.extension.empty()) {
-    return usage_error(absl::StrFormat(
-        "--error-map %s: it shows the error of one image, but %s is a folder; name a file as OUT",
-        options.error_map, options.output));
+  if (options.verify.error_map.empty() || options.extension.empty()) {
+    return check_verify_options(options.verify, options.output);
   }
-  const absl::StatusOr<OutputKind> kind = output_kind(options.error_map);
-  if (!kind.ok() || *kind != OutputKind::kPng) {
-    return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", options.error_map));
-  }
-  if (options.error_map == options.output) {
-    return usage_error(
-        absl::StrFormat("--error-map %s: OUT is the same file; give another name", options.error_map));
-  }
-  return absl::OkStatus();
+  return usage_error(absl::StrFormat(
+      "--error-map %s: it shows the error of one image, but %s is a folder; name a file as OUT",
+      options.verify.error_map, options.output));
 }
 
 bool is_folder(const std::string& path) {
@@ -114,7 +92,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_view_options(app, options.view);
   add_previous_options(app, options.previous);
   add_locked_exposure_option(app, options.locked_exposure);
-  add_verification_options(app, options);
+  add_verify_options(app, options.verify);
   add_text(app, kOutputSection, "--as", "KIND",
            "Kind of the images in a folder: png, jpg, exr, pfm (default png)", arguments.kind);
   add_image_options(app, arguments.picture);

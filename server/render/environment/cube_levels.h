@@ -17,6 +17,8 @@ inline constexpr uint64_t kCubeTexelBytes = 16;
 //
 // The size of a cube map for a panorama of this width, if nobody asks for another one.
 uint32_t default_cube_size(uint32_t panorama_width);
+// The size that views read.
+uint32_t view_cube_size(uint32_t panorama_width);
 // K: sub-texels along a side of a texel of level 0. `samples` is the tier's.
 uint32_t cube_samples(uint32_t panorama_width, uint32_t size, uint32_t samples);
 // Levels from `size` down to 1 x 1, and from there to the specular levels: `size` down to 16 x 16.
@@ -40,5 +42,8 @@ struct CubeLevels {
 
 // The bytes of `levels` levels, from `size` on.
 uint64_t cube_bytes(uint32_t size, uint32_t levels);
+// The bytes of the whole chain, and of all specular levels but the first, which is the chain's own.
+uint64_t chain_bytes(uint32_t size);
+uint64_t specular_bytes(uint32_t size);
 
 }  // namespace candela

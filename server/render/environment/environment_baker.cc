@@ -169,11 +169,11 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
   const absl::StatusOr<uint32_t> size = size_of(environment, spec);
   if (!size.ok()) return size.status();
   const uint32_t chain = std::max(*size, default_cube_size(environment.width));
-  const uint64_t largest = cube_bytes(chain, chain_levels(chain));
+  const uint64_t largest = chain_bytes(chain);
   uint64_t bytes = largest;
   BakeSpec sized = spec;
   sized.size = *size;
-  if (has_specular(sized)) bytes += cube_bytes(*size / 2, specular_levels(*size) - 1);
+  if (has_specular(sized)) bytes += specular_bytes(*size);
   if (largest > device_.summary().max_allocation_bytes) {
     return absl::ResourceExhaustedError(absl::StrFormat(
         "bake.size %d needs a texture of %d bytes and this device allocates at most %d at once; ask for a "
@@ -279,8 +279,9 @@ absl::Status EnvironmentBaker::prepare_view(Environment& environment, const Bake
   const BakeQuality sky = {quality.cube_samples, 0.0};
   if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
     view = {};
-    absl::StatusOr<BakedCube> cube =
-        bake(environment, {.mapping = RoughnessMapping::kPerceptual, .quality = objects ? quality : sky});
+    absl::StatusOr<BakedCube> cube = bake(environment, {.size = view_cube_size(environment.width),
+                                                        .mapping = RoughnessMapping::kPerceptual,
+                                                        .quality = objects ? quality : sky});
     if (!cube.ok()) return cube.status();
     view = *std::move(cube);
   }

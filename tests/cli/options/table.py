@@ -219,11 +219,13 @@ MOMENTARY = {  # of render and view
     "--speed-down": lambda c: changes("--speed-down 9", "--previous-exposure 60 --elapsed 0.2"),
     "--resume": lambda c: needs("--resume 1", "--resume -1", LINES[c], "--resume"),
 }
+VERIFIED = {
+    "--verify": lambda c: shows(LINES[c].format("--verify"), lambda run: "verify" in run.lines()[0], "no verify in it"),
+    "--error-map": lambda c: shows(LINES[c].format("--error-map OUT/map.png"),
+                                   lambda run: run.files["map.png"].startswith(b"\x89PNG"), "there is no map"),
+}
 RENDERED = {  # of render alone
     "--as": lambda c: each_word("--as", line="render scene.exr alpha.exr OUT/all/ -q --server PLAIN {}"),
-    "--verify": lambda c: shows(LINES["render"].format("--verify"), lambda run: "verify" in run.lines()[0], "no verify in it"),
-    "--error-map": lambda c: shows(LINES["render"].format("--error-map OUT/map.png"),
-                                   lambda run: run.files["map.png"].startswith(b"\x89PNG"), "there is no map"),
     "--verbose": lambda c: shows("render scene.exr OUT/o.png -v --server PLAIN",
                                  lambda run: len((run.out + run.err).splitlines()) > 3, "-v prints no more than a line"),
 }
@@ -318,8 +320,9 @@ def table(command: str) -> dict:
     for group, commands in ((INPUT, ("render", "stream", "meter", "view", "environment")),
                             (METERED, ("render", "stream", "meter", "view")), (OVER, ("render", "stream", "meter")),
                             (BEHIND, ("render", "stream")), (DRAWN, ("render", "stream", "view")),
-                            (SEQUENCED, ("stream", "meter")), (MOMENTARY, ("render", "view")), (RENDERED, ("render",)),
-                            (STREAMED, ("stream",)), (VIEWED, ("view",)), (BAKED, ("environment",))):
+                            (SEQUENCED, ("stream", "meter")), (MOMENTARY, ("render", "view")),
+                            (VERIFIED, ("render", "view")), (RENDERED, ("render",)), (STREAMED, ("stream",)),
+                            (VIEWED, ("view",)), (BAKED, ("environment",))):
         if command in commands:
             rows |= {option: check(command) for option, check in group.items()}
     rows |= {option: guarded(option) for option in GUARDS if command != "sample"}

@@ -1,0 +1,41 @@
+#include "client/cli/options/verify_options.h"
+
+#include "absl/status/statusor.h"
+#include "absl/strings/str_format.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/usage.h"
+#include "client/image/image.h"
+
+namespace candela {
+namespace {
+
+constexpr char kVerification[] = "Verification";
+
+}  // namespace
+
+void add_verify_options(CLI::App& app, VerifyChoice& choice) {
+  app.add_flag("--verify", choice.verify,
+               "Compare the image with the float64 reference and report the error; takes seconds")
+      ->group(kVerification);
+  add_text(app, kVerification, "--error-map", "FILE.png", "Draw the error of every pixel; implies --verify",
+           [&choice](const std::string& path) {
+             choice.error_map = path;
+             choice.verify = true;
+             return absl::OkStatus();
+           });
+}
+
+absl::Status check_verify_options(const VerifyChoice& choice, const std::string& output) {
+  if (choice.error_map.empty()) return absl::OkStatus();
+  const absl::StatusOr<OutputKind> kind = output_kind(choice.error_map);
+  if (!kind.ok() || *kind != OutputKind::kPng) {
+    return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", choice.error_map));
+  }
+  if (choice.error_map == output) {
+    return usage_error(
+        absl::StrFormat("--error-map %s: OUT is the same file; give another name", choice.error_map));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace candela

@@ -1,0 +1,13 @@
+// The calls about environments, as the server reads them. Internal to fuzz_wire.
+#pragma once
+
+#include "tests/fuzz/wire_input.h"
+
+namespace candela {
+
+// Reads the messages as a PutEnvironment call.
+void put_environment(const WireInput& input);
+// Reads the first message as a BakeEnvironment request, and as the header of a frame that is a view.
+void use_environment(const WireInput& input);
+
+}  // namespace candela
