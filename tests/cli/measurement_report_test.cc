@@ -40,11 +40,42 @@ void expect_page_holds(const std::string& page, const json& report) {
   }
 }
 
+// Every tier has baked the panorama, and its errors are those that docs/environments.md section 7 allows.
+void expect_bakes(const json& bakes, const std::set<std::string>& tiers) {
+  std::map<std::string, double> bounds = {{"draft", 0.08}, {"standard", 0.02}, {"reference", 0.003}};
+  std::set<std::string> seen;
+  for (const json& row : bakes) {
+    ASSERT_TRUE(row.contains("max_error")) << row;
+    EXPECT_EQ(row.at("panorama"), "pano.exr");
+    EXPECT_EQ(row.at("levels").size(), 2u) << row;
+    for (const json& level : row.at("levels")) EXPECT_LE(level.at("error"), row.at("max_error")) << row;
+    EXPECT_GT(row.at("max_error"), 0) << row;
+    EXPECT_LE(row.at("max_error"), bounds.at(row.at("tier"))) << row;
+    EXPECT_GT(row.at("device_ms").at("median"), 0) << row;
+    EXPECT_GE(row.at("call_ms").at("median"), row.at("device_ms").at("median")) << row;
+    EXPECT_EQ(row.at("stages")[0].at("name"), "bake") << row;
+    seen.insert(row.at("tier"));
+  }
+  EXPECT_EQ(seen, tiers);
+}
+
+void expect_panorama(const json& environments, const std::string& folder) {
+  ASSERT_EQ(environments.size(), 1u);
+  EXPECT_EQ(environments[0].at("name"), "pano.exr");
+  EXPECT_EQ(environments[0].at("width"), 128);
+  EXPECT_EQ(environments[0].at("height"), 64);
+  EXPECT_GT(environments[0].at("put_ms"), 0);
+  for (const char* picture : {"levels", "lookdev"}) expect_png(folder, environments[0].at(picture));
+}
+
 TEST(MeasurementReport, WritesAWholePageAndItsData) {
   const TemporaryFolder folder;
   const std::string at = folder.path("report"), odd_name = folder.path("a<b>.exr");
   write_small_exr(odd_name);
-  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name});
+  const std::string panorama = folder.path("pano.exr");
+  ASSERT_EQ(candela({"sample", "--panorama", panorama, "--size", "128x64", "-q"}).code, 0);
+  const Outcome outcome = candela(
+      {"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name, "--panoramas", panorama});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
 
@@ -94,10 +125,20 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
     expect_png(at, image.at("file"));
     for (const json& map : image.at("maps")) expect_png(at, map.at("file"));
   }
+  expect_bakes(report.at("bakes"), tiers);
+  expect_panorama(report.at("environments"), at);
   expect_page_holds(read_file(at + "/index.html"), report);
-  for (const char* table : {"/times.csv", "/hard_cases.csv", "/aces.csv"}) {
+  for (const char* table : {"/times.csv", "/hard_cases.csv", "/aces.csv", "/bakes.csv"}) {
     EXPECT_NE(read_file(at + table).find(','), std::string::npos) << table;
   }
+}
+
+TEST(MeasurementReport, APanoramaThatCannotBeReadIsNamed) {
+  const TemporaryFolder folder;
+  const std::string missing = folder.path("missing.exr");
+  const Outcome outcome = candela({"report", folder.path("report"), "--quick", "--panoramas", missing});
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find(missing), std::string::npos) << outcome.err;
 }
 
 TEST(MeasurementReport, SizesAreNumbersInTheirRange) {

@@ -61,7 +61,23 @@ Vector telling(size_t level, const Vector& point) {
   return value;
 }
 
+namespace {
+
+constexpr Vector kInk = {10, 10, 10};
+
 Vector paper_of(int wall) { return {wall < 2 ? 1.0 : 0.0, wall % 4 > 1 ? 1.0 : 0.5, wall % 2 + 0.25}; }
+
+// The wall of the world that a face of a file shows, as faces are counted, and how its arrow lies.
+struct Arrow {
+  int wall;
+  bool head_at_top, flag_at_right;
+};
+constexpr Arrow kLeft[6] = {{1, true, true},   {0, true, true}, {2, true, false},
+                            {3, false, false}, {4, true, true}, {5, true, true}};
+constexpr Arrow kRight[6] = {{0, true, false}, {1, true, false}, {2, true, true},
+                             {3, false, true}, {4, true, false}, {5, true, false}};
+
+}  // namespace
 
 Vector arrows(size_t, const Vector& point) {
   const auto [x, y, z] = point;
@@ -75,8 +91,21 @@ Vector arrows(size_t, const Vector& point) {
   const bool shaft = std::abs(u) < 0.15 && v > -0.3 && v < 0.4;
   const bool head = v >= 0.4 && v < 0.8 && std::abs(u) < 0.8 - v;
   const bool flag = u > 0 && u < 0.8 && std::abs(v) < 0.2;
-  if (shaft || head || flag) return {10, 10, 10};
+  if (shaft || head || flag) return kInk;
   return paper_of(static_cast<int>(wall - walls));
+}
+
+void expect_arrows(Handedness handedness, uint32_t size,
+                   const std::function<Vector(uint32_t face, uint32_t i, uint32_t j)>& texel) {
+  const uint32_t low = size * 3 / 16, high = size - 1 - low, middle = size / 2;
+  for (uint32_t face = 0; face < 6; ++face) {
+    const Arrow& arrow = (handedness == Handedness::kLeft ? kLeft : kRight)[face];
+    const Vector paper = paper_of(arrow.wall);
+    EXPECT_EQ(texel(face, middle, arrow.head_at_top ? low : high), kInk) << name(handedness) << face;
+    EXPECT_EQ(texel(face, middle, arrow.head_at_top ? high : low), paper) << name(handedness) << face;
+    EXPECT_EQ(texel(face, arrow.flag_at_right ? high : low, middle), kInk) << name(handedness) << face;
+    EXPECT_EQ(texel(face, arrow.flag_at_right ? low : high, middle), paper) << name(handedness) << face;
+  }
 }
 
 namespace {

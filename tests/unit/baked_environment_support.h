@@ -31,7 +31,11 @@ Vector telling(size_t level, const Vector& point);
 // or ahead (-Z) on ceiling and floor, with a flag halfway up the shaft: on the right of somebody who looks at
 // the wall, or towards +X on ceiling and floor.
 Vector arrows(size_t level, const Vector& point);
-Vector paper_of(int wall);
+
+// Fails the test unless `texel`, of faces of arrows() in a file, has each arrow where an engine of that
+// handedness expects it.
+void expect_arrows(Handedness handedness, uint32_t size,
+                   const std::function<Vector(uint32_t face, uint32_t i, uint32_t j)>& texel);
 
 // A file of KTX 2.0, taken apart.
 struct Ktx2 {

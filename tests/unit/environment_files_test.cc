@@ -145,30 +145,11 @@ TEST_F(EnvironmentFiles, EveryTexelOfEveryFaceAndLevelIsTheWorldsForBothHandedne
 }
 
 TEST_F(EnvironmentFiles, AnArrowOnEachFacePointsWhereAnEngineExpectsIt) {
-  struct Expected {
-    int seen;  // the wall of the world that the file's face shows: 0 right, 1 left, 2 up, 3 down, 4 back, 5
-               // ahead
-    bool head_at_top, flag_at_right;
-  };
-  // The arrows point up, or ahead on the ceiling and the floor. The flag is on the right of somebody who
-  // looks at a wall, and on the right of the world on the ceiling and the floor.
-  const Expected left[6] = {{1, true, true},   {0, true, true}, {2, true, false},
-                            {3, false, false}, {4, true, true}, {5, true, true}};
-  const Expected right[6] = {{0, true, false}, {1, true, false}, {2, true, true},
-                             {3, false, true}, {4, true, false}, {5, true, false}};
   for (const Handedness handedness : kHandednesses) {
     const Ktx2 file = ktx2(environment_of({32, 16}, arrows), handedness);
     for (size_t level = 0; level < 2; ++level) {
-      const uint32_t size = 32u >> level, low = size * 3 / 16, high = size - 1 - low, middle = size / 2;
-      for (uint32_t face = 0; face < 6; ++face) {
-        const Expected& expected = (handedness == Handedness::kLeft ? left : right)[face];
-        const Vector ink = {10, 10, 10}, paper = paper_of(expected.seen);
-        const auto at = [&](uint32_t i, uint32_t j) { return file.texel(level, face, i, j); };
-        EXPECT_EQ(at(middle, expected.head_at_top ? low : high), ink) << face;
-        EXPECT_EQ(at(middle, expected.head_at_top ? high : low), paper) << face;
-        EXPECT_EQ(at(expected.flag_at_right ? high : low, middle), ink) << face;
-        EXPECT_EQ(at(expected.flag_at_right ? low : high, middle), paper) << face;
-      }
+      expect_arrows(handedness, 32u >> level,
+                    [&](uint32_t face, uint32_t i, uint32_t j) { return file.texel(level, face, i, j); });
     }
   }
 }

@@ -1,14 +1,10 @@
-#include <half.h>
-
-#include <cstring>
-
 #include "absl/strings/str_format.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/files/output_files.h"
+#include "client/cli/files/scene_image.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/image/sample.h"
-#include "client/image/scenes.h"
 
 namespace candela {
 namespace {
@@ -34,27 +30,13 @@ absl::Status make_sequence(const SampleOptions& options) {
       of, options.frames, options.width, options.height, options.sequence));
 }
 
-absl::StatusOr<Image> panorama(uint32_t width, uint32_t height) {
-  absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
-  if (!image.ok()) return image;
-  const scenes::TexelFunction texel = scenes::panorama(width, height);
-  std::byte* out = image->pixels.data();
-  for (uint32_t y = 0; y < height; ++y) {
-    for (uint32_t x = 0; x < width; ++x) {
-      const scenes::Texel rgba = texel(x, y);
-      const half pixel[4] = {half(rgba[0]), half(rgba[1]), half(rgba[2]), half(rgba[3])};
-      std::memcpy(out, pixel, sizeof pixel);
-      out += sizeof pixel;
-    }
-  }
-  return image;
-}
-
 // Writes a scene or a panorama.
 absl::Status write_picture(const SampleOptions& options, const std::string& path, Progress& progress) {
   progress.show("making the picture");
-  const absl::StatusOr<Image> image = options.panorama.empty() ? sample_scene(options.width, options.height)
-                                                               : panorama(options.width, options.height);
+  const uint32_t width = options.width, height = options.height;
+  const absl::StatusOr<Image> image = options.panorama.empty()
+                                          ? sample_scene(width, height)
+                                          : scene_image(width, height, scenes::panorama(width, height));
   if (!image.ok()) return image.status();
   progress.show("writing " + path);
   const absl::StatusOr<std::vector<std::string>> notes = write_image(path, *image);

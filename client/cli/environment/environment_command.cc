@@ -2,7 +2,6 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 #include <thread>
 #include <utility>
@@ -13,6 +12,7 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
+#include "client/cli/environment/environment_from_bake.h"
 #include "client/cli/environment/environment_preview.h"
 #include "client/cli/environment/environment_report.h"
 #include "client/cli/environment/panorama_file.h"
@@ -32,8 +32,6 @@ namespace fs = std::filesystem;
 
 // Ends the wait for a server that never answers.
 constexpr absl::Duration kBakeTimeout = absl::Minutes(30);
-
-constexpr double kLeastMetered = 1e-6;  // luminance of a preview's pixels
 
 constexpr uint32_t kSmallestLevel = 16;  // texels along a face's side
 
@@ -69,25 +67,6 @@ absl::Status check_levels(uint32_t levels, uint32_t size) {
   if (levels <= most) return absl::OkStatus();
   return usage_error(absl::StrFormat("--levels is %d; a cube map of %dx%d has %d, down to %dx%d", levels,
                                      size, size, most, kSmallestLevel, kSmallestLevel));
-}
-
-absl::StatusOr<BakedEnvironment> environment_from(const EnvironmentBake& bake,
-                                                  const EnvironmentOptions& options) {
-  BakedEnvironment environment;
-  environment.format = options.format;
-  environment.handedness = options.handedness;
-  for (size_t i = 0; i < bake.levels.size(); ++i) {
-    const v1::BakedLevel& level = bake.header.levels(static_cast<int>(i));
-    PixelBuffer texels(bake.levels[i].size());
-    if (texels.empty()) return absl::ResourceExhaustedError("out of memory for the cube map");
-    std::memcpy(texels.data(), bake.levels[i].data(), bake.levels[i].size());
-    environment.levels.push_back({level.size(), static_cast<float>(level.roughness()), std::move(texels)});
-  }
-  const auto& sh = bake.header.radiance_sh();
-  for (int i = 0; i < std::min(sh.size(), 27); ++i) {
-    environment.harmonics[static_cast<size_t>(i / 3)][static_cast<size_t>(i % 3)] = static_cast<float>(sh[i]);
-  }
-  return environment;
 }
 
 class EnvironmentJob {
@@ -142,7 +121,7 @@ class EnvironmentJob {
     const std::string bad =
         bad_values_note(report_.panorama.nan_components(), report_.panorama.infinite_components());
     if (!bad.empty()) report_.notes.push_back(bad);
-    absl::StatusOr<BakedEnvironment> environment = environment_from(*bake, options_);
+    absl::StatusOr<BakedEnvironment> environment = environment_from(*bake, options_.handedness);
     if (!environment.ok()) return environment.status();
     environment_ = *std::move(environment);
     return absl::OkStatus();
@@ -206,14 +185,6 @@ class EnvironmentJob {
       if (level > 0) report_.files.push_back(path);
     }
     return absl::OkStatus();
-  }
-
-  // The default settings, but for what is between the crosses: it is not metered, and nothing shines on it.
-  static v1::Settings preview_settings() {
-    v1::Settings settings;
-    settings.mutable_exposure()->mutable_metering()->set_ignore_below(kLeastMetered);
-    settings.mutable_bloom()->set_intensity(0);
-    return settings;
   }
 
   // The levels as a frame, which the server renders.

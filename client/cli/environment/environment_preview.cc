@@ -14,6 +14,8 @@ namespace {
 constexpr uint32_t kLargestFace = 256;  // pixels
 constexpr uint32_t kMargin = 16;        // pixels
 
+constexpr double kLeastMetered = 1e-6;  // luminance
+
 // The mean of the n x n pixels from column x and row y on.
 std::array<half, 4> mean(const Image& image, uint32_t x, uint32_t y, uint32_t n) {
   std::array<float, 4> sum{};
@@ -55,6 +57,13 @@ absl::StatusOr<Image> environment_preview(const BakedEnvironment& environment) {
     crosses.push_back(*std::move(cross));
   }
   return preview_sheet(crosses, kMargin);
+}
+
+v1::Settings preview_settings() {
+  v1::Settings settings;
+  settings.mutable_exposure()->mutable_metering()->set_ignore_below(kLeastMetered);
+  settings.mutable_bloom()->set_intensity(0);
+  return settings;
 }
 
 }  // namespace candela

@@ -5,7 +5,6 @@
 
 #include "absl/strings/str_format.h"
 #include "client/cli/files/frame_files.h"
-#include "client/image/image.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -55,10 +54,13 @@ absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const Pictur
         path, read->width, read->height));
   }
   file.primaries = primaries_used(*read, options.settings);
-  const auto image = std::make_shared<const Image>(*std::move(read));
-  file.panorama = std::make_shared<const Panorama>(
-      Panorama{start_of(*image, options.settings), image->pixels.span(), image});
+  file.panorama = panorama_of(*std::move(read), options.settings);
   return file;
+}
+
+std::shared_ptr<const Panorama> panorama_of(Image image, const v1::Settings& settings) {
+  const auto kept = std::make_shared<const Image>(std::move(image));
+  return std::make_shared<const Panorama>(Panorama{start_of(*kept, settings), kept->pixels.span(), kept});
 }
 
 v1::Settings without_panorama(v1::Settings settings) {

@@ -11,6 +11,7 @@
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/options/options.h"
 #include "client/environment.h"
+#include "client/image/image.h"
 
 namespace candela {
 
@@ -26,6 +27,9 @@ struct PanoramaFile {
 // RESOURCE_EXHAUSTED if it is too large for a panorama.
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
                                            const v1::Limits& limits);
+
+// The image as a panorama, with the primaries and the treatment of bad values that read_panorama() says.
+std::shared_ptr<const Panorama> panorama_of(Image image, const v1::Settings& settings);
 
 // The settings without those that belong to the panorama: its primaries and its bad values.
 v1::Settings without_panorama(v1::Settings settings);

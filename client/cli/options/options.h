@@ -167,8 +167,9 @@ struct SampleOptions {
 struct ReportOptions {
   std::string directory;
   bool quick = false;
-  std::vector<double> megapixels;   // frame sizes, ascending, at least one
-  std::vector<std::string> images;  // files; none: the sample scene
+  std::vector<double> megapixels;      // frame sizes, ascending, at least one
+  std::vector<std::string> images;     // files; none: the sample scene
+  std::vector<std::string> panoramas;  // files; none: the sample panorama
   ServerChoice server;
   bool quiet = false;
 };

@@ -44,6 +44,9 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
                  "Images to compare with the reference (default: the sample scene)")
       ->option_text("FILE...")
       ->group(kSection);
+  app.add_option("--panoramas", options.panoramas, "Panoramas to bake (default: the sample panorama)")
+      ->option_text("FILE...")
+      ->group(kSection);
   add_quiet_option(app, "Output", options.quiet);
   add_server_options(app, options.server);
 }

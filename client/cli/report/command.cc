@@ -14,11 +14,14 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/server_link.h"
+#include "client/cli/environment/panorama_file.h"
 #include "client/cli/files/error_map.h"
 #include "client/cli/files/output_files.h"
+#include "client/cli/files/scene_image.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/report/aces.h"
 #include "client/cli/report/bounds.h"
+#include "client/cli/report/environments.h"
 #include "client/cli/report/errors.h"
 #include "client/cli/report/files.h"
 #include "client/cli/report/times.h"
@@ -33,6 +36,10 @@ constexpr int kFormatVersion = 1;
 // Verification takes seconds per megapixel, so larger images are cropped to this.
 constexpr double kQuickImageMegapixels = 1;
 constexpr double kImageMegapixels = 4;
+
+// Of the sample panorama, in texels.
+constexpr uint32_t kQuickPanoramaHeight = 256;
+constexpr uint32_t kPanoramaHeight = 512;
 
 // The last measurement of --quick ends by then, so that everything is written within five minutes.
 constexpr absl::Duration kQuickTime = absl::Seconds(280);
@@ -51,7 +58,8 @@ TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
 // The files that the report writes, with the error maps of these tiers.
 std::vector<OutputFile> outputs_of(const ReportOptions& options, const std::vector<std::string>& tiers) {
   std::vector<OutputFile> outputs;
-  for (const char* name : {"index.html", "report.json", "times.csv", "hard_cases.csv", "aces.csv"}) {
+  for (const char* name :
+       {"index.html", "report.json", "times.csv", "hard_cases.csv", "aces.csv", "bakes.csv"}) {
     outputs.push_back({absl::StrCat(options.directory, "/", name), "the report"});
   }
   for (size_t i = 1; i <= options.images.size(); ++i) {
@@ -60,12 +68,18 @@ std::vector<OutputFile> outputs_of(const ReportOptions& options, const std::vect
       outputs.push_back({absl::StrCat(options.directory, "/", error_map_name(i, tier)), "the report"});
     }
   }
+  for (size_t i = 1; i <= options.panoramas.size(); ++i) {
+    for (const std::string& name : {levels_name(i), lookdev_name(i)}) {
+      outputs.push_back({absl::StrCat(options.directory, "/", name), "the report"});
+    }
+  }
   return outputs;
 }
 
 absl::Status check_outputs(const ReportOptions& options, const std::vector<std::string>& tiers) {
   std::vector<std::string> inputs = files_of(options.server);
   inputs.insert(inputs.end(), options.images.begin(), options.images.end());
+  inputs.insert(inputs.end(), options.panoramas.begin(), options.panoramas.end());
   return check_outputs_apart(inputs, outputs_of(options, tiers));
 }
 
@@ -97,6 +111,26 @@ absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& option
   if (!sample.ok()) return sample.status();
   images.push_back({"sample scene", *std::move(sample), ""});
   return images;
+}
+
+// The user's panoramas, or the sample panorama if there are none.
+absl::StatusOr<std::vector<ReportPanorama>> read_panoramas(const ReportOptions& options,
+                                                           const v1::Limits& limits) {
+  std::vector<ReportPanorama> panoramas;
+  for (const std::string& path : options.panoramas) {
+    absl::StatusOr<PanoramaFile> file = read_panorama(path, PictureOptions(), limits);
+    if (!file.ok()) return file.status();
+    const std::string name = std::filesystem::path(path).filename().string();
+    const bool taken = std::any_of(panoramas.begin(), panoramas.end(),
+                                   [&name](const ReportPanorama& other) { return other.name == name; });
+    panoramas.push_back({taken ? path : name, std::move(file->panorama)});
+  }
+  if (!panoramas.empty()) return panoramas;
+  const uint32_t height = options.quick ? kQuickPanoramaHeight : kPanoramaHeight;
+  absl::StatusOr<Image> sample = scene_image(2 * height, height, scenes::panorama(2 * height, height));
+  if (!sample.ok()) return sample.status();
+  panoramas.push_back({"sample panorama", panorama_of(*std::move(sample), v1::Settings())});
+  return panoramas;
 }
 
 // The load average of the last minute. Read it before anything is measured.
@@ -134,6 +168,7 @@ std::string command_of(const ReportOptions& options) {
   if (options.quick) command += " --quick";
   absl::StrAppendFormat(&command, " --megapixels %s", absl::StrJoin(options.megapixels, ","));
   if (!options.images.empty()) command += " --images " + absl::StrJoin(options.images, " ");
+  if (!options.panoramas.empty()) command += " --panoramas " + absl::StrJoin(options.panoramas, " ");
   if (!options.server.address.empty()) command += " --server " + options.server.address;
   if (!options.server.device.empty()) command += " --device " + options.server.device;
   return command;
@@ -146,27 +181,44 @@ Json tiers_of(const v1::GetServerInfoResponse& info) {
   return tiers;
 }
 
+// What the report shows, read or made.
+struct Pictures {
+  std::vector<ReportImage> images;
+  std::vector<ReportPanorama> panoramas;
+};
+
+absl::StatusOr<Pictures> read_pictures(const ReportOptions& options, const v1::Limits& limits) {
+  absl::StatusOr<std::vector<ReportImage>> images = read_images(options, limits);
+  if (!images.ok()) return images.status();
+  absl::StatusOr<std::vector<ReportPanorama>> panoramas = read_panoramas(options, limits);
+  if (!panoramas.ok()) return panoramas.status();
+  return Pictures{*std::move(images), *std::move(panoramas)};
+}
+
 // The measurements. The longest ones come last, because --quick may run out of time.
-absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
-                             const std::vector<ReportImage>& images, const std::string& folder) {
+absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan, const Pictures& given,
+                             const BakePlan& bake_plan) {
   absl::StatusOr<Json> hard = measure_hard_cases(session);
   if (!hard.ok()) return hard;
   const absl::StatusOr<Json> ingest = measure_ingest(session);
   if (!ingest.ok()) return ingest;
   absl::StatusOr<Json> curves = measure_curves(session);
   if (!curves.ok()) return curves;
-  absl::StatusOr<Json> aces = compare_aces(session, images);
+  absl::StatusOr<Json> aces = compare_aces(session, given.images);
   if (!aces.ok()) return aces;
-  absl::StatusOr<Json> pictures = measure_images(session, images, folder);
+  absl::StatusOr<Json> pictures = measure_images(session, given.images, bake_plan.folder);
   if (!pictures.ok()) return pictures;
   Json stages = judge_stages(session, {*hard, *curves, *pictures});
   stages.insert(stages.begin(), *ingest);
+  absl::StatusOr<EnvironmentRows> baked = measure_environments(session, given.panoramas, bake_plan);
+  if (!baked.ok()) return baked.status();
   Json scenes = measure_scenes(session, plan);
   Json times = measure_times(session, plan);
-  return Json{{"times", std::move(times)},      {"stage_errors", std::move(stages)},
-              {"hard_cases", *std::move(hard)}, {"curves", *std::move(curves)},
-              {"aces", *std::move(aces)},       {"scenes", std::move(scenes)},
-              {"images", *std::move(pictures)}};
+  return Json{{"times", std::move(times)},       {"stage_errors", std::move(stages)},
+              {"hard_cases", *std::move(hard)},  {"curves", *std::move(curves)},
+              {"aces", *std::move(aces)},        {"scenes", std::move(scenes)},
+              {"images", *std::move(pictures)},  {"environments", std::move(baked->environments)},
+              {"bakes", std::move(baked->bakes)}};
 }
 
 absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progress) {
@@ -177,12 +229,13 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
   if (!info.ok()) return info.status();
   const absl::StatusOr<const Connection*> server = link.connection();
   if (!server.ok()) return server.status();
-  const absl::StatusOr<std::vector<ReportImage>> images = read_images(options, info->limits());
-  if (!images.ok()) return images.status();
+  const absl::StatusOr<Pictures> given = read_pictures(options, info->limits());
+  if (!given.ok()) return given.status();
   const ReportSession session(**server, *info, progress);
   if (absl::Status status = check_outputs(options, session.tiers()); !status.ok()) return status;
+  const TimePlan plan = time_plan(options, begin);
   const absl::StatusOr<Json> measured =
-      measure(session, time_plan(options, begin), *images, options.directory);
+      measure(session, plan, *given, {options.quick, plan.deadline, options.directory});
   if (!measured.ok()) return measured.status();
   progress.show("writing " + options.directory);
   const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);

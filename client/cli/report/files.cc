@@ -64,6 +64,18 @@ constexpr Column kAces[] = {{"set", "/set"},
                             {"mean_delta_e", "/delta_e/mean"},
                             {"error", "/error"}};
 
+constexpr Column kBakes[] = {{"panorama", "/panorama"},
+                             {"size", "/size"},
+                             {"tier", "/tier"},
+                             {"bakes", "/bakes"},
+                             {"device_p10_ms", "/device_ms/p10"},
+                             {"device_median_ms", "/device_ms/median"},
+                             {"device_p90_ms", "/device_ms/p90"},
+                             {"call_median_ms", "/call_ms/median"},
+                             {"max_error", "/max_error"},
+                             {"skipped", "/skipped"},
+                             {"error_skipped", "/error_skipped"}};
+
 // "-" if the row has no such value.
 std::string csv_value(const Json& row, const Column& column) {
   const Json::json_pointer pointer(column.pointer);
@@ -116,6 +128,7 @@ absl::Status write_report(const Json& report, const std::string& folder) {
   status.Update(write_file(folder + "/hard_cases.csv", csv(kHardCases, report["hard_cases"])));
   status.Update(
       write_file(folder + "/aces.csv", csv(kAces, aces.contains("rows") ? aces["rows"] : Json::array())));
+  status.Update(write_file(folder + "/bakes.csv", csv(kBakes, report["bakes"])));
   status.Update(write_file(folder + "/index.html", page_of(report)));
   return status;
 }

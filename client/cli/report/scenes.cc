@@ -9,8 +9,8 @@
 #include <functional>
 #include <limits>
 
+#include "client/cli/files/scene_image.h"
 #include "client/image/sample.h"
-#include "client/image/scenes.h"
 
 namespace candela {
 namespace {
@@ -31,15 +31,6 @@ void put(Image& halves, uint32_t x, uint32_t y, const Texel& texel) {
   for (size_t k = 0; k < 4; ++k) bits[k] = imath_float_to_half(texel[k]);
   std::memcpy(halves.pixels.data() + y * halves.row_bytes() + size_t{x} * sizeof bits, bits.data(),
               sizeof bits);
-}
-
-absl::StatusOr<Image> make_frame(uint32_t width, uint32_t height, const TexelFunction& texel) {
-  absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
-  if (!image.ok()) return image;
-  for (uint32_t y = 0; y < height; ++y) {
-    for (uint32_t x = 0; x < width; ++x) put(*image, x, y, texel(x, y));
-  }
-  return image;
 }
 
 Texel ramp(uint32_t x, uint32_t y) {
@@ -163,7 +154,7 @@ absl::StatusOr<Image> cropped(Image image, double megapixels) {
 absl::StatusOr<std::vector<HardCase>> hard_cases() {
   std::vector<HardCase> cases;
   for (CaseShape& shape : case_shapes()) {
-    absl::StatusOr<Image> frame = make_frame(shape.width, shape.height, shape.texel);
+    absl::StatusOr<Image> frame = scene_image(shape.width, shape.height, shape.texel);
     if (!frame.ok()) return frame.status();
     cases.push_back(
         {std::move(shape.name), std::move(shape.expected), *std::move(frame), std::move(shape.previous)});
@@ -191,7 +182,7 @@ absl::StatusOr<Image> moving_highlight(std::optional<int> eighths) {
     const float from = static_cast<float>(pixel);
     return std::max(0.0f, std::min(from + 1, begin + kWide) - std::max(from, begin));
   };
-  return make_frame(kWidth, kHeight, [&](uint32_t x, uint32_t y) {
+  return scene_image(kWidth, kHeight, [&](uint32_t x, uint32_t y) {
     return grey(kGround + (eighths ? kLight * covered(x, left) * covered(y, top) : 0.0f));
   });
 }
@@ -219,7 +210,7 @@ absl::StatusOr<std::vector<Chart>> color_charts() {
   };
   std::vector<Chart> charts;
   for (const auto& shape : shapes) {
-    absl::StatusOr<Image> frame = make_frame(kChartWidth, shape.height, shape.texel);
+    absl::StatusOr<Image> frame = scene_image(kChartWidth, shape.height, shape.texel);
     if (!frame.ok()) return frame.status();
     charts.push_back({shape.name, *std::move(frame)});
   }

@@ -73,9 +73,9 @@ bool is_device_stage(const v1::StageTime& stage) {
   return stage.name() != "queue" && stage.name() != "verify";
 }
 
-double device_ms(const v1::ResultHeader& header) {
+double device_ms(const Stages& stages) {
   double ms = 0;
-  for (const v1::StageTime& stage : header.stages()) {
+  for (const v1::StageTime& stage : stages) {
     if (is_device_stage(stage)) ms += static_cast<double>(stage.ns()) * 1e-6;
   }
   return ms;

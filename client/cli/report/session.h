@@ -49,6 +49,8 @@ class ReportSession {
   absl::StatusOr<RenderResult> render(v1::Settings settings, const Image& image,
                                       const FrameWishes& wishes = {}) const;
 
+  const Connection& server() const { return server_; }
+
   void show(const std::string& what) const { progress_.show(what); }
 
  private:
@@ -57,9 +59,11 @@ class ReportSession {
   Progress& progress_;
 };
 
+using Stages = google::protobuf::RepeatedPtrField<v1::StageTime>;
+
 // Device time is the time of all stages except the queue and the verification.
 bool is_device_stage(const v1::StageTime& stage);
-double device_ms(const v1::ResultHeader& header);
+double device_ms(const Stages& stages);
 
 // The size of an RGBA16F result in pixels, and component `k` of its pixel `i`.
 size_t pixel_count(const RenderResult& result);

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <map>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/cli/report/samples.h"
 
 namespace candela {
 namespace {
@@ -20,49 +20,25 @@ constexpr double kSceneMegapixels = 2.1;  // the largest size for measure_scenes
 
 using Clock = std::chrono::steady_clock;
 
-double ms_since(Clock::time_point begin) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
-}
-
-// Interpolates linearly between neighbouring values.
-double quantile(std::vector<double> values, double q) {
-  std::sort(values.begin(), values.end());
-  const double at = q * static_cast<double>(values.size() - 1);
-  const auto below = static_cast<size_t>(at);
-  return std::lerp(values[below], values[std::min(below + 1, values.size() - 1)], at - std::floor(at));
-}
-
-Json spread(const std::vector<double>& values) {
-  return {{"p10", quantile(values, 0.1)}, {"median", quantile(values, 0.5)}, {"p90", quantile(values, 0.9)}};
-}
-
 // The times of several frames.
 struct Samples {
-  std::vector<double> device, call, copy;                           // ms
-  std::vector<std::pair<std::string, std::vector<double>>> stages;  // in execution order
-  std::vector<std::string> plan;                                    // the plan of the last frame
+  std::vector<double> device, call, copy;  // ms
+  StageTimes stages;
+  std::vector<std::string> plan;  // the plan of the last frame
 
   void add(const v1::ResultHeader& header) {
-    device.push_back(device_ms(header));
+    device.push_back(device_ms(header.stages()));
     plan.assign(header.plan().begin(), header.plan().end());
-    for (const v1::StageTime& stage : header.stages()) {
-      if (!is_device_stage(stage)) continue;
-      auto known = std::find_if(stages.begin(), stages.end(),
-                                [&stage](const auto& s) { return s.first == stage.name(); });
-      if (known == stages.end()) known = stages.insert(known, {stage.name(), {}});
-      known->second.push_back(static_cast<double>(stage.ns()) * 1e-6);
-    }
+    stages.add(header.stages());
   }
 
   Json json() const {
-    Json rows = Json::array();
-    for (const auto& [name, ms] : stages) rows.push_back({{"name", name}, {"ms", spread(ms)}});
     return {{"frames", device.size()},
             {"device_ms", spread(device)},
             {"call_ms", spread(call)},
             {"memcpy_ms", spread(copy)},
             {"memcpy_ratio", quantile(device, 0.5) / std::max(1e-6, quantile(copy, 0.5))},
-            {"stages", std::move(rows)}};
+            {"stages", stages.json()}};
   }
 };
 
@@ -97,7 +73,7 @@ absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Sett
     const absl::StatusOr<RenderResult> result = session.render(settings, frame);
     if (!result.ok()) return result.status();
     const double call = ms_since(begin);
-    if (i == 0 && device_ms(result->header) > kSlowMs) {
+    if (i == 0 && device_ms(result->header.stages()) > kSlowMs) {
       warm_up = 0;
       frames = std::min(frames, plan.slow_frames);
     }

@@ -303,7 +303,7 @@ def json_of(command: str):
 def quick_report(bench: Bench, _: str) -> None:
     """One short report through the guarded server, which needs every one of its options."""
     secrets = " ".join(f"{name} {value}" for name, value in GUARDS.items())
-    line = f"report OUT --quick --megapixels 0.002 --images alpha.exr -q --server GUARDED {secrets}"
+    line = f"report OUT --quick --megapixels 0.002 --images alpha.exr --panoramas pano.exr -q --server GUARDED {secrets}"
     run = ok(bench(line, seconds=900), line)
     hold(not run.out and not run.err, f"-q prints: {run.out + run.err}")
     report = json.loads(run.files["report.json"])
@@ -312,6 +312,8 @@ def quick_report(bench: Bench, _: str) -> None:
     hold(max(pixels) < 0.01, f"--megapixels 0.002 measured {pixels}")
     hold([image["name"] if isinstance(image, dict) else image for image in report["images"]] == ["alpha.exr"],
          f"--images took {report['images']}")
+    hold([panorama["name"] for panorama in report["environments"]] == ["pano.exr"],
+         f"--panoramas took {report['environments']}")
 
 
 def table(command: str) -> dict:
@@ -366,6 +368,7 @@ OTHERS = {
                "--token-file": refuses("--token-file no-such-file", words="no-such-file")},
     # A report takes half a minute, so one shows all that it can show.
     "report": {"--quick": quick_report, "--quiet": quick_report, "--megapixels": quick_report, "--images": quick_report,
+               "--panoramas": quick_report,
                "--server": refuses("--server 127.0.0.1:1", "report OUT --quick {}", "127.0.0.1:1"),
                "--device": refuses("--device no-such-device", "report OUT --quick {}", "no-such-device")},
 }

@@ -2,6 +2,8 @@
 "use strict";
 
 const ERROR_FLOOR = 1e-6;  // codes; smaller errors have no place on a log scale and are drawn here
+const BAKE_BOUND = 0.02;         // docs/environments.md, section 7
+const BAKE_ERROR_FLOOR = 1e-6;   // relative
 const BEYOND_SCALE = 8;    // the chart of the stages omits tiers that take this many times the fastest one's time
 const COLORS = ["#1b4f8a", "#d9822b", "#3f8f82", "#777777", "#7b3f7d", "#a3932f", "#c0504d"];
 const LETTER = 7.2;        // pixels: an upper estimate of a letter's width at the charts' font size
@@ -102,44 +104,71 @@ function yAxis({root, box}, scale, title) {
 
 const timed = () => report.times.filter((row) => row.device_ms);
 const verified = () => timed().filter((row) => row.error && typeof row.error.max_codes === "number");
+const verifiedBakes = () => report.bakes.filter((row) => typeof row.max_error === "number");
 const tierNames = () => [...new Set(report.times.map((row) => row.tier))];
 const tierIndex = (tier) => tierNames().indexOf(tier);
 
-// The rows that no other row beats in both time and error, by rising time.
-function paretoFront(rows) {
-  const cost = (row) => [row.device_ms.median, row.error.max_codes];
-  const order = [...rows].sort((a, b) => cost(a)[0] - cost(b)[0] || cost(a)[1] - cost(b)[1]);
+// What a tier costs and keeps: {tier, ms: a spread, error}.
+const frameCost = (row) => ({tier: row.tier, ms: row.device_ms, error: row.error.max_codes});
+const bakeCost = (row) => ({tier: row.tier, ms: row.device_ms, error: row.max_error});
+
+// The costs that no other one beats in both time and error, by rising time.
+function paretoFront(costs) {
+  const order = [...costs].sort((a, b) => a.ms.median - b.ms.median || a.error - b.error);
   let least = Infinity;
-  return order.filter((row) => cost(row)[1] < least && ((least = cost(row)[1]), true));
+  return order.filter((cost) => cost.error < least && ((least = cost.error), true));
+}
+
+// One group of a trade-off: its points, and the line of its Pareto front.
+function drawGroup(root, costs, {x, errorAt, color}) {
+  const steps = paretoFront(costs).map((cost, k) => k === 0
+    ? `M${x.at(cost.ms.median)},${errorAt(cost)}` : `H${x.at(cost.ms.median)}V${errorAt(cost)}`);
+  root.append(svg("path", {d: steps.join(""), fill: "none", stroke: color, "stroke-width": 1.6, opacity: 0.75}));
+  for (const cost of costs) {
+    const {p10, median, p90} = cost.ms, y = errorAt(cost);
+    root.append(line(x.at(p10), y, x.at(p90), y, {stroke: color, "stroke-width": 1.4}),
+      marker(tierIndex(cost.tier), x.at(median), y, color));
+  }
+}
+
+// Time against error. A group is {text, costs}; `bound` is {error, text}, a line across the chart.
+function drawTradeOff(width, {groups, bound, floor, margin, xTitle, yTitle}) {
+  const costs = groups.flatMap((group) => group.costs);
+  const area = frame(width, [
+    ...groups.map(({text}, i) => ({text, sign: stroke(COLORS[i % COLORS.length])})),
+    ...tierNames().map((tier, i) => ({text: `tier ${tier}`, sign: dot(i, "#333")})),
+  ]);
+  const {root, box} = area, drawn = (cost) => Math.max(floor, cost.error);
+  const x = logScale(costs.flatMap(({ms}) => [ms.p10, ms.p90]), box.left, box.right, width / 70);
+  const y = logScale([...costs.map(drawn), bound.error], box.bottom, box.top, 10, margin);
+  xAxis(area, x, xTitle);
+  yAxis(area, y, yTitle);
+  root.append(line(box.left, y.at(bound.error), box.right, y.at(bound.error), {stroke: "#b00020", "stroke-dasharray": "5 4"}),
+    label(box.right, y.at(bound.error) - 5, bound.text, {"text-anchor": "end", fill: "#b00020"}));
+  groups.forEach((group, i) => drawGroup(root, group.costs,
+    {x, errorAt: (cost) => y.at(drawn(cost)), color: COLORS[i % COLORS.length]}));
+  return root;
 }
 
 function drawTimeAgainstError(width) {
   const rows = verified(), sizes = [...new Set(rows.map(size))];
-  const codes = (row) => Math.max(ERROR_FLOOR, row.error.max_codes);
-  const names = sizes.map((words) => `${rows.find((row) => size(row) === words).megapixels} MP, ${words}`);
-  const area = frame(width, [
-    ...names.map((text, i) => ({text, sign: stroke(COLORS[i % COLORS.length])})),
-    ...tierNames().map((tier, i) => ({text: `tier ${tier}`, sign: dot(i, "#333")})),
-  ]);
-  const {root, box} = area;
-  const x = logScale(rows.flatMap((row) => [row.device_ms.p10, row.device_ms.p90]), box.left, box.right, width / 70);
-  const y = logScale([...rows.map(codes), 0.5], box.bottom, box.top, 10, 3);
-  xAxis(area, x, "device time of a frame, ms (median, p10 .. p90)");
-  yAxis(area, y, "largest error, codes");
-  root.append(line(box.left, y.at(0.5), box.right, y.at(0.5), {stroke: "#b00020", "stroke-dasharray": "5 4"}),
-    label(box.right, y.at(0.5) - 5, "0.5 code", {"text-anchor": "end", fill: "#b00020"}));
-  sizes.forEach((words, i) => {
-    const color = COLORS[i % COLORS.length], group = rows.filter((row) => size(row) === words);
-    const steps = paretoFront(group).map((row, k) => k === 0
-      ? `M${x.at(row.device_ms.median)},${y.at(codes(row))}` : `H${x.at(row.device_ms.median)}V${y.at(codes(row))}`);
-    root.append(svg("path", {d: steps.join(""), fill: "none", stroke: color, "stroke-width": 1.6, opacity: 0.75}));
-    for (const row of group) {
-      const {p10, median, p90} = row.device_ms;
-      root.append(line(x.at(p10), y.at(codes(row)), x.at(p90), y.at(codes(row)), {stroke: color, "stroke-width": 1.4}),
-        marker(tierIndex(row.tier), x.at(median), y.at(codes(row)), color));
-    }
+  const groups = sizes.map((words) => {
+    const group = rows.filter((row) => size(row) === words);
+    return {text: `${group[0].megapixels} MP, ${words}`, costs: group.map(frameCost)};
   });
-  return root;
+  return drawTradeOff(width, {groups, bound: {error: 0.5, text: "0.5 code"}, floor: ERROR_FLOOR, margin: 3,
+    xTitle: "device time of a frame, ms (median, p10 .. p90)", yTitle: "largest error, codes"});
+}
+
+function drawBakes(width) {
+  const rows = verifiedBakes(), names = [...new Set(rows.map((row) => row.panorama))];
+  const groups = names.map((name) => {
+    const group = rows.filter((row) => row.panorama === name);
+    return {text: `${name}, cube map of ${group[0].size}`, costs: group.map(bakeCost)};
+  });
+  return drawTradeOff(width, {groups, bound: {error: BAKE_BOUND, text: "2 %, the bound of standard"},
+    floor: BAKE_ERROR_FLOOR, margin: 2, xTitle: "device time of a bake, ms (median, p10 .. p90)",
+    yTitle: "largest relative error of a level"});
 }
 
 function drawTimePerMegapixel(width) {

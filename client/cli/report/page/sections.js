@@ -3,11 +3,12 @@
 
 const tierCount = report ? report.tiers.length : 0;
 
-function advice(row, front) {
-  if (!front.includes(row)) return "no: another tier is faster and at least as accurate";
+function advice(tier, front) {
+  const at = front.findIndex((cost) => cost.tier === tier);
+  if (at < 0) return "no: another tier is faster and at least as accurate";
   if (front.length === 1) return "always: it is the fastest and the most accurate";
-  if (row === front[0]) return "when time counts most";
-  return row === front[front.length - 1] ? "when the error must be smallest" : "between the two";
+  if (at === 0) return "when time counts most";
+  return at === front.length - 1 ? "when the error must be smallest" : "between the two";
 }
 
 function verdict(failures, good, bad) {
@@ -15,7 +16,7 @@ function verdict(failures, good, bad) {
 }
 
 function summary() {
-  const rows = rowsToCompare(verified()), front = paretoFront(rows);
+  const rows = rowsToCompare(verified()), front = paretoFront(rows.map(frameCost));
   const about = (tier) => (report.tiers.find((known) => known.name === tier) || {summary: ""}).summary;
   const failed = report.hard_cases.filter((row) => row.error);
   const infinite = report.hard_cases.filter((row) => !row.error && !row.finite);
@@ -25,7 +26,7 @@ function summary() {
       : paragraph(`At ${size(rows[0])}, with half floats in, 8-bit sRGB out and bloom:`),
     rows.length === 0 ? "" : table(
       ["tier", "use it", "ms per frame", "times a memcpy", "largest error, codes", "trade-off"],
-      rows.map((row) => [html("b", {}, row.tier), advice(row, front), number(row.device_ms.median),
+      rows.map((row) => [html("b", {}, row.tier), advice(row.tier, front), number(row.device_ms.median),
         ratio(row.memcpy_ratio), number(row.error.max_codes), about(row.tier)])),
     html("p", {}, verdict(over.length, "Every stage is within its bound", "stages exceed their bounds"), "; ",
       verdict(failed.length, "every hard case rendered", "hard cases failed"), "; ",
@@ -39,8 +40,8 @@ function machine() {
     html("h3", {}, "Run it again"),
     html("pre", {}, `${report.command}\n`
       + "candela render IN.exr OUT.png --tier TIER --verify --error-map MAP.png   # one image"),
-    paragraph("report.json in this folder holds every number of this page. times.csv, hard_cases.csv and aces.csv "
-      + "hold the tables."),
+    paragraph("report.json in this folder holds every number of this page. times.csv, hard_cases.csv, aces.csv "
+      + "and bakes.csv hold the tables."),
   ];
 }
 
@@ -143,8 +144,8 @@ function aces() {
   ];
 }
 
-function figure(file, caption) {
-  return html("figure", {}, html("img", {src: file, alt: caption, loading: "lazy"}), html("figcaption", {}, caption));
+function figure(file, caption, kind = "") {
+  return html("figure", {class: kind}, html("img", {src: file, alt: caption, loading: "lazy"}), html("figcaption", {}, caption));
 }
 
 function errorMap(map) {
@@ -163,6 +164,40 @@ function errorMaps() {
       html("div", {class: "pictures"}, ...(image.file ? [figure(image.file, "as rendered")] : []),
         ...image.maps.map(errorMap)),
     ]),
+  ];
+}
+
+const percent = (value) => number(typeof value === "number" ? 100 * value : value);
+
+function bakeRow(row) {
+  const head = [row.panorama, count(row.size), row.tier];
+  if (row.skipped) return [...head, message(`skipped: ${row.skipped}`, 5)];
+  const errors = row.levels
+    ? [percent(row.max_error), row.levels.map(({error}) => percent(error).content).join(", ")]
+    : [message(row.error_skipped, 2)];
+  return [...head, spreadCell(row.device_ms), number(row.call_ms.median), stageWords(row), ...errors];
+}
+
+function panoramaPictures(row) {
+  const put = row.put_ms ? `; sent and stored in ${short(row.put_ms)} ms` : "";
+  return [
+    html("h3", {}, `${row.name}, ${size(row)}${put}`),
+    ...(row.error ? [paragraph(row.error)] : []),
+    html("div", {class: "pictures"},
+      ...(row.lookdev ? [figure(row.lookdev, "the view of lookdev: spheres of chrome, grey, gold and plastic")] : []),
+      ...(row.levels ? [figure(row.levels, "every level as a cross, from the sharpest to the roughest", "wide")] : [])),
+  ];
+}
+
+function environments() {
+  return [
+    paragraph("A bake makes the cube map and the specular levels of a panorama. The error of a level is relative, against "
+      + "the float64 sum over the panorama; docs/environments.md, section 7, defines it. The chart shows the largest error "
+      + "of the levels. Device time is that of the server; the whole call also sends the levels to the client."),
+    ...(verifiedBakes().length ? [chart(drawBakes)] : []),
+    table(["panorama", "cube map", "tier", "device, ms (p10 .. p90)", "whole call, ms", "stages, ms: median (p10 .. p90)",
+      "max error, %", "error of each level, %"], report.bakes.map(bakeRow)),
+    ...report.environments.flatMap(panoramaPictures),
   ];
 }
 
@@ -190,6 +225,7 @@ function drawPage() {
     ["Stages", "Time by stage", stages], ["Bounds", "Every stage's error and its bound", bounds],
     ["Hard cases", "Hard cases", hardCases], ["ACES", "The ACES approximations against the whole transform", aces],
     ["Error maps", "Error maps", errorMaps], ["Scenes", "What a scene does not need is not computed", scenes],
+    ["Environments", "Environments", environments],
   ];
   document.title = `Candela on ${report.machine.device}`;
   main.replaceChildren(
