@@ -65,7 +65,7 @@ void main() {
   uvec4 words;
   [[unroll]] for (uint i = 0u; i < 4u; ++i) {
     vec2 pair = pair_at(index % BRDF_SIZE + i, index / BRDF_SIZE);
-    words[i] = packHalf2x16(vec2(round_to_half(pair.x), round_to_half(pair.y)));
+    words[i] = half_bits(pair.x) | (half_bits(pair.y) << 16);
   }
   written[at] = pack64(words);
 }

@@ -35,7 +35,7 @@ void count(vec4 wire, uint texel) {
 
 uint64_t texel_words(vec4 wire) {
   vec3 c = ingest(p.frame, wire).rgb;
-  return pack64(uvec2(packHalf2x16(c.rg), packHalf2x16(vec2(c.b, 1.0))));
+  return pack_halves(c.rgb);
 }
 
 void main() {

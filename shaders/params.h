@@ -136,9 +136,10 @@ CANDELA_CONST(uint) SH_PARTS = 32u;
 CANDELA_CONST(uint) BRDF_SIZE = 128u;
 CANDELA_CONST(uint) BRDF_POLAR_POINTS = 64u;
 CANDELA_CONST(uint) BRDF_ROUND_POINTS = 16u;
-// view: a work group makes a tile of VIEW_TILE_X x VIEW_TILE_Y pixels.
-CANDELA_CONST(uint) VIEW_TILE_X = 16u;
-CANDELA_CONST(uint) VIEW_TILE_Y = 8u;
+// view: a work group of VIEW_TILE x VIEW_TILE invocations draws the objects in a tile of as many pixels, or
+// the sky in VIEW_SKY_X x VIEW_TILE pixels.
+CANDELA_CONST(uint) VIEW_TILE = 8u;
+CANDELA_CONST(uint) VIEW_SKY_X = 256u;
 CANDELA_CONST(uint) VIEW_OBJECTS = 64u;
 
 #ifdef __cplusplus
@@ -202,8 +203,11 @@ struct PanoramaConstants {
 };
 
 struct ViewConstants {
-  uint objects;    // the tiles may show objects
-  uint magnified;  // the sky is level 0 everywhere; used without objects
+  uint objects;    // draws objects, over the sky
+  uint magnified;  // the sky is level 0; used without objects
+  uint sharp;      // reads the chain; used with objects
+  uint rough;      // reads specular levels; used with objects
+  uint samples;    // the view has more than one sample; used with objects
 };
 #endif
 
@@ -326,31 +330,32 @@ struct ViewParams {
   float pixel;        // p
   float lod;          // log2(p N / 2)
   uint chain_size, chain_last;
-  uint objects;
-  uint scene_lo, scene_hi;  // a ViewScene
+  uint first_object, end_object;  // those that a work group may show; used with objects
   // Camera axes to those of the environment, which is turned; row by row.
   float m00, m01, m02, m10, m11, m12, m20, m21, m22;
 };
 
-// A sphere as the view's shader needs it, in camera axes.
+// A sphere as the view's shader needs it, in camera axes. The shader reads it four words at a time.
 struct ViewObject {
   float ox, oy, oz;  // from the centre to the camera
   float radius_squared;
   float to_surface;  // |o|^2 - radius^2
   float inverse_radius;
+  float chain_weight;  // of level 0; the rest is that of two specular levels
+  float near_weight;
   float f0_r, f0_g, f0_b;
+  float far_weight;
   float diffuse_r, diffuse_g, diffuse_b;  // (1 - metallic) base_color / pi
-  float roughness;
-  float chain_weight;             // of level 0; the rest is that of
-  float near_weight, far_weight;  // two specular levels
-  uint near_start, near_size;     // texels
-  uint far_start, far_size;
+  uint near_start;                        // texels
+  uint near_size, far_start, far_size;
+  uint unused;
+  float brdf[4u * BRDF_SIZE];  // (scale, bias) at its roughness, and those of the next column
 };
 
-struct ViewScene {
-  // Irr(n) is the sum of these times 1, y, z, x, x y, y z, 3 z^2 - 1, x z, x^2 - y^2; three numbers each.
-  float irradiance[27];
-  ViewObject objects[VIEW_OBJECTS];
+// A view's scene is a ViewLight and its objects.
+struct ViewLight {
+  // Irr(n) is the sum of these times 1, y, z, x, x y, y z, 3 z^2 - 1, x z, x^2 - y^2; R, G, B and 0 each.
+  float irradiance[36];
 };
 
 // What panorama found on the wire, in R, G and B.

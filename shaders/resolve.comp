@@ -131,8 +131,7 @@ uint64_t pack16(uvec4 v) { return pack64(v.xz | (v.yw << 16)); }
 
 uint64_t pack_texel(vec4 c, uint x, uint y) {
   if (OUTPUT == OUTPUT_RGBA16) return pack16(quantise(c, 65535.0, x, y));
-  c = round_to_half(c);
-  return pack64(uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba)));
+  return pack_halves(c);
 }
 
 void write(uint x, uint y, Group g) {

@@ -56,6 +56,26 @@ vec4 round_to_half(vec4 c) {
   return vec4(round_to_half(c.r), round_to_half(c.g), round_to_half(c.b), round_to_half(c.a));
 }
 
+// The bits of the half nearest to x, ties to even. |x| <= 65504. packHalf2x16 may round otherwise, and the
+// software device takes several times as many instructions for it.
+uint half_bits(float x) {
+  uint bits = floatBitsToUint(x);
+  uint magnitude = bits & 0x7fffffffu;
+  // A half's exponent has a bias that is 112 less.
+  uint normal = (magnitude + 0xc8000fffu + ((magnitude >> 13) & 1u)) >> 13;
+  precise float shifted = uintBitsToFloat(magnitude) + 0.5;  // as in round_to_half
+  uint small = floatBitsToUint(shifted) - 0x3f000000u;
+  return (int(magnitude) < 0x38800000 ? small : normal) | ((bits >> 16) & 0x8000u);
+}
+
+// RGBA halves. Alpha 1 costs nothing.
+uint64_t pack_halves(vec3 c) {
+  return pack64(uvec2(half_bits(c.r) | (half_bits(c.g) << 16), half_bits(c.b) | 0x3c000000u));
+}
+uint64_t pack_halves(vec4 c) {
+  return pack64(uvec2(half_bits(c.r) | (half_bits(c.g) << 16), half_bits(c.b) | (half_bits(c.a) << 16)));
+}
+
 bool is_nan(float x) { return (floatBitsToUint(x) & 0x7fffffffu) > 0x7f800000u; }
 bool is_infinite(float x) { return (floatBitsToUint(x) & 0x7fffffffu) == 0x7f800000u; }
 

@@ -114,17 +114,24 @@ struct CubePlace {
   float size;
 };
 
+// Signs are turned and magnitudes are compared as integers, and there is one division, because that takes
+// fewer instructions than floats and two divisions.
 CubePlace cube_place(vec3 d) {
-  vec3 a = abs(d);
-  bool along_x = a.x >= a.y && a.x >= a.z;
-  bool along_y = !along_x && a.y >= a.z;
+  const uint minus = 0x80000000u;
+  uvec3 bits = floatBitsToUint(d);
+  uvec3 a = bits & ~minus;
+  uint largest = max(max(a.x, a.y), a.z);
+  bool along_x = a.x == largest;
+  bool along_y = !along_x && a.y == largest;
+  uint side = (along_x ? bits.x : along_y ? bits.y : bits.z) & minus;
+  uint s = (along_x ? bits.z : bits.x) ^ (along_y ? 0u : side) ^ (along_x ? minus : 0u);
+  uint t = (along_y ? bits.z : bits.y) ^ (along_y ? side : minus);
   CubePlace place;
-  place.size = along_x ? a.x : along_y ? a.y : a.z;
-  float major = along_x ? d.x : along_y ? d.y : d.z;
-  float side = major < 0.0 ? -1.0 : 1.0;
-  place.face = (along_x ? 0u : along_y ? 2u : 4u) + (major < 0.0 ? 1u : 0u);
-  place.s = (along_x ? -side * d.z : along_y ? d.x : side * d.x) / place.size;
-  place.t = (along_y ? side * d.z : -d.y) / place.size;
+  place.size = uintBitsToFloat(largest);
+  place.face = (along_x ? 0u : along_y ? 2u : 4u) + (side >> 31);
+  float inverse = 1.0 / place.size;
+  place.s = uintBitsToFloat(s) * inverse;
+  place.t = uintBitsToFloat(t) * inverse;
   return place;
 }
 
@@ -140,9 +147,9 @@ vec3 cube_at(utextureBuffer levels, uint start, uint size, CubePlace place) {
   float column = floor(x);
   float row = floor(y);
   uint pitch = size + 2u;
-  uint left = uint(clamp(int(middle + column), 0, int(size)));
-  uint top = uint(clamp(int(middle + row), 0, int(size)));
-  uint at = start + (place.face * pitch + top) * pitch + left;
+  // Roundings do not reach beyond the border, so nothing is clamped.
+  uint origin = start + uint(middle) * (pitch + 1u);
+  uint at = origin + place.face * (pitch * pitch) + uint(int(row)) * pitch + uint(int(column));
   vec3 above = mix(cube_texel(levels, at), cube_texel(levels, at + 1u), x - column);
   vec3 below = mix(cube_texel(levels, at + pitch), cube_texel(levels, at + pitch + 1u), x - column);
   return mix(above, below, y - row);

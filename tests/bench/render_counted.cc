@@ -1,4 +1,4 @@
-// Renders a few kinds of frames, pass by pass, for a tool that counts instructions:
+// Renders a few kinds of frames, pass by pass, and views, for a tool that counts instructions:
 // tests/bench/instructions.py runs it under callgrind. Prints the device in one line.
 //
 // Everything is rendered twice and counted the second time, so that the driver's compiler is not counted.
@@ -6,6 +6,7 @@
 #include <valgrind/callgrind.h>
 
 #include <cstdio>
+#include <cstring>
 #include <functional>
 #include <string>
 #include <vector>
@@ -13,6 +14,8 @@
 #include "server/render/device/frame_textures.h"
 #include "server/render/device/passes.h"
 #include "server/render/device/table_cache.h"
+#include "server/render/environment/environment_baker.h"
+#include "server/render/settings/tiers.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "tests/bench/workbench.h"
@@ -73,6 +76,43 @@ absl::Status render(const Workbench& bench, Passes& passes, const testing::WireF
   });
 }
 
+// A panorama with what its views read.
+absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker) {
+  const auto scene = testing::ordinary(scenes::natural(512, 256));
+  const testing::WireFrame frame = testing::make_frame(512, 256, v1::PIXEL_FORMAT_RGBA16F, scene);
+  absl::StatusOr<PanoramaUpload> upload = baker.take(frame.desc);
+  if (!upload.ok()) return upload.status();
+  const uint64_t row_bytes = frame.desc.row_bytes();
+  for (uint32_t y = 0; y < frame.desc.height; ++y) {
+    std::memcpy(upload->row(y).data(), frame.pixels.data() + y * row_bytes, row_bytes);
+  }
+  absl::StatusOr<Environment> environment = baker.finish(*std::move(upload), std::nullopt);
+  if (!environment.ok()) return environment.status();
+  const Tier& draft = tiers().front();
+  absl::Status status = baker.prepare_view(*environment, {draft.cube_samples, draft.specular_detail});
+  if (status.ok()) status = baker.radiance(*environment).status();
+  if (!status.ok()) return status;
+  return environment;
+}
+
+// Level 0 of the sky, the sky between levels, and spheres.
+absl::Status render_views(const Workbench& bench, EnvironmentBaker& baker, Environment& environment) {
+  absl::StatusOr<FrameMemory> memory =
+      bench.renderer->allocate({kWidth, kHeight, v1::PIXEL_FORMAT_RGBA16F}, testing::checked(v1::Settings()));
+  if (!memory.ok()) return memory.status();
+  View sky;
+  sky.camera.rotation = camera_rotation(20, 10, 0);
+  View wide = sky;
+  wide.camera.fov_deg = 150;
+  View lookdev = sky;
+  lookdev.objects = lookdev_objects();
+  for (const auto& [name, view] : {std::pair("sky", &sky), {"wide", &wide}, {"lookdev", &lookdev}}) {
+    const auto draw = [&, view = view] { return baker.render_view(environment, *view, *memory); };
+    if (absl::Status status = counted(std::string(name) + "/view", draw); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
 absl::Status render_all() {
   const absl::StatusOr<Workbench> bench = open_workbench();
   if (!bench.ok()) return bench.status();
@@ -95,6 +135,11 @@ absl::Status render_all() {
       {"dim", [](v1::Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},
       {"draft", [](v1::Settings& s) { s.set_tier("draft"); }}};
   kinds.insert(kinds.end(), variants().begin(), variants().end());
+  const absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker =
+      EnvironmentBaker::create(*bench->device, *bench->pool);
+  if (!baker.ok()) return baker.status();
+  absl::StatusOr<Environment> environment = make_environment(**baker);
+  if (!environment.ok()) return environment.status();
   for (const bool count : {false, true}) {
     if (count) CALLGRIND_START_INSTRUMENTATION;
     for (const Variant& kind : kinds) {
@@ -114,6 +159,7 @@ absl::Status render_all() {
     if (absl::Status status = render(*bench, passes, tiles, "tiles", testing::checked(settings));
         !status.ok())
       return status;
+    if (absl::Status status = render_views(*bench, **baker, *environment); !status.ok()) return status;
   }
   return absl::OkStatus();
 }

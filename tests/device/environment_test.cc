@@ -392,7 +392,7 @@ TEST_P(EnvironmentTest, NarrowSpecularLevelsOfAPictureAreWithinTheirTiersError) 
 }
 
 TEST_P(EnvironmentTest, TheBrdfTableIsTheTwins) {
-  const absl::StatusOr<std::vector<uint16_t>> table = baker().read_brdf_table();
+  const absl::StatusOr<std::span<const uint16_t>> table = baker().brdf_table();
   ASSERT_TRUE(table.ok()) << table.status();
   double worst = 0;
   for (uint32_t y = 0; y < shader::BRDF_SIZE; y += y < 8 ? 1 : 7) {

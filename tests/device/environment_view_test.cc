@@ -85,7 +85,7 @@ class EnvironmentViewTest : public ::testing::TestWithParam<bool> {
     for (uint32_t level = 0; level < environment.view.specular.levels; ++level) {
       stage->specular.push_back(level_of(baker(), environment.view.specular, level));
     }
-    const std::vector<uint16_t> table = *baker().read_brdf_table();
+    const std::span<const uint16_t> table = *baker().brdf_table();
     for (size_t i = 0; i < table.size(); i += 2) {
       stage->brdf.push_back({imath_half_to_float(table[i]), imath_half_to_float(table[i + 1])});
     }
@@ -211,6 +211,55 @@ TEST_P(EnvironmentViewTest, ManySpheresAreTheTwins) {
   for (const uint32_t samples : {1u, 16u}) {
     view.samples = samples;
     expect_twin(environment, view, 111, 63, "samples " + std::to_string(samples));
+  }
+}
+
+// Work groups draw VIEW_TILE or VIEW_SKY_X columns. The spheres are on their borders, and one beyond the
+// picture.
+TEST_P(EnvironmentViewTest, SpheresAtTheBordersOfWorkGroupsAreTheTwins) {
+  Environment environment = ready(natural(512, 256));
+  constexpr uint32_t kWidth = 2 * shader::VIEW_SKY_X + 5, kHeight = 3 * shader::VIEW_TILE + 1;
+  View view = turned_view(30, 10, 0, 30);
+  const double p = 2 * std::tan(15 * 3.14159265358979323846 / 180) / kHeight;
+  uint32_t kind = 0;
+  for (const uint32_t x : {0u, 8u, 256u, 384u, 512u, kWidth, kWidth + 9}) {
+    for (const uint32_t y : {0u, 8u, 16u, kHeight}) {
+      const double right = (x - kWidth / 2.0) * p, up = (kHeight / 2.0 - y) * p;
+      ViewSphere sphere = {{3 * right, 3 * up, -3}, 3 * p * (0.6 + kind % 4), {0.9, 0.5, 0.2}};
+      sphere.metallic = kind % 2;
+      sphere.roughness = kind % 5 / 4.0;
+      sphere.fixed_to_camera = true;
+      view.objects.push_back(sphere);
+      ++kind;
+    }
+  }
+  for (const uint32_t samples : {1u, 4u}) {
+    view.samples = samples;
+    expect_twin(environment, view, kWidth, kHeight, "samples " + std::to_string(samples));
+  }
+}
+
+// The sky's work groups read one level or two, here beside each other.
+TEST_P(EnvironmentViewTest, ASkyThatIsPartlyMagnifiedIsItsTwin) {
+  Environment environment = ready(natural(512, 256));
+  for (const double fov_deg : {20.0, 22.0, 25.0}) {
+    expect_twin(environment, turned_view(20, 15, 30, fov_deg), 780, 45, std::to_string(fov_deg));
+  }
+}
+
+// The shader rounds and packs halves itself.
+TEST_P(EnvironmentViewTest, AFlatSkyKeepsItsBits) {
+  for (const float value : {0.0f, 0x1p-24f, -0x1p-24f, 0x1.8p-23f, 0x1.ff8p-15f, -0x1.ffp-15f, 0x1p-14f,
+                            0x1.004p-14f, -0.333251953125f, 1.0f, 65504.0f, -65504.0f}) {
+    Environment environment = ready(flat(8, 4, {value, value / 2, -value, 1}));
+    for (const double fov_deg : {60.0, 170.0}) {
+      for (const auto& texel : render(environment, turned_view(40, 30, 0, fov_deg), 9, 5).texels) {
+        EXPECT_EQ(texel[0], value);
+        EXPECT_EQ(texel[1], imath_half_to_float(imath_float_to_half(value / 2)));
+        EXPECT_EQ(texel[2], -value);
+        EXPECT_EQ(texel[3], 1.0f);
+      }
+    }
   }
 }
 

@@ -7,29 +7,22 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "server/render/device/frame_textures.h"
-#include "server/render/environment/view_scene.h"
 #include "shaders/brdf_table.spv.h"
 #include "shaders/cube_down.spv.h"
 #include "shaders/cube_face.spv.h"
 #include "shaders/cube_specular.spv.h"
 #include "shaders/panorama.spv.h"
 #include "shaders/panorama_sh.spv.h"
-#include "shaders/view.spv.h"
 
 namespace candela {
 
 namespace {
 
-static_assert(sizeof(shader::ViewParams) <= PipelineCache::kPushBytes);
-
 // What an invocation costs, in look-ups of P.
 constexpr double kPanoramaCost = 2.0;
 constexpr double kDownCost = 2.0;
 constexpr double kShTexelCost = 0.5;
-constexpr double kChainCost = 2.0;  // of a look-up between two levels
 constexpr double kBrdfCost = 4.0 * shader::BRDF_POLAR_POINTS * shader::BRDF_ROUND_POINTS;
-constexpr double kObjectCost = 10.0;  // of a pixel that may show an object, in pixels of sky
 
 constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
 constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
@@ -253,8 +246,8 @@ absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec,
   return specular;
 }
 
-absl::StatusOr<const Buffer*> EnvironmentBaker::brdf_table() {
-  if (brdf_) return &brdf_.buffer();
+absl::StatusOr<std::span<const uint16_t>> EnvironmentBaker::brdf_table() {
+  if (!brdf_.empty()) return brdf_;
   const uint64_t texels = uint64_t{shader::BRDF_SIZE} * shader::BRDF_SIZE / 4;
   absl::StatusOr<TexturePool::Lease> lease = passes_.take(texels * 16);
   if (!lease.ok()) return lease.status();
@@ -265,107 +258,12 @@ absl::StatusOr<const Buffer*> EnvironmentBaker::brdf_table() {
                          .invocations = texels,
                          .cost = kBrdfCost};
   if (absl::Status status = passes_.run(pass, shader::BrdfTableParams{}); !status.ok()) return status;
+  std::vector<uint16_t> halves(size_t{2} * shader::BRDF_SIZE * shader::BRDF_SIZE);
+  absl::Status status = passes_.read(lease->buffer(), 0, std::as_writable_bytes(std::span(halves)));
+  if (!status.ok()) return status;
   // Another job may have made it meanwhile, and may be reading it.
-  if (!brdf_) brdf_ = *std::move(lease);
-  return &brdf_.buffer();
-}
-
-absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality,
-                                            bool objects) {
-  if (objects) {
-    if (absl::Status status = brdf_table().status(); !status.ok()) return status;
-  }
-  BakedCube& view = environment.view;
-  const BakeQuality sky = {quality.cube_samples, 0.0};
-  if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
-    view = {};
-    absl::StatusOr<BakedCube> cube = bake(environment, {.size = view_cube_size(environment.width),
-                                                        .mapping = RoughnessMapping::kPerceptual,
-                                                        .quality = objects ? quality : sky});
-    if (!cube.ok()) return cube.status();
-    view = *std::move(cube);
-  }
-  if (!objects || view.spec.quality == quality) return absl::OkStatus();
-  BakeSpec spec = view.spec;
-  spec.quality = quality;
-  absl::StatusOr<CubeLevels> specular = make_specular(spec, view.chain);
-  if (!specular.ok()) return specular.status();
-  view.specular = *std::move(specular);
-  view.spec = spec;
-  return absl::OkStatus();
-}
-
-absl::Status EnvironmentBaker::render_view(Environment& environment, const View& view, FrameMemory& memory) {
-  if (absl::Status status = check_view(view); !status.ok()) return status;
-  const bool objects = !view.objects.empty();
-  if (!environment.view.chain || (objects && environment.view.spec.quality.specular_detail == 0.0)) {
-    return absl::FailedPreconditionError("the environment has no levels for this view");
-  }
-  if (memory.desc().format != v1::PIXEL_FORMAT_RGBA16F) {
-    return absl::InvalidArgumentError("a view is a frame of RGBA16F");
-  }
-  const absl::StatusOr<Harmonics> light = radiance(environment);
-  if (!light.ok()) return light.status();
-  // The sky alone reads no table, but the binding has to hold something.
-  absl::StatusOr<const Buffer*> brdf = &environment.view.chain.texels.buffer();
-  if (objects) brdf = brdf_table();
-  if (!brdf.ok()) return brdf.status();
-  const shader::ViewScene scene = view_scene(view, irradiance_of(*light), environment.view.specular);
-  std::vector<std::byte> scene_bytes((sizeof scene + 15) / 16 * 16);
-  std::memcpy(scene_bytes.data(), &scene, sizeof scene);
-  const absl::StatusOr<TexturePool::Lease> on_device = passes_.upload(scene_bytes);
-  if (!on_device.ok()) return on_device.status();
-  absl::Status status = draw_view(environment, view, **brdf, on_device->buffer(), memory);
-  const FrameTextures& textures = memory.textures();
-  if (!status.ok() || !textures.upload) return status;
-  // Whoever renders the frame takes its pixels from here, like those of the wire.
-  return passes_.copy(textures.input.buffer(), textures.upload.buffer());
-}
-
-absl::Status EnvironmentBaker::draw_view(const Environment& environment, const View& view, const Buffer& brdf,
-                                         const Buffer& scene, FrameMemory& memory) {
-  const TextureLayout& layout = memory.textures().layout;
-  const Buffer& input = memory.textures().input.buffer();
-  shader::ViewParams params =
-      view_params(view, layout.desc.width, layout.desc.height, layout.pitch, environment.view.chain.size);
-  params.scene_lo = low(scene.address());
-  params.scene_hi = high(scene.address());
-  const VkBufferView chain = environment.view.chain.texels.buffer().view();
-  const CubeLevels& specular = environment.view.specular;
-  // Without specular levels their weights are 0, but the binding still has to hold something.
-  const VkBufferView reads[] = {chain, specular ? specular.texels.buffer().view() : chain, brdf.view()};
-  const std::vector<TileRow> rows = tile_rows(view, layout.desc.width, layout.desc.height, layout.pitch);
-  const uint64_t row_bytes = uint64_t{layout.pitch} * 8;
-  const uint32_t magnified = is_magnified(params) ? 1 : 0;
-  const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
-    params.first_row = begin * shader::VIEW_TILE_Y;
-    const uint32_t last = std::min(end * shader::VIEW_TILE_Y, layout.desc.height);
-    const VkDescriptorBufferInfo written = {input.handle(), params.first_row * row_bytes,
-                                            (last - params.first_row) * row_bytes};
-    for (const uint32_t objects : {0u, 1u}) {
-      std::vector<Box> boxes;
-      for (uint32_t y = begin; y < end; ++y) {
-        const std::vector<Box>& runs = objects ? rows[y].with_objects : rows[y].sky;
-        boxes.insert(boxes.end(), runs.begin(), runs.end());
-      }
-      if (boxes.empty()) continue;
-      const absl::StatusOr<VkPipeline> pipeline = passes_.pipelines().get(k_view_spirv, {objects, magnified});
-      if (!pipeline.ok()) return pipeline.status();
-      passes_.recorder().dispatch(*pipeline, passes_.pipelines().layout(), reads, written, &params,
-                                  sizeof params, boxes);
-    }
-    return absl::OkStatus();
-  };
-  const auto cost = [&](uint32_t y) {
-    constexpr double kTile = shader::VIEW_TILE_X * shader::VIEW_TILE_Y * kChainCost;
-    return kTile * (rows[y].sky_tiles + kObjectCost * rows[y].object_tiles);
-  };
-  return passes_.run(
-      {.spirv = k_view_spirv,
-       .count = static_cast<uint32_t>(rows.size()),
-       .cost = cost,
-       .record = record,
-       .most = static_cast<uint32_t>(PipelineCache::kMaxWriteBytes / row_bytes / shader::VIEW_TILE_Y)});
+  if (brdf_.empty()) brdf_ = std::move(halves);
+  return brdf_;
 }
 
 absl::StatusOr<std::vector<float>> EnvironmentBaker::read_face(const CubeLevels& levels, uint32_t level,
@@ -385,15 +283,6 @@ absl::StatusOr<std::vector<float>> EnvironmentBaker::read_face(const CubeLevels&
     }
   }
   return rgb;
-}
-
-absl::StatusOr<std::vector<uint16_t>> EnvironmentBaker::read_brdf_table() {
-  const absl::StatusOr<const Buffer*> table = brdf_table();
-  if (!table.ok()) return table.status();
-  std::vector<uint16_t> halves(size_t{2} * shader::BRDF_SIZE * shader::BRDF_SIZE);
-  absl::Status status = passes_.read(**table, 0, std::as_writable_bytes(std::span(halves)));
-  if (!status.ok()) return status;
-  return halves;
 }
 
 absl::StatusOr<std::vector<uint16_t>> EnvironmentBaker::read_panorama(const Environment& environment) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -51,8 +52,8 @@ class EnvironmentBaker {
 
   // R, G and B of a face's texels, row by row, without the border.
   absl::StatusOr<std::vector<float>> read_face(const CubeLevels& levels, uint32_t level, uint32_t face);
-  // Scale and bias of the BRDF table as halves, row by row.
-  absl::StatusOr<std::vector<uint16_t>> read_brdf_table();
+  // Scale and bias of the BRDF table as halves, row by row, which the baker keeps.
+  absl::StatusOr<std::span<const uint16_t>> brdf_table();
   // R, G and B of the stored panorama as halves, with alpha, row by row without padding.
   absl::StatusOr<std::vector<uint16_t>> read_panorama(const Environment& environment);
 
@@ -65,14 +66,14 @@ class EnvironmentBaker {
   absl::Status make_chain(CubeLevels& chain);
   // Empty if `spec`, which has its size, has no specular levels.
   absl::StatusOr<CubeLevels> make_specular(const BakeSpec& spec, const CubeLevels& chain);
-  absl::StatusOr<const Buffer*> brdf_table();
-  absl::Status draw_view(const Environment& environment, const View& view, const Buffer& brdf,
-                         const Buffer& scene, FrameMemory& memory);
+  absl::Status draw_view(const Environment& environment, const View& view,
+                         std::span<const shader::ViewObject> objects, const Buffer& scene,
+                         FrameMemory& memory);
 
   Device& device_;
   TexturePool& pool_;
   LongPasses passes_;
-  TexturePool::Lease brdf_;
+  std::vector<uint16_t> brdf_;
 };
 
 }  // namespace candela

@@ -1,16 +1,17 @@
 #include "server/render/environment/view_scene.h"
 
+#include <half.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
-
-#include "server/render/plan/texture_layout.h"
 
 namespace candela {
 
 namespace {
 
-double length_of(const Vector3& v) { return std::hypot(v[0], v[1], v[2]); }
+static_assert(sizeof(shader::ViewLight) % 16 == 0 && sizeof(shader::ViewObject) % 16 == 0);
 
 // p, the side of a pixel at distance 1.
 double pixel_side(const View& view, uint32_t height) {
@@ -36,8 +37,25 @@ void set_levels(double roughness, const CubeLevels& specular, shader::ViewObject
   object.far_start = static_cast<uint32_t>(specular.start(far));
 }
 
-shader::ViewObject view_object(const ViewCamera& camera, const ViewSphere& sphere,
-                               const CubeLevels& specular) {
+// The table at this roughness. A number stands beside the next column's, so that the shader reads four at
+// once.
+void set_brdf(double roughness, std::span<const uint16_t> brdf, shader::ViewObject& object) {
+  constexpr uint32_t kEnd = shader::BRDF_SIZE - 1;
+  const double y = std::clamp(roughness * shader::BRDF_SIZE - 0.5, 0.0, double{kEnd});
+  const auto top = static_cast<uint32_t>(y);
+  const auto at = [&](uint32_t column, uint32_t row, uint32_t k) -> double {
+    const uint32_t index = std::min(row, kEnd) * shader::BRDF_SIZE + std::min(column, kEnd);
+    return imath_half_to_float(brdf[2 * index + k]);
+  };
+  for (uint32_t i = 0; i < 4 * shader::BRDF_SIZE; ++i) {
+    const uint32_t column = i / 4 + i / 2 % 2;
+    object.brdf[i] =
+        static_cast<float>(std::lerp(at(column, top, i % 2), at(column, top + 1, i % 2), y - top));
+  }
+}
+
+shader::ViewObject view_object(const ViewCamera& camera, const ViewSphere& sphere, const CubeLevels& specular,
+                               std::span<const uint16_t> brdf) {
   shader::ViewObject out{};
   const Vector3 o = centre_to_camera(camera, sphere);
   const double r2 = sphere.radius * sphere.radius;
@@ -55,53 +73,9 @@ shader::ViewObject view_object(const ViewCamera& camera, const ViewSphere& spher
   };
   out.f0_r = f0(0), out.f0_g = f0(1), out.f0_b = f0(2);
   out.diffuse_r = diffuse(0), out.diffuse_g = diffuse(1), out.diffuse_b = diffuse(2);
-  out.roughness = static_cast<float>(sphere.roughness);
   set_levels(sphere.roughness, specular, out);
+  set_brdf(sphere.roughness, brdf, out);
   return out;
-}
-
-// A cone of directions in camera axes.
-struct Cone {
-  Vector3 axis;  // of length 1
-  double angle;  // between the axis and the edge
-};
-
-double angle_between(const Vector3& a, const Vector3& b) {
-  const Vector3 cross = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-  return std::atan2(length_of(cross), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
-}
-
-std::vector<Cone> sphere_cones(const View& view) {
-  std::vector<Cone> cones;
-  for (const ViewSphere& sphere : view.objects) {
-    const Vector3 o = centre_to_camera(view.camera, sphere);
-    const double distance = length_of(o);
-    cones.push_back({{-o[0] / distance, -o[1] / distance, -o[2] / distance},
-                     std::asin(std::min(1.0, sphere.radius / distance))});
-  }
-  return cones;
-}
-
-// The cone around all rays of a tile. Its corners are the farthest from its middle.
-Cone tile_cone(uint32_t tile_x, uint32_t tile_y, uint32_t width, uint32_t height, double p) {
-  const double left = tile_x * shader::VIEW_TILE_X - width / 2.0, right = left + shader::VIEW_TILE_X;
-  const double top = height / 2.0 - tile_y * shader::VIEW_TILE_Y, bottom = top - shader::VIEW_TILE_Y;
-  const auto ray = [&](double x, double y) {
-    const double length = std::hypot(x * p, y * p, 1.0);
-    return Vector3{x * p / length, y * p / length, -1 / length};
-  };
-  Cone cone{ray((left + right) / 2, (top + bottom) / 2), 0};
-  for (double x : {left, right}) {
-    for (double y : {top, bottom}) cone.angle = std::max(cone.angle, angle_between(cone.axis, ray(x, y)));
-  }
-  return cone;
-}
-
-bool touches(const Cone& tile, const std::vector<Cone>& spheres) {
-  constexpr double kMargin = 1e-3;  // far more than the roundings of the shader's rays
-  return std::any_of(spheres.begin(), spheres.end(), [&](const Cone& sphere) {
-    return angle_between(tile.axis, sphere.axis) <= tile.angle + sphere.angle + kMargin;
-  });
 }
 
 }  // namespace
@@ -118,7 +92,6 @@ shader::ViewParams view_params(const View& view, uint32_t width, uint32_t height
   params.lod = static_cast<float>(std::log2(p * chain_size / 2));
   params.chain_size = chain_size;
   params.chain_last = chain_levels(chain_size) - 1;
-  params.objects = static_cast<uint32_t>(view.objects.size());
   const double turn = -view.rotation_deg * std::numbers::pi / 180;
   const Matrix3& m = view.camera.rotation;
   std::array<float, 9> t;
@@ -133,44 +106,27 @@ shader::ViewParams view_params(const View& view, uint32_t width, uint32_t height
   return params;
 }
 
-bool is_magnified(const shader::ViewParams& params) {
-  // Of lod, c / m is at most the square root of 3. The margin is for the shader's float arithmetic.
-  constexpr double kMargin = 0.01;
-  return params.lod + 1.5 * std::log2(std::numbers::sqrt3) + kMargin <= 0;
+std::vector<shader::ViewObject> view_objects(const View& view, const CubeLevels& specular,
+                                             std::span<const uint16_t> brdf) {
+  std::vector<shader::ViewObject> objects;
+  objects.reserve(view.objects.size());
+  for (const ViewSphere& sphere : view.objects) {
+    objects.push_back(view_object(view.camera, sphere, specular, brdf));
+  }
+  return objects;
 }
 
-shader::ViewScene view_scene(const View& view, const Harmonics& irradiance, const CubeLevels& specular) {
-  shader::ViewScene scene{};
+std::vector<std::byte> view_scene(const Harmonics& irradiance, std::span<const shader::ViewObject> objects) {
+  shader::ViewLight light{};
   for (size_t i = 0; i < irradiance.size(); ++i) {
     for (size_t k = 0; k < 3; ++k) {
-      scene.irradiance[3 * i + k] = static_cast<float>(irradiance[i][k] * kHarmonicFactors[i]);
+      light.irradiance[4 * i + k] = static_cast<float>(irradiance[i][k] * kHarmonicFactors[i]);
     }
   }
-  for (size_t i = 0; i < view.objects.size(); ++i) {
-    scene.objects[i] = view_object(view.camera, view.objects[i], specular);
-  }
-  return scene;
-}
-
-std::vector<TileRow> tile_rows(const View& view, uint32_t width, uint32_t height, uint32_t pitch) {
-  const double p = pixel_side(view, height);
-  const std::vector<Cone> spheres = sphere_cones(view);
-  const uint32_t columns = groups(pitch, shader::VIEW_TILE_X);
-  std::vector<TileRow> rows(groups(height, shader::VIEW_TILE_Y));
-  for (uint32_t y = 0; y < rows.size(); ++y) {
-    TileRow& row = rows[y];
-    for (uint32_t x = 0; x < columns; ++x) {
-      const bool object = !spheres.empty() && touches(tile_cone(x, y, width, height, p), spheres);
-      ++(object ? row.object_tiles : row.sky_tiles);
-      std::vector<Box>& runs = object ? row.with_objects : row.sky;
-      if (!runs.empty() && runs.back().x1 == x) {
-        ++runs.back().x1;
-      } else {
-        runs.push_back({x, y, x + 1, y + 1});
-      }
-    }
-  }
-  return rows;
+  std::vector<std::byte> bytes(sizeof light + objects.size_bytes());
+  std::memcpy(bytes.data(), &light, sizeof light);
+  if (!objects.empty()) std::memcpy(bytes.data() + sizeof light, objects.data(), objects.size_bytes());
+  return bytes;
 }
 
 }  // namespace candela

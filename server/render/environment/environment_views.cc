@@ -1,0 +1,104 @@
+// The views of EnvironmentBaker.
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "server/render/device/frame_textures.h"
+#include "server/render/environment/environment_baker.h"
+#include "server/render/environment/view_scene.h"
+#include "server/render/environment/view_tiles.h"
+#include "shaders/view.spv.h"
+
+namespace candela {
+
+static_assert(sizeof(shader::ViewParams) <= PipelineCache::kPushBytes);
+
+absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality,
+                                            bool objects) {
+  if (objects) {
+    if (absl::Status status = brdf_table().status(); !status.ok()) return status;
+  }
+  BakedCube& view = environment.view;
+  const BakeQuality sky = {quality.cube_samples, 0.0};
+  if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
+    view = {};
+    absl::StatusOr<BakedCube> cube = bake(environment, {.size = view_cube_size(environment.width),
+                                                        .mapping = RoughnessMapping::kPerceptual,
+                                                        .quality = objects ? quality : sky});
+    if (!cube.ok()) return cube.status();
+    view = *std::move(cube);
+  }
+  if (!objects || view.spec.quality == quality) return absl::OkStatus();
+  BakeSpec spec = view.spec;
+  spec.quality = quality;
+  absl::StatusOr<CubeLevels> specular = make_specular(spec, view.chain);
+  if (!specular.ok()) return specular.status();
+  view.specular = *std::move(specular);
+  view.spec = spec;
+  return absl::OkStatus();
+}
+
+absl::Status EnvironmentBaker::render_view(Environment& environment, const View& view, FrameMemory& memory) {
+  if (absl::Status status = check_view(view); !status.ok()) return status;
+  const bool with_objects = !view.objects.empty();
+  if (!environment.view.chain || (with_objects && environment.view.spec.quality.specular_detail == 0.0)) {
+    return absl::FailedPreconditionError("the environment has no levels for this view");
+  }
+  if (memory.desc().format != v1::PIXEL_FORMAT_RGBA16F) {
+    return absl::InvalidArgumentError("a view is a frame of RGBA16F");
+  }
+  const absl::StatusOr<Harmonics> light = radiance(environment);
+  if (!light.ok()) return light.status();
+  absl::StatusOr<std::span<const uint16_t>> brdf = std::span<const uint16_t>();
+  if (with_objects) brdf = brdf_table();
+  if (!brdf.ok()) return brdf.status();
+  const std::vector<shader::ViewObject> objects = view_objects(view, environment.view.specular, *brdf);
+  const absl::StatusOr<TexturePool::Lease> scene = passes_.upload(view_scene(irradiance_of(*light), objects));
+  if (!scene.ok()) return scene.status();
+  absl::Status status = draw_view(environment, view, objects, scene->buffer(), memory);
+  const FrameTextures& textures = memory.textures();
+  if (!status.ok() || !textures.upload) return status;
+  // Whoever renders the frame takes its pixels from here, like those of the wire.
+  return passes_.copy(textures.input.buffer(), textures.upload.buffer());
+}
+
+absl::Status EnvironmentBaker::draw_view(const Environment& environment, const View& view,
+                                         std::span<const shader::ViewObject> objects, const Buffer& scene,
+                                         FrameMemory& memory) {
+  const TextureLayout& layout = memory.textures().layout;
+  const Buffer& input = memory.textures().input.buffer();
+  shader::ViewParams params =
+      view_params(view, layout.desc.width, layout.desc.height, layout.pitch, environment.view.chain.size);
+  const VkBufferView chain = environment.view.chain.texels.buffer().view();
+  const CubeLevels& specular = environment.view.specular;
+  // Without specular levels nothing reads them, but the binding still has to hold something.
+  const VkBufferView reads[] = {chain, specular ? specular.texels.buffer().view() : chain, scene.view()};
+  const std::vector<std::vector<ViewRun>> rows = view_rows(view, params, objects);
+  const uint64_t row_bytes = uint64_t{layout.pitch} * 8;
+  const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
+    params.first_row = begin * shader::VIEW_TILE;
+    const uint32_t last = std::min(end * shader::VIEW_TILE, layout.desc.height);
+    const VkDescriptorBufferInfo written = {input.handle(), params.first_row * row_bytes,
+                                            (last - params.first_row) * row_bytes};
+    bool over_sky = false;
+    for (const auto& [kind, boxes] : boxes_of(std::span(rows).subspan(begin, end - begin), begin)) {
+      const absl::StatusOr<VkPipeline> pipeline =
+          passes_.pipelines().get(k_view_spirv, constants_of(kind, view));
+      if (!pipeline.ok()) return pipeline.status();
+      if (kind.objects && !std::exchange(over_sky, true)) passes_.recorder().barrier();
+      params.first_object = kind.first_object;
+      params.end_object = kind.end_object;
+      passes_.recorder().dispatch(*pipeline, passes_.pipelines().layout(), reads, written, &params,
+                                  sizeof params, boxes);
+    }
+    return absl::OkStatus();
+  };
+  return passes_.run(
+      {.spirv = k_view_spirv,
+       .count = static_cast<uint32_t>(rows.size()),
+       .cost = [&](uint32_t y) { return cost_of(rows[y], view); },
+       .record = record,
+       .most = static_cast<uint32_t>(PipelineCache::kMaxWriteBytes / row_bytes / shader::VIEW_TILE)});
+}
+
+}  // namespace candela
