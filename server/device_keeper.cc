@@ -9,11 +9,12 @@
 namespace candela {
 
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
-                                                                 uint64_t budget_bytes) {
+                                                                 uint64_t budget_bytes, Passes passes) {
   absl::StatusOr<std::unique_ptr<Device>> device = Device::create(options);
   if (!device.ok()) return device.status();
   auto opened = std::make_shared<RenderDevice>(*std::move(device), budget_bytes);
-  absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::create(*opened->device, opened->pool);
+  absl::StatusOr<std::unique_ptr<Renderer>> renderer =
+      Renderer::create(*opened->device, opened->pool, passes);
   if (!renderer.ok()) return renderer.status();
   opened->renderer = *std::move(renderer);
   if (absl::Status status = self_test(*opened->renderer); !status.ok()) return status;

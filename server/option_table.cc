@@ -40,6 +40,9 @@ const Option kOptions[] = {
      "Vulkan device: its index or a part of its name; empty: the best one",
      "See candelad --list-devices. The best device is a discrete GPU, else an integrated GPU, else a virtual "
      "GPU, else the CPU."},
+    {"passes", PassesOption{&Config::passes}, "Who makes the passes of a frame: auto, device or host",
+     "host: this machine's processors, in the device's memory; it takes a device of the type CPU, and AVX2, "
+     "AVX-512 or NEON. auto: the host where it can, else the device."},
     {"validation", FlagOption{&Config::validation}, "Enable Vulkan's validation layers (slow)",
      "They need the package vulkan-validationlayers."},
     {"cache-dir", TextOption{&Config::cache_dir, "PATH"},
@@ -113,6 +116,7 @@ std::string text_of(const std::vector<std::string>& value) { return absl::StrJoi
 std::string text_of(uint32_t value) { return absl::StrCat(value); }
 std::string text_of(uint64_t value) { return format_bytes(value); }
 std::string text_of(absl::Duration value) { return absl::FormatDuration(value); }
+std::string text_of(Passes value) { return passes_word(value); }
 std::string text_of(LogLevel value) { return log_level_word(value); }
 
 template <typename Kind>

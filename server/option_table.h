@@ -44,9 +44,12 @@ struct DurationOption {
 struct LogLevelOption {
   LogLevel Config::*field;
 };
+struct PassesOption {
+  Passes Config::*field;
+};
 
 using OptionKind = std::variant<FlagOption, TextOption, AddressListOption, NumberOption, BytesOption,
-                                DurationOption, LogLevelOption>;
+                                DurationOption, LogLevelOption, PassesOption>;
 
 struct Option {
   // "max-calls": the flag is --max-calls, the variable CANDELA_MAX_CALLS, the key in the file max-calls.

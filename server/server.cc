@@ -72,12 +72,12 @@ void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const De
             {{"limit", format_bytes(*limits.memory_bytes)}, {"limit_from", limits.memory_from}});
 }
 
-// Measured tier numbers hold for one version, device, driver and number of threads: of the host tier, and of
-// the software device.
-std::string tier_benchmark_key(const DeviceSummary& device) {
+// Measured tier numbers hold for one version, device, driver, maker of the passes and number of threads: of
+// the host, and of the software device.
+std::string tier_benchmark_key(const DeviceSummary& device, const std::string& passes) {
   const char* device_threads = std::getenv("LP_NUM_THREADS");
-  return absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", usable_cpus(), " ",
-                      device_threads == nullptr ? "all" : device_threads);
+  return absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", passes, "|", usable_cpus(),
+                      " ", device_threads == nullptr ? "all" : device_threads);
 }
 
 }  // namespace
@@ -122,13 +122,15 @@ struct Server::Impl {
 void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper::Open open,
                                std::function<void()> on_gone) {
   const DeviceSummary& device = first->device->summary();
-  metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver);
+  metrics =
+      std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver, first->renderer->passes_words());
   devices = std::make_unique<DeviceKeeper>(
       first, std::move(open), *metrics,
       DeviceKeeper::Events{.on_replaced = [this] { state->environments.forget_others(*devices->renderer()); },
                            .on_gone = std::move(on_gone)});
   tier_benchmark = std::make_unique<TierBenchmark>(
-      [d = devices.get()] { return d->renderer(); }, tier_benchmark_key(device),
+      [d = devices.get()] { return d->renderer(); },
+      tier_benchmark_key(device, first->renderer->passes_words()),
       config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
 }
 
@@ -155,7 +157,8 @@ void Server::Impl::make_service(TokenKeys keys) {
                                                             config.idle_timeout / 2)},
       .environments = EnvironmentStore(config.environment_budget_bytes)});
   service = std::make_unique<RenderService>(
-      *state, [d = devices.get()] { return d->current()->pool.counters(); }, server_info(config, device));
+      *state, [d = devices.get()] { return d->current()->pool.counters(); },
+      server_info(config, device, devices->current()->renderer->passes()));
 }
 
 void Server::Impl::watch_health() {
@@ -284,7 +287,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
   const auto open = [options = DeviceOptions{.selector = config.device,
                                              .validation = config.validation,
                                              .hang_limit = config.hang_limit},
-                     bytes = budget.bytes] { return open_render_device(options, bytes); };
+                     bytes = budget.bytes,
+                     passes = config.passes] { return open_render_device(options, bytes, passes); };
   absl::StatusOr<std::shared_ptr<RenderDevice>> device = open();
   if (!device.ok()) return device.status();
 

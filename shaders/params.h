@@ -102,8 +102,10 @@ CANDELA_CONST(float) TABLE_MAX_ROOT = 1.25f;
 CANDELA_CONST(uint) AXES_ACES = 1u;
 CANDELA_CONST(uint) AXES_REC709 = 2u;
 CANDELA_CONST(uint) AXES_AP1 = 3u;
-// Fraction bits of a position along an axis. The step, below 2^15, shares the word and leaves no more bits.
+// Fraction bits of a position along an axis. The step, below 2^TABLE_STEP_BITS, shares the word and leaves no
+// more bits.
 CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
+CANDELA_CONST(int) TABLE_STEP_BITS = 32 - TABLE_FRACTION_BITS;
 // Rec.709 to the primaries in which the ACES 1.x tone curve works (AP1, desaturated as the RRT does), and
 // from those of its output (AP1, before the ODT's desaturation) to Rec.709; row by row. Source: S. Hill's fit
 // of the ACES RRT and ODT, published in M. Pettineo's BakingLab.
@@ -115,6 +117,10 @@ CANDELA_CONST(int) TABLE_FRACTION_BITS = 17;
 #define TABLE_FROM_SCENE_AP1                                                                              \
   0.61309740f, 0.33952315f, 0.04737945f, 0.07019372f, 0.91635388f, 0.01345240f, 0.02061559f, 0.10956977f, \
       0.86981463f
+// AgX: Rec.709 to the primaries in which its curve works; row by row. Source: T. Sobotka's AgX.
+#define AGX_INSET                                                                                        \
+  0.842479062253094f, 0.0784335999999992f, 0.0792237451477643f, 0.0423282422610123f, 0.878468636469772f, \
+      0.0791661274605434f, 0.0423756549057051f, 0.0784336f, 0.879142973793104f
 // What the RRT adds of AP1's R, G and B to the other two components. Source: AMPAS aces-dev 1.x, RRT_SAT_MAT.
 #define RRT_DESATURATION 0.01088918f, 0.02696327f, 0.00214758f
 // A component counts as cut if it is below minus this part of the colour's largest component. The rounding of

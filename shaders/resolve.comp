@@ -30,11 +30,14 @@ const bool COUNT = WIDE && OUTPUT != OUTPUT_FLOAT;
 layout(constant_id = 11) const uint ALPHA = ALPHA_ASSOCIATED;  // if every alpha is 1, always this one
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
+layout(set = 0, binding = 2) uniform utextureBuffer table_points;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "glsl/input.glsl"
 #include "glsl/transfer.glsl"
 #include "glsl/table.glsl"
 #include "glsl/curves.glsl"
+#include "glsl/straight.glsl"
+#include "glsl/dither.glsl"
 
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
 
@@ -72,24 +75,11 @@ vec3 shown(vec3 exposed) {
 // The display value of no light; only for ALPHA_STRAIGHT.
 vec3 black;
 
-// Straight alpha: a pixel's light is that of an object that covers a part of it, and light of its own. With
-// a = 1 the result has the bits of shown(exposed).
 vec4 straight(vec3 exposed, float a, uint counted) {
-  const float nothing = 1.0e-30;
-  bool whole = a == 1.0;
-  float rest = 1.0 - a;
-  vec3 size = abs(exposed);
-  // One factor for all components, so that neither part has another hue.
-  float largest = max(max(max(size.r, size.g), size.b), nothing);
-  float kept = whole ? 1.0 : min(MAX_OBJECT_LIGHT * a / rest / largest, 1.0);
-  vec3 object = exposed * kept;
-  vec3 own = exposed - object;
   if (COUNT) count_cut(exposed, curve_light(exposed), counted);  // the object has the same components
-  vec3 own_shown = own == vec3(0.0) ? vec3(0.0) : at_least(shown(own) - black, 0.0);
-  vec3 colour = a * shown(whole ? exposed : object / at_least(a, nothing)) + rest * own_shown;
-  float alpha = a + rest * max(max(own_shown.r, own_shown.g), own_shown.b);
-  if (whole) return vec4(colour, 1.0);
-  return alpha < nothing ? vec4(0.0) : vec4(at_most(colour / alpha, 1.0), alpha);
+  StraightLight light = straight_light(exposed, a);
+  StraightPixel pixel = straight_pixel(light, shown(light.object), shown(light.own), black, a);
+  return vec4(pixel.colour, pixel.alpha);
 }
 
 vec4 image_texel(vec4 wire, vec3 light, uint counted) {
@@ -106,24 +96,10 @@ vec4 image_texel(vec4 wire, vec3 light, uint counted) {
   return vec4(shown(exposed), ALPHA == ALPHA_ASSOCIATED ? scene.a : 1.0);
 }
 
-// Triangular noise in (-1, 1) with mean zero, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano,
-// "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
-vec3 dither_noise(uint x, uint y) {
-  uvec3 v = uvec3(x, y, p.dither_frame) * 1664525u + 1013904223u;
-  v.x += v.y * v.z;
-  v.y += v.z * v.x;
-  v.z += v.x * v.y;
-  v ^= v >> 16;
-  v.x += v.y * v.z;
-  v.y += v.z * v.x;
-  v.z += v.x * v.y;
-  return (vec3(v & 0xffffu) - vec3(v >> 16)) * (1.0 / 65536.0);
-}
-
 // Rounds texel (x, y) to codes. RGB must be in [0, 1]; alpha is clamped here.
 uvec4 quantise(vec4 c, float codes, uint x, uint y) {
   vec4 v = vec4(c.rgb, at_most(at_least(c.a, 0.0), 1.0)) * codes;
-  if (DITHER) v.rgb = at_most(at_least(v.rgb + dither_noise(x, y), 0.0), codes);
+  if (DITHER) v.rgb = at_most(at_least(v.rgb + dither_noise(x, y, p.dither_frame), 0.0), codes);
   return uvec4(v + 0.5);
 }
 

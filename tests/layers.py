@@ -6,7 +6,7 @@ import re
 import sys
 
 SERVER = ["server/base", "server/encode", "server/vulkan", "server/render/color", "server/render/settings", "server/render/plan",
-          "server/render/device", "server/render/environment", "server/render/reference", "server/render", "server/schedule", "server/session", "server/access",
+          "server/render/device", "server/render/host", "server/render/environment", "server/render/reference", "server/render", "server/schedule", "server/session", "server/access",
           "server/rpc", "server", "server/daemon"]
 ALLOWED = {"proto": [], "shaders": [], "client/image": ["server/encode", "shaders"], "client/color": ["shaders", "proto", "server/render/color"], "client/environment": ["client/image", "proto"], "client": ["client/image", "proto"],
            "client/cli": ["client", "client/image", "client/color", "client/environment", "proto"]}

@@ -163,13 +163,14 @@ struct Metrics::Impl final : prometheus::Collectable {
   }
 };
 
-Metrics::Metrics(const std::string& version, const std::string& device, const std::string& driver)
+Metrics::Metrics(const std::string& version, const std::string& device, const std::string& driver,
+                 const std::string& passes)
     : impl_(std::make_shared<Impl>()) {
   BuildGauge()
       .Name("candela_build_info")
-      .Help("Version, device and driver, as labels; always 1")
+      .Help("Version, device, driver and who makes the passes, as labels; always 1")
       .Register(impl_->registry)
-      .Add({{"version", version}, {"device", device}, {"driver", driver}})
+      .Add({{"version", version}, {"device", device}, {"driver", driver}, {"passes", passes}})
       .Set(1);
   BuildGauge()
       .Name("candela_start_time_seconds")

@@ -48,7 +48,9 @@ class Metrics {
   };
 
   // The arguments become labels of candela_build_info.
-  Metrics(const std::string& version, const std::string& device, const std::string& driver);
+  // `passes`: who makes a frame's passes, in words.
+  Metrics(const std::string& version, const std::string& device, const std::string& driver,
+          const std::string& passes);
   ~Metrics();
 
   // `stage` is a fixed name: "queue", a pass, or "encode".

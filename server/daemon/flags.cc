@@ -60,6 +60,10 @@ absl::Status set(const LogLevelOption& kind, const std::string& text, Config& co
   return store(parse_log_level(text), config.*kind.field);
 }
 
+absl::Status set(const PassesOption& kind, const std::string& text, Config& config) {
+  return store(parse_passes(text), config.*kind.field);
+}
+
 // CLI11 reads these by itself in flags and variables.
 absl::Status set(const FlagOption& kind, const std::string& text, Config& config) {
   if (CLI::detail::lexical_cast(text, config.*kind.field)) return absl::OkStatus();
@@ -76,6 +80,7 @@ std::string value_name(const AddressListOption&) { return "ADDRESS[,ADDRESS...]"
 std::string value_name(const BytesOption&) { return "BYTES"; }
 std::string value_name(const DurationOption&) { return "TIME"; }
 std::string value_name(const LogLevelOption&) { return "LEVEL"; }
+std::string value_name(const PassesOption&) { return "WHO"; }
 
 CLI::Option* add(CLI::App& app, const std::string& flag, const FlagOption& kind, Config& config) {
   return app.add_flag(flag, config.*kind.field);

@@ -2,10 +2,15 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "server/base/cgroup.h"
 #include "server/base/slices.h"
 #include "server/render/device/device_executor.h"
 #include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
+#include "server/render/host/host_executor.h"
+#include "server/render/host/supported.h"
 #include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
@@ -14,22 +19,40 @@
 
 namespace candela {
 
-Renderer::Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device,
-                   std::unique_ptr<EnvironmentBaker> baker)
-    : device_(device),
-      pool_(pool),
-      by_device_(std::move(by_device)),
-      by_reference_(std::make_unique<ReferenceExecutor>(*by_device_)),
-      baker_(std::move(baker)) {}
+Renderer::Renderer(Device& device, TexturePool& pool, std::unique_ptr<EnvironmentBaker> baker)
+    : device_(device), pool_(pool), baker_(std::move(baker)) {}
 
 Renderer::~Renderer() = default;
 
-absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool) {
-  absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device);
-  if (!executor.ok()) return executor.status();
+absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool, Passes passes,
+                                                           uint32_t threads) {
   absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker = EnvironmentBaker::create(device, pool);
   if (!baker.ok()) return baker.status();
-  return std::unique_ptr<Renderer>(new Renderer(device, pool, *std::move(executor), *std::move(baker)));
+  std::unique_ptr<Renderer> renderer(new Renderer(device, pool, *std::move(baker)));
+  if (absl::Status status = renderer->choose(passes, threads); !status.ok()) return status;
+  return renderer;
+}
+
+absl::Status Renderer::choose(Passes passes, uint32_t threads) {
+  const std::string not_on_host = HostExecutor::unavailable(device_.summary());
+  if (passes == Passes::kHost && !not_on_host.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat("the host cannot make the passes: ", not_on_host));
+  }
+  if (passes != Passes::kDevice && not_on_host.empty()) {
+    if (threads == 0) threads = usable_cpus();
+    passes_ = Passes::kHost;
+    passes_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(), threads,
+                                    threads == 1 ? "" : "s");
+    by_passes_ = std::make_unique<HostExecutor>(device_, threads);
+  } else {
+    absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device_);
+    if (!executor.ok()) return executor.status();
+    passes_ = Passes::kDevice;
+    passes_words_ = "on the device";
+    by_passes_ = *std::move(executor);
+  }
+  by_reference_ = std::make_unique<ReferenceExecutor>(*by_passes_);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<FrameMemory> Renderer::allocate(const FrameDesc& desc, const Settings& settings,
@@ -43,7 +66,7 @@ absl::StatusOr<uint64_t> Renderer::bytes_for(const FrameDesc& desc, const Settin
 }
 
 Executor& Renderer::executor_of(const FrameMemory& memory) const {
-  return memory.textures().layout.by_reference ? *by_reference_ : *by_device_;
+  return memory.textures().layout.by_reference ? *by_reference_ : *by_passes_;
 }
 
 absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings,
@@ -67,6 +90,7 @@ absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& 
   layout = layout_textures(layout.desc, settings);
   report.plan = plan_frame(layout, metered, settings,
                            {.exposure = report.exposure, .sequence = sequence, .table = *std::move(table)});
+  if (!layout.by_reference) report.plan.words.push_back(absl::StrCat("passes ", passes_words_));
   report.tier = settings.tier().name;
   const absl::StatusOr<Drawn> drawn = executor_of(memory).draw(memory, report.plan, &report.stages);
   if (drawn.ok()) report.gamut_cut_components = drawn->gamut_cut_components;

@@ -4,11 +4,13 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "server/render/device/frame_memory.h"
 #include "server/render/device/texture_pool.h"
 #include "server/render/frame_report.h"
+#include "server/render/passes.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
 #include "server/render/settings/settings.h"
@@ -28,8 +30,11 @@ struct FrameMoment {
 // One thread at a time, except allocate() and what EnvironmentBaker says.
 class Renderer {
  public:
-  // `device` and `pool` outlive the renderer.
-  static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool);
+  // `device` and `pool` outlive the renderer. `threads` of the host make its passes; 0: usable_cpus().
+  // FAILED_PRECONDITION, saying why, if the host is to make them and cannot.
+  static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool,
+                                                          Passes passes = Passes::kAuto,
+                                                          uint32_t threads = 0);
   ~Renderer();
 
   // Takes the memory for a frame. RESOURCE_EXHAUSTED if the pool's budget can never hold it, UNAVAILABLE if
@@ -50,6 +55,10 @@ class Renderer {
   absl::StatusOr<FrameReport> render(FrameMemory& memory, const Settings& settings,
                                      const FrameMoment& moment = {});
 
+  // Who makes the passes, kDevice or kHost, and the same in words: "on the host, AVX2, 2 threads".
+  Passes passes() const { return passes_; }
+  const std::string& passes_words() const { return passes_words_; }
+
   // Bakes environments on this device.
   EnvironmentBaker& baker() const { return *baker_; }
 
@@ -62,8 +71,9 @@ class Renderer {
                                    const Metered& metered, const Exposed& exposed);
 
  private:
-  Renderer(Device& device, TexturePool& pool, std::unique_ptr<Executor> by_device,
-           std::unique_ptr<EnvironmentBaker> baker);
+  Renderer(Device& device, TexturePool& pool, std::unique_ptr<EnvironmentBaker> baker);
+  // Sets passes_ and what follows from it.
+  absl::Status choose(Passes passes, uint32_t threads);
   Executor& executor_of(const FrameMemory& memory) const;
   // Makes the image and fills in the report, except what verification finds.
   absl::StatusOr<Drawn> draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
@@ -74,8 +84,10 @@ class Renderer {
 
   Device& device_;
   TexturePool& pool_;
-  const std::unique_ptr<Executor> by_device_;
-  const std::unique_ptr<Executor> by_reference_;
+  Passes passes_ = Passes::kDevice;
+  std::string passes_words_;
+  std::unique_ptr<Executor> by_passes_;
+  std::unique_ptr<Executor> by_reference_;
   const std::unique_ptr<EnvironmentBaker> baker_;
 };
 

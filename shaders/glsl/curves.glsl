@@ -1,5 +1,6 @@
 // Tone curves (docs/pipeline.md section 5): exposed scene light to display-linear light in [0, 1]. The
-// including shader declares CURVE and includes transfer.glsl and table.glsl.
+// including shader declares CURVE and includes transfer.glsl and table.glsl. This file is C++, too:
+// server/render/host/glsl-inl.h says what that asks for.
 //
 // A curve has two parts: curve_light() takes the scene's Rec.709 to the curve's own primaries, and curve()
 // does the rest. Between them the light is cut at 0.
@@ -15,22 +16,20 @@ vec3 rrt_and_odt(vec3 v) {
   return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
 }
 
-vec3 rows(float m[9], vec3 x) {
-  return vec3(m[0] * x.r + m[1] * x.g + m[2] * x.b, m[3] * x.r + m[4] * x.g + m[5] * x.b,
-              m[6] * x.r + m[7] * x.g + m[8] * x.b);
+// A matrix, row by row, times x.
+vec3 rows(float m00, float m01, float m02, float m10, float m11, float m12, float m20, float m21, float m22,
+          vec3 x) {
+  return vec3(m00 * x.r + m01 * x.g + m02 * x.b, m10 * x.r + m11 * x.g + m12 * x.b,
+              m20 * x.r + m21 * x.g + m22 * x.b);
 }
-
-const float AGX_INSET[9] = float[](0.842479062253094, 0.0784335999999992, 0.0792237451477643,  //
-                                   0.0423282422610123, 0.878468636469772, 0.0791661274605434,  //
-                                   0.0423756549057051, 0.0784336, 0.879142973793104);
 
 // Exposed light in the primaries in which the curve works, component by component. No matrix has a negative
 // number, so light that is not negative stays so.
 vec3 curve_light(vec3 x) {
   if (CURVE == CURVE_ACES_HILL || CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) {
-    return rows(float[](TABLE_FROM_SCENE), x);
+    return rows(TABLE_FROM_SCENE, x);
   }
-  if (CURVE == CURVE_TABLE_AP1) return rows(float[](TABLE_FROM_SCENE_AP1), x);
+  if (CURVE == CURVE_TABLE_AP1) return rows(TABLE_FROM_SCENE_AP1, x);
   if (CURVE == CURVE_AGX) return rows(AGX_INSET, x);
   return x;
 }
@@ -42,7 +41,7 @@ vec3 within_axes(vec3 v) {
 }
 
 // aces-hill's last matrix is that of the colour tables.
-vec3 table(vec3 v) { return rows(float[](TABLE_TO_DISPLAY), look_up(v)); }
+vec3 table(vec3 v) { return rows(TABLE_TO_DISPLAY, look_up(v)); }
 
 vec3 hable_base(vec3 x) {
   return (x * (0.15 * x + 0.10 * 0.50) + 0.20 * 0.02) / (x * (0.15 * x + 0.50) + 0.20 * 0.30) - 0.02 / 0.30;
@@ -73,12 +72,11 @@ vec3 pbr_neutral(vec3 x) {
   const float start = 0.8 - 0.04;
   const float range = 1.0 - start;
   float least = min(min(x.r, x.g), x.b);
-  x -= least < 0.08 ? least - 6.25 * least * least : 0.04;
+  x -= mix(0.04, least - 6.25 * least * least, least < 0.08);
   float peak = max(max(x.r, x.g), x.b);
-  if (peak < start) return x;
   float new_peak = 1.0 - range * range / (peak + range - start);
   float desaturated = 1.0 - 1.0 / (0.15 * (peak - new_peak) + 1.0);
-  return mix(x * (new_peak / peak), vec3(new_peak), desaturated);
+  return mix(mix(x * (new_peak / peak), vec3(new_peak), desaturated), x, bvec3(peak < start));
 }
 
 // The tone curve of curve_light() x >= 0, clamped to [0, 1]. `white` is the luminance that reinhard-extended
@@ -91,7 +89,7 @@ vec3 curve(vec3 x, float white) {
     y = x * ((1.0 + l / (white * white)) / (1.0 + l));
   }
   if (CURVE == CURVE_ACES_NARKOWICZ) y = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
-  if (CURVE == CURVE_ACES_HILL) y = rows(float[](TABLE_TO_DISPLAY), rrt_and_odt(x));
+  if (CURVE == CURVE_ACES_HILL) y = rows(TABLE_TO_DISPLAY, rrt_and_odt(x));
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);

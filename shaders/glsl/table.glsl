@@ -1,23 +1,21 @@
 // Look-up in a colour table (docs/pipeline.md section 5). The including shader declares CURVE, and its push
-// constants as `p`.
+// constants as `p`. This file is C++, too: server/render/host/glsl-inl.h says what that asks for.
 
-// Four words per lattice point. The low 16 bits are R, G and B of the point, the high 16 bits those of its
-// neighbour along the cell's diagonal.
-layout(set = 0, binding = 2) uniform utextureBuffer table_points;
-
+// The includer also declares table_points: four words per lattice point. The low 16 bits are R, G and B of the
+// point, the high 16 bits those of its neighbour along the cell's diagonal.
 const float FRACTIONS = float(1 << TABLE_FRACTION_BITS);
 const float UNIT = TABLE_MAX_ROOT / (65535.0 * FRACTIONS);
 
 // The position of x >= 0 along an axis, in lattice points with TABLE_FRACTION_BITS bits of fraction. At or
 // beyond the end of the axis it is just below the last point.
 uint table_position(float x) {
-  uint bits = floatBitsToUint(
-      x * (CURVE == CURVE_TABLE_AP1 ? 1.0 / TABLE_AXIS_KNEE_AP1 : 1.0 / TABLE_AXIS_KNEE) + 1.0);
+  float knees = CURVE == CURVE_TABLE_AP1 ? 1.0 / TABLE_AXIS_KNEE_AP1 : 1.0 / TABLE_AXIS_KNEE;
+  uint bits = floatBitsToUint(x * knees + 1.0);
   float octave = float(int(bits >> 23) - 127);
   float within = uintBitsToFloat((bits & 0x007fffffu) | 0x3f800000u) - 1.0;
   float scale = p.table_scale;
   int position = int(octave * scale + within * (scale * (4.0 / 3.0) - scale * (1.0 / 3.0) * within));
-  return uint(min(position, int(p.table_size - 1u << TABLE_FRACTION_BITS) - 1));
+  return uint(min(position, int((p.table_size - 1u) << TABLE_FRACTION_BITS) - 1));
 }
 
 // Display light for scene light, both in the table's primaries, by tetrahedral interpolation. The corners of
@@ -29,9 +27,8 @@ vec3 look_up(vec3 v) {
   uint size = p.table_size;
   uvec3 cell = position >> TABLE_FRACTION_BITS;
   uvec3 steps = uvec3(1u, size, size * size);
-  const int step_bits = 32 - TABLE_FRACTION_BITS;
-  const uint step_mask = (1u << step_bits) - 1u;
-  uvec3 keys = (position << step_bits) | steps;
+  const uint step_mask = (1u << TABLE_STEP_BITS) - 1u;
+  uvec3 keys = (position << TABLE_STEP_BITS) | steps;
   uint large = max(max(keys.r, keys.g), keys.b);
   uint small = min(min(keys.r, keys.g), keys.b);
   uint middle = keys.r + keys.g + keys.b - large - small;
@@ -40,9 +37,9 @@ vec3 look_up(vec3 v) {
   uvec3 second = texelFetch(table_points, int(first + (large & step_mask))).rgb;
   uvec3 third = texelFetch(table_points, int(first + (steps.r + steps.g + steps.b) - (small & step_mask))).rgb;
 
-  float l = float(int(large >> step_bits));
-  float m = float(int(middle >> step_bits));
-  float s = float(int(small >> step_bits));
+  float l = float(int(large >> TABLE_STEP_BITS));
+  float m = float(int(middle >> TABLE_STEP_BITS));
+  float s = float(int(small >> TABLE_STEP_BITS));
   vec3 root = (FRACTIONS - l) * vec3(ivec3(ends & 0xffffu)) + (l - m) * vec3(ivec3(second & 0xffffu)) +
               (m - s) * vec3(ivec3(third & 0xffffu)) + s * vec3(ivec3(ends >> 16));
   return root * root * (UNIT * UNIT);

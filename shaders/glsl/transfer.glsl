@@ -2,7 +2,8 @@
 // and powers that they need. A driver's own pow() may be too inaccurate for an 8-bit code.
 // Source of sRGB: IEC 61966-2-1.
 //
-// The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial.
+// The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial. This
+// file is C++, too: server/render/host/glsl-inl.h says what that asks for.
 //
 // Each polynomial states its fit: interval, degree, largest error of the coefficients as they stand here, and
 // the smallest error that any polynomial of this degree can have. shaders/fit/polynomials.py recomputes all
@@ -37,7 +38,7 @@ float exact_exp2(float e) {
 }
 
 // x^e for x >= 0 and e > 0. Returns 0 for x below 1e-30.
-float power(float x, float e) { return x < 1e-30 ? 0.0 : exact_exp2(exact_log2(x) * e); }
+float power(float x, float e) { return mix(exact_exp2(exact_log2(x) * e), 0.0, x < 1e-30); }
 
 // The short form, with 6 terms: 1.055 x^(1/2.4) - 0.055 in s = x^(1/2). Errors are in 8-bit codes.
 // fit: s in [0.0559536, 1], degree 5, error 8.3e-02, best 8.3e-02

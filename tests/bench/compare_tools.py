@@ -16,7 +16,7 @@ CUBE = 256
 HERE = pathlib.Path(__file__).parent
 
 # Row of render_bench: (label, does, does not).
-CANDELA = {
+FRAMES = {
     "bright/standard": ("Candela", "meters, exposes, five levels of bloom, ACES fit, sRGB", ""),
     "tiles/standard": ("Candela, 1 % of the tiles bright", "the same", ""),
     "dim/standard": ("Candela, nothing bright", "the same; there is no bloom to add", ""),
@@ -24,6 +24,9 @@ CANDELA = {
                      "keep the bounds of error of standard"),
     "aces-1": ("Candela, full ACES 1.x", "the same as the first, the output transform by table", ""),
 }
+# Who makes the passes: what follows in the label. The rows are named "host bright/standard".
+PASSES = {"host": "", "device": ", the device's passes"}
+CANDELA = {f"{who} {name}": (label + words, *rest) for who, words in PASSES.items() for name, (label, *rest) in FRAMES.items()}
 
 
 class Cost(NamedTuple):
@@ -77,14 +80,19 @@ class Tools:
 
     def candela(self) -> dict[str, Cost]:
         """render_bench's medians; the memcpy is the median of those beside the rows."""
-        out = self.scratch / "bench.json"
-        run(str(self.binaries / "render_bench"), f"--benchmark_filter=^{WIDTH}x{HEIGHT}/({'|'.join(CANDELA)})/",
-            f"--benchmark_out={out}", "--benchmark_out_format=json", VK_ICD_FILENAMES=lavapipe())
-        measured = json.loads(out.read_text())
-        self.device = measured["context"]["device"]
-        rows = {re.sub(r"^\d+x\d+/|/min_time.*", "", row["name"]): row for row in measured["benchmarks"]}
-        copy = statistics.median(row["memcpy"] for row in rows.values())
-        return {"memcpy": Cost(copy, copy), **{name: Cost(rows[name]["call"], rows[name]["cpu"]) for name in CANDELA}}
+        costs: dict[str, Cost] = {}
+        copies: list[float] = []
+        for who in PASSES:
+            out = self.scratch / f"bench-{who}.json"
+            run(str(self.binaries / "render_bench"), who, f"--benchmark_filter=^{WIDTH}x{HEIGHT}/({'|'.join(FRAMES)})/",
+                f"--benchmark_out={out}", "--benchmark_out_format=json", VK_ICD_FILENAMES=lavapipe())
+            measured = json.loads(out.read_text())
+            self.device = measured["context"]["device"]
+            rows = {re.sub(r"^\d+x\d+/|/min_time.*", "", row["name"]): row for row in measured["benchmarks"]}
+            copies += [row["memcpy"] for row in rows.values()]
+            costs |= {f"{who} {name}": Cost(rows[name]["call"], rows[name]["cpu"]) for name in FRAMES}
+        copy = statistics.median(copies)
+        return {"memcpy": Cost(copy, copy), **costs}
 
     def ffmpeg(self, once: str, filters: str, frames: int, *options: str, **environment: str) -> Cost:
         """The time of one frame, from two runs that differ by `frames` frames. Both read the file and do `once` one time."""

@@ -33,7 +33,7 @@ def count(program: str) -> tuple[str, dict[str, int]]:
         for dump in dumps:
             text = dump.read_text()
             # Dumps of the uncounted time come first and hold nothing.
-            name = re.search(r"^desc: Trigger: Client Request: (\S+)$", text, re.M)
+            name = re.search(r"^desc: Trigger: Client Request: (.+)$", text, re.M)
             total = re.search(r"^totals: (\d+)$", text, re.M)
             if name and total and int(total[1]) > 0:
                 counts[name[1]] = counts.get(name[1], 0) + int(total[1])

@@ -2,6 +2,7 @@
 //
 //   build/release/bin/render_bench            every size and scene
 //   build/release/bin/render_bench --benchmark_filter=1920x1080
+//   build/release/bin/render_bench device     the device's passes even where the host would make them
 //
 // Columns: medians in ms; `x_memcpy` is device time over the memcpy of the wire frame, `call` is the
 // time that a program waits for copying the frame's pixels and for render(), and `cpu` is its processor time.
@@ -88,13 +89,20 @@ void run(benchmark::State& state, Renderer& renderer, const testing::WireFrame& 
 
 int main_(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
-  const absl::StatusOr<Workbench> bench = open_workbench();
+  const absl::StatusOr<Passes> passes = parse_passes(argc > 1 ? argv[1] : "auto");
+  if (!passes.ok()) {
+    std::fprintf(stderr, "render_bench: %s is no word for the passes: %s\n", argv[1],
+                 passes.status().ToString().c_str());
+    return 2;
+  }
+  const absl::StatusOr<Workbench> bench = open_workbench(*passes);
   if (!bench.ok()) {
     std::fprintf(stderr, "render_bench: %s\n", bench.status().ToString().c_str());
     return 1;
   }
   const DeviceSummary& summary = bench->device->summary();
   benchmark::AddCustomContext("device", summary.name + " (" + summary.driver + ")");
+  benchmark::AddCustomContext("passes", bench->renderer->passes_words());
 
   constexpr std::pair<uint32_t, uint32_t> kSizes[] = {{1280, 720}, {1920, 1080}, {3840, 2160}};
   constexpr std::pair<uint32_t, uint32_t> kMoreSizes[] = {{640, 400},   {1366, 768},  {1919, 1081},

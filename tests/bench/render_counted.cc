@@ -2,19 +2,26 @@
 // tests/bench/instructions.py runs it under callgrind. Prints the device in one line.
 //
 // Everything is rendered twice and counted the second time, so that the driver's compiler is not counted.
-// Every pass is submitted separately, and its count is dumped as "KIND/PASS", once for each of its levels.
+// Every pass is run separately, and its count is dumped as "KIND/PASS", once for each of its levels. If this
+// machine's processor has the passes, too, theirs follow as "host KIND/PASS". valgrind knows no AVX-512, so
+// they are counted with AVX2.
 #include <valgrind/callgrind.h>
 
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/render/device/frame_textures.h"
 #include "server/render/device/passes.h"
 #include "server/render/device/table_cache.h"
 #include "server/render/environment/environment_baker.h"
+#include "server/render/host/host_executor.h"
+#include "server/render/host/run_bloom.h"
+#include "server/render/host/run_resolve.h"
 #include "server/render/settings/tiers.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
@@ -27,11 +34,86 @@ namespace {
 constexpr uint32_t kWidth = 640;
 constexpr uint32_t kHeight = 360;
 
-struct Passes {
-  PipelineCache pipelines;
-  Recorder recorder;
-  TableCache tables;
+// Runs one pass after another.
+class Runner {
+ public:
+  virtual ~Runner() = default;
+  virtual absl::Status use_table(const std::shared_ptr<const ColorTable>& table) = 0;
+  virtual absl::Status bloom(const BloomStep& step, const FrameTextures& textures) = 0;
+  virtual absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) = 0;
 };
+
+// With one submission for each.
+class DeviceRunner final : public Runner {
+ public:
+  DeviceRunner(Device& device, PipelineCache pipelines, Recorder recorder)
+      : pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), tables_(device) {}
+
+  absl::Status use_table(const std::shared_ptr<const ColorTable>& table) override {
+    table_ = nullptr;
+    if (!table) return absl::OkStatus();
+    const absl::StatusOr<const Buffer*> points = tables_.get(table, recorder_);
+    if (points.ok()) table_ = *points;
+    return points.status();
+  }
+  absl::Status bloom(const BloomStep& step, const FrameTextures& textures) override {
+    return submit([&] { return record_bloom(step, textures, pipelines_, recorder_); });
+  }
+  absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) override {
+    return submit([&] { return record_resolve(step, table_, textures, pipelines_, recorder_); });
+  }
+
+ private:
+  absl::Status submit(const std::function<absl::Status()>& record) {
+    if (absl::Status status = recorder_.begin(); !status.ok()) return status;
+    if (absl::Status status = record(); !status.ok()) return status;
+    recorder_.barrier_to_host();
+    return recorder_.submit_and_wait();
+  }
+
+  PipelineCache pipelines_;
+  Recorder recorder_;
+  TableCache tables_;
+  const Buffer* table_ = nullptr;
+};
+
+class HostRunner final : public Runner {
+ public:
+  absl::Status use_table(const std::shared_ptr<const ColorTable>& table) override {
+    points_.resize(table ? point_count(*table) : 0);
+    if (table) write_points(*table, reinterpret_cast<std::byte*>(points_.data()));
+    return absl::OkStatus();
+  }
+  absl::Status bloom(const BloomStep& step, const FrameTextures& textures) override {
+    host::run_bloom(step, textures, crew_);
+    return absl::OkStatus();
+  }
+  absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) override {
+    host::run_resolve(step, points_.empty() ? nullptr : &points_, textures, crew_);
+    return absl::OkStatus();
+  }
+
+ private:
+  Crew crew_{1};
+  host::TablePoints points_;
+};
+
+absl::StatusOr<std::unique_ptr<Runner>> runner_of(const Workbench& bench) {
+  if (bench.renderer->passes() == Passes::kHost) return std::make_unique<HostRunner>();
+  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(*bench.device);
+  if (!pipelines.ok()) return pipelines.status();
+  absl::StatusOr<Recorder> recorder = Recorder::create(*bench.device);
+  if (!recorder.ok()) return recorder.status();
+  return std::make_unique<DeviceRunner>(*bench.device, *std::move(pipelines), *std::move(recorder));
+}
+
+void instrument(bool on) {
+  if (on) {
+    CALLGRIND_START_INSTRUMENTATION;
+  } else {
+    CALLGRIND_STOP_INSTRUMENTATION;
+  }
+}
 
 // `name` is "KIND/PASS". If nothing is counted, only calls `run`.
 absl::Status counted(const std::string& name, const std::function<absl::Status()>& run) {
@@ -41,8 +123,8 @@ absl::Status counted(const std::string& name, const std::function<absl::Status()
   return status;
 }
 
-// Renders a frame as Renderer does, but with one submission for each step.
-absl::Status render(const Workbench& bench, Passes& passes, const testing::WireFrame& frame,
+// Renders a frame as Renderer does, but step by step.
+absl::Status render(const Workbench& bench, Runner& runner, const testing::WireFrame& frame,
                     const std::string& kind, const Settings& settings) {
   absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
   if (!memory.ok()) return memory.status();
@@ -55,25 +137,12 @@ absl::Status render(const Workbench& bench, Passes& passes, const testing::WireF
   if (!colors.ok()) return colors.status();
   const FrameTextures& textures = memory->textures();
   const Plan plan = plan_frame(textures.layout, *metered, settings, {.table = *colors});
-  absl::StatusOr<const Buffer*> table = nullptr;
-  if (plan.table) table = passes.tables.get(plan.table, passes.recorder);
-  if (!table.ok()) return table.status();
-  const auto submit = [&](Pass pass, const std::function<absl::Status()>& record) {
-    return counted(kind + "/" + name(pass), [&] {
-      if (absl::Status status = passes.recorder.begin(); !status.ok()) return status;
-      if (absl::Status status = record(); !status.ok()) return status;
-      passes.recorder.barrier_to_host();
-      return passes.recorder.submit_and_wait();
-    });
-  };
+  if (absl::Status status = runner.use_table(plan.table); !status.ok()) return status;
   for (const BloomStep& step : plan.bloom_steps) {
-    absl::Status status =
-        submit(step.pass, [&] { return record_bloom(step, textures, passes.pipelines, passes.recorder); });
+    absl::Status status = counted(kind + "/" + name(step.pass), [&] { return runner.bloom(step, textures); });
     if (!status.ok()) return status;
   }
-  return submit(Pass::kResolve, [&] {
-    return record_resolve(plan.resolve, *table, textures, passes.pipelines, passes.recorder);
-  });
+  return counted(kind + "/" + name(Pass::kResolve), [&] { return runner.resolve(plan.resolve, textures); });
 }
 
 // A panorama with what its views read.
@@ -96,7 +165,10 @@ absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker) {
 }
 
 // Level 0 of the sky, the sky between levels, and spheres.
-absl::Status render_views(const Workbench& bench, EnvironmentBaker& baker, Environment& environment) {
+absl::Status render_views(const Workbench& bench) {
+  EnvironmentBaker& baker = bench.renderer->baker();
+  absl::StatusOr<Environment> environment = make_environment(baker);
+  if (!environment.ok()) return environment.status();
   absl::StatusOr<FrameMemory> memory =
       bench.renderer->allocate({kWidth, kHeight, v1::PIXEL_FORMAT_RGBA16F}, testing::checked(v1::Settings()));
   if (!memory.ok()) return memory.status();
@@ -106,23 +178,20 @@ absl::Status render_views(const Workbench& bench, EnvironmentBaker& baker, Envir
   wide.camera.fov_deg = 150;
   View lookdev = sky;
   lookdev.objects = lookdev_objects();
-  for (const auto& [name, view] : {std::pair("sky", &sky), {"wide", &wide}, {"lookdev", &lookdev}}) {
-    const auto draw = [&, view = view] { return baker.render_view(environment, *view, *memory); };
-    if (absl::Status status = counted(std::string(name) + "/view", draw); !status.ok()) return status;
+  for (const bool count : {false, true}) {
+    instrument(count);
+    for (const auto& [name, view] : {std::pair("sky", &sky), {"wide", &wide}, {"lookdev", &lookdev}}) {
+      const auto draw = [&, view = view] { return baker.render_view(*environment, *view, *memory); };
+      if (absl::Status status = counted(std::string(name) + "/view", draw); !status.ok()) return status;
+    }
   }
   return absl::OkStatus();
 }
 
-absl::Status render_all() {
-  const absl::StatusOr<Workbench> bench = open_workbench();
-  if (!bench.ok()) return bench.status();
-  const DeviceSummary& summary = bench->device->summary();
-  std::printf("%s (%s)\n", summary.name.c_str(), summary.driver.c_str());
-  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(*bench->device);
-  if (!pipelines.ok()) return pipelines.status();
-  absl::StatusOr<Recorder> recorder = Recorder::create(*bench->device);
-  if (!recorder.ok()) return recorder.status();
-  Passes passes{*std::move(pipelines), *std::move(recorder), TableCache(*bench->device)};
+// Renders every kind of frame. `who` goes before its name.
+absl::Status render_all(const Workbench& bench, const std::string& who) {
+  const absl::StatusOr<std::unique_ptr<Runner>> runner = runner_of(bench);
+  if (!runner.ok()) return runner.status();
   constexpr v1::PixelFormat kFormat = v1::PIXEL_FORMAT_RGBA16F;
   const auto scene = testing::ordinary(scenes::natural(kWidth, kHeight));
   const testing::WireFrame frame = testing::make_frame(kWidth, kHeight, kFormat, scene);
@@ -135,37 +204,45 @@ absl::Status render_all() {
       {"dim", [](v1::Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},
       {"draft", [](v1::Settings& s) { s.set_tier("draft"); }}};
   kinds.insert(kinds.end(), variants().begin(), variants().end());
-  const absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker =
-      EnvironmentBaker::create(*bench->device, *bench->pool);
-  if (!baker.ok()) return baker.status();
-  absl::StatusOr<Environment> environment = make_environment(**baker);
-  if (!environment.ok()) return environment.status();
   for (const bool count : {false, true}) {
-    if (count) CALLGRIND_START_INSTRUMENTATION;
+    instrument(count);
     for (const Variant& kind : kinds) {
       v1::Settings settings;
       kind.change(settings);
-      if (absl::Status status = render(*bench, passes, frame, kind.name, testing::checked(settings));
+      if (absl::Status status = render(bench, **runner, frame, who + kind.name, testing::checked(settings));
           !status.ok())
         return status;
     }
     v1::Settings straight;
     straight.set_alpha(v1::ALPHA_STRAIGHT);
-    if (absl::Status status = render(*bench, passes, with_alpha, "straight", testing::checked(straight));
+    if (absl::Status status =
+            render(bench, **runner, with_alpha, who + "straight", testing::checked(straight));
         !status.ok())
       return status;
     v1::Settings settings;
     settings.mutable_bloom()->set_threshold(kLightsOnly);
-    if (absl::Status status = render(*bench, passes, tiles, "tiles", testing::checked(settings));
+    if (absl::Status status = render(bench, **runner, tiles, who + "tiles", testing::checked(settings));
         !status.ok())
       return status;
-    if (absl::Status status = render_views(*bench, **baker, *environment); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
+absl::Status render_both() {
+  const absl::StatusOr<Workbench> device = open_workbench(Passes::kDevice);
+  if (!device.ok()) return device.status();
+  const DeviceSummary& summary = device->device->summary();
+  std::printf("%s (%s)\n", summary.name.c_str(), summary.driver.c_str());
+  if (absl::Status status = render_all(*device, ""); !status.ok()) return status;
+  if (absl::Status status = render_views(*device); !status.ok()) return status;
+  if (!HostExecutor::unavailable(summary).empty()) return absl::OkStatus();
+  const absl::StatusOr<Workbench> host = open_workbench(Passes::kHost, /*threads=*/1);
+  if (!host.ok()) return host.status();
+  return render_all(*host, "host ");
+}
+
 int main_() {
-  const absl::Status status = render_all();
+  const absl::Status status = render_both();
   if (!status.ok()) std::fprintf(stderr, "render_counted: %s\n", status.ToString().c_str());
   return status.ok() ? 0 : 1;
 }

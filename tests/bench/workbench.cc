@@ -30,14 +30,15 @@ constexpr Variant kVariants[] = {
 
 }  // namespace
 
-absl::StatusOr<Workbench> open_workbench() {
+absl::StatusOr<Workbench> open_workbench(Passes passes, uint32_t threads) {
   prepare_driver_environment();
   absl::StatusOr<std::unique_ptr<Device>> device = Device::create({});
   if (!device.ok()) return device.status();
   Workbench bench;
   bench.device = *std::move(device);
   bench.pool = std::make_unique<TexturePool>(*bench.device, uint64_t{4} << 30);
-  absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::create(*bench.device, *bench.pool);
+  absl::StatusOr<std::unique_ptr<Renderer>> renderer =
+      Renderer::create(*bench.device, *bench.pool, passes, threads);
   if (!renderer.ok()) return renderer.status();
   bench.renderer = *std::move(renderer);
   return bench;

@@ -3,9 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
-#include "server/render/device/frame_textures.h"
+#include "server/render/host/level_view.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
@@ -30,11 +29,10 @@ class Stages : public DeviceTest {
     ASSERT_EQ(size.height, truth.height) << what;
     double maximum = 0.0;
     for (const reference::Rgb& c : truth.texels) maximum = std::max({maximum, c[0], c[1], c[2]});
-    const std::byte* texels = memory.textures().levels[level].buffer().mapped();
+    const LevelView drawn(memory.textures(), size, memory.textures().levels[level].buffer());
     double worst = 0.0;
     for (size_t i = 0; i < truth.texels.size(); ++i) {
-      std::array<float, 4> texel;
-      std::memcpy(texel.data(), texels + i * sizeof texel, sizeof texel);
+      const std::array<float, 3> texel = drawn.at(i % size.width, i / size.width);
       for (size_t k = 0; k < 3; ++k) worst = std::max(worst, std::abs(texel[k] - truth.texels[i][k]));
     }
     EXPECT_LE(worst, kBloomBound * maximum) << what << " level " << level << ", maximum " << maximum;
@@ -92,13 +90,10 @@ TEST_F(Stages, BloomOfOneBrightTexelSumsToTheStatedGain) {
     *settings.mutable_bloom() = bloom(v1::Bloom::KIND_MIP, 1, 1, 0, levels, true);
     auto rendered = render(frame, settings);
     ASSERT_TRUE(rendered.ok()) << rendered.status();
-    const std::byte* texels = rendered->memory.textures().levels[0].buffer().mapped();
+    const FrameTextures& textures = rendered->memory.textures();
+    const LevelView level(textures, textures.layout.level_sizes[0], textures.levels[0].buffer());
     double sum = 0.0;
-    for (size_t i = 0; i < 256 * 256; ++i) {
-      float v;
-      std::memcpy(&v, texels + i * 16, sizeof v);
-      sum += v;
-    }
+    for (size_t i = 0; i < 256 * 256; ++i) sum += level.at(i % 256, i / 256)[0];
     EXPECT_NEAR(sum / (999.0 * levels), 1.0, 1e-5) << levels << " levels";
   }
 }

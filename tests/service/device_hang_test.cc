@@ -24,6 +24,7 @@ bool says(const absl::Status& status, const char* word) {
 TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTheDevice) {
   std::atomic<int> gone = 0;
   Config config = test_config();
+  config.passes = Passes::kDevice;  // only the device hangs
   config.hang_limit = kHangLimit;
   config.idle_timeout = absl::Minutes(1);
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&gone] { ++gone; });
@@ -60,9 +61,9 @@ TEST(DeviceHang, SessionsGoOnElsewhereWithTheSameBitsAndTheDaemonDrainsAndEndsWi
   ASSERT_EQ(chmod(keys.c_str(), S_IRUSR), 0);
   constexpr absl::Duration kDrain = absl::Seconds(30);
   Daemon hanging({"--listen", "127.0.0.1:0", "--resume-keys", keys, "--pre-drain", "10m", "--drain-timeout",
-                  absl::FormatDuration(kDrain)},
+                  absl::FormatDuration(kDrain), "--passes", "device"},
                  HANGING_CANDELAD);
-  Daemon good({"--listen", "127.0.0.1:0", "--resume-keys", keys});
+  Daemon good({"--listen", "127.0.0.1:0", "--resume-keys", keys, "--passes", "device"});
   const std::string first = hanging.wait_until_listening(), second = good.wait_until_listening();
   ASSERT_TRUE(first != "" && second != "") << hanging.errors() << good.errors();
   const Film film = make_film(24, 320, 180);

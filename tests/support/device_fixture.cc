@@ -1,6 +1,9 @@
 #include "tests/support/device_fixture.h"
 
+#include <cstdlib>
 #include <cstring>
+#include <map>
+#include <utility>
 
 #include "tests/support/driver.h"
 
@@ -12,12 +15,18 @@ struct Shared {
   std::unique_ptr<Device> device;
   std::unique_ptr<TexturePool> pool;
   std::unique_ptr<Renderer> renderer;
+  std::map<std::pair<Passes, uint32_t>, std::unique_ptr<Renderer>> others;
 };
 
 // Destroyed at exit, after the last test.
 Shared& shared() {
   static Shared instance;
   return instance;
+}
+
+Passes passes_of_environment() {
+  const char* word = std::getenv("CANDELA_TEST_PASSES");
+  return word == nullptr ? Passes::kAuto : parse_passes(word).value();
 }
 
 }  // namespace
@@ -29,7 +38,7 @@ void DeviceTest::SetUpTestSuite() {
   ASSERT_TRUE(device.ok()) << device.status();
   shared().device = *std::move(device);
   shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30);
-  auto renderer = Renderer::create(*shared().device, *shared().pool);
+  auto renderer = Renderer::create(*shared().device, *shared().pool, passes_of_environment());
   ASSERT_TRUE(renderer.ok()) << renderer.status();
   shared().renderer = *std::move(renderer);
 }
@@ -43,6 +52,12 @@ void DeviceTest::TearDown() {
 Device& DeviceTest::device() { return *shared().device; }
 TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
+
+Renderer& DeviceTest::renderer_with(Passes passes, uint32_t threads) {
+  std::unique_ptr<Renderer>& other = shared().others[{passes, threads}];
+  if (!other) other = Renderer::create(device(), pool(), passes, threads).value();
+  return *other;
+}
 
 absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, const v1::Settings& settings,
                                                         const FrameMoment& moment, Verify verify) {

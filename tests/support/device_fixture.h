@@ -10,7 +10,8 @@
 
 namespace candela::testing {
 
-// The device, pool and renderer are made once.
+// The device, pool and renderers are made once. If CANDELA_TEST_PASSES is device or host, that one makes the
+// passes; otherwise the renderer chooses.
 class DeviceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite();
@@ -20,6 +21,8 @@ class DeviceTest : public ::testing::Test {
   static Device& device();
   static TexturePool& pool();
   static Renderer& renderer();
+  // On the same device. Made when it is first asked for; 0 threads: as many as CPUs.
+  static Renderer& renderer_with(Passes passes, uint32_t threads = 0);
 
   struct Rendered {
     FrameMemory memory;

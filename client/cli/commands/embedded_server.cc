@@ -14,8 +14,14 @@ void EmbeddedServer::prepare() { prepare_driver_environment(); }
 std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
 
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device,
+                                                                      const std::string& passes,
                                                                       bool measures_tiers) {
   Config config;
+  if (!passes.empty()) {
+    const absl::StatusOr<Passes> who = parse_passes(passes);
+    if (!who.ok()) return who.status();
+    config.passes = *who;
+  }
   config.device = device;
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   config.cache_dir = default_cache_dir();

@@ -24,8 +24,10 @@ class EmbeddedServer {
   // The environment variables that candelad reads.
   static std::vector<std::string> daemon_variables();
 
-  // Takes hundreds of milliseconds. `device` means the same as candelad's --device.
+  // Takes hundreds of milliseconds. `device` and `passes` mean the same as candelad's options; empty: the
+  // defaults.
   static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const std::string& device,
+                                                               const std::string& passes,
                                                                bool measures_tiers = false);
   ~EmbeddedServer();
 

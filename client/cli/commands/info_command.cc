@@ -65,6 +65,7 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   line("device", absl::StrFormat("%s (%s%s)", device.name(), device.type(),
                                  device.unified_memory() ? ", unified memory" : ""));
   line("driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version()));
+  if (!device.passes().empty()) line("passes", absl::StrCat("on the ", device.passes()));
   line("takes", absl::StrJoin(words.formats, ", "));
   line("gives", absl::StrJoin(words.output_formats, ", "));
   line("curves", absl::StrJoin(words.curves, ", "));
@@ -138,7 +139,8 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
         {"type", info.device().type()},
         {"driver", info.device().driver()},
         {"api_version", info.device().api_version()},
-        {"unified_memory", info.device().unified_memory()}}},
+        {"unified_memory", info.device().unified_memory()},
+        {"passes", info.device().passes()}}},
       {"formats", words.formats},
       {"output_formats", words.output_formats},
       {"curves", words.curves},

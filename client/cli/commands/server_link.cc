@@ -41,7 +41,7 @@ ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tie
   EmbeddedServer::prepare();
   starting_ = std::async(std::launch::async, [this, measures_tiers]() -> Started {
     const absl::Time begin = absl::Now();
-    Started server = EmbeddedServer::start(choice_.device, measures_tiers);
+    Started server = EmbeddedServer::start(choice_.device, choice_.passes, measures_tiers);
     start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
     return server;
   });

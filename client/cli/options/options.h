@@ -28,6 +28,7 @@ struct ServerChoice {
   // The time to look for a server that takes the work, or that resumes it after a loss.
   absl::Duration resume_limit = absl::Seconds(30);
   std::string device;  // of the built-in server: a part of its name, or its index; empty: the best one
+  std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
 // The settings of frames and the format of images.

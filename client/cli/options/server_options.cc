@@ -49,6 +49,17 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
            "(default: the "
            "best one)",
            choice.device);
+  add_text(
+      app, kServer, "--passes", "WHO",
+      "Who makes the passes in the built-in server: device, host (this machine's processors) or auto "
+      "(default: auto, the host where it can in place of a device of the type CPU)",
+      [&choice](const std::string& text) {
+        if (text != "auto" && text != "device" && text != "host") {
+          return usage_error(absl::StrFormat("--passes is \"%s\"; it must be auto, device or host", text));
+        }
+        choice.passes = text;
+        return absl::OkStatus();
+      });
 }
 
 }  // namespace
@@ -110,8 +121,13 @@ absl::Status finish_server_options(ServerChoice& choice, bool takes_several) {
     return usage_error(
         "--device chooses the built-in server's device and has no effect with --server; give one of them");
   }
+  if (!choice.address.empty() && !choice.passes.empty()) {
+    return usage_error(
+        "--passes is an option of the built-in server and has no effect with --server; give one of them");
+  }
   const char* variable = std::getenv(v1::kServerVariable);
-  if (!choice.source.empty() || !choice.device.empty() || variable == nullptr || *variable == '\0') {
+  if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||
+      *variable == '\0') {
     return absl::OkStatus();
   }
   absl::Status status = set_servers(v1::kServerVariable, variable, choice);

@@ -159,6 +159,7 @@ Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice, 
           {"kind", absl::StrFormat("%s%s", device.type(),
                                    device.unified_memory() ? ", unified memory" : ", staging copies")},
           {"driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version())},
+          {"passes", device.passes()},
           {"server", choice.address.empty() ? "inside the measuring process" : choice.address},
           {"candela", info.version()}};
 }

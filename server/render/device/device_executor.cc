@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "absl/strings/str_format.h"
+#include "server/render/device/meter_frame.h"
 #include "server/render/device/passes.h"
 #include "server/render/plan/metering.h"
 
@@ -12,15 +12,6 @@ namespace {
 
 // Each takes 2 to 3 MB on the software device; clients choose the settings that they are made for.
 constexpr size_t kMaxPipelines = 64;
-
-absl::Status bad_pixel(const TileSums& sums, const FrameDesc& desc) {
-  return absl::InvalidArgumentError(
-      absl::StrFormat("the pixel at x %d, y %d is not finite (%d NaN and %d infinite components in all); "
-                      "repair the frame or use "
-                      "bad_values SCRUB",
-                      sums.first_bad_texel % desc.width, sums.first_bad_texel / desc.width,
-                      sums.stats.nan_components, sums.stats.infinite_components));
-}
 
 void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
   for (const Recorder::Timing& timing : recorder.timings()) add_time({timing.name, timing.ns}, stages);
@@ -49,27 +40,10 @@ absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestP
   if (absl::Status status = recorder_.usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
-  Metered metered;
-  IngestRead read;
-  absl::StatusOr<TileSums> sums = ingest(textures, plan, read, /*upload=*/true, &metered.stages);
-  while (sums.ok()) {
-    metered.alpha |= sums->alpha_differs;
-    if (metered.alpha && !plan.ignores_alpha && !read.alpha) {
-      read.alpha = true;
-    } else if (sums->needs_scrub && !read.scrub) {
-      read.scrub = true;
-    } else {
-      break;
-    }
-    sums = ingest(textures, plan, read, /*upload=*/false, &metered.stages);
-  }
-  if (!sums.ok()) return sums.status();
-  metered.scrubbed = read.scrub && sums->needs_scrub;
-  if (plan.rejects_bad_values && sums->first_bad_texel != UINT32_MAX) {
-    return bad_pixel(*sums, textures.layout.desc);
-  }
-  metered.stats = std::move(sums->stats);
-  return metered;
+  return meter_frame(plan, textures.layout.desc,
+                     [&](const IngestRead& read, bool again, std::vector<StageTime>* stages) {
+                       return ingest(textures, plan, read, /*upload=*/!again, stages);
+                     });
 }
 
 absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, const IngestPlan& plan,

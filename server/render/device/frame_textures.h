@@ -30,6 +30,7 @@ struct FrameTextures {
   TexturePool::Lease histogram;
   TexturePool::Lease center_weights;
   std::vector<TexturePool::Lease> levels;
+  bool planar_levels = false;  // the host has drawn them: see host/level_planes.h
   // Only on a device without unified memory.
   TexturePool::Lease upload;
   TexturePool::Lease readback;

@@ -65,6 +65,7 @@ BloomStep step_of(Pass pass, uint32_t level, const TextureLayout& layout, std::s
   step.pass = pass;
   step.level = level;
   step.group_rows = height;
+  step.group_columns = width;
   step.clear_first = !work.whole() && !in_place;
   step.groups = std::move(work.groups);
   return step;

@@ -64,8 +64,9 @@ struct BloomStep {
                ShaderInputs<shader::BloomUpConstants, shader::BloomLevelParams>,
                ShaderInputs<shader::GaussianConstants, shader::GaussianParams>>
       inputs;
-  uint32_t from_level = 0;   // not for kBrightPass
-  uint32_t group_rows = 0;   // of the level that a work group writes
+  uint32_t from_level = 0;  // not for kBrightPass
+  uint32_t group_rows = 0;  // of the level that a work group writes
+  uint32_t group_columns = 0;
   std::vector<Box> groups;   // work groups to dispatch
   bool clear_first = false;  // the groups are not the whole level, and it holds nothing yet
 };

@@ -3,28 +3,28 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
+#include <optional>
 
 #include "server/base/slices.h"
+#include "server/render/host/level_view.h"
 #include "shaders/bilinear.h"
 
 namespace candela {
 
 namespace {
 
-// The device's level 0; all zero if it made none.
-struct DeviceLevel {
-  LevelSize size;
-  const std::byte* texels;
+// Level 0 as it was drawn; all zero if it was not.
+struct DrawnLevel {
+  std::optional<LevelView> texels;
   double scale;
 
   reference::Rgb at(int64_t x, int64_t y) const {
-    if (texels == nullptr) return {};
+    if (!texels) return {};
+    const LevelSize& size = texels->size();
     const auto cx = static_cast<size_t>(std::clamp<int64_t>(x, 0, int64_t{size.width} - 1));
     const auto cy = static_cast<size_t>(std::clamp<int64_t>(y, 0, int64_t{size.height} - 1));
-    std::array<float, 4> texel;
-    std::memcpy(texel.data(), texels + (cy * size.width + cx) * sizeof texel, sizeof texel);
+    const std::array<float, 3> texel = texels->at(cx, cy);
     return {scale * texel[0], scale * texel[1], scale * texel[2]};
   }
 };
@@ -34,16 +34,17 @@ struct DeviceLevel {
 double bloom_error(const ReferenceFrame& truth, const FrameTextures& textures, bool rendered) {
   const TextureLayout& layout = textures.layout;
   if (layout.level_sizes.empty()) return 0.0;
-  const DeviceLevel device = {layout.level_sizes[0], rendered ? textures.host_level().mapped() : nullptr,
-                              1.0 / layout.summed_levels};
+  const LevelSize& size = layout.level_sizes[0];
+  DrawnLevel drawn = {std::nullopt, 1.0 / layout.summed_levels};
+  if (rendered) drawn.texels.emplace(textures, size, textures.host_level());
   const reference::Level& level = truth.bloom();
-  const bool coarser = device.size.width < level.width || device.size.height < level.height;
+  const bool coarser = size.width < level.width || size.height < level.height;
   const double step = coarser ? 2.0 : 1.0;
   double largest = 0.0;
   double worst = 0.0;
   for (uint32_t y = 0; y < level.height; ++y) {
     for (uint32_t x = 0; x < level.width; ++x) {
-      const reference::Rgb is = reference::bilinear(device, (x + 0.5) / step - 0.5, (y + 0.5) / step - 0.5);
+      const reference::Rgb is = reference::bilinear(drawn, (x + 0.5) / step - 0.5, (y + 0.5) / step - 0.5);
       const reference::Rgb should = truth.bloom_light(x, y);
       for (size_t k = 0; k < 3; ++k) {
         const double error = std::abs(is[k] - should[k]);

@@ -336,6 +336,7 @@ def table(command: str) -> dict:
         rows["--quiet"] = quiet(command)
     if command in SERVERS:
         rows["--device"] = needs("--device llvmpipe", "--device no-such-device", at_home(command), "no-such-device")
+        rows["--passes"] = needs("--passes device", "--passes nobody", at_home(command), "nobody")
     if command != "sample":
         rows["--server"] = elsewhere(at_home(command))
     rows |= OTHERS.get(command, {})
@@ -370,5 +371,6 @@ OTHERS = {
     "report": {"--quick": quick_report, "--quiet": quick_report, "--megapixels": quick_report, "--images": quick_report,
                "--panoramas": quick_report,
                "--server": refuses("--server 127.0.0.1:1", "report OUT --quick {}", "127.0.0.1:1"),
-               "--device": refuses("--device no-such-device", "report OUT --quick {}", "no-such-device")},
+               "--device": refuses("--device no-such-device", "report OUT --quick {}", "no-such-device"),
+               "--passes": refuses("--passes nobody", "report OUT --quick {}", "nobody")},
 }

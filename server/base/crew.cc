@@ -1,0 +1,53 @@
+#include "server/base/crew.h"
+
+namespace candela {
+
+Crew::Crew(uint32_t threads) {
+  for (uint32_t i = 1; i < threads; ++i) threads_.emplace_back([this] { serve(); });
+}
+
+Crew::~Crew() {
+  {
+    absl::MutexLock lock(&mutex_);
+    stopping_ = true;
+  }
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void Crew::run(uint32_t units, absl::FunctionRef<void(uint32_t unit)> work) {
+  Job job = {work, units};
+  if (threads_.empty() || units <= 1) return take_units(job);
+  {
+    absl::MutexLock lock(&mutex_);
+    job_ = &job;
+  }
+  take_units(job);
+  // A thread that has not woken up yet is not waited for.
+  absl::MutexLock lock(&mutex_);
+  job_ = nullptr;
+  const auto alone = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return helping_ == 0; };
+  mutex_.Await(absl::Condition(&alone));
+}
+
+void Crew::take_units(Job& job) {
+  for (uint32_t unit = job.next++; unit < job.units; unit = job.next++) job.work(unit);
+}
+
+void Crew::serve() {
+  const auto called = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return stopping_ || job_ != nullptr; };
+  absl::MutexLock lock(&mutex_);
+  for (;;) {
+    mutex_.Await(absl::Condition(&called));
+    if (stopping_) return;
+    Job* const job = job_;
+    ++helping_;
+    mutex_.Unlock();
+    take_units(*job);
+    mutex_.Lock();
+    // All units are taken. Without this the threads would take the job again until its caller notices.
+    if (job_ == job) job_ = nullptr;
+    --helping_;
+  }
+}
+
+}  // namespace candela

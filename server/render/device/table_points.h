@@ -1,0 +1,54 @@
+// Colour tables in the form that resolve reads, and a cache of them. Internal to server/render.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "shaders/color_table.h"
+
+namespace candela {
+
+// A point beside its neighbour along the cube's diagonal; see table.glsl.
+using TablePoint = std::array<uint32_t, 4>;
+
+inline size_t point_count(const ColorTable& table) { return table.values.size() / 3; }
+
+// Writes point_count() points. Those of the upper faces have no such neighbour, and nothing reads it.
+void write_points(const ColorTable& table, std::byte* to);
+
+// Keeps what was made of the kTables tables that were used last. Each is under 15 MB and does not count
+// towards the memory budget. One thread at a time.
+template <typename Points>
+class TablesUsedLast {
+ public:
+  static constexpr size_t kTables = 4;
+
+  // Those of an equal table, or null; valid until the next call.
+  const Points* find(const std::shared_ptr<const ColorTable>& table) {
+    const auto found = std::find_if(entries_.begin(), entries_.end(), [&](const auto& entry) {
+      return entry.first == table || *entry.first == *table;
+    });
+    if (found == entries_.end()) return nullptr;
+    std::rotate(found, found + 1, entries_.end());
+    return &entries_.back().second;
+  }
+
+  // Makes room for another one; call it before that is made.
+  void make_room() {
+    if (entries_.size() == kTables) entries_.erase(entries_.begin());
+  }
+  const Points* keep(std::shared_ptr<const ColorTable> table, Points points) {
+    entries_.emplace_back(std::move(table), std::move(points));
+    return &entries_.back().second;
+  }
+
+ private:
+  std::vector<std::pair<std::shared_ptr<const ColorTable>, Points>> entries_;  // the most recently used last
+};
+
+}  // namespace candela

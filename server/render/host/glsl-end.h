@@ -1,0 +1,4 @@
+#undef float
+#undef int
+#undef uint
+#undef bool

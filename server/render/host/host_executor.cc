@@ -1,0 +1,70 @@
+#include "server/render/host/host_executor.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/render/device/frame_textures.h"
+#include "server/render/device/meter_frame.h"
+#include "server/render/host/ingest.h"
+#include "server/render/host/run_bloom.h"
+#include "server/render/host/supported.h"
+
+namespace candela {
+
+std::string HostExecutor::unavailable(const DeviceSummary& device) {
+  if (device.type != "CPU") return absl::StrCat(device.name, " is not a CPU but a ", device.type);
+  if (!device.unified_memory) return absl::StrCat("the memory of ", device.name, " is not the host's");
+  if (host::instruction_set() == nullptr) return "this processor has no vectors with fused multiply-add";
+  return "";
+}
+
+absl::Status HostExecutor::usable() const {
+  if (!device_.lost()) return absl::OkStatus();
+  return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
+}
+
+absl::StatusOr<Metered> HostExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+  if (absl::Status status = usable(); !status.ok()) return status;
+  const FrameTextures& textures = memory.textures();
+  return meter_frame(
+      plan, textures.layout.desc,
+      [&](const IngestRead& read, bool, std::vector<StageTime>* stages) -> absl::StatusOr<TileSums> {
+        const HostStage stage(name(Pass::kIngest), stages);
+        const host::IngestWork work = host::ingest_work(plan, read, textures);
+        crew_.run(textures.layout.tiles_y, [&](uint32_t row) { host::ingest_tiles(work, row); });
+        return sum_tiles(textures, plan, read);
+      });
+}
+
+absl::StatusOr<Drawn> HostExecutor::draw(FrameMemory& memory, const Plan& plan,
+                                         std::vector<StageTime>* stages) {
+  if (absl::Status status = usable(); !status.ok()) return status;
+  FrameTextures& textures = memory.textures();
+  textures.planar_levels = true;
+  for (const BloomStep& step : plan.bloom_steps) {
+    const HostStage stage(name(step.pass), stages);
+    host::run_bloom(step, textures, crew_);
+  }
+  const host::TablePoints* points = points_of(plan);
+  Drawn drawn;
+  {
+    const HostStage stage(name(Pass::kResolve), stages);
+    drawn = host::run_resolve(plan.resolve, points, textures, crew_);
+  }
+  if (textures.exact) {
+    const HostStage stage("verify", stages);
+    host::run_exact(plan.resolve, points, textures, crew_);
+  }
+  return drawn;
+}
+
+const host::TablePoints* HostExecutor::points_of(const Plan& plan) {
+  if (!plan.table) return nullptr;
+  if (const host::TablePoints* found = tables_.find(plan.table)) return found;
+  tables_.make_room();
+  host::TablePoints points(point_count(*plan.table));
+  write_points(*plan.table, reinterpret_cast<std::byte*>(points.data()));
+  return tables_.keep(plan.table, std::move(points));
+}
+
+}  // namespace candela

@@ -1,0 +1,41 @@
+// Renders plans on the host's processors, in the textures that the device maps.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/base/crew.h"
+#include "server/render/device/executor.h"
+#include "server/render/device/table_points.h"
+#include "server/render/host/run_resolve.h"
+#include "server/vulkan/device.h"
+
+namespace candela {
+
+// The same image, whatever the number of threads.
+class HostExecutor final : public Executor {
+ public:
+  // Why the host cannot make the passes of a device; empty if it can.
+  static std::string unavailable(const DeviceSummary& device);
+
+  // Renders with `threads` threads, one of them the caller's. The device, which only holds the textures,
+  // outlives the executor.
+  HostExecutor(const Device& device, uint32_t threads) : device_(device), crew_(threads) {}
+
+  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
+
+ private:
+  // UNAVAILABLE if the device is lost: its memory may be, too.
+  absl::Status usable() const;
+  // Those of the plan's table; null if it has none.
+  const host::TablePoints* points_of(const Plan& plan);
+
+  const Device& device_;
+  Crew crew_;
+  TablesUsedLast<host::TablePoints> tables_;
+};
+
+}  // namespace candela

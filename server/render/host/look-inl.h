@@ -1,0 +1,136 @@
+// Stages of resolve that are the shaders' own text: tone curves, transfers, straight alpha and dither.
+#if defined(CANDELA_HOST_LOOK_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef CANDELA_HOST_LOOK_INL_H
+#undef CANDELA_HOST_LOOK_INL_H
+#else
+#define CANDELA_HOST_LOOK_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include "server/render/host/chunk-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace candela::host::HWY_NAMESPACE {
+
+// The shared files stand between two files of macros.
+// clang-format off
+namespace shared {
+using namespace glsl;    // NOLINT: GLSL has no namespaces
+using namespace shader;  // NOLINT
+
+template <uint32_t CURVE, uint32_t TRANSFER, uint32_t TRANSFER_TERMS>
+struct Look {
+  const ResolveParams& p;
+  const utextureBuffer table_points;
+#include "server/render/host/glsl-begin.h"
+#include "shaders/glsl/transfer.glsl"
+#include "shaders/glsl/table.glsl"
+#include "shaders/glsl/curves.glsl"
+#include "server/render/host/glsl-end.h"
+};
+
+struct Straight {
+#include "server/render/host/glsl-begin.h"
+#include "shaders/glsl/straight.glsl"
+#include "server/render/host/glsl-end.h"
+};
+
+struct Dither {
+#include "server/render/host/glsl-begin.h"
+#include "shaders/glsl/dither.glsl"
+#include "server/render/host/glsl-end.h"
+};
+}  // namespace shared
+// clang-format on
+
+// Everything that a stage calls is inlined into its loop.
+#define CANDELA_STAGE HWY_NOINLINE HWY_FLATTEN
+
+template <uint32_t kCurve>
+CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
+  const ResolveJob& job = part.job;
+  shared::Look<kCurve, shader::TRANSFER_LINEAR, 8> look{job.params, {job.table, job.table_points}};
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    const vec3 light = at_least(look.curve_light(chunk.rgb(i)), 0.0);
+    chunk.set_rgb(i, look.curve(light, job.params.curve_white));
+  }
+}
+
+template <uint32_t kTransfer, uint32_t kTerms>
+CANDELA_STAGE void show_transfer(const RowPart& part, Chunk& chunk) {
+  shared::Look<shader::CURVE_LINEAR, kTransfer, kTerms> look{part.job.params, {}};
+  for (uint32_t i = 0; i < part.count; i += kLanes) chunk.set_rgb(i, look.encode(chunk.rgb(i)));
+}
+
+inline Stage curve_stage(uint32_t curve) {
+  switch (curve) {
+    case shader::CURVE_REINHARD:
+      return show_curve<shader::CURVE_REINHARD>;
+    case shader::CURVE_ACES_NARKOWICZ:
+      return show_curve<shader::CURVE_ACES_NARKOWICZ>;
+    case shader::CURVE_ACES_HILL:
+      return show_curve<shader::CURVE_ACES_HILL>;
+    case shader::CURVE_REINHARD_EXTENDED:
+      return show_curve<shader::CURVE_REINHARD_EXTENDED>;
+    case shader::CURVE_HABLE:
+      return show_curve<shader::CURVE_HABLE>;
+    case shader::CURVE_AGX:
+      return show_curve<shader::CURVE_AGX>;
+    case shader::CURVE_PBR_NEUTRAL:
+      return show_curve<shader::CURVE_PBR_NEUTRAL>;
+    case shader::CURVE_ACES_1:
+    case shader::CURVE_TABLE:
+      return show_curve<shader::CURVE_TABLE>;
+    case shader::CURVE_TABLE_REC709:
+      return show_curve<shader::CURVE_TABLE_REC709>;
+    case shader::CURVE_TABLE_AP1:
+      return show_curve<shader::CURVE_TABLE_AP1>;
+    default:
+      return show_curve<shader::CURVE_LINEAR>;
+  }
+}
+
+inline void no_stage(const RowPart&, Chunk&) {}
+
+inline Stage transfer_stage(uint32_t transfer, uint32_t terms) {
+  if (transfer == shader::TRANSFER_GAMMA22) return show_transfer<shader::TRANSFER_GAMMA22, 8>;
+  if (transfer != shader::TRANSFER_SRGB) return no_stage;
+  return terms == 6 ? show_transfer<shader::TRANSFER_SRGB, 6> : show_transfer<shader::TRANSFER_SRGB, 8>;
+}
+
+// Splits exposed light: `chunk` keeps the object's, divided by alpha, and `own` takes the rest.
+CANDELA_STAGE inline void split_straight(const RowPart& part, Chunk& chunk, Chunk& own) {
+  shared::Straight straight;
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    const auto light = straight.straight_light(chunk.rgb(i), chunk.alpha(i));
+    chunk.set_rgb(i, light.object);
+    own.set_rgb(i, light.own);
+  }
+}
+
+// Joins both, as they are shown, to pixels with straight alpha. `black` is how no light is shown.
+CANDELA_STAGE inline void join_straight(const RowPart& part, Chunk& chunk, const Chunk& own,
+                                        const Chunk& own_shown, const Chunk& black) {
+  shared::Straight straight;
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    const auto pixel = straight.straight_pixel({vec3(0.0), own.rgb(i)}, chunk.rgb(i), own_shown.rgb(i),
+                                               black.rgb(0), chunk.alpha(i));
+    chunk.set_rgb(i, pixel.colour);
+    chunk.set_alpha(i, pixel.alpha);
+  }
+}
+
+// Adds the noise to values in codes, which stay from 0 to `codes`.
+HWY_INLINE vec3 dithered(const RowPart& part, uint32_t i, const vec3& values, F codes) {
+  shared::Dither dither;
+  const U x = U(hn::LoadU(kUints, kPixelOfLane.data())) + U(part.x + i);
+  const vec3 noise = dither.dither_noise(x, part.y, part.job.params.dither_frame);
+  return {min(max(values.r + noise.r, 0.0), codes), min(max(values.g + noise.g, 0.0), codes),
+          min(max(values.b + noise.b, 0.0), codes)};
+}
+
+}  // namespace candela::host::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,95 @@
+// Stages of resolve up to exposed light: the scene's pixels, bloom, exposure, and what of it is counted.
+#if defined(CANDELA_HOST_SCENE_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef CANDELA_HOST_SCENE_INL_H
+#undef CANDELA_HOST_SCENE_INL_H
+#else
+#define CANDELA_HOST_SCENE_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include "server/render/host/light_row-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace candela::host::HWY_NAMESPACE {
+
+// Scene pixels from those of the wire. kExact: they need neither scrub nor matrix, and are halves already.
+template <uint32_t kPixels, bool kExact>
+HWY_NOINLINE void load_scene(const RowPart& part, Chunk& chunk) {
+  constexpr size_t kBytes = texel_bytes(kPixels);
+  const shader::ResolveConstants& constants = part.job.constants;
+  const Input input = {part.job.params.frame, kPixels, constants.matrix != 0, constants.scrub != 0};
+  const bool wide = constants.wide != 0;
+  const size_t first = size_t{part.y} * input.frame.input_pitch + part.x;
+  const std::byte* const wire = part.job.wire + first * kBytes;
+  const auto load = [&](uint32_t i, const std::byte* from) HWY_ATTR {
+    Pixels c = load_pixels<kPixels>(from);
+    if constexpr (!kExact) c = wide ? ingest_wide(input, c) : ingest(input, c);
+    chunk.set_rgb(i, {c.r, c.g, c.b});
+    chunk.set_alpha(i, c.a);
+  };
+  uint32_t i = 0;
+  for (; i + kLanes <= part.count; i += kLanes) load(i, wire + i * kBytes);
+  if (i < part.count) load(i, PartOfRow<kPixels>(wire, i, part.count).bytes);
+}
+
+// Bloom, background and exposure. The light is cut to where every curve is flat. kSize: frame pixels to a
+// bloom texel along a side; 0 without bloom.
+template <uint32_t kSize>
+HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
+  const shader::ResolveConstants& constants = part.job.constants;
+  const shader::ResolveParams& p = part.job.params;
+  const F exposure = p.exposure;
+  const F scene = constants.bloom == shader::BLOOM_CONSERVE ? p.scene_scale * p.exposure : p.exposure;
+  const F most = shader::MAX_EXPOSED_VALUE;
+  const F least = constants.wide != 0 ? -shader::MAX_EXPOSED_VALUE : 0.0f;
+  const bool over = constants.alpha == shader::ALPHA_OVER;
+  const vec3 background = {F(p.background_r * p.exposure), F(p.background_g * p.exposure),
+                           F(p.background_b * p.exposure)};
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    vec3 c = chunk.rgb(i);
+    if constexpr (kSize == 0) {
+      c = {F(c.r * exposure), F(c.g * exposure), F(c.b * exposure)};
+    } else {
+      const size_t at = i / kSize;
+      c = {c.r * scene + F(light_along_x<kSize>(part.light[0] + at - 1)),
+           c.g * scene + F(light_along_x<kSize>(part.light[1] + at - 1)),
+           c.b * scene + F(light_along_x<kSize>(part.light[2] + at - 1))};
+    }
+    if (over) {
+      const F rest = 1.0 - min(max(chunk.alpha(i), 0.0), 1.0);
+      c = {rest * background.r + c.r, rest * background.g + c.g, rest * background.b + c.b};
+    }
+    chunk.set_rgb(i, {min(max(c.r, least), most), min(max(c.g, least), most), min(max(c.b, least), most)});
+  }
+}
+
+// Alpha as the curve's stages and the output take it: clamped for straight alpha, 1 where it is not kept.
+HWY_NOINLINE inline void settle_alpha(const RowPart& part, Chunk& chunk) {
+  const bool straight = part.job.constants.alpha == shader::ALPHA_STRAIGHT;
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    chunk.set_alpha(i, straight ? min(max(chunk.alpha(i), 0.0), 1.0) : F(1.0));
+  }
+}
+
+inline Stage load_stage(const shader::ResolveConstants& constants) {
+  const bool exact = constants.matrix == 0 && constants.scrub == 0;
+  switch (constants.pixels) {
+    case shader::PIXELS_RGBA32F:
+      return load_scene<shader::PIXELS_RGBA32F, false>;
+    case shader::PIXELS_RGB9E5:
+      return exact ? load_scene<shader::PIXELS_RGB9E5, true> : load_scene<shader::PIXELS_RGB9E5, false>;
+    default:
+      return exact ? load_scene<shader::PIXELS_RGBA16F, true> : load_scene<shader::PIXELS_RGBA16F, false>;
+  }
+}
+
+inline Stage expose_stage(const shader::ResolveConstants& constants) {
+  if (constants.bloom == shader::BLOOM_NONE) return expose<0>;
+  return constants.level_size == 4 ? expose<4> : expose<2>;
+}
+
+}  // namespace candela::host::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,150 @@
+// The time of each pass on the device and on the host, in turn in one run, so that other programs' load falls
+// on all of them.
+//
+//   build/release/bin/host_bench [SECONDS [KIND]]    for each kind of frame, or only one; 5 by default
+//
+// Prints ms, median and least, at 1920x1080 with the device, with one thread of the host and with two; "cpu"
+// is the processor time of the whole frame.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "proto/candela/v1/settings.h"
+#include "server/render/device/device_executor.h"
+#include "server/render/host/host_executor.h"
+#include "tests/bench/workbench.h"
+#include "tests/support/settings.h"
+
+namespace candela::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Processor time of the whole process.
+double cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
+}
+
+struct Maker {
+  std::string name;
+  std::unique_ptr<Executor> executor;
+  std::map<std::string, std::vector<double>> ms;  // by pass, "all" and "cpu"
+};
+
+absl::StatusOr<std::vector<Maker>> makers_on(Device& device) {
+  absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device);
+  if (!executor.ok()) return executor.status();
+  std::vector<Maker> makers;
+  makers.push_back({"device", *std::move(executor), {}});
+  makers.push_back({"host, 1 thread", std::make_unique<HostExecutor>(device, 1), {}});
+  makers.push_back({"host, 2 threads", std::make_unique<HostExecutor>(device, 2), {}});
+  return makers;
+}
+
+// Renders once. The times count unless the executor is still warming up.
+absl::Status render(Maker& maker, FrameMemory& memory, const Settings& settings, bool counts) {
+  const TextureLayout& layout = memory.textures().layout;
+  const double cpu_before = cpu_ms();
+  absl::StatusOr<Metered> metered = maker.executor->meter(memory, plan_ingest(layout, settings));
+  if (!metered.ok()) return metered.status();
+  const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings, *metered);
+  if (!colors.ok()) return colors.status();
+  std::vector<StageTime> stages = metered->stages;
+  const Plan plan = plan_frame(layout, *metered, settings, {.table = *colors});
+  if (const auto drawn = maker.executor->draw(memory, plan, &stages); !drawn.ok()) return drawn.status();
+  const double cpu = cpu_ms() - cpu_before;
+  if (!counts) return absl::OkStatus();
+  double all = 0;
+  for (const StageTime& stage : stages) {
+    maker.ms[stage.name].push_back(static_cast<double>(stage.ns) * 1e-6);
+    all += static_cast<double>(stage.ns) * 1e-6;
+  }
+  maker.ms["all"].push_back(all);
+  maker.ms["cpu"].push_back(cpu);
+  return absl::OkStatus();
+}
+
+void print(const Maker& maker) {
+  std::printf("  %-16s", maker.name.c_str());
+  for (const char* pass :
+       {"ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "all", "cpu"}) {
+    const auto found = maker.ms.find(pass);
+    if (found == maker.ms.end()) continue;
+    std::vector<double> ms = found->second;
+    std::sort(ms.begin(), ms.end());
+    std::printf("  %s %.2f (%.2f)", pass, ms[ms.size() / 2], ms.front());
+  }
+  std::printf("\n");
+}
+
+absl::Status compare(const Workbench& bench, const std::string& what, const testing::WireFrame& frame,
+                     const Settings& settings, double seconds) {
+  absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
+  if (!memory.ok()) return memory.status();
+  copy_in(frame, *memory);
+  absl::StatusOr<std::vector<Maker>> makers = makers_on(*bench.device);
+  if (!makers.ok()) return makers.status();
+  const Clock::time_point begin = Clock::now();
+  for (int round = 0; Clock::now() - begin < std::chrono::duration<double>(seconds) || round < 5; ++round) {
+    for (Maker& maker : *makers) {
+      if (absl::Status status = render(maker, *memory, settings, round > 1); !status.ok()) return status;
+    }
+  }
+  std::printf("%s\n", what.c_str());
+  for (const Maker& maker : *makers) print(maker);
+  std::fflush(stdout);
+  return absl::OkStatus();
+}
+
+// `only`: the kind of frame; empty: all.
+absl::Status compare_all(double seconds, const std::string& only) {
+  const absl::StatusOr<Workbench> bench = open_workbench(Passes::kDevice, 0);
+  if (!bench.ok()) return bench.status();
+  const DeviceSummary& summary = bench->device->summary();
+  if (const std::string why = HostExecutor::unavailable(summary); !why.empty()) {
+    return absl::FailedPreconditionError(why);
+  }
+  std::printf("%s (%s); ms, median (least)\n", summary.name.c_str(), summary.driver.c_str());
+  const testing::WireFrame frame = testing::make_frame(1920, 1080, v1::PIXEL_FORMAT_RGBA16F,
+                                                       testing::ordinary(scenes::natural(1920, 1080)));
+  const auto run = [&](const std::string& what, const testing::WireFrame& of, const v1::Settings& settings) {
+    if (!only.empty() && what != only) return absl::OkStatus();
+    return compare(*bench, what, of, testing::checked(settings), seconds);
+  };
+  v1::Settings settings;
+  absl::Status status = run("bright", frame, settings);
+  settings.set_tier("draft");
+  status.Update(run("bright, draft", frame, settings));
+  settings = {};
+  settings.mutable_bloom()->set_threshold(kNothingBright);
+  status.Update(run("dim", frame, settings));
+  settings.mutable_bloom()->set_threshold(kLightsOnly);
+  status.Update(run("tiles", testing::lit_tiles(1920, 1080), settings));
+  for (const auto& [what, change] : variants()) {
+    change(settings = {});
+    status.Update(run(what, frame, settings));
+  }
+  for (const auto format : {v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
+    const auto other =
+        testing::make_frame(1920, 1080, format, testing::ordinary(scenes::natural(1920, 1080)));
+    status.Update(run(std::string("bright, ") + v1::word_of(format), other, {}));
+  }
+  return status;
+}
+
+}  // namespace
+}  // namespace candela::bench
+
+int main(int argc, char** argv) {
+  const absl::Status status =
+      candela::bench::compare_all(argc > 1 ? std::atof(argv[1]) : 5.0, argc > 2 ? argv[2] : "");
+  if (!status.ok()) std::fprintf(stderr, "host_bench: %s\n", status.ToString().c_str());
+  return status.ok() ? 0 : 1;
+}
