@@ -85,10 +85,14 @@ TEST(Candelad, ASecondSignalEndsItAtOnce) {
                 "/candela.v1.RenderService/Render", absl::InfiniteFuture());
   v1::RenderRequest start;
   start.mutable_start()->mutable_frame()->set_width(1);
-  start.mutable_start()->mutable_frame()->set_height(1);
+  start.mutable_start()->mutable_frame()->set_height(2);
   start.mutable_start()->mutable_frame()->set_format(v1::PIXEL_FORMAT_RGBA16F);
-  const grpc::Slice bytes(start.SerializeAsString());
-  ASSERT_TRUE(stuck.write(grpc::ByteBuffer(&bytes, 1)));
+  v1::RenderRequest half;
+  half.mutable_band()->set_pixels(std::string(8, '\0'));
+  for (const v1::RenderRequest* message : {&start, &half}) {
+    const grpc::Slice bytes(message->SerializeAsString());
+    ASSERT_TRUE(stuck.write(grpc::ByteBuffer(&bytes, 1)));
+  }
   const Connection connection = *Connection::open(address);
   while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(5));
   daemon.signal(SIGTERM);
