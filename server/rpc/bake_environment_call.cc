@@ -17,6 +17,7 @@
 #include "server/base/slices.h"
 #include "server/render/reference/environment_error.h"
 #include "server/rpc/wire/parse_request.h"
+#include "server/rpc/wire/result_writer.h"
 
 namespace candela {
 namespace {
@@ -95,11 +96,7 @@ absl::Status BakeEnvironmentCall::Work::bake() {
     const HostStage stage(start.verify ? "verify" : "download", &stages);
     if (absl::Status downloaded = download(*cube); !downloaded.ok()) return downloaded;
   }
-  for (const StageTime& stage : stages) {
-    v1::StageTime& time = *header.add_stages();
-    time.set_name(stage.name);
-    time.set_ns(stage.ns);
-  }
+  add_stages(stages, *header.mutable_stages());
   return absl::OkStatus();
 }
 

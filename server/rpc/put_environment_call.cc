@@ -9,6 +9,7 @@
 #include "proto/candela/v1/message_wire.h"
 #include "server/base/log.h"
 #include "server/rpc/wire/parse_request.h"
+#include "server/rpc/wire/result_writer.h"
 
 namespace candela {
 
@@ -179,11 +180,7 @@ absl::Status PutEnvironmentCall::enqueue() {
   return work([work = work_] { return work->run(); },
               [this, work = work_] {
                 v1::Environment environment = state_.environments.keep(std::move(work->environment))->facts;
-                for (const StageTime& stage : work->stages) {
-                  v1::StageTime& time = *environment.add_stages();
-                  time.set_name(stage.name);
-                  time.set_ns(stage.ns);
-                }
+                add_stages(work->stages, *environment.mutable_stages());
                 answer(environment);
               });
 }

@@ -42,4 +42,7 @@ class HostTest : public DeviceTest {
   static void on_each_instruction_set(const std::function<void(const std::string& name)>& test);
 };
 
+// All statistics, the floats by their bits.
+void expect_same_stats(const FrameStats& a, const FrameStats& b, const std::string& what);
+
 }  // namespace candela::testing

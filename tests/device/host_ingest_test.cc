@@ -80,24 +80,6 @@ constexpr Variant kVariants[] = {
     {"bad values rejected", [](v1::Settings& s) { s.set_bad_values(v1::BAD_VALUES_REJECT); }},
 };
 
-uint32_t bits(float v) { return std::bit_cast<uint32_t>(v); }
-
-void expect_same(const FrameStats& host, const FrameStats& device, const std::string& what) {
-  EXPECT_EQ(host.mean_log2_luminance, device.mean_log2_luminance) << what;
-  EXPECT_EQ(bits(host.min_luminance), bits(device.min_luminance)) << what;
-  EXPECT_EQ(bits(host.max_luminance), bits(device.max_luminance)) << what;
-  EXPECT_EQ(host.nan_components, device.nan_components) << what;
-  EXPECT_EQ(host.infinite_components, device.infinite_components) << what;
-  EXPECT_EQ(host.negative_components, device.negative_components) << what;
-  EXPECT_EQ(host.negative_scene_components, device.negative_scene_components) << what;
-  EXPECT_EQ(host.absent_pixels, device.absent_pixels) << what;
-  EXPECT_EQ(host.metered_weight, device.metered_weight) << what;
-  EXPECT_EQ(host.tile_light, device.tile_light) << what;
-  EXPECT_EQ(host.histogram, device.histogram) << what;
-  for (size_t i = 0; i < host.print.size(); ++i)
-    EXPECT_EQ(bits(host.print[i]), bits(device.print[i])) << what << ", cell " << i;
-}
-
 class HostIngest : public HostTest {
  protected:
   void SetUp() override {
@@ -120,7 +102,7 @@ class HostIngest : public HostTest {
       if (!by_host.ok()) return;
       EXPECT_EQ(by_host->scrubbed, by_device->scrubbed) << set << ", " << what;
       EXPECT_EQ(by_host->alpha, by_device->alpha) << set << ", " << what;
-      expect_same(by_host->stats, by_device->stats, set + ", " + what);
+      expect_same_stats(by_host->stats, by_device->stats, set + ", " + what);
     });
   }
 

@@ -26,28 +26,6 @@ class HostPasses : public HostTest {
   }
 };
 
-// All statistics, the floats by their bits.
-void expect_same_stats(const FrameStats& a, const FrameStats& b, const std::string& what) {
-  const auto bits = [](const auto& floats) {
-    std::vector<uint32_t> words;
-    for (const float v : floats) words.push_back(std::bit_cast<uint32_t>(v));
-    return words;
-  };
-  EXPECT_EQ(std::bit_cast<uint64_t>(a.mean_log2_luminance), std::bit_cast<uint64_t>(b.mean_log2_luminance))
-      << what;
-  EXPECT_EQ(a.metered_weight, b.metered_weight) << what;
-  EXPECT_EQ(a.max_luminance, b.max_luminance) << what;
-  EXPECT_EQ(a.min_luminance, b.min_luminance) << what;
-  EXPECT_EQ(a.nan_components, b.nan_components) << what;
-  EXPECT_EQ(a.infinite_components, b.infinite_components) << what;
-  EXPECT_EQ(a.negative_components, b.negative_components) << what;
-  EXPECT_EQ(a.negative_scene_components, b.negative_scene_components) << what;
-  EXPECT_EQ(a.absent_pixels, b.absent_pixels) << what;
-  EXPECT_EQ(bits(a.tile_light), bits(b.tile_light)) << what;
-  EXPECT_EQ(bits(a.print), bits(b.print)) << what;
-  EXPECT_EQ(a.histogram, b.histogram) << what;
-}
-
 struct Kind {
   const char* name;
   void (*change)(v1::Settings&);

@@ -61,10 +61,6 @@ struct Strip {
   };
 };
 
-HWY_INLINE void store(VF v, float* to, size_t count) {
-  count >= kLanes ? hn::StoreU(v, kFloats, to) : store_some(v, to, count);
-}
-
 // Row y of a component, or the nearest one.
 HWY_INLINE const float* clamped_row(const LevelPlanes& level, int64_t y, size_t component) {
   return level.row(static_cast<size_t>(std::clamp<int64_t>(y, 0, int64_t{level.height} - 1)), component);

@@ -159,10 +159,6 @@ class BrightPass {
     }
   }
 
-  static HWY_INLINE void store(VF v, float* to, uint32_t count) {
-    count >= kLanes ? hn::StoreU(v, kFloats, to) : store_some(v, to, count);
-  }
-
   HWY_INLINE Rgb bright(const Blocks& blocks) const {
     if (box_) return plain_mean(blocks);
     const Rgb mean = work_.constants.firefly_weights != 0 ? firefly_mean(blocks) : plain_mean(blocks);

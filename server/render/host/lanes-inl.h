@@ -80,6 +80,10 @@ HWY_INLINE void store_some(VF v, float* to, size_t count) {
   hn::Store(v, kFloats, lanes);
   std::memcpy(to, lanes, count * sizeof(float));
 }
+// The first `count` floats, or all of the vector if there are fewer.
+HWY_INLINE void store(VF v, float* to, size_t count) {
+  count >= kLanes ? hn::StoreU(v, kFloats, to) : store_some(v, to, count);
+}
 
 // x without its fraction. |x| < 2^31: Highway's own conversion pays for what is beyond.
 HWY_INLINE VI truncate_small(VF x) {

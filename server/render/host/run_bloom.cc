@@ -55,15 +55,6 @@ void make_part(const BloomStep& step, const FrameTextures& textures, const Level
   bloom_down(from, to, part);
 }
 
-}  // namespace
-
-LevelPlanes level_planes(const FrameTextures& textures, size_t level) {
-  const LevelSize& size = textures.layout.level_sizes[level];
-  return {reinterpret_cast<float*>(textures.levels[level].buffer().mapped()), size.width, size.height};
-}
-
-namespace {
-
 // A large level is cleared by several threads: one alone cannot use all of the memory's speed.
 void clear(const LevelPlanes& level, Crew& crew) {
   constexpr size_t kFloatsOfPart = size_t{1} << 17;
@@ -76,6 +67,11 @@ void clear(const LevelPlanes& level, Crew& crew) {
 }
 
 }  // namespace
+
+LevelPlanes level_planes(const FrameTextures& textures, size_t level) {
+  const LevelSize& size = textures.layout.level_sizes[level];
+  return {reinterpret_cast<float*>(textures.levels[level].buffer().mapped()), size.width, size.height};
+}
 
 void run_bloom(const BloomStep& step, const FrameTextures& textures, Crew& crew) {
   const LevelPlanes to = level_planes(textures, step.level);

@@ -50,14 +50,19 @@ void add_stages(const RenderedFrame& rendered, google::protobuf::RepeatedPtrFiel
   v1::StageTime& queue = *stages.Add();
   queue.set_name("queue");
   queue.set_ns(static_cast<uint64_t>(absl::ToInt64Nanoseconds(rendered.queued)));
-  for (const StageTime& stage : rendered.report.stages) {
+  add_stages(rendered.report.stages, stages);
+}
+
+}  // namespace
+
+void add_stages(const std::vector<StageTime>& times,
+                google::protobuf::RepeatedPtrField<v1::StageTime>& stages) {
+  for (const StageTime& stage : times) {
     v1::StageTime& time = *stages.Add();
     time.set_name(stage.name);
     time.set_ns(stage.ns);
   }
 }
-
-}  // namespace
 
 v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& settings,
                                  const std::optional<PreviousExposure>& previous,

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "candela/v1/render.pb.h"
 #include "server/schedule/frame_queue.h"
@@ -18,6 +19,10 @@ namespace candela {
 // be gone.
 v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const RenderedFrame& rendered,
                                const std::string& device);
+
+// Appends the times of stages.
+void add_stages(const std::vector<StageTime>& times,
+                google::protobuf::RepeatedPtrField<v1::StageTime>& stages);
 
 // The answer for a frame that was only metered, with its histogram. `previous` is the exposure to adapt from,
 // and `given` the frame's own.
