@@ -77,7 +77,7 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
   pool.set_bytes_idle(counters.bytes_idle);
   pool.set_bytes_peak(counters.bytes_peak);
   response->set_uptime_seconds(static_cast<uint64_t>(absl::ToInt64Seconds(absl::Now() - started_)));
-  response->set_sessions(state_.session_gate.inside());
+  response->set_sessions(state_.session_gate.places_taken());
   response->set_frames_rendered(state_.rendering.frames_rendered);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(grpc::Status::OK);

@@ -33,7 +33,10 @@ void ServerCall::finish(const absl::Status& status) {
   finished_ = true;
   const grpc::Status told = to_grpc(status);
   on_finish(status, told.error_message());
-  if (inside_) watch_idle(idle_timeout_);
+  if (inside_) {
+    gate_.give_up_place();
+    watch_idle(idle_timeout_);
+  }
   Finish(told);
 }
 
@@ -82,8 +85,8 @@ absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Durati
 void ServerCall::on_alarm() {
   absl::MutexLock lock(&mutex_);
   if (!finished_) return on_idle();
-  // The peer reads nothing, so gRPC cannot even deliver the status: release the place now. After OnDone,
-  // which resets self_, the place is already released.
+  // The peer reads nothing, so gRPC cannot even deliver the status: leave now. After OnDone, which resets
+  // self_, the call has already left.
   if (self_ != nullptr && std::exchange(inside_, false)) {
     context_.TryCancel();
     gate_.leave();

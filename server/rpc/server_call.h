@@ -20,8 +20,8 @@
 
 namespace candela {
 
-// A call owns itself until gRPC calls OnDone. It holds its place in the gate until then, except that a call
-// with a dead peer gives its place up one idle timeout after it finished. Methods without a note may be
+// A call owns itself until gRPC calls OnDone. It gives its place in the gate up when it finishes, and leaves
+// in OnDone or, if the peer is dead, one idle timeout after it finished. Methods without a note may be
 // called from any thread. gRPC calls the reactions; the mutex is never held for longer than the copy of one
 // band.
 class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
@@ -73,7 +73,7 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
   CallGate& gate_;
   const absl::Duration idle_timeout_;
   std::shared_ptr<ServerCall> self_ ABSL_GUARDED_BY(mutex_);  // until OnDone
-  bool inside_ ABSL_GUARDED_BY(mutex_) = false;               // has a place in the gate
+  bool inside_ ABSL_GUARDED_BY(mutex_) = false;               // the gate, and has not left
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
   std::unique_ptr<grpc::Alarm> idle_alarm_ ABSL_GUARDED_BY(mutex_);
 };

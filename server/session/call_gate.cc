@@ -10,17 +10,23 @@ absl::Status CallGate::enter() {
     return absl::UnavailableError(
         absl::StrFormat("server is draining and takes no new %s; use another one", what_));
   }
-  if (calls_ >= max_calls_) {
+  if (places_taken_ >= max_calls_) {
     return absl::UnavailableError(
-        absl::StrFormat("server has %d %s, which is its limit; try again soon", calls_, what_));
+        absl::StrFormat("server has %d %s, which is its limit; try again soon", places_taken_, what_));
   }
-  ++calls_;
+  ++places_taken_;
+  ++inside_;
   return absl::OkStatus();
+}
+
+void CallGate::give_up_place() {
+  absl::MutexLock lock(&mutex_);
+  --places_taken_;
 }
 
 void CallGate::leave() {
   absl::MutexLock lock(&mutex_);
-  --calls_;
+  --inside_;
 }
 
 void CallGate::close() {
@@ -28,9 +34,9 @@ void CallGate::close() {
   closed_ = true;
 }
 
-uint32_t CallGate::inside() const {
+uint32_t CallGate::places_taken() const {
   absl::MutexLock lock(&mutex_);
-  return calls_;
+  return places_taken_;
 }
 
 bool CallGate::closed() const {
@@ -40,7 +46,7 @@ bool CallGate::closed() const {
 
 bool CallGate::wait_until_empty(absl::Duration timeout) {
   absl::MutexLock lock(&mutex_);
-  const auto empty = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return calls_ == 0; };
+  const auto empty = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return inside_ == 0; };
   return mutex_.AwaitWithTimeout(absl::Condition(&empty), timeout);
 }
 

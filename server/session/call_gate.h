@@ -1,4 +1,4 @@
-// A gate that limits the number of calls and closes when the server drains.
+// A gate that limits the number of running calls, closes for a drain, and knows when all have left.
 #pragma once
 
 #include <cstdint>
@@ -18,22 +18,26 @@ class CallGate {
   // `what` names the calls in messages, in the plural.
   CallGate(std::string what, uint32_t max_calls) : what_(std::move(what)), max_calls_(max_calls) {}
 
-  // On OK the caller is inside and must call leave(). UNAVAILABLE if the gate is full or closed.
+  // On OK the call has a place and must give it up, then leave. UNAVAILABLE if the gate is full or closed.
   absl::Status enter();
+  // The call's end is decided. Its client, once told, can enter again at once.
+  void give_up_place();
+  // The client was told, or never will be.
   void leave();
 
   // From now on enter() fails.
   void close();
   bool closed() const;
-  uint32_t inside() const;
-  // Waits until nobody is inside. Returns false if that takes longer than `timeout`.
+  uint32_t places_taken() const;
+  // Waits until every call has left. Returns false if that takes longer than `timeout`.
   bool wait_until_empty(absl::Duration timeout);
 
  private:
   const std::string what_;
   const uint32_t max_calls_;
   mutable absl::Mutex mutex_;
-  uint32_t calls_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint32_t places_taken_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint32_t inside_ ABSL_GUARDED_BY(mutex_) = 0;  // have not left
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

@@ -92,11 +92,7 @@ class EnvironmentService : public ::testing::Test {
     server_.reset();
     server_ = start_server(config);
   }
-  void SetUp() override {
-    Config config = test_config();
-    config.max_calls = 64;  // refused calls keep their places for a moment
-    restart(config);
-  }
+  void SetUp() override { restart(test_config()); }
 
   Connection connection() const { return Connection(server_->in_process_channel()); }
   std::string put(const Panorama& panorama) const {

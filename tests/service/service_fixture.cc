@@ -16,7 +16,7 @@ Config test_config() {
   config.listen = {"127.0.0.1:0"};
   config.memory_budget_bytes = uint64_t{256} << 20;
   config.max_frame_bytes = uint64_t{64} << 20;
-  config.max_calls = 8;
+  config.max_calls = kMaxCalls;
   config.max_sessions = 5;
   config.max_frames_in_flight = 3;
   config.heartbeat_interval = absl::Hours(1);  // only the tests send frames

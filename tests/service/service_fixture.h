@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -13,6 +14,8 @@
 #include "tests/support/scenes.h"
 
 namespace candela::testing {
+
+constexpr uint32_t kMaxCalls = 8;
 
 // A configuration with limits small enough to reach. It listens on a free port of 127.0.0.1.
 Config test_config();
