@@ -29,7 +29,8 @@ EnvironmentRoom::~EnvironmentRoom() {
 absl::Status EnvironmentStore::check_size(uint64_t bytes) const {
   if (bytes <= budget_bytes_) return absl::OkStatus();
   return absl::ResourceExhaustedError(absl::StrFormat(
-      "the environment takes %d bytes and this server's environment-budget is %d; use a smaller panorama",
+      "the environment takes %d bytes and this server's environment-budget is %d; use a smaller panorama, or "
+      "a server with a larger --environment-budget",
       bytes, budget_bytes_));
 }
 

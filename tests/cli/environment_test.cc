@@ -1,11 +1,14 @@
 // `candela environment`: cube maps as files. What their texels are is tested in tests/unit and tests/device.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <filesystem>
 
+#include "absl/strings/str_format.h"
 #include "client/image/image.h"
+#include "proto/candela/v1/limits.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
@@ -70,6 +73,28 @@ TEST_F(EnvironmentFiles, AKtx2HasSixFacesAndAllLevels) {
 }
 
 TEST_F(EnvironmentFiles, TheSizeGoesByThePanoramasWidth) { EXPECT_EQ(bake("a.ktx2").at("size"), 32); }
+
+// A Radiance file of one colour, in runs.
+std::string flat_radiance(uint32_t width, uint32_t height) {
+  std::string row{2, 2, static_cast<char>(width >> 8), static_cast<char>(width & 255)};
+  for (const char component : {'\x64', '\x64', '\x64', '\x81'}) {
+    for (uint32_t left = width; left > 0;) {
+      const uint32_t run = std::min(left, 127u);
+      row += {static_cast<char>(128 + run), component};
+      left -= run;
+    }
+  }
+  std::string file = absl::StrFormat("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n", height, width);
+  for (uint32_t y = 0; y < height; ++y) file += row;
+  return file;
+}
+
+TEST_F(EnvironmentFiles, TheBuiltInServerTakesTheLargestPanorama) {
+  const std::string largest = folder_.path("largest.hdr");
+  write_file(largest, flat_radiance(v1::kMaxPanoramaWidth, v1::kMaxPanoramaWidth / 2));
+  const Outcome outcome = candela({"environment", largest, folder_.path("a.ktx2"), "--size", "16", "-q"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+}
 
 TEST_F(EnvironmentFiles, EveryOptionOfTheCubeChangesTheFile) {
   bake("plain.ktx2");
