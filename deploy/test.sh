@@ -22,6 +22,7 @@ for preset in "${presets[@]}"; do
   # The other tests are still useful without podman.
   [ "$preset" != deploy ] || deploy/install-packages.sh deploy || echo "tests that need these packages are skipped"
   deploy/build.sh "$preset" -DCANDELA_TESTS=ON
-  ctest --preset "$preset" --parallel "$(nproc)"
+  # One more than the cores, because some tests wait.
+  ctest --preset "$preset" --parallel "$(($(nproc) + 1))"
 done
 echo "passed: ${presets[*]}"

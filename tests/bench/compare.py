@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 
+import compare_aims
 import compare_output
 from compare_tools import CANDELA, CUBE, HEIGHT, LARGE, PANORAMA, WIDTH, Cost, Failed, Tools, run
 
@@ -129,6 +130,7 @@ def main() -> None:
         tools = Tools(binaries, pathlib.Path(scratch))
         costs, failed, others = measure(tools, rounds, wait)
         codes = tools.codes_from_oiiotool()
+        aims = [aim._asdict() for aim in compare_aims.aims(costs, tools)]
     rows = []
     for name, group, label, does, does_not in ROWS:
         ours = name in CANDELA or name.startswith("file") or name == "bake"
@@ -143,7 +145,8 @@ def main() -> None:
     result = {"date": datetime.datetime.fromtimestamp(begin, datetime.timezone.utc).strftime("%Y-%m-%d"), "rounds": rounds,
               "seconds": round(time.time() - begin), "processor": processor(), "device": tools.device,
               "versions": versions(), "load_before": load, "cores_used_by_others": spread(others),
-              "memcpy": summary(costs["memcpy"]), "codes_from_oiiotool": codes, "rows": rows}
+              "memcpy": summary(costs["memcpy"]), "codes_from_oiiotool": codes, "rows": rows,
+              "aims": aims}
     (out / "compare.json").write_text(json.dumps(result, indent=1) + "\n")
     (out / "compare.md").write_text(compare_output.markdown(result))
     (out / "compare.svg").write_text(compare_output.svg(result))

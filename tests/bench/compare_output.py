@@ -47,6 +47,9 @@ def markdown(result: dict) -> str:
     if codes := result["codes_from_oiiotool"]:
         lines.append(f"oiiotool's picture and that of `candela render` without bloom are {codes['mean']:.2f} codes of 8 bits "
                      f"apart in the mean, {codes['max']:.0f} at most.")
+        lines.append("")
+    lines += ["| what | aim | measured | |", "|---|---|---|---|"]
+    lines += [f"| {aim['what']} | {aim['aim']} | {aim['measured']} | {'met' if aim['met'] else 'missed'} |" for aim in result["aims"]]
     return "\n".join(lines) + "\n"
 
 

@@ -1,5 +1,6 @@
 """The tools that compare.py measures. One function for each tool runs it once and returns the times of its rows."""
 import json
+import math
 import os
 import pathlib
 import re
@@ -23,7 +24,10 @@ FRAMES = {
     "bright/draft": ("Candela, draft", "the same as the first, bloom from a quarter of the size",
                      "keep the bounds of error of standard"),
     "aces-1": ("Candela, full ACES 1.x", "the same as the first, the output transform by table", ""),
+    "agx": ("Candela, AgX", "the same as the first, another curve", ""),
 }
+# Of the flatness of the time a pixel.
+SIZES = ("1366x768", "1920x1080", "2560x1440", "3840x2160", "5120x2880", "7680x4320")
 # Who makes the passes: what follows in the label. The rows are named "host bright/standard".
 PASSES = {"host": "", "device": ", the device's passes"}
 CANDELA = {f"{who} {name}": (label + words, *rest) for who, words in PASSES.items() for name, (label, *rest) in FRAMES.items()}
@@ -74,25 +78,52 @@ class Tools:
         self.frame, self.large = str(scratch / "frame.exr"), str(scratch / "large.exr")
         self.panorama = str(scratch / "panorama.exr")
         self.device = ""
+        self.passes_x_memcpy: dict[str, list[float]] = {}
         run(str(binaries / "bench_frame"), str(WIDTH), str(HEIGHT), self.frame)
         run(str(binaries / "bench_frame"), *LARGE.split("x"), self.large)
         run(str(binaries / "candela"), "sample", "--panorama", "--size", PANORAMA, self.panorama, "--quiet")
+
+    def render_bench(self, who: str, sizes: str, rows: str) -> dict[str, dict]:
+        """The measurements of the rows with these passes, by SIZE/ROW. Both are regular expressions."""
+        out = self.scratch / f"bench-{who}.json"
+        run(str(self.binaries / "render_bench"), who, f"--benchmark_filter=^({sizes})/({rows})/",
+            f"--benchmark_out={out}", "--benchmark_out_format=json", VK_ICD_FILENAMES=lavapipe())
+        measured = json.loads(out.read_text())
+        self.device = measured["context"]["device"]
+        return {row["name"].partition("/min_time")[0]: row for row in measured["benchmarks"]}
 
     def candela(self) -> dict[str, Cost]:
         """render_bench's medians; the memcpy is the median of those beside the rows."""
         costs: dict[str, Cost] = {}
         copies: list[float] = []
         for who in PASSES:
-            out = self.scratch / f"bench-{who}.json"
-            run(str(self.binaries / "render_bench"), who, f"--benchmark_filter=^{WIDTH}x{HEIGHT}/({'|'.join(FRAMES)})/",
-                f"--benchmark_out={out}", "--benchmark_out_format=json", VK_ICD_FILENAMES=lavapipe())
-            measured = json.loads(out.read_text())
-            self.device = measured["context"]["device"]
-            rows = {re.sub(r"^\d+x\d+/|/min_time.*", "", row["name"]): row for row in measured["benchmarks"]}
-            copies += [row["memcpy"] for row in rows.values()]
-            costs |= {f"{who} {name}": Cost(rows[name]["call"], rows[name]["cpu"]) for name in FRAMES}
+            for name, row in self.render_bench(who, f"{WIDTH}x{HEIGHT}", "|".join(FRAMES)).items():
+                key = f"{who} {name.partition('/')[2]}"
+                costs[key] = Cost(row["call"], row["cpu"])
+                copies.append(row["memcpy"])
+                self.passes_x_memcpy.setdefault(key, []).append(row["x_memcpy"])
         copy = statistics.median(copies)
         return {"memcpy": Cost(copy, copy), **costs}
+
+    def ns_a_pixel(self) -> dict[str, float]:
+        """Of the host's passes for the bright frame, by size."""
+        rows = self.render_bench("host", "|".join(SIZES), "bright/standard")
+        return {size: 1e6 * rows[f"{size}/bright/standard"]["device"] / math.prod(map(int, size.split("x"))) for size in SIZES}
+
+    def cold_start_s(self) -> float:
+        """From candelad's start until it listens, with an empty cache; the median of five."""
+        times = []
+        for i in range(5):
+            cache = self.scratch / f"cache-{i}"
+            begin = time.perf_counter()
+            with subprocess.Popen([str(self.binaries / "candelad"), "--listen", "127.0.0.1:0", "--cache-dir", str(cache)],
+                                  stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                                  env=os.environ | {"VK_ICD_FILENAMES": lavapipe(), "MESA_SHADER_CACHE_DIR": str(cache)}) as server:
+                if not any("listening" in line for line in server.stdout):
+                    raise Failed("candelad did not say that it listens")
+                times.append(time.perf_counter() - begin)
+                server.terminate()
+        return statistics.median(times)
 
     def ffmpeg(self, once: str, filters: str, frames: int, *options: str, **environment: str) -> Cost:
         """The time of one frame, from two runs that differ by `frames` frames. Both read the file and do `once` one time."""
