@@ -62,8 +62,11 @@ void put_environment(const WireInput& input) {
   uint32_t rows = 0;
   for (const std::string& message : messages.subspan(1)) {
     grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
+    const uint32_t begin = rows;
     const absl::Status status = reader.read(buffer, [&](uint32_t y) -> std::span<std::byte> {
-      expect(y == rows++ && y < desc.height, "a row is the one that is due");
+      // Of repeated fields the last counts, so a band may begin again.
+      expect((y == rows || y == begin) && y < desc.height, "a row is the one that is due");
+      rows = y + 1;
       return place;
     });
     if (!status.ok()) {

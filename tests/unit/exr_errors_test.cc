@@ -4,6 +4,7 @@
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfPreviewImage.h>
+#include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfTileDescription.h>
 #include <gtest/gtest.h>
@@ -30,6 +31,26 @@ TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
                     {"forward.v", Imf::HALF, [](int, int) { return 0; }}});
   EXPECT_EQ(read_image(path_).status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_NE(error().find("no colour channels (it has forward.u, forward.v)"), std::string::npos) << error();
+}
+
+TEST_F(ExrReader, RefusesLuminanceWithoutWeights) {
+  Imf::Header header(4, 4);
+  Imf::addChromaticities(header, Imf::Chromaticities());
+  const std::vector<Imf::Rgba> pixels(16, Imf::Rgba(1, 1, 1));
+  {
+    Imf::RgbaOutputFile file(path_.c_str(), header, Imf::WRITE_YC);
+    file.setFrameBuffer(pixels.data(), 1, 4);
+    file.writePixels(4);
+  }
+  ASSERT_TRUE(read_image(path_).ok());
+
+  std::string bytes = read_file(path_);
+  const std::string name("chromaticities\0chromaticities\0\x20\0\0\0", 34);
+  const size_t at = bytes.find(name);
+  ASSERT_NE(at, std::string::npos);
+  bytes.replace(at + name.size() + 7 * sizeof(float), sizeof(float), sizeof(float), '\0');
+  write_file(path_, bytes);
+  EXPECT_NE(error().find("white.y cannot be zero"), std::string::npos) << error();
 }
 
 TEST_F(ExrReader, NamesOfAFileCannotBreakALineOrCommandATerminal) {

@@ -5,6 +5,7 @@
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfRgbaYca.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 
 #include <algorithm>
@@ -24,6 +25,11 @@ Imf::Header header_of(const Imf::Header& part) {
   header.channels() = part.channels();
   if (Imf::hasChromaticities(part)) Imf::addChromaticities(header, Imf::chromaticities(part));
   return header;
+}
+
+// Throws what RgbaInputFile's constructor would throw, which loses the open file then.
+void check_weights(const Imf::Header& part) {
+  if (Imf::hasChromaticities(part)) Imf::RgbaYca::computeYw(Imf::chromaticities(part));
 }
 
 }  // namespace
@@ -82,6 +88,7 @@ class LumaChromaRows::Copy {
 
 LumaChromaRows::LumaChromaRows(const std::string& path, Imf::MultiPartInputFile& file, int part,
                                const std::string& prefix, uint64_t max_bytes) {
+  check_weights(file.header(part));
   const std::string layer = prefix.substr(0, prefix.empty() ? 0 : prefix.size() - 1);
   if (part == 0) {
     input_ = std::make_unique<Imf::RgbaInputFile>(path.c_str(), layer);
