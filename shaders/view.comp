@@ -30,29 +30,13 @@ const uint VIEW_OBJECT_TEXELS = 5u + BRDF_SIZE;
 // lane by lane, with 25 instructions.
 ViewParams p;
 
-// The ray through (x, y), in camera axes. Not of length 1; its z is -1.
-vec3 ray(float x, float y) {
-  precise float across = (x - 0.5 * float(p.width)) * p.pixel;
-  precise float up = (0.5 * float(p.height) - y) * p.pixel;
-  return vec3(across, up, -1.0);
-}
-
-vec3 turned(vec3 d) {
-  return vec3(p.m00 * d.x + p.m01 * d.y + p.m02 * d.z, p.m10 * d.x + p.m11 * d.y + p.m12 * d.z,
-              p.m20 * d.x + p.m21 * d.y + p.m22 * d.z);
-}
-
-float squared(vec3 d) {
-  precise float length2 = (d.x * d.x + d.y * d.y) + d.z * d.z;
-  return length2;
-}
+#include "glsl/view.glsl"
 
 uvec4 object_words(int k, uint i) {
   return texelFetch(scene, int(VIEW_LIGHT_TEXELS + uint(k) * VIEW_OBJECT_TEXELS + i));
 }
 
-// The object that the ray meets first, or SKY, and how many times d it is away. Which objects are met
-// follows from multiplications and additions alone.
+// The object that the ray meets first, or SKY, and how many times d it is away.
 int object_at(vec3 d, out float nearest) {
   int found = SKY;
   nearest = uintBitsToFloat(0x7f800000u);
@@ -61,15 +45,9 @@ int object_at(vec3 d, out float nearest) {
   do {
     vec4 sphere = uintBitsToFloat(object_words(k, 0u));
     float to_surface = uintBitsToFloat(object_words(k, 1u).x);
-    vec3 o = sphere.xyz;
-    precise float along = (o.x * d.x + o.y * d.y) + o.z * d.z;
-    precise vec3 across = vec3(o.y * d.z - o.z * d.y, o.z * d.x - o.x * d.z, o.x * d.y - o.y * d.x);
-    precise float limit = sphere.w * length2;
-    precise float room = limit - squared(across);
-    bool hit = along < 0.0 && squared(across) <= limit;
-    float away = to_surface / (sqrt(max(room, 0.0)) - along);
-    if (hit && away < nearest) {
-      nearest = away;
+    Meeting meeting = meeting_of(sphere.xyz, sphere.w, to_surface, d, length2);
+    if (meeting.hit && meeting.away < nearest) {
+      nearest = meeting.away;
       found = k;
     }
   } while (++k < int(p.end_object));
@@ -78,8 +56,7 @@ int object_at(vec3 d, out float nearest) {
 
 // (scale, bias) of object k, linear in n.v. Its roughness is constant, so the host interpolates along it.
 vec2 brdf_at(int k, float nov) {
-  const float end = float(BRDF_SIZE) - 1.0;
-  float x = clamp(nov * float(BRDF_SIZE) - 0.5, 0.0, end);
+  float x = brdf_column(nov);
   float left = floor(x);
   vec4 pairs = uintBitsToFloat(object_words(k, 5u + uint(left)));
   return mix(pairs.xy, pairs.zw, x - left);
@@ -87,47 +64,36 @@ vec2 brdf_at(int k, float nov) {
 
 // Irr(n), for a unit direction in the environment's axes.
 vec3 irradiance(vec3 n) {
-  float factors[9] = {1.0, n.y, n.z, n.x, n.x * n.y, n.y * n.z, 3.0 * n.z * n.z - 1.0, n.x * n.z,
-                      n.x * n.x - n.y * n.y};
+  HarmonicFactors factors = harmonic_factors(n);
   vec3 sum = vec3(0.0);
-  [[unroll]] for (int i = 0; i < 9; ++i) sum += factors[i] * uintBitsToFloat(texelFetch(scene, i).rgb);
+  [[unroll]] for (int i = 0; i < 9; ++i) sum += factors.of[i] * uintBitsToFloat(texelFetch(scene, i).rgb);
   return max(sum, vec3(0.0));
 }
-
-// Half the log2 of a ray's solid angle over a texel's of level 0. `size` is the largest component of the
-// direction that is looked up, and the ray's own length if that direction has length 1.
-float lod_of(float size) { return p.lod - 1.5 * log2(size); }
 
 // What is seen along a ray that meets object `found` at `away` times d, or the sky.
 vec3 light(vec3 d, int found, float away) {
   if (found == SKY) away = 1.0;  // only so that what follows stays finite
   int k = max(found, 0);
-  vec4 surface = uintBitsToFloat(object_words(k, 1u));  // to_surface, inverse_radius, chain and near weight
+  vec4 weights = uintBitsToFloat(object_words(k, 1u));  // to_surface, inverse_radius, chain and near weight
   uvec4 f0_far = object_words(k, 2u);
   uvec4 diffuse_near = object_words(k, 3u);
   uvec4 levels = object_words(k, 4u);
-  float length_d = sqrt(squared(d));
-  vec3 toward = d / length_d;
-  vec3 n = normalize(uintBitsToFloat(object_words(k, 0u).xyz) + away * d);
-  float nov = clamp(-dot(n, toward), 0.0, 1.0);
-  CubePlace place = cube_place(turned(found == SKY ? d : reflect(toward, n)));
+  Surface surface = surface_at(uintBitsToFloat(object_words(k, 0u).xyz), weights.y, d, away);
+  CubePlace place = cube_place(turned(found == SKY ? d : surface.mirrored));
   vec3 mirrored = vec3(0.0);
   if (SHARP) {
-    float q = max(nov, 0.001);
-    float bend = 2.0 * away * length_d * surface.y;
-    float spread = 0.5 * log2((1.0 + bend * q) * (1.0 + bend / q));
-    float lod = found == SKY ? lod_of(place.size) : lod_of(place.size * length_d) + spread;
+    float lod = found == SKY ? lod_of(place.size) : lod_of(place.size * surface.size) + surface.spread;
     mirrored = chain_at(chain, p.chain_size, p.chain_last, place, max(0.0, lod));
   }
-  vec3 reflected = surface.z * mirrored;
+  vec3 reflected = weights.z * mirrored;
   if (ROUGH) {
-    reflected += surface.w * cube_at(specular, diffuse_near.w, levels.x, place) +
+    reflected += weights.w * cube_at(specular, diffuse_near.w, levels.x, place) +
                  uintBitsToFloat(f0_far.w) * cube_at(specular, levels.y, levels.z, place);
   }
-  vec2 pair = brdf_at(k, nov);
-  vec3 f = uintBitsToFloat(f0_far.rgb) * pair.x + pair.y;
-  vec3 diffuse = uintBitsToFloat(diffuse_near.rgb) * irradiance(turned(n)) * (1.0 - f);
-  return found == SKY ? mirrored : reflected * f + diffuse;
+  vec2 pair = brdf_at(k, surface.nov);
+  vec3 lit = light_of_surface(reflected, irradiance(turned(surface.n)), uintBitsToFloat(f0_far.rgb),
+                              uintBitsToFloat(diffuse_near.rgb), pair.x, pair.y);
+  return found == SKY ? mirrored : lit;
 }
 
 // A ray of the grid in the pixel with its upper left corner at (x, y).

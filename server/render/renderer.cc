@@ -19,16 +19,13 @@
 
 namespace candela {
 
-Renderer::Renderer(Device& device, TexturePool& pool, std::unique_ptr<EnvironmentBaker> baker)
-    : device_(device), pool_(pool), baker_(std::move(baker)) {}
+Renderer::Renderer(Device& device, TexturePool& pool) : device_(device), pool_(pool) {}
 
 Renderer::~Renderer() = default;
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool, Passes passes,
                                                            uint32_t threads) {
-  absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker = EnvironmentBaker::create(device, pool);
-  if (!baker.ok()) return baker.status();
-  std::unique_ptr<Renderer> renderer(new Renderer(device, pool, *std::move(baker)));
+  std::unique_ptr<Renderer> renderer(new Renderer(device, pool));
   if (absl::Status status = renderer->choose(passes, threads); !status.ok()) return status;
   return renderer;
 }
@@ -38,12 +35,15 @@ absl::Status Renderer::choose(Passes passes, uint32_t threads) {
   if (passes == Passes::kHost && !not_on_host.empty()) {
     return absl::FailedPreconditionError(absl::StrCat("the host cannot make the passes: ", not_on_host));
   }
+  Crew* crew = nullptr;
   if (passes != Passes::kDevice && not_on_host.empty()) {
     if (threads == 0) threads = usable_cpus();
     passes_ = Passes::kHost;
     passes_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(), threads,
                                     threads == 1 ? "" : "s");
-    by_passes_ = std::make_unique<HostExecutor>(device_, threads);
+    auto executor = std::make_unique<HostExecutor>(device_, threads);
+    crew = &executor->crew();
+    by_passes_ = std::move(executor);
   } else {
     absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device_);
     if (!executor.ok()) return executor.status();
@@ -52,6 +52,9 @@ absl::Status Renderer::choose(Passes passes, uint32_t threads) {
     by_passes_ = *std::move(executor);
   }
   by_reference_ = std::make_unique<ReferenceExecutor>(*by_passes_);
+  absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker = EnvironmentBaker::create(device_, pool_, crew);
+  if (!baker.ok()) return baker.status();
+  baker_ = *std::move(baker);
   return absl::OkStatus();
 }
 

@@ -59,7 +59,7 @@ class Renderer {
   Passes passes() const { return passes_; }
   const std::string& passes_words() const { return passes_words_; }
 
-  // Bakes environments on this device.
+  // Bakes environments on this device. Their views are made as the passes are.
   EnvironmentBaker& baker() const { return *baker_; }
 
   // The two halves of render(). The caller decides the exposure between them, and may meter or draw other
@@ -71,7 +71,7 @@ class Renderer {
                                    const Metered& metered, const Exposed& exposed);
 
  private:
-  Renderer(Device& device, TexturePool& pool, std::unique_ptr<EnvironmentBaker> baker);
+  Renderer(Device& device, TexturePool& pool);
   // Sets passes_ and what follows from it.
   absl::Status choose(Passes passes, uint32_t threads);
   Executor& executor_of(const FrameMemory& memory) const;
@@ -88,7 +88,7 @@ class Renderer {
   std::string passes_words_;
   std::unique_ptr<Executor> by_passes_;
   std::unique_ptr<Executor> by_reference_;
-  const std::unique_ptr<EnvironmentBaker> baker_;
+  std::unique_ptr<EnvironmentBaker> baker_;  // may use the threads of by_passes_
 };
 
 }  // namespace candela

@@ -37,8 +37,8 @@ def angle_over_tangent(s):
 POLYNOMIALS = [
     ("ingest.comp", "uint fixed_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
     ("glsl/environment.glsl", "float turns_of_tangent", "s", "q", angle_over_tangent, (0, 1), 2 * math.pi),
-    ("glsl/transfer.glsl", "float exact_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
-    ("glsl/transfer.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
+    ("glsl/log2.glsl", "float exact_log2", "t", "q", lambda t: math.log2(1 + t), (0, 1), 1),
+    ("glsl/log2.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
     ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),
     ("glsl/transfer.glsl", "vec3 srgb", "s", "high", lambda s: srgb_codes(s**4), (KNEE ** (1 / 4), 1), 255),
 ]

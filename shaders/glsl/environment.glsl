@@ -1,7 +1,5 @@
 // Directions, panoramas and cube maps of environments (docs/environments.md sections 1 and 2).
-//
-// A cube level is stored with a border around each face (CUBE_LEVEL_START in params.h), so a bilinear lookup
-// reads four texels of one face and is seamless.
+#include "cube.glsl"
 
 // atan(t) / t in turns, for s = t^2. Errors are in radians.
 // fit: s in [0, 1], degree 8, error 4.0e-08, best 1.4e-08
@@ -107,52 +105,15 @@ vec3 face_direction(uint face, float s, float t) {
   return (face & 1u) == 0u ? d : d * opposite;
 }
 
-// Where a direction meets the cube. `size` is the direction's largest component's.
-struct CubePlace {
-  uint face;
-  float s, t;
-  float size;
-};
-
-// Signs are turned and magnitudes are compared as integers, and there is one division, because that takes
-// fewer instructions than floats and two divisions.
-CubePlace cube_place(vec3 d) {
-  const uint minus = 0x80000000u;
-  uvec3 bits = floatBitsToUint(d);
-  uvec3 a = bits & ~minus;
-  uint largest = max(max(a.x, a.y), a.z);
-  bool along_x = a.x == largest;
-  bool along_y = !along_x && a.y == largest;
-  uint side = (along_x ? bits.x : along_y ? bits.y : bits.z) & minus;
-  uint s = (along_x ? bits.z : bits.x) ^ (along_y ? 0u : side) ^ (along_x ? minus : 0u);
-  uint t = (along_y ? bits.z : bits.y) ^ (along_y ? side : minus);
-  CubePlace place;
-  place.size = uintBitsToFloat(largest);
-  place.face = (along_x ? 0u : along_y ? 2u : 4u) + (side >> 31);
-  float inverse = 1.0 / place.size;
-  place.s = uintBitsToFloat(s) * inverse;
-  place.t = uintBitsToFloat(t) * inverse;
-  return place;
-}
-
 vec3 cube_texel(utextureBuffer levels, uint at) { return uintBitsToFloat(texelFetch(levels, int(at)).rgb); }
 
 // A level that begins at texel `start`, bilinear.
 vec3 cube_at(utextureBuffer levels, uint start, uint size, CubePlace place) {
-  float scale = 0.5 * float(size);
-  float middle = floor(scale + 0.5);  // between or at texels of the bordered face, and the rest
-  float rest = scale + 0.5 - middle;
-  float x = place.s * scale + rest;
-  float y = place.t * scale + rest;
-  float column = floor(x);
-  float row = floor(y);
-  uint pitch = size + 2u;
-  // Roundings do not reach beyond the border, so nothing is clamped.
-  uint origin = start + uint(middle) * (pitch + 1u);
-  uint at = origin + place.face * (pitch * pitch) + uint(int(row)) * pitch + uint(int(column));
-  vec3 above = mix(cube_texel(levels, at), cube_texel(levels, at + 1u), x - column);
-  vec3 below = mix(cube_texel(levels, at + pitch), cube_texel(levels, at + pitch + 1u), x - column);
-  return mix(above, below, y - row);
+  CubeSpot spot = cube_spot(start, size, place);
+  uint below_at = spot.at + (size + 2u);
+  vec3 above = mix(cube_texel(levels, spot.at), cube_texel(levels, spot.at + 1u), spot.across);
+  vec3 below = mix(cube_texel(levels, below_at), cube_texel(levels, below_at + 1u), spot.across);
+  return mix(above, below, spot.down);
 }
 
 // A chain of levels, bilinear in each and linear between two. `last` is the level of 1 x 1.

@@ -3,8 +3,8 @@
 //
 //   build/release/bin/host_bench [SECONDS [KIND]]    for each kind of frame, or only one; 5 by default
 //
-// Prints ms, median and least, at 1920x1080 with the device, with one thread of the host and with two; "cpu"
-// is the processor time of the whole frame.
+// "views" is all kinds of views. Prints ms, median and least, at 1920x1080 or a view's own size with the
+// device, with one thread of the host and with two; "cpu" is the processor time of the whole frame.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -35,28 +35,51 @@ double cpu_ms() {
 struct Maker {
   std::string name;
   std::unique_ptr<Executor> executor;
+  std::unique_ptr<Crew> crew;  // of the baker; null: the device's
+  std::unique_ptr<EnvironmentBaker> baker;
   std::map<std::string, std::vector<double>> ms;  // by pass, "all" and "cpu"
 };
 
-absl::StatusOr<std::vector<Maker>> makers_on(Device& device) {
+absl::StatusOr<std::vector<Maker>> makers_on(const Workbench& bench) {
+  Device& device = *bench.device;
   absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device);
   if (!executor.ok()) return executor.status();
   std::vector<Maker> makers;
-  makers.push_back({"device", *std::move(executor), {}});
-  makers.push_back({"host, 1 thread", std::make_unique<HostExecutor>(device, 1), {}});
-  makers.push_back({"host, 2 threads", std::make_unique<HostExecutor>(device, 2), {}});
+  makers.push_back({"device", *std::move(executor), nullptr, nullptr, {}});
+  makers.push_back(
+      {"host, 1 thread", std::make_unique<HostExecutor>(device, 1), std::make_unique<Crew>(1), nullptr, {}});
+  makers.push_back(
+      {"host, 2 threads", std::make_unique<HostExecutor>(device, 2), std::make_unique<Crew>(2), nullptr, {}});
+  for (Maker& maker : makers) {
+    auto baker = EnvironmentBaker::create(device, *bench.pool, maker.crew.get());
+    if (!baker.ok()) return baker.status();
+    maker.baker = *std::move(baker);
+  }
   return makers;
 }
 
+// What the pixels come from, unless they are in memory already.
+struct Source {
+  Environment* environment = nullptr;
+  View view;
+};
+
 // Renders once. The times count unless the executor is still warming up.
-absl::Status render(Maker& maker, FrameMemory& memory, const Settings& settings, bool counts) {
+absl::Status render(Maker& maker, FrameMemory& memory, const Source& source, const Settings& settings,
+                    bool counts) {
   const TextureLayout& layout = memory.textures().layout;
   const double cpu_before = cpu_ms();
+  std::vector<StageTime> stages;
+  if (source.environment != nullptr) {
+    const HostStage stage("view", &stages);
+    absl::Status status = maker.baker->render_view(*source.environment, source.view, memory);
+    if (!status.ok()) return status;
+  }
   absl::StatusOr<Metered> metered = maker.executor->meter(memory, plan_ingest(layout, settings));
   if (!metered.ok()) return metered.status();
   const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings, *metered);
   if (!colors.ok()) return colors.status();
-  std::vector<StageTime> stages = metered->stages;
+  stages.insert(stages.end(), metered->stages.begin(), metered->stages.end());
   const Plan plan = plan_frame(layout, *metered, settings, {.table = *colors});
   if (const auto drawn = maker.executor->draw(memory, plan, &stages); !drawn.ok()) return drawn.status();
   const double cpu = cpu_ms() - cpu_before;
@@ -74,7 +97,7 @@ absl::Status render(Maker& maker, FrameMemory& memory, const Settings& settings,
 void print(const Maker& maker) {
   std::printf("  %-16s", maker.name.c_str());
   for (const char* pass :
-       {"ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "all", "cpu"}) {
+       {"view", "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "all", "cpu"}) {
     const auto found = maker.ms.find(pass);
     if (found == maker.ms.end()) continue;
     std::vector<double> ms = found->second;
@@ -84,22 +107,61 @@ void print(const Maker& maker) {
   std::printf("\n");
 }
 
-absl::Status compare(const Workbench& bench, const std::string& what, const testing::WireFrame& frame,
-                     const Settings& settings, double seconds) {
-  absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
-  if (!memory.ok()) return memory.status();
-  copy_in(frame, *memory);
-  absl::StatusOr<std::vector<Maker>> makers = makers_on(*bench.device);
+absl::Status compare(const Workbench& bench, const std::string& what, FrameMemory& memory,
+                     const Source& source, const Settings& settings, double seconds) {
+  absl::StatusOr<std::vector<Maker>> makers = makers_on(bench);
   if (!makers.ok()) return makers.status();
   const Clock::time_point begin = Clock::now();
   for (int round = 0; Clock::now() - begin < std::chrono::duration<double>(seconds) || round < 5; ++round) {
     for (Maker& maker : *makers) {
-      if (absl::Status status = render(maker, *memory, settings, round > 1); !status.ok()) return status;
+      absl::Status status = render(maker, memory, source, settings, round > 1);
+      if (!status.ok()) return status;
     }
   }
   std::printf("%s\n", what.c_str());
   for (const Maker& maker : *makers) print(maker);
   std::fflush(stdout);
+  return absl::OkStatus();
+}
+
+absl::Status compare_frame(const Workbench& bench, const std::string& what, const testing::WireFrame& frame,
+                           const Settings& settings, double seconds) {
+  absl::StatusOr<FrameMemory> memory = bench.renderer->allocate(frame.desc, settings);
+  if (!memory.ok()) return memory.status();
+  copy_in(frame, *memory);
+  return compare(bench, what, *memory, {}, settings, seconds);
+}
+
+// Skies and spheres, with nothing that blooms.
+absl::Status compare_views(const Workbench& bench, double seconds, const std::string& only) {
+  v1::Settings dim;
+  dim.mutable_bloom()->set_threshold(kNothingBright);
+  const Settings settings = testing::checked(dim);
+  View sky;
+  sky.camera.rotation = camera_rotation(20, 10, 0);
+  View lookdev = sky;
+  lookdev.objects = lookdev_objects();
+  View sampled = lookdev;
+  sampled.samples = 4;
+  struct Kind {
+    const char* name;
+    uint32_t panorama, width, height;
+    const View* view;
+  };
+  for (const Kind& kind : {Kind{"sky", 1024, 1920, 1080, &sky},
+                           {"sky of a large panorama", 4096, 1920, 1080, &sky},
+                           {"small sky", 1024, 1280, 720, &sky},
+                           {"lookdev", 1024, 1280, 720, &lookdev},
+                           {"lookdev, four samples", 1024, 1280, 720, &sampled}}) {
+    if (!only.empty() && only != kind.name && only != "views") continue;
+    absl::StatusOr<Environment> environment = make_environment(bench.renderer->baker(), kind.panorama);
+    if (!environment.ok()) return environment.status();
+    absl::StatusOr<FrameMemory> memory =
+        bench.renderer->allocate({kind.width, kind.height, v1::PIXEL_FORMAT_RGBA16F}, settings);
+    if (!memory.ok()) return memory.status();
+    absl::Status status = compare(bench, kind.name, *memory, {&*environment, *kind.view}, settings, seconds);
+    if (!status.ok()) return status;
+  }
   return absl::OkStatus();
 }
 
@@ -116,7 +178,7 @@ absl::Status compare_all(double seconds, const std::string& only) {
                                                        testing::ordinary(scenes::natural(1920, 1080)));
   const auto run = [&](const std::string& what, const testing::WireFrame& of, const v1::Settings& settings) {
     if (!only.empty() && what != only) return absl::OkStatus();
-    return compare(*bench, what, of, testing::checked(settings), seconds);
+    return compare_frame(*bench, what, of, testing::checked(settings), seconds);
   };
   v1::Settings settings;
   absl::Status status = run("bright", frame, settings);
@@ -136,6 +198,7 @@ absl::Status compare_all(double seconds, const std::string& only) {
         testing::make_frame(1920, 1080, format, testing::ordinary(scenes::natural(1920, 1080)));
     status.Update(run(std::string("bright, ") + v1::word_of(format), other, {}));
   }
+  status.Update(compare_views(*bench, seconds, only));
   return status;
 }
 

@@ -22,7 +22,6 @@
 #include "server/render/host/host_executor.h"
 #include "server/render/host/run_bloom.h"
 #include "server/render/host/run_resolve.h"
-#include "server/render/settings/tiers.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "tests/bench/workbench.h"
@@ -145,29 +144,10 @@ absl::Status render(const Workbench& bench, Runner& runner, const testing::WireF
   return counted(kind + "/" + name(Pass::kResolve), [&] { return runner.resolve(plan.resolve, textures); });
 }
 
-// A panorama with what its views read.
-absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker) {
-  const auto scene = testing::ordinary(scenes::natural(512, 256));
-  const testing::WireFrame frame = testing::make_frame(512, 256, v1::PIXEL_FORMAT_RGBA16F, scene);
-  absl::StatusOr<PanoramaUpload> upload = baker.take(frame.desc);
-  if (!upload.ok()) return upload.status();
-  const uint64_t row_bytes = frame.desc.row_bytes();
-  for (uint32_t y = 0; y < frame.desc.height; ++y) {
-    std::memcpy(upload->row(y).data(), frame.pixels.data() + y * row_bytes, row_bytes);
-  }
-  absl::StatusOr<Environment> environment = baker.finish(*std::move(upload), std::nullopt);
-  if (!environment.ok()) return environment.status();
-  const Tier& draft = tiers().front();
-  absl::Status status = baker.prepare_view(*environment, {draft.cube_samples, draft.specular_detail});
-  if (status.ok()) status = baker.radiance(*environment).status();
-  if (!status.ok()) return status;
-  return environment;
-}
-
-// Level 0 of the sky, the sky between levels, and spheres.
-absl::Status render_views(const Workbench& bench) {
+// Level 0 of the sky, the sky between levels, and spheres. `who` goes before their names.
+absl::Status render_views(const Workbench& bench, const std::string& who) {
   EnvironmentBaker& baker = bench.renderer->baker();
-  absl::StatusOr<Environment> environment = make_environment(baker);
+  absl::StatusOr<Environment> environment = make_environment(baker, 512);
   if (!environment.ok()) return environment.status();
   absl::StatusOr<FrameMemory> memory =
       bench.renderer->allocate({kWidth, kHeight, v1::PIXEL_FORMAT_RGBA16F}, testing::checked(v1::Settings()));
@@ -182,7 +162,7 @@ absl::Status render_views(const Workbench& bench) {
     instrument(count);
     for (const auto& [name, view] : {std::pair("sky", &sky), {"wide", &wide}, {"lookdev", &lookdev}}) {
       const auto draw = [&, view = view] { return baker.render_view(*environment, *view, *memory); };
-      if (absl::Status status = counted(std::string(name) + "/view", draw); !status.ok()) return status;
+      if (absl::Status status = counted(who + name + "/view", draw); !status.ok()) return status;
     }
   }
   return absl::OkStatus();
@@ -234,11 +214,12 @@ absl::Status render_both() {
   const DeviceSummary& summary = device->device->summary();
   std::printf("%s (%s)\n", summary.name.c_str(), summary.driver.c_str());
   if (absl::Status status = render_all(*device, ""); !status.ok()) return status;
-  if (absl::Status status = render_views(*device); !status.ok()) return status;
+  if (absl::Status status = render_views(*device, ""); !status.ok()) return status;
   if (!HostExecutor::unavailable(summary).empty()) return absl::OkStatus();
   const absl::StatusOr<Workbench> host = open_workbench(Passes::kHost, /*threads=*/1);
   if (!host.ok()) return host.status();
-  return render_all(*host, "host ");
+  if (absl::Status status = render_all(*host, "host "); !status.ok()) return status;
+  return render_views(*host, "host ");
 }
 
 int main_() {

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "server/base/driver_environment.h"
+#include "server/render/settings/tiers.h"
 
 namespace candela::bench {
 namespace {
@@ -49,6 +50,24 @@ void copy_in(const testing::WireFrame& frame, FrameMemory& memory) {
   for (uint32_t y = 0; y < frame.desc.height; ++y) {
     std::memcpy(memory.input_row(y).data(), frame.pixels.data() + y * row_bytes, row_bytes);
   }
+}
+
+absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker, uint32_t width) {
+  const testing::WireFrame frame = testing::make_frame(width, width / 2, v1::PIXEL_FORMAT_RGBA16F,
+                                                       testing::ordinary(scenes::natural(width, width / 2)));
+  absl::StatusOr<PanoramaUpload> upload = baker.take(frame.desc);
+  if (!upload.ok()) return upload.status();
+  const uint64_t row_bytes = frame.desc.row_bytes();
+  for (uint32_t y = 0; y < frame.desc.height; ++y) {
+    std::memcpy(upload->row(y).data(), frame.pixels.data() + y * row_bytes, row_bytes);
+  }
+  absl::StatusOr<Environment> environment = baker.finish(*std::move(upload), std::nullopt);
+  if (!environment.ok()) return environment.status();
+  const Tier& draft = tiers().front();
+  absl::Status status = baker.prepare_view(*environment, {draft.cube_samples, draft.specular_detail});
+  if (status.ok()) status = baker.radiance(*environment).status();
+  if (!status.ok()) return status;
+  return environment;
 }
 
 std::span<const Variant> variants() { return kVariants; }

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "absl/status/statusor.h"
+#include "server/render/environment/environment_baker.h"
 #include "server/render/renderer.h"
 #include "tests/support/scenes.h"
 
@@ -23,6 +24,9 @@ absl::StatusOr<Workbench> open_workbench(Passes passes, uint32_t threads = 0);
 
 // Copies the frame's pixels into the renderer's memory.
 void copy_in(const testing::WireFrame& frame, FrameMemory& memory);
+
+// A panorama that is half as high as wide, with what its views read.
+absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker, uint32_t width);
 
 // A threshold that is higher than any luminance in testing::natural(), so that nothing blooms.
 inline constexpr float kNothingBright = 65504.0f;

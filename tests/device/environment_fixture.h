@@ -32,29 +32,35 @@ inline const BakeQuality kDraft = quality_of("draft");
 inline const BakeQuality kStandard = quality_of("standard");
 inline const BakeQuality kReference = quality_of("reference");
 
-// A device with everything that bakes and renders on it. One for each kind of memory in a process.
+// Whether the device's memory is the host's, too; and if so, who draws views.
+enum class MachineKind : uint32_t { kUnified, kStaging, kHost };
+inline constexpr std::array<const char*, 3> kMachineWords = {"Unified", "Staging", "Host"};
+
+// A device with everything that bakes and renders on it. One of each kind in a process.
 struct Machine {
   std::unique_ptr<Device> device;
   std::unique_ptr<TexturePool> pool;
   std::unique_ptr<Renderer> renderer;
+  std::unique_ptr<Crew> crew;
   std::unique_ptr<EnvironmentBaker> baker;
 
-  static Machine& with(bool staging) {
-    Machine& m = all()[staging];
+  static Machine& of(MachineKind kind) {
+    Machine& m = all()[static_cast<uint32_t>(kind)];
     if (m.baker) return m;
     keep_driver_loaded();
     DeviceOptions options;
-    options.staging = staging;
+    options.staging = kind == MachineKind::kStaging;
     m.device = *Device::create(options);
     m.pool = std::make_unique<TexturePool>(*m.device, uint64_t{4} << 30);
     m.renderer = *Renderer::create(*m.device, *m.pool);
-    m.baker = *EnvironmentBaker::create(*m.device, *m.pool);
+    if (kind == MachineKind::kHost) m.crew = std::make_unique<Crew>(3);
+    m.baker = *EnvironmentBaker::create(*m.device, *m.pool, m.crew.get());
     return m;
   }
 
   // Not destroyed at the process's exit, when the validation layers are gone.
-  static std::array<Machine, 2>& all() {
-    static auto* const machines = new std::array<Machine, 2>;
+  static std::array<Machine, 3>& all() {
+    static auto* const machines = new std::array<Machine, 3>;
     return *machines;
   }
 };
@@ -65,6 +71,7 @@ class CloseMachines : public ::testing::Environment {
   void TearDown() override {
     for (Machine& m : Machine::all()) {
       m.baker.reset();
+      m.crew.reset();
       m.renderer.reset();
       m.pool.reset();
       m.device.reset();

@@ -17,7 +17,7 @@ constexpr std::array<float, 9> kMatrix = {0.9f, 0.2f, -0.1f, -0.3f, 1.1f, 0.2f, 
 // True: without unified memory.
 class EnvironmentTest : public ::testing::TestWithParam<bool> {
  protected:
-  Machine& machine() { return Machine::with(GetParam()); }
+  Machine& machine() { return Machine::of(GetParam() ? MachineKind::kStaging : MachineKind::kUnified); }
   EnvironmentBaker& baker() { return *machine().baker; }
 
   BakedCube bake(const Environment& environment, const BakeSpec& spec) {
@@ -370,8 +370,8 @@ TEST(EnvironmentData, SpecularLevelsOfRealPanoramasAreWithinTheirTiersError) {
     const absl::StatusOr<Image> image = read_image(path);
     ASSERT_TRUE(image.ok()) << image.status();
     for (const Claim& claim : kClaims) {
-      expect_specular(*Machine::with(false).baker, wire_of(*image), claim, RoughnessMapping::kLinear,
-                      std::filesystem::path(path).filename());
+      expect_specular(*Machine::of(MachineKind::kUnified).baker, wire_of(*image), claim,
+                      RoughnessMapping::kLinear, std::filesystem::path(path).filename());
     }
   }
 }

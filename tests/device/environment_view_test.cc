@@ -1,7 +1,8 @@
-// Views of environments on the device, against their float64 twin and as frames.
+// Views of environments on the device and on the host, against their float64 twin and as frames.
 #include <half.h>
 
 #include "server/render/device/frame_textures.h"
+#include "server/render/host/host_executor.h"
 #include "tests/device/environment_fixture.h"
 
 namespace candela::testing {
@@ -42,9 +43,14 @@ reference::CubeLevel bound_of(const reference::CubeLevel& level) {
   return out;
 }
 
-class EnvironmentViewTest : public ::testing::TestWithParam<bool> {
+class EnvironmentViewTest : public ::testing::TestWithParam<MachineKind> {
  protected:
-  Machine& machine() { return Machine::with(GetParam()); }
+  void SetUp() override {
+    const std::string why = HostExecutor::unavailable(machine().device->summary());
+    if (GetParam() == MachineKind::kHost && !why.empty()) GTEST_SKIP() << why;
+  }
+
+  Machine& machine() { return Machine::of(GetParam()); }
   EnvironmentBaker& baker() { return *machine().baker; }
 
   Environment ready(const WireFrame& frame) {
@@ -102,8 +108,9 @@ class EnvironmentViewTest : public ::testing::TestWithParam<bool> {
                    const std::string& what);
 };
 
-INSTANTIATE_TEST_SUITE_P(Memory, EnvironmentViewTest, ::testing::Bool(),
-                         [](const auto& staging) { return staging.param ? "Staging" : "Unified"; });
+INSTANTIATE_TEST_SUITE_P(On, EnvironmentViewTest,
+                         ::testing::Values(MachineKind::kUnified, MachineKind::kStaging, MachineKind::kHost),
+                         [](const auto& kind) { return kMachineWords[static_cast<uint32_t>(kind.param)]; });
 
 // Each pixel within 2^-10 of the largest texels that it uses, beside the rounding to halves.
 void EnvironmentViewTest::expect_twin(Environment& environment, const View& view, uint32_t width,
@@ -247,7 +254,7 @@ TEST_P(EnvironmentViewTest, ASkyThatIsPartlyMagnifiedIsItsTwin) {
   }
 }
 
-// The shader rounds and packs halves itself.
+// The shader rounds and packs halves itself, and the host's registers have conversions of their own.
 TEST_P(EnvironmentViewTest, AFlatSkyKeepsItsBits) {
   for (const float value : {0.0f, 0x1p-24f, -0x1p-24f, 0x1.8p-23f, 0x1.ff8p-15f, -0x1.ffp-15f, 0x1p-14f,
                             0x1.004p-14f, -0.333251953125f, 1.0f, 65504.0f, -65504.0f}) {

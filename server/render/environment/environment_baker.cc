@@ -79,14 +79,14 @@ LongPass level_pass(std::span<const uint32_t> spirv, std::vector<VkBufferView> r
 
 }  // namespace
 
-EnvironmentBaker::EnvironmentBaker(Device& device, TexturePool& pool, LongPasses passes)
-    : device_(device), pool_(pool), passes_(std::move(passes)) {}
+EnvironmentBaker::EnvironmentBaker(Device& device, TexturePool& pool, Crew* crew, LongPasses passes)
+    : device_(device), pool_(pool), crew_(crew), passes_(std::move(passes)) {}
 
-absl::StatusOr<std::unique_ptr<EnvironmentBaker>> EnvironmentBaker::create(Device& device,
-                                                                           TexturePool& pool) {
+absl::StatusOr<std::unique_ptr<EnvironmentBaker>> EnvironmentBaker::create(Device& device, TexturePool& pool,
+                                                                           Crew* crew) {
   absl::StatusOr<LongPasses> passes = LongPasses::create(device, pool);
   if (!passes.ok()) return passes.status();
-  return std::unique_ptr<EnvironmentBaker>(new EnvironmentBaker(device, pool, *std::move(passes)));
+  return std::unique_ptr<EnvironmentBaker>(new EnvironmentBaker(device, pool, crew, *std::move(passes)));
 }
 
 absl::StatusOr<PanoramaUpload> EnvironmentBaker::take(const FrameDesc& desc) const {

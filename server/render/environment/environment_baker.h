@@ -1,4 +1,4 @@
-// Bakes environments on the Vulkan device, and renders views of them.
+// Bakes environments on the Vulkan device, and renders views of them there or on the host.
 #pragma once
 
 #include <array>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/base/crew.h"
 #include "server/render/device/frame_memory.h"
 #include "server/render/environment/environment.h"
 #include "server/render/environment/long_passes.h"
@@ -25,7 +26,10 @@ namespace candela {
 // RESOURCE_EXHAUSTED if the budget can never hold it.
 class EnvironmentBaker {
  public:
-  static absl::StatusOr<std::unique_ptr<EnvironmentBaker>> create(Device& device, TexturePool& pool);
+  // `crew`, which outlives the baker, draws views on the host, in the textures that the device maps; null:
+  // the device draws them. It has no other work while a view is rendered.
+  static absl::StatusOr<std::unique_ptr<EnvironmentBaker>> create(Device& device, TexturePool& pool,
+                                                                  Crew* crew = nullptr);
 
   // The memory for a panorama's pixels. Any thread.
   absl::StatusOr<PanoramaUpload> take(const FrameDesc& desc) const;
@@ -61,7 +65,7 @@ class EnvironmentBaker {
   double take_longest_s() { return passes_.take_longest_s(); }
 
  private:
-  EnvironmentBaker(Device& device, TexturePool& pool, LongPasses passes);
+  EnvironmentBaker(Device& device, TexturePool& pool, Crew* crew, LongPasses passes);
   absl::Status make_level_0(const Environment& environment, const BakeSpec& spec, CubeLevels& chain);
   absl::Status make_chain(CubeLevels& chain);
   // Empty if `spec`, which has its size, has no specular levels.
@@ -69,9 +73,12 @@ class EnvironmentBaker {
   absl::Status draw_view(const Environment& environment, const View& view,
                          std::span<const shader::ViewObject> objects, const Buffer& scene,
                          FrameMemory& memory);
+  absl::Status draw_on_host(const Environment& environment, const View& view, const shader::ViewLight& light,
+                            std::span<const shader::ViewObject> objects, FrameMemory& memory);
 
   Device& device_;
   TexturePool& pool_;
+  Crew* const crew_;
   LongPasses passes_;
   std::vector<uint16_t> brdf_;
 };

@@ -3,15 +3,35 @@
 #include <map>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
 #include "server/render/environment/view_tiles.h"
+#include "server/render/host/view/view.h"
 #include "shaders/view.spv.h"
 
 namespace candela {
 
 static_assert(sizeof(shader::ViewParams) <= PipelineCache::kPushBytes);
+
+namespace {
+
+const float* texels_of(const CubeLevels& levels) {
+  return levels ? reinterpret_cast<const float*>(levels.texels.buffer().mapped()) : nullptr;
+}
+
+std::vector<host::ViewPart> parts_of(const std::vector<ViewRun>& runs) {
+  std::vector<host::ViewPart> parts;
+  for (const ViewRun& run : runs) {
+    const uint32_t columns = run.kind.objects ? shader::VIEW_TILE : shader::VIEW_SKY_X;
+    parts.push_back({run.x0 * columns, run.x1 * columns, run.kind.objects, run.kind.magnified,
+                     run.kind.first_object, run.kind.end_object});
+  }
+  return parts;
+}
+
+}  // namespace
 
 absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality,
                                             bool objects) {
@@ -53,7 +73,9 @@ absl::Status EnvironmentBaker::render_view(Environment& environment, const View&
   if (with_objects) brdf = brdf_table();
   if (!brdf.ok()) return brdf.status();
   const std::vector<shader::ViewObject> objects = view_objects(view, environment.view.specular, *brdf);
-  const absl::StatusOr<TexturePool::Lease> scene = passes_.upload(view_scene(irradiance_of(*light), objects));
+  const shader::ViewLight irradiance = view_light(irradiance_of(*light));
+  if (crew_ != nullptr) return draw_on_host(environment, view, irradiance, objects, memory);
+  const absl::StatusOr<TexturePool::Lease> scene = passes_.upload(view_scene(irradiance, objects));
   if (!scene.ok()) return scene.status();
   absl::Status status = draw_view(environment, view, objects, scene->buffer(), memory);
   const FrameTextures& textures = memory.textures();
@@ -73,7 +95,9 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
   const CubeLevels& specular = environment.view.specular;
   // Without specular levels nothing reads them, but the binding still has to hold something.
   const VkBufferView reads[] = {chain, specular ? specular.texels.buffer().view() : chain, scene.view()};
-  const std::vector<std::vector<ViewRun>> rows = view_rows(view, params, objects);
+  const ViewTiles tiles(view, params, objects);
+  std::vector<std::vector<ViewRun>> rows;
+  for (uint32_t y = 0; y < tiles.rows(); ++y) rows.push_back(tiles.row(y));
   const uint64_t row_bytes = uint64_t{layout.pitch} * 8;
   const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
     params.first_row = begin * shader::VIEW_TILE;
@@ -99,6 +123,31 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
        .cost = [&](uint32_t y) { return cost_of(rows[y], view); },
        .record = record,
        .most = static_cast<uint32_t>(PipelineCache::kMaxWriteBytes / row_bytes / shader::VIEW_TILE)});
+}
+
+absl::Status EnvironmentBaker::draw_on_host(const Environment& environment, const View& view,
+                                            const shader::ViewLight& light,
+                                            std::span<const shader::ViewObject> objects,
+                                            FrameMemory& memory) {
+  if (device_.lost()) {
+    return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
+  }
+  const TextureLayout& layout = memory.textures().layout;
+  const BakedCube& cube = environment.view;
+  const host::ViewJob job = {
+      .params = view_params(view, layout.desc.width, layout.desc.height, layout.pitch, cube.chain.size),
+      .chain = texels_of(cube.chain),
+      .specular = texels_of(cube.specular),
+      .light = light,
+      .objects = objects,
+      .pixels = memory.textures().input.buffer().mapped()};
+  const ViewTiles tiles(view, job.params, objects);
+  crew_->run(tiles.rows(), [&](uint32_t y) {
+    const uint32_t y0 = y * shader::VIEW_TILE;
+    host::draw_view_rows(job, parts_of(tiles.row(y)), y0,
+                         std::min(y0 + shader::VIEW_TILE, layout.desc.height));
+  });
+  return absl::OkStatus();
 }
 
 }  // namespace candela

@@ -116,13 +116,18 @@ std::vector<shader::ViewObject> view_objects(const View& view, const CubeLevels&
   return objects;
 }
 
-std::vector<std::byte> view_scene(const Harmonics& irradiance, std::span<const shader::ViewObject> objects) {
+shader::ViewLight view_light(const Harmonics& irradiance) {
   shader::ViewLight light{};
   for (size_t i = 0; i < irradiance.size(); ++i) {
     for (size_t k = 0; k < 3; ++k) {
       light.irradiance[4 * i + k] = static_cast<float>(irradiance[i][k] * kHarmonicFactors[i]);
     }
   }
+  return light;
+}
+
+std::vector<std::byte> view_scene(const shader::ViewLight& light,
+                                  std::span<const shader::ViewObject> objects) {
   std::vector<std::byte> bytes(sizeof light + objects.size_bytes());
   std::memcpy(bytes.data(), &light, sizeof light);
   if (!objects.empty()) std::memcpy(bytes.data() + sizeof light, objects.data(), objects.size_bytes());

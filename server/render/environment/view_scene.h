@@ -21,7 +21,9 @@ shader::ViewParams view_params(const View& view, uint32_t width, uint32_t height
 // table: halves, row by row.
 std::vector<shader::ViewObject> view_objects(const View& view, const CubeLevels& specular,
                                              std::span<const uint16_t> brdf);
+shader::ViewLight view_light(const Harmonics& irradiance);
 // What the shader reads as the scene.
-std::vector<std::byte> view_scene(const Harmonics& irradiance, std::span<const shader::ViewObject> objects);
+std::vector<std::byte> view_scene(const shader::ViewLight& light,
+                                  std::span<const shader::ViewObject> objects);
 
 }  // namespace candela

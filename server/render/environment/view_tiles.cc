@@ -39,14 +39,8 @@ bool is_magnified(const shader::ViewParams& params, const Rays& rays) {
   return params.lod - 1.5 * std::log2(least) + kMargin <= 0;
 }
 
-// The directions in which a sphere is seen, in camera axes.
-struct Cone {
-  Vector3 axis;         // of length 1
-  double sine, cosine;  // of the angle between the axis and the edge, which is less than 90 degrees
-};
-
-std::vector<Cone> sphere_cones(const View& view) {
-  std::vector<Cone> cones;
+std::vector<SphereCone> sphere_cones(const View& view) {
+  std::vector<SphereCone> cones;
   for (const ViewSphere& sphere : view.objects) {
     const Vector3 o = centre_to_camera(view.camera, sphere);
     const double distance = std::hypot(o[0], o[1], o[2]);
@@ -64,30 +58,13 @@ struct TileCone {
     sine = std::min(1.0, rays.reach / length + kMargin);
     cosine = std::sqrt(1 - sine * sine);
   }
-  bool touches(const Cone& sphere) const {
+  bool touches(const SphereCone& sphere) const {
     const double along = middle[0] * sphere.axis[0] + middle[1] * sphere.axis[1] + middle[2] * sphere.axis[2];
     return along >= length * (cosine * sphere.cosine - sine * sphere.sine);
   }
   Vector3 middle;
   double length, sine, cosine;
 };
-
-ViewKind object_kind(const TileCone& tile, const std::vector<Cone>& spheres, const View& view,
-                     std::span<const shader::ViewObject> objects) {
-  ViewKind kind;
-  for (uint32_t k = 0; k < spheres.size(); ++k) {
-    if (!tile.touches(spheres[k])) continue;
-    if (!kind.objects) kind.first_object = k;
-    kind.objects = true;
-    kind.end_object = k + 1;
-  }
-  for (uint32_t k = kind.first_object; k < kind.end_object; ++k) {
-    // Some rays of a pixel with samples may see the sky, which is the chain.
-    kind.sharp = kind.sharp || view.samples > 1 || objects[k].chain_weight > 0;
-    kind.rough = kind.rough || objects[k].near_weight > 0 || objects[k].far_weight > 0;
-  }
-  return kind;
-}
 
 void add(std::vector<ViewRun>& row, const ViewKind& kind, uint32_t x) {
   if (!row.empty() && row.back().x1 == x && row.back().kind == kind) {
@@ -103,25 +80,44 @@ Constants constants_of(const ViewKind& kind, const View& view) {
   return {kind.objects, kind.magnified, kind.sharp, kind.rough, kind.objects && view.samples > 1};
 }
 
-std::vector<std::vector<ViewRun>> view_rows(const View& view, const shader::ViewParams& params,
-                                            std::span<const shader::ViewObject> objects) {
+ViewTiles::ViewTiles(const View& view, const shader::ViewParams& params,
+                     std::span<const shader::ViewObject> objects)
+    : params_(params), objects_(objects), cones_(sphere_cones(view)) {}
+
+uint32_t ViewTiles::rows() const { return groups(params_.height, shader::VIEW_TILE); }
+
+std::vector<ViewRun> ViewTiles::row(uint32_t y) const {
   constexpr uint32_t kTile = shader::VIEW_TILE;
-  const std::vector<Cone> spheres = sphere_cones(view);
-  std::vector<std::vector<ViewRun>> rows(groups(params.height, kTile));
-  for (uint32_t y = 0; y < rows.size(); ++y) {
-    for (uint32_t x = 0; x < groups(params.pitch, shader::VIEW_SKY_X); ++x) {
-      const uint32_t left = x * shader::VIEW_SKY_X;
-      const Rays rays = rays_of(params, left, y * kTile, std::min(left + shader::VIEW_SKY_X, params.pitch),
-                                (y + 1) * kTile);
-      add(rows[y], {.magnified = is_magnified(params, rays)}, x);
-    }
-    for (uint32_t x = 0; !spheres.empty() && x < groups(params.width, kTile); ++x) {
-      const TileCone tile(rays_of(params, x * kTile, y * kTile, (x + 1) * kTile, (y + 1) * kTile));
-      const ViewKind kind = object_kind(tile, spheres, view, objects);
-      if (kind.objects) add(rows[y], kind, x);
-    }
+  std::vector<ViewRun> row;
+  for (uint32_t x = 0; x < groups(params_.pitch, shader::VIEW_SKY_X); ++x) {
+    const uint32_t left = x * shader::VIEW_SKY_X;
+    const Rays rays = rays_of(params_, left, y * kTile, std::min(left + shader::VIEW_SKY_X, params_.pitch),
+                              (y + 1) * kTile);
+    add(row, {.magnified = is_magnified(params_, rays)}, x);
   }
-  return rows;
+  for (uint32_t x = 0; !cones_.empty() && x < groups(params_.width, kTile); ++x) {
+    const ViewKind kind = kind_of_tile(x, y);
+    if (kind.objects) add(row, kind, x);
+  }
+  return row;
+}
+
+ViewKind ViewTiles::kind_of_tile(uint32_t x, uint32_t y) const {
+  constexpr uint32_t kTile = shader::VIEW_TILE;
+  const TileCone tile(rays_of(params_, x * kTile, y * kTile, (x + 1) * kTile, (y + 1) * kTile));
+  ViewKind kind;
+  for (uint32_t k = 0; k < cones_.size(); ++k) {
+    if (!tile.touches(cones_[k])) continue;
+    if (!kind.objects) kind.first_object = k;
+    kind.objects = true;
+    kind.end_object = k + 1;
+  }
+  for (uint32_t k = kind.first_object; k < kind.end_object; ++k) {
+    // Some rays of a pixel with samples may see the sky, which is the chain.
+    kind.sharp = kind.sharp || params_.samples_side > 1 || objects_[k].chain_weight > 0;
+    kind.rough = kind.rough || objects_[k].near_weight > 0 || objects_[k].far_weight > 0;
+  }
+  return kind;
 }
 
 std::map<ViewKind, std::vector<Box>> boxes_of(std::span<const std::vector<ViewRun>> rows, uint32_t first) {

@@ -1,4 +1,5 @@
-// Which work groups of view.comp draw which parts of a view. Internal to server/render. Pure.
+// Which parts of a view are drawn how: work groups of view.comp, or parts of rows on the host. Internal to
+// server/render. Pure.
 #pragma once
 
 #include <compare>
@@ -34,10 +35,29 @@ struct ViewRun {
   uint32_t x1 = 0;
 };
 
-// The runs of each row of tiles. The sky covers each row, and the objects' runs the tiles that one may touch.
-// `objects` are those of the view.
-std::vector<std::vector<ViewRun>> view_rows(const View& view, const shader::ViewParams& params,
-                                            std::span<const shader::ViewObject> objects);
+// The directions in which a sphere is seen, in camera axes.
+struct SphereCone {
+  Vector3 axis;         // of length 1
+  double sine, cosine;  // of the angle between the axis and the edge, which is less than 90 degrees
+};
+
+// The rows of tiles of a view, which is not kept. `objects` are those of the view; they outlive this.
+class ViewTiles {
+ public:
+  ViewTiles(const View& view, const shader::ViewParams& params, std::span<const shader::ViewObject> objects);
+
+  uint32_t rows() const;
+  // The runs of row y: first those of the sky, which cover it, and then the objects', over the tiles that one
+  // may touch. Any thread.
+  std::vector<ViewRun> row(uint32_t y) const;
+
+ private:
+  ViewKind kind_of_tile(uint32_t x, uint32_t y) const;
+
+  const shader::ViewParams params_;
+  const std::span<const shader::ViewObject> objects_;
+  const std::vector<SphereCone> cones_;
+};
 
 // The runs of consecutive rows as boxes. `first` is the number of the first row.
 std::map<ViewKind, std::vector<Box>> boxes_of(std::span<const std::vector<ViewRun>> rows, uint32_t first);

@@ -3,3 +3,4 @@
 #define int I
 #define uint U
 #define bool B
+#define precise

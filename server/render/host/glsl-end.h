@@ -2,3 +2,4 @@
 #undef int
 #undef uint
 #undef bool
+#undef precise

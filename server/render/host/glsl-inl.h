@@ -33,6 +33,9 @@ struct U;
 struct B {
   hn::Mask<DF> m;
 };
+HWY_INLINE B operator&&(B a, B b) { return {hn::And(a.m, b.m)}; }
+HWY_INLINE B operator||(B a, B b) { return {hn::Or(a.m, b.m)}; }
+HWY_INLINE B operator!(B a) { return {hn::Not(a.m)}; }
 
 // A product of floats that is not rounded yet.
 struct Product {
@@ -48,6 +51,7 @@ struct F {
   HWY_INLINE F(double x) : F(static_cast<float>(x)) {}
   HWY_INLINE F(const Product& x) : v(hn::Mul(x.a, x.b)) {}
   HWY_INLINE explicit F(int x) : F(static_cast<float>(x)) {}
+  HWY_INLINE explicit F(uint32_t x) : F(static_cast<float>(x)) {}
   HWY_INLINE explicit F(const I& x);
   HWY_INLINE explicit F(const U& x);
 };
@@ -62,6 +66,7 @@ HWY_INLINE F operator-(const Product& p, F c) { return hn::MulSub(p.a, p.b, c.v)
 HWY_INLINE F operator-(F c, const Product& p) { return hn::NegMulAdd(p.a, p.b, c.v); }
 HWY_INLINE F operator+(const Product& p, const Product& q) { return p + F(q); }
 HWY_INLINE F operator-(const Product& p, const Product& q) { return p - F(q); }
+HWY_INLINE F operator-(F a) { return hn::Neg(a.v); }
 HWY_INLINE B operator<(F a, F b) { return {hn::Lt(a.v, b.v)}; }
 HWY_INLINE B operator<=(F a, F b) { return {hn::Le(a.v, b.v)}; }
 HWY_INLINE B operator==(F a, F b) { return {hn::Eq(a.v, b.v)}; }
@@ -76,6 +81,10 @@ struct Integer {
   friend HWY_INLINE Self operator&(Self a, Self b) { return hn::And(a.v, b.v); }
   friend HWY_INLINE Self operator|(Self a, Self b) { return hn::Or(a.v, b.v); }
   friend HWY_INLINE Self operator^(Self a, Self b) { return hn::Xor(a.v, b.v); }
+  friend HWY_INLINE B operator==(Self a, Self b) { return {hn::RebindMask(kFloats, hn::Eq(a.v, b.v))}; }
+  friend HWY_INLINE Self mix(Self a, Self b, B which) {
+    return hn::IfThenElse(hn::RebindMask(hn::DFromV<Vec>(), which.m), b.v, a.v);
+  }
   friend HWY_INLINE Self& operator+=(Self& a, Self b) { return a = a + b; }
   friend HWY_INLINE Self operator<<(Self a, int bits) { return hn::ShiftLeftSame(a.v, bits); }
   friend HWY_INLINE Self operator>>(Self a, int bits) { return hn::ShiftRightSame(a.v, bits); }
@@ -109,6 +118,7 @@ HWY_INLINE F floor(F x) { return hn::Floor(x.v); }
 HWY_INLINE F abs(F x) { return hn::Abs(x.v); }
 HWY_INLINE F min(F a, F b) { return hn::Min(a.v, b.v); }
 HWY_INLINE F max(F a, F b) { return hn::Max(a.v, b.v); }
+HWY_INLINE F clamp(F x, F low, F high) { return min(max(x, low), high); }
 HWY_INLINE I min(I a, I b) { return hn::Min(a.v, b.v); }
 HWY_INLINE U min(U a, U b) { return hn::Min(a.v, b.v); }
 HWY_INLINE U max(U a, U b) { return hn::Max(a.v, b.v); }
@@ -174,6 +184,15 @@ using uvec3 = Three<U>;
 using ivec3 = Three<I>;
 using bvec3 = Three<B>;
 
+HWY_INLINE uvec3 floatBitsToUint(const vec3& x) {
+  return {floatBitsToUint(x.r), floatBitsToUint(x.g), floatBitsToUint(x.b)};
+}
+HWY_INLINE vec3 uintBitsToFloat(const uvec3& x) {
+  return {uintBitsToFloat(x.r), uintBitsToFloat(x.g), uintBitsToFloat(x.b)};
+}
+HWY_INLINE F dot(const vec3& x, const vec3& y) { return (x.r * y.r + x.g * y.g) + x.b * y.b; }
+HWY_INLINE vec3 normalize(const vec3& x) { return x * F(1.0 / sqrt(dot(x, x))); }
+HWY_INLINE vec3 reflect(const vec3& x, const vec3& n) { return x - F(2.0 * dot(n, x)) * n; }
 HWY_INLINE vec3 sqrt(const vec3& x) { return {sqrt(x.r), sqrt(x.g), sqrt(x.b)}; }
 HWY_INLINE vec3 abs(const vec3& x) { return {abs(x.r), abs(x.g), abs(x.b)}; }
 HWY_INLINE vec3 at_least(const vec3& x, F low) {
@@ -214,24 +233,30 @@ HWY_INLINE hn::Vec<D> load_elements(D d, const uint32_t* words, const uint32_t* 
 
 struct Fetched {
   uvec3 rgb;
+  U a;
 };
 
-// Whole elements and a transposition: gathers take one word at a time.
-HWY_INLINE Fetched texelFetch(const utextureBuffer& texture, I index) {
-  HWY_ALIGN uint32_t at[hn::MaxLanes(kUints)];
-  hn::Store(min(U(index), U(texture.elements - 1)).v, kUints, at);
-  const VU e0 = load_elements(kUints, texture.words, at);
-  const VU e1 = load_elements(kUints, texture.words, at + 1);
-  const VU e2 = load_elements(kUints, texture.words, at + 2);
-  const VU e3 = load_elements(kUints, texture.words, at + 3);
+// The elements `at`, one for each lane: whole elements and a transposition. Gathers take one word at a time.
+HWY_INLINE Fetched transposed_elements(const uint32_t* words, const uint32_t* at) {
+  const VU e0 = load_elements(kUints, words, at);
+  const VU e1 = load_elements(kUints, words, at + 1);
+  const VU e2 = load_elements(kUints, words, at + 2);
+  const VU e3 = load_elements(kUints, words, at + 3);
   const hn::Repartition<uint64_t, DU> pairs;
   const auto rg0 = hn::BitCast(pairs, hn::InterleaveLower(kUints, e0, e1));
   const auto rg2 = hn::BitCast(pairs, hn::InterleaveLower(kUints, e2, e3));
-  const auto b0 = hn::BitCast(pairs, hn::InterleaveUpper(kUints, e0, e1));
-  const auto b2 = hn::BitCast(pairs, hn::InterleaveUpper(kUints, e2, e3));
+  const auto ba0 = hn::BitCast(pairs, hn::InterleaveUpper(kUints, e0, e1));
+  const auto ba2 = hn::BitCast(pairs, hn::InterleaveUpper(kUints, e2, e3));
   return {uvec3(hn::BitCast(kUints, hn::InterleaveLower(pairs, rg0, rg2)),
                 hn::BitCast(kUints, hn::InterleaveUpper(pairs, rg0, rg2)),
-                hn::BitCast(kUints, hn::InterleaveLower(pairs, b0, b2)))};
+                hn::BitCast(kUints, hn::InterleaveLower(pairs, ba0, ba2))),
+          hn::BitCast(kUints, hn::InterleaveUpper(pairs, ba0, ba2))};
+}
+
+HWY_INLINE Fetched texelFetch(const utextureBuffer& texture, I index) {
+  HWY_ALIGN uint32_t at[hn::MaxLanes(kUints)];
+  hn::Store(min(U(index), U(texture.elements - 1)).v, kUints, at);
+  return transposed_elements(texture.words, at);
 }
 
 #endif  // CANDELA_HOST_TARGET

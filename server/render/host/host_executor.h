@@ -24,6 +24,9 @@ class HostExecutor final : public Executor {
   // outlives the executor.
   HostExecutor(const Device& device, uint32_t threads) : device_(device), crew_(threads) {}
 
+  // Its threads, for other work between two calls.
+  Crew& crew() { return crew_; }
+
   absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
   absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
 
