@@ -148,6 +148,7 @@ void Admission::allocate() {
   auto frame = std::make_shared<Frame>(
       Frame{renderer, *std::move(memory), std::move(request_.settings), request_.sequence});
   if (request_.environment != nullptr) {
+    frame->long_source = EnvironmentBaker::takes_long(request_.view, request_.desc);
     frame->source = [environment = std::move(request_.environment),
                      view = std::move(request_.view)](FrameMemory& pixels) {
       return environment->renderer->baker().render_view(environment->environment, view, pixels);

@@ -29,6 +29,7 @@ struct Frame {
   std::optional<Metered> metered = std::nullopt;  // set by kMeter and kRender, used by kDraw
   // Makes the frame's pixels, once, before it is metered. Null: they came from the client.
   std::function<absl::Status(FrameMemory&)> source = nullptr;
+  bool long_source = false;  // the source goes through checkpoint(), and may take longer than a slice
 };
 
 struct RenderedFrame {
@@ -55,7 +56,7 @@ struct FrameJob {
   // is the job's.
   std::function<absl::Status()> task = nullptr;
   // A frame that takes long: it is rendered in slices. The render loop adds the frames that the reference
-  // renders or verifies.
+  // renders or verifies, and those with a long source.
   bool in_slices = false;
   // The flow's later jobs wait for the end of this one, as frames of a session do. Otherwise those of its
   // jobs that run in slices alternate with the rest. A task is never ordered.

@@ -9,7 +9,9 @@ namespace candela {
 
 namespace {
 
-bool takes_long(const FrameJob& job) { return job.task != nullptr || job.frame->memory.needs_reference(); }
+bool takes_long(const FrameJob& job) {
+  return job.task != nullptr || job.frame->long_source || job.frame->memory.needs_reference();
+}
 
 }  // namespace
 

@@ -18,9 +18,9 @@
 
 namespace candela {
 
-// One thread at a time, except take() and bake_bytes(). That thread goes through checkpoint() between
-// submissions of about kSlice, and may render frames there. The device and the pool outlive the baker and its
-// environments.
+// One thread at a time, except take(), bake_bytes() and takes_long(). That thread goes through checkpoint()
+// between submissions of about kSlice, and may render frames there. The device and the pool outlive the baker
+// and its environments.
 //
 // UNAVAILABLE if the pool's budget does not hold the memory beside what is in use, or if the device is lost;
 // RESOURCE_EXHAUSTED if the budget can never hold it.
@@ -30,6 +30,9 @@ class EnvironmentBaker {
   // the device draws them. It has no other work while a view is rendered.
   static absl::StatusOr<std::unique_ptr<EnvironmentBaker>> create(Device& device, TexturePool& pool,
                                                                   Crew* crew = nullptr);
+
+  // Whether render_view() may take longer than a slice. Any thread.
+  static bool takes_long(const View& view, const FrameDesc& desc);
 
   // The memory for a panorama's pixels. Any thread.
   absl::StatusOr<PanoramaUpload> take(const FrameDesc& desc) const;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/base/slices.h"
 #include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
@@ -16,6 +17,9 @@ namespace candela {
 static_assert(sizeof(shader::ViewParams) <= PipelineCache::kPushBytes);
 
 namespace {
+
+// In look-ups. A thread of the host does so many in 10 to 25 ms, and the software device in 50.
+constexpr double kMostAtOnce = 1e7;
 
 const float* texels_of(const CubeLevels& levels) {
   return levels ? reinterpret_cast<const float*>(levels.texels.buffer().mapped()) : nullptr;
@@ -84,6 +88,10 @@ absl::Status EnvironmentBaker::render_view(Environment& environment, const View&
   return passes_.copy(textures.input.buffer(), textures.upload.buffer());
 }
 
+bool EnvironmentBaker::takes_long(const View& view, const FrameDesc& desc) {
+  return most_cost_of_row(view, desc.width) * desc.height / shader::VIEW_TILE > kMostAtOnce;
+}
+
 absl::Status EnvironmentBaker::draw_view(const Environment& environment, const View& view,
                                          std::span<const shader::ViewObject> objects, const Buffer& scene,
                                          FrameMemory& memory) {
@@ -142,11 +150,17 @@ absl::Status EnvironmentBaker::draw_on_host(const Environment& environment, cons
       .objects = objects,
       .pixels = memory.textures().input.buffer().mapped()};
   const ViewTiles tiles(view, job.params, objects);
-  crew_->run(tiles.rows(), [&](uint32_t y) {
+  const auto draw_row = [&](uint32_t y) {
     const uint32_t y0 = y * shader::VIEW_TILE;
     host::draw_view_rows(job, parts_of(tiles.row(y)), y0,
                          std::min(y0 + shader::VIEW_TILE, layout.desc.height));
-  });
+  };
+  const auto rows_at_once =
+      static_cast<uint32_t>(std::max(kMostAtOnce / most_cost_of_row(view, layout.desc.width), 1.0));
+  for (uint32_t begin = 0; begin < tiles.rows(); begin += rows_at_once) {
+    checkpoint();
+    crew_->run(std::min(rows_at_once, tiles.rows() - begin), [&](uint32_t y) { draw_row(begin + y); });
+  }
   return absl::OkStatus();
 }
 

@@ -155,4 +155,12 @@ double cost_of(const std::vector<ViewRun>& row, const View& view) {
   return cost;
 }
 
+double most_cost_of_row(const View& view, uint32_t width) {
+  std::vector<ViewRun> row = {{{}, 0, groups(width, shader::VIEW_SKY_X)}};
+  const auto objects = static_cast<uint32_t>(view.objects.size());
+  if (objects > 0)
+    row.push_back({{.objects = true, .end_object = objects}, 0, groups(width, shader::VIEW_TILE)});
+  return cost_of(row, view);
+}
+
 }  // namespace candela

@@ -64,5 +64,7 @@ std::map<ViewKind, std::vector<Box>> boxes_of(std::span<const std::vector<ViewRu
 
 // About what a row costs, in pixels of a magnified sky.
 double cost_of(const std::vector<ViewRun>& row, const View& view);
+// If each tile of the row showed each object.
+double most_cost_of_row(const View& view, uint32_t width);
 
 }  // namespace candela
