@@ -81,7 +81,7 @@ class Tools:
         self.passes_x_memcpy: dict[str, list[float]] = {}
         run(str(binaries / "bench_frame"), str(WIDTH), str(HEIGHT), self.frame)
         run(str(binaries / "bench_frame"), *LARGE.split("x"), self.large)
-        run(str(binaries / "candela"), "sample", "--panorama", "--size", PANORAMA, self.panorama, "--quiet")
+        run(str(binaries / "candela"), "sample", "--size", PANORAMA, "--panorama", self.panorama, "--quiet")
 
     def render_bench(self, who: str, sizes: str, rows: str) -> dict[str, dict]:
         """The measurements of the rows with these passes, by SIZE/ROW. Both are regular expressions."""
