@@ -50,20 +50,19 @@ vec3 hable_base(vec3 x) {
 // The linear white is 11.2 and the exposure bias is 2, as published.
 vec3 hable(vec3 x) { return hable_base(2.0 * x) / hable_base(vec3(11.2)); }
 
-// The two sides of AgX's base curve, which has slope 2 at (10/16.5, 0.5). t = slope * distance / scale.
-float agx_toe(float t) { return t / power(1.0 + t * t * t, 1.0 / 3.0); }
-float agx_shoulder(float t) { return t / power(1.0 + t * t * t * sqrt(sqrt(t)), 1.0 / 3.25); }
-
+// AgX's base curve has slope 2 at (10/16.5, 0.5), a toe t / (1 + t^3)^(1/3) below, and a shoulder
+// t / (1 + t^3.25)^(1/3.25) above. t is slope * distance / scale.
 float agx_channel(float inset) {
   const float pivot = 10.0 / 16.5;
   float stops = exact_log2(at_least(inset, 1.0e-10));
-  float x = at_most(at_least((stops + 12.47393) / (4.026069 + 12.47393), 0.0), 1.0);
+  float x = at_most(at_least((stops + 12.47393) * (1.0 / (4.026069 + 12.47393)), 0.0), 1.0);
+  bool above = pivot < x;
   // With these scales the curve ends at (0, 0) and (1, 1).
-  const float toe = 0.51227738;
-  const float shoulder = 0.54146416;
-  float below = agx_toe(at_least(2.0 * (pivot - x) / toe, 0.0));
-  float above = agx_shoulder(at_least(2.0 * (x - pivot) / shoulder, 0.0));
-  return power(at_least(0.5 - toe * below + shoulder * above, 0.0), 2.2);
+  float scale = mix(float(-0.51227738), 0.54146416, above);
+  float t = (x - pivot) * mix(float(2.0 / -0.51227738), 2.0 / 0.54146416, above);
+  float one_more = 1.0 + t * t * t * mix(float(1.0), sqrt(sqrt(t)), above);
+  float bent = t * exact_exp2(exact_log2(one_more) * mix(float(-1.0 / 3.0), -1.0 / 3.25, above));
+  return power(at_least(0.5 + scale * bent, 0.0), 2.2);
 }
 
 vec3 agx(vec3 inset) { return vec3(agx_channel(inset.r), agx_channel(inset.g), agx_channel(inset.b)); }

@@ -174,8 +174,7 @@ absl::Status compare_all(double seconds, const std::string& only) {
     return absl::FailedPreconditionError(why);
   }
   std::printf("%s (%s); ms, median (least)\n", summary.name.c_str(), summary.driver.c_str());
-  const testing::WireFrame frame = testing::make_frame(1920, 1080, v1::PIXEL_FORMAT_RGBA16F,
-                                                       testing::ordinary(scenes::natural(1920, 1080)));
+  const testing::WireFrame frame = natural_frame(1920, 1080);
   const auto run = [&](const std::string& what, const testing::WireFrame& of, const v1::Settings& settings) {
     if (!only.empty() && what != only) return absl::OkStatus();
     return compare_frame(*bench, what, of, testing::checked(settings), seconds);
@@ -188,14 +187,13 @@ absl::Status compare_all(double seconds, const std::string& only) {
   settings.mutable_bloom()->set_threshold(kNothingBright);
   status.Update(run("dim", frame, settings));
   settings.mutable_bloom()->set_threshold(kLightsOnly);
-  status.Update(run("tiles", testing::lit_tiles(1920, 1080), settings));
+  status.Update(run("tiles", tiles_frame(1920, 1080), settings));
   for (const auto& [what, change] : variants()) {
     change(settings = {});
     status.Update(run(what, frame, settings));
   }
   for (const auto format : {v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
-    const auto other =
-        testing::make_frame(1920, 1080, format, testing::ordinary(scenes::natural(1920, 1080)));
+    const testing::WireFrame other = natural_frame(1920, 1080, format);
     status.Update(run(std::string("bright, ") + v1::word_of(format), other, {}));
   }
   status.Update(compare_views(*bench, seconds, only));

@@ -109,10 +109,7 @@ int main_(int argc, char** argv) {
                                                           {2560, 1440}, {5120, 2880}, {7680, 4320},
                                                           {7681, 4321}, {16384, 2025}};
   using Scene = testing::WireFrame (*)(uint32_t, uint32_t);
-  constexpr Scene kNatural = [](uint32_t width, uint32_t height) {
-    return testing::make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F,
-                               testing::ordinary(scenes::natural(width, height)));
-  };
+  constexpr Scene kNatural = [](uint32_t width, uint32_t height) { return natural_frame(width, height); };
   const auto add = [renderer = bench->renderer.get()](uint32_t width, uint32_t height,
                                                       const std::string& what, Scene scene,
                                                       const v1::Settings& settings) {
@@ -134,7 +131,7 @@ int main_(int argc, char** argv) {
     }
     v1::Settings settings;
     settings.mutable_bloom()->set_threshold(kLightsOnly);
-    add(width, height, std::string("tiles/") + Settings().tier().name, testing::lit_tiles, settings);
+    add(width, height, std::string("tiles/") + Settings().tier().name, tiles_frame, settings);
   }
   for (const auto& [width, height] : kMoreSizes) {
     v1::Settings settings;

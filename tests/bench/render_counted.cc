@@ -172,13 +172,10 @@ absl::Status render_views(const Workbench& bench, const std::string& who) {
 absl::Status render_all(const Workbench& bench, const std::string& who) {
   const absl::StatusOr<std::unique_ptr<Runner>> runner = runner_of(bench);
   if (!runner.ok()) return runner.status();
-  constexpr v1::PixelFormat kFormat = v1::PIXEL_FORMAT_RGBA16F;
-  const auto scene = testing::ordinary(scenes::natural(kWidth, kHeight));
-  const testing::WireFrame frame = testing::make_frame(kWidth, kHeight, kFormat, scene);
+  const testing::WireFrame frame = natural_frame(kWidth, kHeight);
   const testing::WireFrame with_alpha = testing::natural(kWidth, kHeight);
   // This frame is larger, so that there is an area without light.
-  const auto lights = testing::ordinary(scenes::lit_tiles(2 * kWidth, 2 * kHeight));
-  const testing::WireFrame tiles = testing::make_frame(2 * kWidth, 2 * kHeight, kFormat, lights);
+  const testing::WireFrame tiles = tiles_frame(2 * kWidth, 2 * kHeight);
   std::vector<Variant> kinds = {
       {"bright", [](v1::Settings&) {}},
       {"dim", [](v1::Settings& s) { s.mutable_bloom()->set_threshold(kNothingBright); }},

@@ -52,9 +52,17 @@ void copy_in(const testing::WireFrame& frame, FrameMemory& memory) {
   }
 }
 
+testing::WireFrame natural_frame(uint32_t width, uint32_t height, v1::PixelFormat format) {
+  return testing::make_frame(width, height, format, testing::ordinary(scenes::natural(width, height)));
+}
+
+testing::WireFrame tiles_frame(uint32_t width, uint32_t height) {
+  return testing::make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F,
+                             testing::ordinary(scenes::lit_tiles(width, height)));
+}
+
 absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker, uint32_t width) {
-  const testing::WireFrame frame = testing::make_frame(width, width / 2, v1::PIXEL_FORMAT_RGBA16F,
-                                                       testing::ordinary(scenes::natural(width, width / 2)));
+  const testing::WireFrame frame = natural_frame(width, width / 2);
   absl::StatusOr<PanoramaUpload> upload = baker.take(frame.desc);
   if (!upload.ok()) return upload.status();
   const uint64_t row_bytes = frame.desc.row_bytes();

@@ -25,12 +25,17 @@ absl::StatusOr<Workbench> open_workbench(Passes passes, uint32_t threads = 0);
 // Copies the frame's pixels into the renderer's memory.
 void copy_in(const testing::WireFrame& frame, FrameMemory& memory);
 
+// scenes::natural() and scenes::lit_tiles() as most frames are: without alpha and without negative components.
+testing::WireFrame natural_frame(uint32_t width, uint32_t height,
+                                 v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
+testing::WireFrame tiles_frame(uint32_t width, uint32_t height);
+
 // A panorama that is half as high as wide, with what its views read.
 absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker, uint32_t width);
 
-// A threshold that is higher than any luminance in testing::natural(), so that nothing blooms.
+// A threshold that is higher than any luminance in natural_frame(), so that nothing blooms.
 inline constexpr float kNothingBright = 65504.0f;
-// A threshold that only the lights of testing::lit_tiles() exceed.
+// A threshold that only the lights of tiles_frame() exceed.
 inline constexpr float kLightsOnly = 8192.0f;
 
 // A setting that differs from its default.
