@@ -8,15 +8,16 @@
 #   attacks  tests/robustness and every test with the label nightly, on the release build
 #   edge     the attacks on the shipped containers, and the image for GPUs; needs root and podman
 #
-# A part in which a test was skipped is incomplete: asan and tsan need CANDELA_DATA. Without PART it runs the parts that have
-# not passed yet on this commit. build/nightly keeps each part's result and log;
-# the log holds the figures for docs/robustness.md. CANDELA_FUZZ_SECONDS and CANDELA_SOAK_SECONDS shorten a part.
+# Without PART it runs the parts that have not passed yet on this commit. A part in which a test was skipped is "incomplete":
+# asan and tsan need CANDELA_DATA. A part that ran in a tree with uncommitted changes is "uncommitted": two such trees have
+# the same commit, so neither counts as passed. build/nightly keeps each part's result and log; the log holds the figures for
+# docs/robustness.md. CANDELA_FUZZ_SECONDS and CANDELA_SOAK_SECONDS shorten a part.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 all=(asan tsan fuzz soak attacks edge)
 results=build/nightly
-commit=$(git describe --always --dirty --abbrev=12)
+commit=$(git rev-parse --short=12 HEAD)
 
 run_asan() { deploy/test.sh asan; }
 run_tsan() { deploy/test.sh tsan; }
@@ -41,16 +42,22 @@ build_with_tests() {
   deploy/build.sh "$1" -DCANDELA_TESTS=ON
 }
 
-# "passed COMMIT DATE SECONDS s" of a part, or nothing.
+# The tree is the commit that this script began with, without changes and new files.
+is_commit() { [ "$(git rev-parse --short=12 HEAD)" = "$commit" ] && [ -z "$(git status --porcelain)" ]; }
+
+# "VERDICT COMMIT DATE SECONDS s" of a part, or nothing. VERDICT is passed, failed, incomplete or uncommitted.
 result() { cat "$results/$1.txt" 2>/dev/null || true; }
-passed() { [[ $(result "$1") == "passed $commit "* ]]; }
+passed() { is_commit && [[ $(result "$1") == "passed $commit "* ]]; }
 
 run_part() {
-  local part=$1 start=$SECONDS verdict=failed
+  local part=$1 start=$SECONDS verdict=failed tree=uncommitted
+  if is_commit; then tree=committed; fi
   echo "$part: running (log: $results/$part.log)"
   # A new shell, so that a failure inside the function ends it.
   if "$BASH" "$0" --inside "$part" >"$results/$part.log" 2>&1 </dev/null; then verdict=passed; fi
   if [ "$verdict" = passed ] && grep -qE '\*\*\*Skipped' "$results/$part.log"; then verdict=incomplete; fi
+  is_commit || tree=uncommitted  # it was changed meanwhile
+  if [ "$verdict" = passed ] && [ $tree = uncommitted ]; then verdict=uncommitted; fi
   echo "$verdict $commit $(date -u +%F) $((SECONDS - start)) s" >"$results/$part.txt"
   echo "$part: $(result "$part")"
 }
@@ -63,6 +70,7 @@ for part in "$@"; do
   [[ " ${all[*]} " == *" $part "* ]] || { echo "nightly.sh: no part '$part'; there are: ${all[*]}" >&2; exit 2; }
 done
 mkdir -p "$results"
+is_commit || echo "the tree has uncommitted changes, so no part can pass" >&2
 for part in "${@:-${all[@]}}"; do
   if [ $# -eq 0 ] && passed "$part"; then continue; fi
   run_part "$part"
