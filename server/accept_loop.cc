@@ -8,8 +8,10 @@
 
 #include <cerrno>
 #include <optional>
+#include <string>
 #include <utility>
 
+#include "server/access/client_identity.h"
 #include "server/base/log.h"
 
 namespace candela {
@@ -22,6 +24,14 @@ int open_spare() { return open("/dev/null", O_RDONLY | O_CLOEXEC); }
 
 const char* word(ConnectionRefusal reason) {
   return reason == ConnectionRefusal::kLimit ? "max-connections are open" : "no file descriptor is left";
+}
+
+std::string peer_of(int descriptor) {
+  sockaddr_storage peer{};
+  socklen_t size = sizeof peer;
+  // A client that has reset the connection has no address any more.
+  if (getpeername(descriptor, reinterpret_cast<sockaddr*>(&peer), &size) != 0) return "unknown";
+  return client_address(peer);
 }
 
 }  // namespace
@@ -106,14 +116,15 @@ void AcceptLoop::accept_without_descriptor(const Door& door) {
 }
 
 void AcceptLoop::refuse(int descriptor, ConnectionRefusal reason) {
-  close(descriptor);
   metrics_.connection_refused(reason);
-  const std::optional<uint64_t> connections = lines_.pass();
-  if (!connections) return;
-  log_event(LogLevel::kWarning, "connection refused",
-            {{"reason", word(reason)},
-             {"connections", *connections},
-             {"max_connections", uint64_t{max_connections_}}});
+  if (const std::optional<uint64_t> connections = lines_.pass()) {
+    log_event(LogLevel::kWarning, "connection refused",
+              {{"reason", word(reason)},
+               {"peer", peer_of(descriptor)},
+               {"connections", *connections},
+               {"max_connections", uint64_t{max_connections_}}});
+  }
+  close(descriptor);
 }
 
 bool AcceptLoop::is_full() {

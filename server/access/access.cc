@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "proto/candela/v1/address.h"
+#include "server/access/client_identity.h"
 #include "server/base/log.h"
 
 namespace candela {
@@ -33,8 +34,9 @@ absl::string_view view_of(const grpc_slice& slice) {
 // handshake and keeps what it has.
 class Access::Port final : public grpc::ServerCredentials {
  public:
-  Port(Access& access, Metrics& metrics, bool tls) : access_(access), metrics_(metrics) {
-    if (tls) {
+  Port(Access& access, Metrics& metrics, const std::string& address)
+      : access_(access), metrics_(metrics), local_(v1::is_unix_address(address)) {
+    if (access.tls() && !local_) {
       const auto request = access.files_.client_ca.empty()
                                ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
                                : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY;
@@ -74,9 +76,11 @@ class Access::Port final : public grpc::ServerCredentials {
                           grpc_process_auth_metadata_done_cb done, void* call) {
     Port& port = *static_cast<Port*>(self);
     absl::string_view path;
+    absl::string_view forwarded_for;
     const grpc_metadata* authorization = nullptr;
     for (size_t i = 0; i < count; ++i) {
       if (view_of(metadata[i].key) == ":path") path = view_of(metadata[i].value);
+      if (view_of(metadata[i].key) == "x-forwarded-for") forwarded_for = view_of(metadata[i].value);
       if (view_of(metadata[i].key) == "authorization") authorization = &metadata[i];
     }
     const absl::string_view shown = authorization == nullptr ? "" : view_of(authorization->value);
@@ -85,13 +89,20 @@ class Access::Port final : public grpc::ServerCredentials {
       done(call, nullptr, 0, nullptr, 0, GRPC_STATUS_OK, nullptr);
     } else {
       port.metrics_.rejected(Rejection::kAccess);
-      port.access_.refusals_.add(shown.empty() ? Refusal::kNoToken : Refusal::kUnknownToken);
+      port.access_.refusals_.add(shown.empty() ? Refusal::kNoToken : Refusal::kUnknownToken,
+                                 port.peer(forwarded_for));
       done(call, nullptr, 0, nullptr, 0, GRPC_STATUS_UNAUTHENTICATED, kWhatToDo);
     }
   }
 
+  // gRPC does not say here who calls over TCP.
+  std::string peer(absl::string_view forwarded_for) const {
+    return local_ ? client_address("unix:", forwarded_for) : "unknown";
+  }
+
   Access& access_;
   Metrics& metrics_;
+  const bool local_;  // a unix: socket
   grpc_server_credentials* credentials_ = nullptr;
   std::shared_ptr<const Certificates> fetched_;
 };
@@ -153,7 +164,7 @@ void Access::read_again() {
 std::shared_ptr<grpc::ServerCredentials> Access::credentials(const std::string& address, Metrics& metrics) {
   const bool with_tls = tls() && !v1::is_unix_address(address);
   if (!with_tls && token_file_.empty()) return grpc::InsecureServerCredentials();
-  return ports_.emplace_back(std::make_shared<Port>(*this, metrics, with_tls));
+  return ports_.emplace_back(std::make_shared<Port>(*this, metrics, address));
 }
 
 std::shared_ptr<const Certificates> Access::certificates() const {

@@ -1,7 +1,11 @@
 #include "server/access/client_identity.h"
 
 #include <arpa/inet.h>
+#include <netinet/in.h>
 
+#include <algorithm>
+#include <cstring>
+#include <iterator>
 #include <optional>
 
 #include "absl/strings/ascii.h"
@@ -15,10 +19,26 @@
 namespace candela {
 namespace {
 
-constexpr size_t kNetworkBytes = 8;     // of an IPv6 address
+constexpr size_t kNetworkBytes = 8;     // of an IPv6 address; the others name the host
 constexpr size_t kHashBytes = 16;       // of what names a credential
 constexpr size_t kMappedPrefix = 12;    // of an IPv4 address in an IPv6 address
 constexpr size_t kMaxForwarded = 4096;  // bytes of x-forwarded-for that are looked at, from its end
+
+std::string text_of(const in_addr& address) {
+  char text[INET_ADDRSTRLEN];
+  return inet_ntop(AF_INET, &address, text, sizeof text);
+}
+
+std::string network_of(in6_addr address) {
+  if (IN6_IS_ADDR_V4MAPPED(&address)) {
+    in_addr mapped;
+    std::memcpy(&mapped, address.s6_addr + kMappedPrefix, sizeof mapped);
+    return text_of(mapped);
+  }
+  std::fill(address.s6_addr + kNetworkBytes, std::end(address.s6_addr), 0);
+  char text[INET6_ADDRSTRLEN];
+  return absl::StrCat(inet_ntop(AF_INET6, &address, text, sizeof text), "/64");
+}
 
 // An IP address in one form; nothing if it is none.
 std::optional<std::string> plain_address(absl::string_view text) {
@@ -28,12 +48,7 @@ std::optional<std::string> plain_address(absl::string_view text) {
   if (inet_pton(AF_INET, host.c_str(), &four) == 1) return host;
   in6_addr six;
   if (inet_pton(AF_INET6, host.c_str(), &six) != 1) return std::nullopt;
-  const absl::string_view bytes(reinterpret_cast<const char*>(six.s6_addr), sizeof six.s6_addr);
-  if (IN6_IS_ADDR_V4MAPPED(&six)) {
-    char mapped[INET_ADDRSTRLEN];
-    return std::string(inet_ntop(AF_INET, bytes.substr(kMappedPrefix).data(), mapped, sizeof mapped));
-  }
-  return absl::StrCat("net-", absl::BytesToHexString(bytes.substr(0, kNetworkBytes)));
+  return network_of(six);
 }
 
 absl::string_view view_of(const grpc::string_ref& ref) { return {ref.data(), ref.size()}; }
@@ -67,8 +82,18 @@ std::string client_address(absl::string_view peer, absl::string_view forwarded_f
   return plain_address(forwarded_for).value_or("local");
 }
 
+std::string client_address(const grpc::ServerContextBase& context) {
+  return client_address(context.peer(), last_header(context, "x-forwarded-for"));
+}
+
+std::string client_address(const sockaddr_storage& peer) {
+  if (peer.ss_family == AF_INET) return text_of(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
+  if (peer.ss_family == AF_INET6) return network_of(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr);
+  return "local";
+}
+
 std::string client_identity(const grpc::ServerContextBase& context, bool tokens) {
-  std::string identity = client_address(context.peer(), last_header(context, "x-forwarded-for"));
+  std::string identity = client_address(context);
   if (tokens) absl::StrAppend(&identity, " token ", hash_of(last_header(context, "authorization")));
   const std::shared_ptr<const grpc::AuthContext> auth = context.auth_context();
   if (auth == nullptr || !auth->IsPeerAuthenticated()) return identity;

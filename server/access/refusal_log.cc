@@ -11,14 +11,15 @@ const char* word(Refusal refusal) { return refusal == Refusal::kNoToken ? "no to
 
 }  // namespace
 
-void RefusalLog::add(Refusal refusal) {
+void RefusalLog::add(Refusal refusal, absl::string_view peer) {
   std::optional<uint64_t> calls;
   {
     const absl::MutexLock lock(&mutex_);
     calls = reasons_[static_cast<size_t>(refusal)].pass();
   }
   if (!calls) return;
-  log_event(LogLevel::kWarning, "call refused", {{"reason", word(refusal)}, {"calls", *calls}});
+  log_event(LogLevel::kWarning, "call refused",
+            {{"reason", word(refusal)}, {"peer", peer}, {"calls", *calls}});
 }
 
 }  // namespace candela

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/rate_limit.h"
 
@@ -13,10 +14,11 @@ namespace candela {
 
 enum class Refusal { kNoToken, kUnknownToken };
 
-// Writes at most one line a second for each reason, however many calls a stranger makes. Any thread.
+// Writes at most one line a second for each reason, however many calls a stranger makes. It names the client
+// of the last of them. Any thread.
 class RefusalLog {
  public:
-  void add(Refusal refusal);
+  void add(Refusal refusal, absl::string_view peer);
 
  private:
   absl::Mutex mutex_;

@@ -7,6 +7,7 @@
 #include "absl/time/clock.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
+#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/rpc/wire/result_writer.h"
@@ -186,9 +187,10 @@ absl::Status PutEnvironmentCall::enqueue() {
 }
 
 void PutEnvironmentCall::answer(const v1::Environment& environment) {
-  log_event(
-      LogLevel::kInfo, "environment put",
-      {{"peer", context_.peer()}, {"id", environment.id()}, {"had_it", environment.had_it() ? "yes" : "no"}});
+  log_event(LogLevel::kInfo, "environment put",
+            {{"peer", client_address(context_)},
+             {"id", environment.id()},
+             {"had_it", environment.had_it() ? "yes" : "no"}});
   reading_ = State::kWhole;
   send(v1::pack(environment));
 }
@@ -199,7 +201,7 @@ void PutEnvironmentCall::on_finish(const absl::Status& status, const std::string
   EnvironmentCall::on_finish(status, message);
   if (!status.ok()) {
     log_event(LogLevel::kInfo, "environment not put",
-              {{"peer", context_.peer()},
+              {{"peer", client_address(context_)},
                {"status", absl::StatusCodeToString(status.code())},
                {"message", message}});
   }

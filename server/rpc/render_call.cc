@@ -186,7 +186,7 @@ void RenderCall::on_finish(const absl::Status& status, const std::string& messag
   if (state_ == State::kQueued) service_.rendering.loop.cancel(ticket_);
   count_end(status);
   log_event(LogLevel::kInfo, "render call ended",
-            {{"peer", context_.peer()},
+            {{"peer", client_address(context_)},
              {"sequence", start_ ? start_->sequence : 0},
              {"status", absl::StatusCodeToString(status.code())},
              {"message", message}});

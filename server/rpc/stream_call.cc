@@ -106,8 +106,9 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
   open_.emplace(*std::move(opened), state_, client_);
   const OpenedSession& session = open_->session;
   state_.metrics.session_began();
-  log_event(LogLevel::kInfo, session.resumed ? "session resumed" : "session opened",
-            {{"session", session.start.session}, {"peer", context_.peer()}, {"epoch", session.epoch}});
+  log_event(
+      LogLevel::kInfo, session.resumed ? "session resumed" : "session opened",
+      {{"session", session.start.session}, {"peer", client_address(context_)}, {"epoch", session.epoch}});
   v1::StreamResponse response;
   response.mutable_opened()->set_session(session.start.session);
   response.mutable_opened()->set_max_frames_in_flight(state_.limits.max_frames_in_flight);
@@ -376,7 +377,7 @@ void StreamCall::log_failure(const Entry& entry, const absl::Status& status) {
   log_event(LogLevel::kInfo, "frame failed",
             {{"session", open_->session.start.session},
              {"sequence", entry.sequence},
-             {"peer", context_.peer()},
+             {"peer", client_address(context_)},
              {"status", absl::StatusCodeToString(status.code())},
              {"message", status.message()}});
 }
@@ -384,7 +385,7 @@ void StreamCall::log_failure(const Entry& entry, const absl::Status& status) {
 void StreamCall::on_finish(const absl::Status& status, const std::string& message) {
   log_event(LogLevel::kInfo, "session ended",
             {{"session", open_ ? open_->session.start.session : ""},
-             {"peer", context_.peer()},
+             {"peer", client_address(context_)},
              {"sequence", sequence_},
              {"answered", open_ ? open_->frames.answered() : 0},
              {"status", absl::StatusCodeToString(status.code())},
