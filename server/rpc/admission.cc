@@ -12,13 +12,22 @@ namespace {
 constexpr absl::Duration kRetryInterval = absl::Milliseconds(5);
 constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less than a measurement takes
 
+absl::StatusOr<EnvironmentUse> find_environment(const std::string& id, const EnvironmentUse& held,
+                                                ServiceState& state) {
+  const std::shared_ptr<Renderer> renderer = state.rendering.renderer();
+  absl::StatusOr<EnvironmentUse> found = state.environments.find("view.environment", id, *renderer);
+  const bool is_held = held != nullptr && held->id() == id && held->renderer == renderer;
+  if (absl::IsNotFound(found.status()) && is_held) return held;
+  return found;
+}
+
 }  // namespace
 
-absl::Status use_view(const v1::View& message, ServiceState& state, Admission::Request& request) {
+absl::Status use_view(const v1::View& message, const EnvironmentUse& held, ServiceState& state,
+                      Admission::Request& request) {
   absl::StatusOr<View> view = view_from(message);
   if (!view.ok()) return view.status();
-  absl::StatusOr<EnvironmentUse> environment =
-      state.environments.find("view.environment", message.environment(), *state.rendering.renderer());
+  absl::StatusOr<EnvironmentUse> environment = find_environment(message.environment(), held, state);
   if (!environment.ok()) return environment.status();
   request.view = *std::move(view);
   request.environment = *std::move(environment);

@@ -96,8 +96,10 @@ class Admission {
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame
 };
 
-// Makes `request` one for a view. NOT_FOUND naming the environment if the server does not have it;
-// INVALID_ARGUMENT naming the view's field.
-absl::Status use_view(const v1::View& view, ServiceState& state, Admission::Request& request);
+// Makes `request` one for a view. `held` is the environment that the client's session holds, or null: a
+// session goes on with it after DropEnvironment, and only a lost device takes it away. NOT_FOUND naming the
+// environment if the server does not have it; INVALID_ARGUMENT naming the view's field.
+absl::Status use_view(const v1::View& view, const EnvironmentUse& held, ServiceState& state,
+                      Admission::Request& request);
 
 }  // namespace candela

@@ -72,7 +72,7 @@ absl::Status RenderCall::take_start() {
   const bool views = request.start().frame().has_view();
   if (views) {
     const v1::View& view = request.start().frame().view();
-    if (absl::Status status = use_view(view, service_, asked); !status.ok()) return status;
+    if (absl::Status status = use_view(view, /*held=*/nullptr, service_, asked); !status.ok()) return status;
   }
   if (absl::Status status = admission_.expect(std::move(asked)); !status.ok()) return status;
   if (views) {

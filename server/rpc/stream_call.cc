@@ -141,7 +141,9 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
       .patience = idle_timeout()};
   if (header.has_view()) {
     if (absl::Status status = check_primaries_for_view(asked.settings); !status.ok()) return status;
-    if (absl::Status status = use_view(header.view(), state_, request); !status.ok()) return status;
+    if (absl::Status status = use_view(header.view(), environment_, state_, request); !status.ok()) {
+      return status;
+    }
     environment_ = request.environment;
   }
   if (absl::Status status =
