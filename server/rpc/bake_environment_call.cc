@@ -22,6 +22,14 @@
 namespace candela {
 namespace {
 
+// Counts in `header` what RGB9E5 does not hold of the components.
+void count_losses(const std::vector<float>& rgb, v1::BakeHeader& header) {
+  const auto negative = std::count_if(rgb.begin(), rgb.end(), [](float c) { return c < 0; });
+  const auto clamped = std::count_if(rgb.begin(), rgb.end(), [](float c) { return c > v1::kMaxRgb9e5; });
+  header.set_negative_components(header.negative_components() + static_cast<uint64_t>(negative));
+  header.set_clamped_components(header.clamped_components() + static_cast<uint64_t>(clamped));
+}
+
 // A face's texels on the wire.
 std::vector<std::byte> to_wire(const std::vector<float>& rgb, v1::PixelFormat format) {
   const size_t texels = rgb.size() / 3;
@@ -71,7 +79,7 @@ uint64_t BakeEnvironmentCall::Work::host_memory() const {
 // The bytes of all faces on the wire.
 uint64_t BakeEnvironmentCall::Work::face_bytes() const {
   uint64_t texels = 0;
-  for (uint32_t level = 0; level < start.levels; ++level) {
+  for (uint32_t level = 0; level < start.spec.levels; ++level) {
     const uint64_t side = size >> level;
     texels += side * side * kCubeFaces;
   }
@@ -102,12 +110,13 @@ absl::Status BakeEnvironmentCall::Work::bake() {
 
 absl::Status BakeEnvironmentCall::Work::download(const BakedCube& cube) {
   EnvironmentBaker& baker = environment->renderer->baker();
-  for (uint32_t level = 0; level < start.levels; ++level) {
+  for (uint32_t level = 0; level < start.spec.levels; ++level) {
     std::vector<std::vector<float>> read;
     for (uint32_t face = 0; face < kCubeFaces; ++face) {
       absl::StatusOr<std::vector<float>> rgb = level == 0 ? baker.read_face(cube.chain, cube.first, face)
                                                           : baker.read_face(cube.specular, level - 1, face);
       if (!rgb.ok()) return rgb.status();
+      if (start.format == v1::PIXEL_FORMAT_RGB9E5) count_losses(*rgb, header);
       faces.push_back(to_wire(*rgb, start.format));
       if (start.verify) read.push_back(*std::move(rgb));
       checkpoint();
@@ -144,12 +153,12 @@ absl::Status BakeEnvironmentCall::take_request() {
   work_->size =
       work_->start.spec.size == 0 ? work_->environment->facts.default_cube_size() : work_->start.spec.size;
   const uint32_t levels = specular_levels(work_->size);
-  if (work_->start.levels > levels) {
+  if (work_->start.spec.levels > levels) {
     return absl::InvalidArgumentError(absl::StrFormat("levels is %d; a cube of %dx%d has %d, down to %dx%d",
-                                                      work_->start.levels, work_->size, work_->size, levels,
-                                                      kMinCubeSize, kMinCubeSize));
+                                                      work_->start.spec.levels, work_->size, work_->size,
+                                                      levels, kMinCubeSize, kMinCubeSize));
   }
-  if (work_->start.levels == 0) work_->start.levels = levels;
+  if (work_->start.spec.levels == 0) work_->start.spec.levels = levels;
   work_->header.set_size(work_->size);
   work_->header.set_tier(request.tier().empty() ? "standard" : request.tier());
   if (absl::Status status = take_memory(); !status.ok()) return status;
@@ -177,7 +186,7 @@ absl::Status BakeEnvironmentCall::take_memory() {
 
 absl::Status BakeEnvironmentCall::enqueue() {
   const uint32_t levels = specular_levels(work_->size);
-  for (uint32_t level = 0; level < work_->start.levels; ++level) {
+  for (uint32_t level = 0; level < work_->start.spec.levels; ++level) {
     v1::BakedLevel& row = *work_->header.add_levels();
     row.set_size(work_->size >> level);
     row.set_roughness(specular_roughness(level, levels, work_->start.spec.mapping));

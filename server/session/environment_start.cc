@@ -123,8 +123,7 @@ absl::StatusOr<View> view_from(const v1::View& message) {
 BakeQuality view_quality() { return quality_of(*find_tier("standard")); }
 
 absl::StatusOr<BakeStart> bake_start_from(const v1::BakeEnvironmentRequest& request) {
-  BakeStart start{
-      .spec = {}, .levels = request.levels(), .format = request.format(), .verify = request.verify()};
+  BakeStart start{.spec = {}, .format = request.format(), .verify = request.verify()};
   if (start.format != v1::PIXEL_FORMAT_RGBA16F && start.format != v1::PIXEL_FORMAT_RGB9E5) {
     return absl::InvalidArgumentError(
         absl::StrFormat("format is %d; a bake is RGBA16F (1) or RGB9E5 (3)", static_cast<int>(start.format)));
@@ -150,6 +149,7 @@ absl::StatusOr<BakeStart> bake_start_from(const v1::BakeEnvironmentRequest& requ
                         static_cast<int>(request.roughness_mapping())));
   }
   start.spec = {.size = size,
+                .levels = request.levels(),
                 .mapping = request.roughness_mapping() == v1::ROUGHNESS_MAPPING_PERCEPTUAL
                                ? RoughnessMapping::kPerceptual
                                : RoughnessMapping::kLinear,

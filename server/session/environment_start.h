@@ -33,7 +33,6 @@ BakeQuality view_quality();
 
 struct BakeStart {
   BakeSpec spec;
-  uint32_t levels = 0;  // 0: all
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
   bool verify = false;  // measure each level's error
 };

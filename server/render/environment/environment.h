@@ -22,7 +22,8 @@ struct BakeQuality {
 };
 
 struct BakeSpec {
-  uint32_t size = 0;  // N: a power of two, 16 .. 4096; 0: the default
+  uint32_t size = 0;    // N: a power of two, 16 .. 4096; 0: the default
+  uint32_t levels = 0;  // specular levels to make, level 0 among them; 0: all
   RoughnessMapping mapping = RoughnessMapping::kLinear;
   double rotation_deg = 0.0;
   BakeQuality quality;
@@ -40,9 +41,9 @@ struct PanoramaBadValues {
 // A chain and its specular levels. Movable.
 struct BakedCube {
   BakeSpec spec;        // with its size
-  CubeLevels chain;     // from max(N, N0) down to 1 x 1
+  CubeLevels chain;     // from max(N, N0) down to 1 x 1, or to N if the spec's `levels` is 1
   uint32_t first = 0;   // the chain's level of size N, which is the specular level of roughness 0
-  CubeLevels specular;  // the levels after that one, from N / 2 down to 16; empty if N is 16
+  CubeLevels specular;  // those after that one that were made, from N / 2 on; empty if there are none
 
   uint64_t bytes() const { return chain.texels.bytes() + specular.texels.bytes(); }
 };

@@ -49,9 +49,18 @@ absl::StatusOr<uint32_t> size_of(const Environment& environment, const BakeSpec&
       absl::StrFormat("bake.size is %d; it must be a power of two, 16 .. 4096", spec.size));
 }
 
-// `spec` has its size.
-bool has_specular(const BakeSpec& spec) {
-  return spec.size > kMinCubeSize && spec.quality.specular_detail > 0;
+// How many levels of the chain a bake makes. Only specular levels and views read what is below level 0.
+// `spec` has its size, here and below.
+uint32_t chain_levels_made(const BakeSpec& spec, uint32_t chain_size) {
+  const uint32_t all = chain_levels(chain_size);
+  return spec.levels == 1 ? all - chain_levels(spec.size) + 1 : all;
+}
+
+// How many specular levels it makes behind level 0.
+uint32_t specular_levels_made(const BakeSpec& spec) {
+  if (spec.quality.specular_detail == 0) return 0;
+  const uint32_t all = specular_levels(spec.size);
+  return (spec.levels == 0 ? all : std::min(spec.levels, all)) - 1;
 }
 
 // About how many texels of the chain a texel reads: those of side s over the sphere, with s^2 = detail^2
@@ -161,12 +170,14 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
                                                       const BakeSpec& spec) const {
   const absl::StatusOr<uint32_t> size = size_of(environment, spec);
   if (!size.ok()) return size.status();
-  const uint32_t chain = std::max(*size, default_cube_size(environment.width));
-  const uint64_t largest = chain_bytes(chain);
-  uint64_t bytes = largest;
   BakeSpec sized = spec;
   sized.size = *size;
-  if (has_specular(sized)) bytes += specular_bytes(*size);
+  const uint32_t chain = std::max(*size, default_cube_size(environment.width));
+  const uint64_t largest = cube_bytes(chain, chain_levels_made(sized, chain));
+  uint64_t bytes = largest;
+  if (const uint32_t specular = specular_levels_made(sized); specular > 0) {
+    bytes += cube_bytes(*size / 2, specular);
+  }
   if (largest > device_.summary().max_allocation_bytes) {
     return absl::ResourceExhaustedError(absl::StrFormat(
         "bake.size %d needs a texture of %d bytes and this device allocates at most %d at once; ask for a "
@@ -188,7 +199,7 @@ absl::StatusOr<BakedCube> EnvironmentBaker::bake(const Environment& environment,
   cube.spec = spec;
   cube.spec.size = *size_of(environment, spec);
   const uint32_t chain_size = std::max(cube.spec.size, default_cube_size(environment.width));
-  absl::StatusOr<CubeLevels> chain = take_levels(pool_, chain_size, chain_levels(chain_size));
+  absl::StatusOr<CubeLevels> chain = take_levels(pool_, chain_size, chain_levels_made(cube.spec, chain_size));
   if (!chain.ok()) return chain.status();
   cube.chain = *std::move(chain);
   cube.first = chain_levels(chain_size) - chain_levels(cube.spec.size);
@@ -225,13 +236,14 @@ absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
 }
 
 absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLevels& chain) {
-  if (!has_specular(spec)) return CubeLevels{};
-  absl::StatusOr<CubeLevels> taken = take_levels(pool_, spec.size / 2, specular_levels(spec.size) - 1);
+  const uint32_t levels = specular_levels_made(spec);
+  if (levels == 0) return CubeLevels{};
+  absl::StatusOr<CubeLevels> taken = take_levels(pool_, spec.size / 2, levels);
   if (!taken.ok()) return taken.status();
   CubeLevels specular = *std::move(taken);
   const double detail2 = spec.quality.specular_detail * spec.quality.specular_detail;
-  for (uint32_t level = 0; level < specular.levels; ++level) {
-    const double roughness = specular_roughness(level + 1, specular.levels + 1, spec.mapping);
+  for (uint32_t level = 0; level < levels; ++level) {
+    const double roughness = specular_roughness(level + 1, specular_levels(spec.size), spec.mapping);
     const double alpha2 = std::pow(roughness, 4);
     shader::CubeSpecularParams params{};
     params.size = specular.size_of(level);

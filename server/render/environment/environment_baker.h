@@ -64,14 +64,11 @@ class EnvironmentBaker {
   // R, G and B of the stored panorama as halves, with alpha, row by row without padding.
   absl::StatusOr<std::vector<uint16_t>> read_panorama(const Environment& environment);
 
-  // The longest submission since the last call, in seconds.
-  double take_longest_s() { return passes_.take_longest_s(); }
-
  private:
   EnvironmentBaker(Device& device, TexturePool& pool, Crew* crew, LongPasses passes);
   absl::Status make_level_0(const Environment& environment, const BakeSpec& spec, CubeLevels& chain);
   absl::Status make_chain(CubeLevels& chain);
-  // Empty if `spec`, which has its size, has no specular levels.
+  // Empty if `spec`, which has its size, has no specular levels behind level 0.
   absl::StatusOr<CubeLevels> make_specular(const BakeSpec& spec, const CubeLevels& chain);
   absl::Status draw_view(const Environment& environment, const View& view,
                          std::span<const shader::ViewObject> objects, const Buffer& scene,

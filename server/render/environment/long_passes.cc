@@ -53,7 +53,6 @@ absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
   const auto begin = std::chrono::steady_clock::now();
   if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  longest_s_ = std::max(longest_s_, seconds);
   double& pace = seconds_per_cost_.try_emplace(spirv.data(), kFirstPace).first->second;
   pace = std::clamp(seconds / cost, std::max(pace / kMostFaster, kFastestPace),
                     std::min(pace * kMostSlower, kSlowestPace));
@@ -147,7 +146,5 @@ absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std
   }
   return absl::OkStatus();
 }
-
-double LongPasses::take_longest_s() { return std::exchange(longest_s_, 0.0); }
 
 }  // namespace candela

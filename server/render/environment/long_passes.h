@@ -60,8 +60,6 @@ class LongPasses {
 
   PipelineCache& pipelines() { return pipelines_; }
   Recorder& recorder() { return recorder_; }
-  // The longest submission since the last call, in seconds.
-  double take_longest_s();
 
  private:
   LongPasses(TexturePool& pool, PipelineCache pipelines, Recorder recorder);
@@ -76,7 +74,6 @@ class LongPasses {
   PipelineCache pipelines_;
   Recorder recorder_;
   std::map<const uint32_t*, double> seconds_per_cost_;
-  double longest_s_ = 0.0;
 };
 
 }  // namespace candela
