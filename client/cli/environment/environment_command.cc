@@ -121,6 +121,8 @@ class EnvironmentJob {
     const std::string bad =
         bad_values_note(report_.panorama.nan_components(), report_.panorama.infinite_components());
     if (!bad.empty()) report_.notes.push_back(bad);
+    const std::string losses = losses_note(report_.bake);
+    if (!losses.empty()) report_.notes.push_back(losses);
     absl::StatusOr<BakedEnvironment> environment = environment_from(*bake, options_.handedness);
     if (!environment.ok()) return environment.status();
     environment_ = *std::move(environment);

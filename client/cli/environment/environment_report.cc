@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/rgb9e5.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -28,6 +29,10 @@ Json levels_of(const v1::BakeHeader& bake) {
   return levels;
 }
 
+Json losses_of(const v1::BakeHeader& bake) {
+  return {{"negative", bake.negative_components()}, {"clamped", bake.clamped_components()}};
+}
+
 // "; errors 0.01% 0.42% ..." of the levels, if they were measured.
 std::string errors_of(const v1::BakeHeader& bake) {
   std::string errors;
@@ -38,6 +43,13 @@ std::string errors_of(const v1::BakeHeader& bake) {
 }
 
 }  // namespace
+
+std::string losses_note(const v1::BakeHeader& bake) {
+  if (bake.negative_components() + bake.clamped_components() == 0) return "";
+  return absl::StrFormat(
+      "rgb9e5 holds 0 .. %.0f: %d negative components became 0, and %d larger ones became that largest value",
+      v1::kMaxRgb9e5, bake.negative_components(), bake.clamped_components());
+}
 
 std::string to_text(const EnvironmentReport& report, const EnvironmentOptions& options) {
   const int levels = report.bake.levels_size();
@@ -72,6 +84,7 @@ std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& o
                       {{"nan", panorama.nan_components()},
                        {"inf", panorama.infinite_components()},
                        {"negative", panorama.negative_components()}}},
+                     {"losses", losses_of(report.bake)},
                      {"files", report.files},
                      {"stage_ms", stages},
                      {"total_ms", report.total_ms},
