@@ -9,9 +9,9 @@ from compare_tools import Cost, Tools
 BRIGHT = "host bright/standard"
 COUNTED_PIXELS = 640 * 360  # of render_counted's frames
 
-# Row of render_bench: the most memcpys of the input that its passes may take.
+# The most time that the passes of these rows of render_bench may take, in times of a memcpy of the input.
 MEMCPYS = {"bright/standard": 5, "dim/standard": 3.3, "tiles/standard": 4, "aces-1": 7, "agx": 7}
-# Row of compare.py: how many times as long as Candela's bright frame it takes at least.
+# How many times as long as Candela's bright frame these rows of compare.py take at least.
 PEERS = {"zscale": 4, "opencv": 11, "libplacebo": 16}
 
 

@@ -2,9 +2,9 @@
 """Compares the spherical harmonics of panoramas with their exact sum: compare_harmonics.py FOLDER_OF_BINARIES [PANORAMA.hdr ...]
 
 Prints the largest error of the 27 coefficients, relative to the largest L_00, of `candela environment --sh` and of Filament's
-cmgen. Without panoramas it takes those of $CANDELA_DATA/hdri. compare.sh says how to install and build what this needs, NumPy
-among it. The exact sum is float64 and shares no code with Candela: quadrature that is exact to rounding, of the formulas of
-docs/environments.md section 3.
+cmgen. The default panoramas are those of $CANDELA_DATA/hdri. compare.sh installs and builds what this needs, NumPy included.
+The exact sum is float64 and shares no code with Candela. It integrates the formulas of docs/environments.md section 3 by a
+quadrature that is exact to rounding.
 """
 import datetime
 import json
@@ -27,7 +27,7 @@ SIGNS_OF_CMGEN = np.array([1, -1, -1, -1, 1, 1, 1, 1, 1])[:, None]
 
 
 def read_radiance(path: pathlib.Path) -> np.ndarray:
-    """The rows, R, G and B, and columns of a file whose rows are run-length encoded from the top left."""
+    """An array of rows, R, G and B, and columns, from a file whose rows are run-length encoded and begin at the top left."""
     data = path.read_bytes()
     at = data.index(b"\n\n") + 2
     end = data.index(b"\n", at)
@@ -80,7 +80,7 @@ def candela(binaries: pathlib.Path, panorama: pathlib.Path, scratch: pathlib.Pat
 
 
 def cmgen(panorama: pathlib.Path, cube: int, scratch: pathlib.Path) -> np.ndarray:
-    """Without its window against ringing, which changes the coefficients, and without its mirroring."""
+    """Without the window against ringing, which changes the coefficients, and without mirroring."""
     out = scratch / "cmgen.txt"
     run("cmgen", "--quiet", "--sh=3", "--sh-window=no", "--no-mirror", f"--size={cube}", f"--sh-output={out}", str(panorama))
     numbers = [re.findall(r"-?\d+\.\d+", line.split("//")[0]) for line in out.read_text().splitlines()]
@@ -92,7 +92,7 @@ def errors(binaries: pathlib.Path, path: pathlib.Path, scratch: pathlib.Path) ->
     exact = exact_harmonics(panorama)
     halves = panorama.astype(np.float16).astype(float)
     channels = {name: (lambda x, y, c=c: halves[y, c, x]) for c, name in enumerate("RGB")}
-    exr = scratch / "panorama.exr"  # cmgen decodes .hdr otherwise
+    exr = scratch / "panorama.exr"  # of a .hdr, cmgen reads each mantissa m as m + 0.5
     write_exr(exr, panorama.shape[2], panorama.shape[0], {"channels": channels})
     measured = [candela(binaries, path, scratch), cmgen(exr, CUBE, scratch), cmgen(exr, FINE_CUBE, scratch)]
     return [float(np.abs(one - exact).max() / np.abs(exact[0]).max()) for one in measured]
