@@ -1,26 +1,35 @@
 """One attack on a server's HTTP/2: attacks.py NAME HOST:PORT SECONDS [SOURCE]. Prints what it sent and how it ended as JSON.
 
-SOURCE is the address that it comes from. It runs in a process of its own, so it may run in another network namespace.
+SOURCE is the address that it comes from. It runs in a process of its own, so it may run in another network namespace. If the
+server let something through that it must end, "wrong" in the JSON says what.
 """
 import contextlib
+import itertools
 import json
 import pathlib
+import resource
+import socket
 import struct
 import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "robustness"))
 try:
+    import h2.config
+    import h2.connection
+    import h2.exceptions
     import hpack
     import http2
 except ImportError as missing:
     print(f"skipped: {missing}; run deploy/install-packages.sh test")
     sys.exit(77)
-from http2 import (CONTINUATION, DATA, END_HEADERS, HEADERS, PING, PRIORITY, RST_STREAM, SETTINGS, WINDOW_UPDATE,
-                   call_headers, fields, frame)
+from http2 import (CONTINUATION, DATA, END_HEADERS, END_STREAM, GOAWAY, HEADERS, PING, PREFACE, PRIORITY, RST_STREAM, SETTINGS,
+                   STREAM, WINDOW_UPDATE, call_headers, fields, frame)
 
 ADDRESS, SECONDS, SOURCE = "", 0.0, ""
 CANCEL = struct.pack(">I", 8)
+INITIAL_WINDOW, MOST_WINDOW = 4, 2**31 - 1  # the setting, and its largest value
+FIRST_CALL_SECONDS = 10  # nginx.conf's client_header_timeout
 
 
 def connect(**more) -> http2.Connection:
@@ -51,6 +60,10 @@ def pump(chunk, first: bytes = b"", unread: bool = False) -> dict:
     return {"sent": sent, "connections": connections, "end": last}
 
 
+def grpc_message(message) -> bytes:
+    return b"\0" + struct.pack(">I", message.ByteSize()) + message.SerializeToString()
+
+
 def rapid_reset() -> dict:
     headers = call_headers()
 
@@ -58,6 +71,19 @@ def rapid_reset() -> dict:
         streams = range(1 + 200 * n, 201 + 200 * n, 2)
         return b"".join(frame(HEADERS, END_HEADERS, stream, headers) + frame(RST_STREAM, 0, stream, CANCEL) for stream in streams)
     return pump(hundred)
+
+
+def rapid_reset_of_sessions() -> dict:
+    """Each call is reset after a whole open message, so that a session begins for it."""
+    from harness import v1
+    headers = call_headers()
+
+    def fifty(n: int) -> bytes:
+        streams = range(1 + 100 * n, 101 + 100 * n, 2)
+        opens = {stream: grpc_message(v1.StreamRequest(open=v1.StreamOpen(session=f"reset-{stream}"))) for stream in streams}
+        return b"".join(frame(HEADERS, END_HEADERS, stream, headers) + frame(DATA, 0, stream, opens[stream])
+                        + frame(RST_STREAM, 0, stream, CANCEL) for stream in streams)
+    return pump(fifty)
 
 
 def rapid_reset_by_the_server() -> dict:
@@ -105,19 +131,167 @@ def settings_flood() -> dict:
     return pump(frame(SETTINGS, 0, 0) * 100)
 
 
-def unread_pings() -> dict:
-    """Pings on four connections whose answers nobody reads: each answer waits in the server."""
-    pings, end, sent = frame(PING, 0, 0, b"12345678") * 1000, time.monotonic() + SECONDS, 0
-    kept = [connect(unread=True) for _ in range(4)]
+def unread(chunk: bytes, connections: int = 4) -> dict:
+    """Sends `chunk` on some connections, and reads none of the answers: each one waits in the server."""
+    end, sent = time.monotonic() + SECONDS, 0
+    kept = [connect(unread=True) for _ in range(connections)]
     for one in kept:
         one.socket.setblocking(False)
     while time.monotonic() < end:
         for one in kept:
             with contextlib.suppress(OSError):
-                sent += one.socket.send(pings)
+                sent += one.socket.send(chunk)
     for one in kept:
         one.close()
     return {"connections": len(kept), "mib": sent >> 20}
+
+
+PINGS = frame(PING, 0, 0, b"12345678") * 1000
+
+
+def unread_pings() -> dict:
+    return unread(PINGS)
+
+
+def unread_settings() -> dict:
+    return unread(frame(SETTINGS, 0, 0) * 1000)
+
+
+def window_flips() -> dict:
+    """The window of 60 open calls, from nothing to everything and back."""
+    calls = b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, call_headers()) for n in range(60))
+    flip = b"".join(frame(SETTINGS, 0, 0, struct.pack(">HI", INITIAL_WINDOW, size)) for size in (0, MOST_WINDOW))
+    return pump(flip * 50, calls)
+
+
+def window_overflow() -> dict:
+    """Window updates beyond the largest window, of the connection and of a call."""
+    most = struct.pack(">I", MOST_WINDOW)
+    did = pump(frame(WINDOW_UPDATE, 0, 0, most) + frame(WINDOW_UPDATE, 0, 1, most), frame(HEADERS, END_HEADERS, 1, call_headers()))
+    return did | let_through(did["connections"] < 2, "a connection whose window overflows")
+
+
+def goaway_flood() -> dict:
+    return pump(frame(GOAWAY, 0, 0, bytes(8)) * 100)
+
+
+def unknown_frames() -> dict:
+    return pump(frame(0x77, 0xff, 12345, bytes(100)) * 50)
+
+
+def let_through(true: bool, what: str) -> dict:
+    return {"wrong": f"the server let this through: {what}"} if true else {}
+
+
+def answer(sent: bytes, seconds: float = 5) -> str:
+    """What the server does about `sent`, the first bytes of a connection: the frame that answers or ends it, or nothing."""
+    host, port = ADDRESS.rsplit(":", 1)
+    with socket.create_connection((host, int(port)), 10, (SOURCE, 0) if SOURCE else None) as wire:
+        wire.settimeout(seconds)
+        got = b""
+        try:
+            wire.sendall(sent)
+            while len(got) < 1 << 16:
+                more = wire.recv(1 << 16)
+                if not more:
+                    return "closed"
+                got += more
+                while len(got) >= 9 and len(got) >= 9 + int.from_bytes(got[:3], "big"):
+                    if got[3] in (HEADERS, RST_STREAM, GOAWAY):
+                        return {HEADERS: "answered", RST_STREAM: "reset", GOAWAY: "ended"}[got[3]]
+                    got = got[9 + int.from_bytes(got[:3], "big"):]
+        except TimeoutError:
+            return ""
+        except OSError:
+            return "closed"
+    return "not HTTP/2"
+
+
+def each_answered(variants: dict[str, bytes], refusals: tuple[str, ...]) -> dict:
+    """Sends each of the variants again and again, on connections of their own. The server must do one of `refusals` at once."""
+    end, sent, last = time.monotonic() + SECONDS, 0, {}
+    for name in itertools.cycle(variants):
+        if time.monotonic() > end and sent >= len(variants):
+            break
+        last[name], sent = answer(variants[name]), sent + 1
+    bad = {name: what for name, what in last.items() if what not in refusals}
+    return {"connections": sent, "answers": last} | let_through(bool(bad), str(bad))
+
+
+def frames_out_of_place() -> dict:
+    start = PREFACE + frame(SETTINGS, 0, 0)
+    call = frame(HEADERS, END_HEADERS, 1, call_headers())
+    return each_answered({
+        "data on stream 0": start + frame(DATA, 0, 0, bytes(100)),
+        "headers on stream 0": start + frame(HEADERS, END_HEADERS, 0, call_headers()),
+        "a frame of 16 MiB": start + call + struct.pack(">I", 0xffffff)[1:] + bytes([DATA, 0]) + struct.pack(">I", 1) + bytes(1 << 16),
+        "headers of 16 MiB": start + struct.pack(">I", 0xffffff)[1:] + bytes([HEADERS, 0]) + struct.pack(">I", 1) + bytes(1 << 16),
+        "a ping of 7 bytes": start + frame(PING, 0, 0, bytes(7)),
+        "continuation of nothing": start + frame(CONTINUATION, END_HEADERS, 1, call_headers()),
+        "an even stream": start + frame(HEADERS, END_HEADERS, 2, call_headers())}, ("reset", "ended", "closed"))
+
+
+def other_protocols() -> dict:
+    hello = b"\x16\x03\x01\x02\0\x01\0\x01\xfc\x03\x03" + bytes(500)
+    return each_answered({"HTTP/1.1": b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", "TLS": hello, "zeros": bytes(100000)}, ("ended", "closed"))
+
+
+def odd_requests() -> dict:
+    """Calls with methods, paths and headers of other shapes; none of them is left without an answer."""
+    usual = {":method": "POST", ":scheme": "http", ":path": STREAM, ":authority": "x", "te": "trailers",
+             "content-type": "application/grpc"}
+    changes = {"GET": {":method": "GET"}, "no te": {"te": None}, "no authority": {":authority": None}, "an empty path": {":path": ""},
+               "a path of 5000 letters": {":path": "/" + "a" * 5000}, "no content type": {"content-type": None},
+               "text/html": {"content-type": "text/html"}, "no method": {":method": None}, "a field in upper case": {"X-Upper": "y"},
+               "NUL in a value": {"x-n": "a\0b"}, "an unknown encoding": {"grpc-encoding": "zip"},
+               "3000 encodings": {"grpc-accept-encoding": "," * 3000}, "an unknown method": {":path": "/candela.v1.RenderService/None"},
+               **{f"a timeout of {word}": {"grpc-timeout": word} for word in ("-1S", "99999999999999H", "0n", "abc")}}
+    start = PREFACE + frame(SETTINGS, 0, 0)
+    requests = {name: fields(*((key, value) for key, value in (usual | change).items() if value is not None))
+                for name, change in changes.items()}
+    requests["two paths"] = call_headers((":path", "/x/y"))
+    return each_answered({name: start + frame(HEADERS, END_HEADERS | END_STREAM, 1, block) for name, block in requests.items()},
+                         ("answered", "reset", "ended", "closed"))
+
+
+def settings_changes() -> dict:
+    """A session of nothing but changes of its settings, within the windows that the server gives: a few bytes each."""
+    from harness import v1
+    opening = grpc_message(v1.StreamRequest(open=v1.StreamOpen(session="changes")))
+    changes = grpc_message(v1.StreamRequest(change=v1.SettingsChange(from_sequence=1))) * 500
+    end, sent, connections = time.monotonic() + SECONDS, 0, 0
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError, h2.exceptions.H2Error):
+            connections += 1
+            for sent_now in within_windows(opening, changes, end):
+                sent += sent_now
+    return {"connections": connections, "mib": sent >> 20}
+
+
+def within_windows(first: bytes, again: bytes, end: float):
+    """One call that sends `first` and then `again` and again, as fast as the server's windows let it. Yields the bytes."""
+    host, port = ADDRESS.rsplit(":", 1)
+    one = h2.connection.H2Connection(h2.config.H2Configuration(header_encoding=None))
+    one.initiate_connection()
+    one.send_headers(1, [(":method", "POST"), (":scheme", "http"), (":path", STREAM), (":authority", "x"), ("te", "trailers"),
+                         ("content-type", "application/grpc")])
+    waiting = first
+    with socket.create_connection((host, int(port)), 10, (SOURCE, 0) if SOURCE else None) as wire:
+        wire.settimeout(0.05)
+        while time.monotonic() < end:
+            room = min(one.local_flow_control_window(1), one.max_outbound_frame_size)
+            if room > 0:
+                waiting = waiting or again
+                one.send_data(1, waiting[:room])
+                yield len(waiting[:room])
+                waiting = waiting[room:]
+            wire.sendall(one.data_to_send())
+            if room <= 0:
+                with contextlib.suppress(TimeoutError):
+                    got = wire.recv(1 << 16)
+                    if not got:
+                        return
+                    one.receive_data(got)
 
 
 def empty_data_flood() -> dict:
@@ -128,15 +302,17 @@ def priority_flood() -> dict:
     return pump(frame(PRIORITY, 0, 1, b"\0\0\0\0\1") * 200)
 
 
-def crowd(count: int, whole: bytes, at_once: int, each_second: bool = False) -> dict:
-    """Opens `count` connections, sends the first `at_once` bytes of `whole` on each, then perhaps one byte a second."""
-    end, kept, refused = time.monotonic() + SECONDS, [], 0
+def crowd(count: int, whole: bytes, at_once: int, seconds: float, each_second: bool = False) -> dict:
+    """Opens `count` connections, sends the first `at_once` bytes of `whole` on each, then perhaps one byte a second. They stay
+    open for `seconds`."""
+    kept, refused = [], 0
     for _ in range(count):
         try:
             kept.append(connect())
             kept[-1].socket.sendall(whole[:at_once])
         except OSError:
             refused += 1
+    end = time.monotonic() + seconds
     while time.monotonic() < end:
         time.sleep(min(1, max(0, end - time.monotonic())))
         for one in kept if each_second and at_once < len(whole) - 1 else []:
@@ -151,38 +327,47 @@ def crowd(count: int, whole: bytes, at_once: int, each_second: bool = False) -> 
     return {"connections": len(kept), "refused": refused, "ended_by_server": ended}
 
 
+def slow_headers(connections: int) -> dict:
+    """Connections whose first HEADERS frame comes one byte a second. nginx waits for it without end."""
+    return crowd(connections, frame(HEADERS, END_HEADERS, 1, call_headers()), 20, SECONDS, each_second=True)
+
+
 def half_headers() -> dict:
-    """300 connections whose first HEADERS frame comes one byte a second."""
-    return crowd(300, frame(HEADERS, END_HEADERS, 1, call_headers()), 20, each_second=True)
+    return slow_headers(300)
 
 
 def silent_connections() -> dict:
-    """More connections than the server may have files, all silent."""
-    return crowd(3000, b"", 0)
+    """More connections than the server may have files, all silent, for longer than nginx waits for a call."""
+    did = crowd(3000, b"", 0, max(SECONDS, FIRST_CALL_SECONDS + 4))
+    return did | let_through(did["ended_by_server"] < did["connections"], "connections that stay silent")
 
 
 def open_calls() -> dict:
     """600 calls on 60 connections that are open and silent."""
     headers = call_headers()
-    return crowd(60, b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, headers) for n in range(10)), 1 << 20)
+    return crowd(60, b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, headers) for n in range(10)), 1 << 20, SECONDS)
 
 
-def readers_without_a_window() -> dict:
-    """Sessions that send frames and take no byte of the results."""
+def frames_of_a_session(name: str) -> list[bytes]:
+    """DATA payloads with the start of a session, for all the window that a server gives at first."""
     from harness import frame_requests, v1
-    messages = [v1.StreamRequest(open=v1.StreamOpen(session="window-zero"))]
+    messages = [v1.StreamRequest(open=v1.StreamOpen(session=name))]
     for sequence in range(3):
         messages += frame_requests(sequence, 320, 180)
-    body = b"".join(b"\0" + struct.pack(">I", m.ByteSize()) + m.SerializeToString() for m in messages)[:60000]
-    data = [body[at:at + 16384] for at in range(0, len(body), 16384)]
+    body = b"".join(map(grpc_message, messages))[:60000]
+    return [body[at:at + 16384] for at in range(0, len(body), 16384)]
+
+
+def without_a_window(connections: int, sessions: int) -> dict:
+    """Sessions that send frames and take no byte of the results, `sessions` on each of the connections."""
     end, kept = time.monotonic() + SECONDS, []
-    for _ in range(60):
-        try:
-            kept.append(connect(settings=struct.pack(">HI", 4, 0)))
-            kept[-1].socket.sendall(frame(HEADERS, END_HEADERS, 1, call_headers())
-                                    + b"".join(frame(DATA, 0, 1, part) for part in data))
-        except OSError:
-            pass
+    for number in range(connections):
+        with contextlib.suppress(OSError):
+            kept.append(connect(settings=struct.pack(">HI", INITIAL_WINDOW, 0)))
+            for stream in range(1, 2 * sessions, 2):
+                parts = frames_of_a_session(f"window-zero-{number}-{stream}")
+                kept[-1].socket.sendall(frame(HEADERS, END_HEADERS, stream, call_headers())
+                                        + b"".join(frame(DATA, 0, stream, part) for part in parts))
     time.sleep(max(0, end - time.monotonic()))
     ended = sum(one.ended is not None for one in kept)
     for one in kept:
@@ -190,12 +375,25 @@ def readers_without_a_window() -> dict:
     return {"connections": len(kept), "ended_by_server": ended}
 
 
+def readers_without_a_window() -> dict:
+    return without_a_window(60, 1)
+
+
+def readers_without_a_window_on_one_connection() -> dict:
+    return without_a_window(1, 60)
+
+
 ATTACKS = {attack.__name__: attack for attack in (
-    rapid_reset, rapid_reset_by_the_server, endless_continuation, endless_field, hpack_bomb, large_headers, ping_flood,
-    unread_pings, settings_flood, empty_data_flood, priority_flood, half_headers, silent_connections, open_calls,
-    readers_without_a_window)}
+    rapid_reset, rapid_reset_of_sessions, rapid_reset_by_the_server, endless_continuation, endless_field, hpack_bomb,
+    large_headers, ping_flood, unread_pings, settings_flood, unread_settings, window_flips, window_overflow, empty_data_flood,
+    settings_changes, priority_flood, goaway_flood, unknown_frames, frames_out_of_place, other_protocols, odd_requests,
+    half_headers, silent_connections, open_calls, readers_without_a_window, readers_without_a_window_on_one_connection)}
+# What the front does not withstand: nginx has no limit of connections. These run only by name.
+ATTACKS_THAT_SUCCEED = {"unread_pings_on_60_connections": lambda: unread(PINGS, 60),
+                        "half_headers_on_3000_connections": lambda: slow_headers(3000)}
 
 if __name__ == "__main__":
     ADDRESS, SECONDS = sys.argv[2], float(sys.argv[3])
     SOURCE = sys.argv[4] if len(sys.argv) > 4 else ""
-    print(json.dumps(ATTACKS[sys.argv[1]]()))
+    resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
+    print(json.dumps((ATTACKS | ATTACKS_THAT_SUCCEED)[sys.argv[1]]()))

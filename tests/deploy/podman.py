@@ -74,7 +74,7 @@ def attempt(*command: object, timeout: float = 300) -> subprocess.CompletedProce
     words = [str(word) for word in command]
     try:
         return subprocess.run(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                              timeout=timeout, cwd=CACHE)
+                              timeout=timeout, cwd=CACHE if CACHE.is_dir() else None)
     except subprocess.TimeoutExpired:
         return subprocess.CompletedProcess(words, 124, "", f"it did not end within {timeout:.0f} s")
 

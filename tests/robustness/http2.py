@@ -52,11 +52,16 @@ class Connection:
 
     def _read(self) -> None:
         try:
-            while got := self.socket.recv(1 << 16):
+            while got := self._receive():
                 self.received += len(got)
             self.ended = "closed"
         except OSError as error:
             self.ended = self.ended or repr(error)
+
+    def _receive(self) -> bytes:
+        while True:
+            with contextlib.suppress(TimeoutError):  # a silent server has not ended the connection
+                return self.socket.recv(1 << 16)
 
     def pump(self, chunk, seconds: float) -> int:
         """Sends `chunk`, or what it returns for 0, 1, 2 ..., again and again. Returns how often, until refused."""
