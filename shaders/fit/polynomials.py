@@ -21,7 +21,9 @@ import struct
 import sys
 
 SHADERS = pathlib.Path(__file__).resolve().parent.parent
+SRGB_OF_HOST = "../server/render/host/srgb-inl.h"
 KNEE = 0.0031308  # sRGB is linear below it
+OCTAVE_CODES = 255 * 1.055 * 0.5 ** (1 / 2.4)  # what the host's power is multiplied by in the octave below 1
 
 
 def srgb_codes(x):
@@ -41,6 +43,8 @@ POLYNOMIALS = [
     ("glsl/log2.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
     ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),
     ("glsl/transfer.glsl", "vec3 srgb", "s", "high", lambda s: srgb_codes(s**4), (KNEE ** (1 / 4), 1), 255),
+    (SRGB_OF_HOST, "HWY_INLINE F short_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
+    (SRGB_OF_HOST, "HWY_INLINE F full_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
 ]
 
 
@@ -125,7 +129,7 @@ def main():
                 f"best {best:.1e}")
         stated = line in comment
         failures += not stated
-        print(f"{file}: {function.split()[1]}: {line}{'' if stated else ', but the comment there says otherwise'}")
+        print(f"{file}: {function.split()[-1]}: {line}{'' if stated else ', but the comment there says otherwise'}")
     return failures > 0
 
 

@@ -1,4 +1,5 @@
-// Stages of resolve that are the shaders' own text: tone curves, transfers, straight alpha and dither.
+// Stages of resolve from exposed light to display values. Tone curves, gamma 2.2, straight alpha and dither are
+// the shaders' own text.
 #if defined(CANDELA_HOST_LOOK_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef CANDELA_HOST_LOOK_INL_H
 #undef CANDELA_HOST_LOOK_INL_H
@@ -9,6 +10,7 @@
 #include <hwy/highway.h>
 
 #include "server/render/host/chunk-inl.h"
+#include "server/render/host/srgb-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace candela::host::HWY_NAMESPACE {
@@ -57,10 +59,17 @@ CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
   }
 }
 
-template <uint32_t kTransfer, uint32_t kTerms>
-CANDELA_STAGE void show_transfer(const RowPart& part, Chunk& chunk) {
-  shared::Look<shader::CURVE_LINEAR, kTransfer, kTerms> look{part.job.params, {}};
+CANDELA_STAGE inline void show_gamma22(const RowPart& part, Chunk& chunk) {
+  shared::Look<shader::CURVE_LINEAR, shader::TRANSFER_GAMMA22, 8> look{part.job.params, {}};
   for (uint32_t i = 0; i < part.count; i += kLanes) chunk.set_rgb(i, look.encode(chunk.rgb(i)));
+}
+
+template <bool kShort>
+CANDELA_STAGE void show_srgb(const RowPart& part, Chunk& chunk) {
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    const vec3 y = chunk.rgb(i);
+    chunk.set_rgb(i, {srgb<kShort>(y.r), srgb<kShort>(y.g), srgb<kShort>(y.b)});
+  }
 }
 
 inline Stage curve_stage(uint32_t curve) {
@@ -94,9 +103,9 @@ inline Stage curve_stage(uint32_t curve) {
 inline void no_stage(const RowPart&, Chunk&) {}
 
 inline Stage transfer_stage(uint32_t transfer, uint32_t terms) {
-  if (transfer == shader::TRANSFER_GAMMA22) return show_transfer<shader::TRANSFER_GAMMA22, 8>;
+  if (transfer == shader::TRANSFER_GAMMA22) return show_gamma22;
   if (transfer != shader::TRANSFER_SRGB) return no_stage;
-  return terms == 6 ? show_transfer<shader::TRANSFER_SRGB, 6> : show_transfer<shader::TRANSFER_SRGB, 8>;
+  return terms == 6 ? show_srgb<true> : show_srgb<false>;
 }
 
 // Splits exposed light: `chunk` keeps the object's, divided by alpha, and `own` takes the rest.

@@ -42,7 +42,7 @@ HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
   const F exposure = p.exposure;
   const F scene = constants.bloom == shader::BLOOM_CONSERVE ? p.scene_scale * p.exposure : p.exposure;
   const F most = shader::MAX_EXPOSED_VALUE;
-  const F least = constants.wide != 0 ? -shader::MAX_EXPOSED_VALUE : 0.0f;
+  const bool wide = constants.wide != 0;  // only then is light negative
   const bool over = constants.alpha == shader::ALPHA_OVER;
   const vec3 background = {F(p.background_r * p.exposure), F(p.background_g * p.exposure),
                            F(p.background_b * p.exposure)};
@@ -60,7 +60,8 @@ HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
       const F rest = 1.0 - min(max(chunk.alpha(i), 0.0), 1.0);
       c = {rest * background.r + c.r, rest * background.g + c.g, rest * background.b + c.b};
     }
-    chunk.set_rgb(i, {min(max(c.r, least), most), min(max(c.g, least), most), min(max(c.b, least), most)});
+    if (wide) c = at_least(c, -shader::MAX_EXPOSED_VALUE);
+    chunk.set_rgb(i, at_most(c, most));
   }
 }
 

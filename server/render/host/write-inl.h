@@ -47,8 +47,10 @@ HWY_INLINE void store_texels(const RowPart& part, const Chunk& chunk, uint32_t i
   auto* const words = reinterpret_cast<uint32_t*>(to);
   if constexpr (kFormat == shader::OUTPUT_RGBA8) {
     const auto codes = codes_of<kDither>(part, i, rgb, 255.0f);
-    const U rg = (codes.r & U(0xffu)) | ((codes.g << 8) & U(0xff00u));
-    const VU texels = natural((rg | ((codes.b << 16) & U(0xff0000u)) | (alpha_code(a, 255.0f) << 24)).v);
+    // The bits of 2^23 leave the word on the left, apart from those of R.
+    const U rg = codes.r + (codes.g << 8);
+    const U ba = (codes.b << 16) + (alpha_code(a, 255.0f) << 24);
+    const VU texels = natural((rg + ba - U(0x4b000000u)).v);
     if constexpr (kStream) {
       hn::Stream(texels, kUints, words);
     } else {

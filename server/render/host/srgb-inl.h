@@ -1,0 +1,78 @@
+// The sRGB transfer (docs/pipeline.md section 5) without square roots, for each target of Highway.
+//
+// transfer.glsl takes one or two square roots of each component, and a core needs many cycles for a vector of them.
+// Here x = 2^e m with 1 <= m < 2, so x^(1/2.4) is the product of 2^(e/2.4), from a table in registers, and a
+// polynomial for m^(1/2.4).
+#if defined(CANDELA_HOST_SRGB_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef CANDELA_HOST_SRGB_INL_H
+#undef CANDELA_HOST_SRGB_INL_H
+#else
+#define CANDELA_HOST_SRGB_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include <array>
+
+#include "server/render/host/glsl-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace candela::host::HWY_NAMESPACE {
+
+// 1.055 * 2^(e / 2.4) at the lowest four bits of the exponent field of 2^e, for -9 <= e <= 0.
+alignas(64) inline constexpr auto kScaledPowers = [] {
+  constexpr double kOneDown = 0.749153538438341;  // 2^(-1 / 2.4)
+  std::array<float, 16> powers{};
+  double power = 1.055;
+  for (size_t i = 15; i >= 6; --i, power *= kOneDown) powers[i] = static_cast<float>(power);
+  return powers;
+}();
+
+// powers[index % 16], lane by lane.
+HWY_INLINE VF look_up_power(const std::array<float, 16>& powers, VU index) {
+#if HWY_TARGET == HWY_AVX3
+  return VF{_mm512_permutexvar_ps(index.raw, _mm512_load_ps(powers.data()))};
+#elif HWY_TARGET == HWY_AVX2
+  const __m256 low = _mm256_permutevar8x32_ps(_mm256_load_ps(powers.data()), index.raw);
+  const __m256 high = _mm256_permutevar8x32_ps(_mm256_load_ps(powers.data() + 8), index.raw);
+  return VF{_mm256_blendv_ps(low, high, _mm256_castsi256_ps(_mm256_slli_epi32(index.raw, 28)))};
+#else
+  return hn::GatherIndex(kFloats, powers.data(), hn::BitCast(kInts, hn::And(index, hn::Set(kUints, 15))));
+#endif
+}
+
+// The short form: m^(1/2.4). Errors are in 8-bit codes of the octave below 1.
+// fit: m in [1, 2], degree 3, error 1.7e-02, best 1.7e-02
+HWY_INLINE F short_power(F m) {
+  F q = m * 0.0243932158 - 0.176294073;
+  q = q * m + 0.692969561;
+  q = q * m + 0.459015816;
+  return q;
+}
+
+// The full form.
+// fit: m in [1, 2], degree 6, error 3.9e-05, best 3.8e-05
+HWY_INLINE F full_power(F m) {
+  F q = m * -0.00279865926 + 0.0304253306;
+  q = q * m - 0.143340468;
+  q = q * m + 0.386805862;
+  q = q * m - 0.683820426;
+  q = q * m + 1.06189704;
+  q = q * m + 0.350831509;
+  return q;
+}
+
+// The display value of display light from 0 to 1.
+template <bool kShort>
+HWY_INLINE F srgb(F x) {
+  const U bits = glsl::floatBitsToUint(x);
+  const F m = glsl::uintBitsToFloat((bits & U(0x007fffffu)) | U(0x3f800000u));
+  const F scale = look_up_power(kScaledPowers, (bits >> 23).v);
+  const F high = scale * (kShort ? short_power(m) : full_power(m)) - 0.055;
+  return mix(high, F(12.92 * x), x <= F(0.0031308));
+}
+
+}  // namespace candela::host::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
