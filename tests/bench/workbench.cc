@@ -8,6 +8,11 @@
 namespace candela::bench {
 namespace {
 
+void linear(v1::Settings& s) {
+  s.set_curve(v1::TONE_CURVE_LINEAR);
+  s.set_transfer(v1::TRANSFER_LINEAR);
+}
+
 constexpr Variant kVariants[] = {
     {"conserve", [](v1::Settings& s) { s.mutable_bloom()->set_kind(v1::Bloom::KIND_CONSERVE); }},
     {"gaussian",
@@ -27,6 +32,13 @@ constexpr Variant kVariants[] = {
     {"agx", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
     {"aces-1", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
     {"pbr-neutral", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
+    // What a frame takes apart from its look, with bloom and without.
+    {"linear", linear},
+    {"linear-dim",
+     [](v1::Settings& s) {
+       linear(s);
+       s.mutable_bloom()->set_threshold(kNothingBright);
+     }},
 };
 
 }  // namespace
