@@ -21,6 +21,9 @@ import urllib.request
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/net"))
 SKIPPED = 77
+# What a p99 may have more than twice its control's, for the noise of the machine. A short run on a busy machine has few frames,
+# so one late frame is its p99. The tests with the label nightly are longer, and the machine has nothing else to do.
+SHORT_NOISE_MS, NIGHTLY_NOISE_MS = 200, 40
 FRAME_NS = 40_000_000  # of media time, between the frames of a session
 
 
@@ -238,9 +241,10 @@ def beside_fair_neighbour(address: str, seconds: float = 8) -> dict:
         return bystander.result()
 
 
-def expect_undisturbed(attacked: dict, control: dict, what: str) -> None:
-    """The bystander's p99 under attack is within 2 x of its p99 beside a fair neighbour; a fifth of a second is noise."""
-    limit = 2 * control["p99_ms"] + 200
+def expect_undisturbed(attacked: dict, control: dict, what: str, noise_ms: float = SHORT_NOISE_MS) -> None:
+    """The bystander's p99 under attack is within 2 x of its p99 beside a fair neighbour, and noise."""
+    limit = 2 * control["p99_ms"] + noise_ms
     expect(attacked["frames"] > 0 and not attacked["errors"], f"{what}: the bystander's session broke: {attacked}")
     expect(attacked["p99_ms"] <= limit,
-           f"{what}: the bystander's p99 is {attacked['p99_ms']} ms, and {control['p99_ms']} ms beside a fair neighbour")
+           f"{what}: the bystander's p99 is {attacked['p99_ms']} ms, and {control['p99_ms']} ms beside a fair neighbour; "
+           f"{limit:.0f} ms is the limit")

@@ -54,6 +54,12 @@ def config(text: bytes) -> str:
     return str(file)
 
 
+def new_folder() -> pathlib.Path:
+    folder = FOLDER / f"folder{len(list(FOLDER.iterdir()))}"
+    folder.mkdir()
+    return folder
+
+
 def files() -> None:
     fifo = str(FOLDER / "fifo")
     os.mkfifo(fifo)
@@ -63,15 +69,53 @@ def files() -> None:
         ends(f"--resume-keys {odd}", FAILED, "--resume-keys", odd, words="resume-keys")
         ends(f"--token-file {odd}", FAILED, "--token-file", odd, words="token-file")
         ends(f"--tls-cert {odd}", FAILED, "--tls-cert", odd, "--tls-key", odd, words="tls-cert")
-        cache = FOLDER / f"cache{len(list(FOLDER.iterdir()))}"
-        cache.mkdir()
+        cache = new_folder()
         (cache / "tiers.json").symlink_to(odd)
         serves(f"tiers.json is {odd}", "--cache-dir", str(cache))
     for what, text, words in (("a key twice", b"max-calls = 3\nmax-calls = 4\n", "line 1"),
                               ("a section", b"[x]\nmax-calls = 3\n", "section"), ("a key that is unknown", b"nonsense = 3\n", "nonsense"),
                               ("NUL", b"\0" * 1000, ""), ("a line of 1 MiB", b"max-calls = " + b"9" * (1 << 20), ""),
-                              ("2 MiB", b"# x\n" * (1 << 19), "limit")):
+                              ("2 MiB", b"# x\n" * (1 << 19), "limit"),
+                              ("a byte order mark", b"\xef\xbb\xbfmax-calls = 3\n", "max-calls"),
+                              ("a time that is no number", b"idle-timeout = nan\n", "nan"),
+                              ("an endless time", b"drain-timeout = inf\n", "inf")):
         ends(f"a configuration with {what}", USAGE, "--config", config(text), words=words)
+    for option in ("--idle-timeout", "--resume-ttl"):
+        for time_ in ("nan", "inf", "-inf", "1e400s"):
+            ends(f"{option} {time_}", USAGE, f"{option}={time_}", words=time_)
+    serves("a configuration with lines of CR and LF", "--config", config(b"max-calls = 3\r\n\r\n# x\r\n"))
+
+
+def caches() -> None:
+    """What is in the cache is only a hint, whoever wrote it."""
+    row = b'{"tier":"draft","ms":1,"max_error_codes":1}'
+    for what, text in (("garbage", os.urandom(5000)), ("nothing", b""), ("100 000 lists in each other", b"[" * 100_000),
+                       ("100 000 objects in each other", b'{"a":' * 100_000), ("20 MB", b'{"k":[' + (row + b",") * 450_000 + row + b"]}"),
+                       ("other types", b'{"a":[{"tier":1,"ms":"x"}]}'), ("huge numbers", row.replace(b"1", b"1e999"))):
+        cache = new_folder()
+        (cache / "tiers.json").write_bytes(text)
+        serves(f"tiers.json holds {what}", "--cache-dir", str(cache))
+    loop = new_folder()
+    (loop / "tiers.json").symlink_to("tiers.json")
+    serves("tiers.json is a loop", "--cache-dir", str(loop))
+    file = FOLDER / "file"
+    file.touch()
+    serves("--cache-dir under a file", "--cache-dir", str(file / "cache"))
+    serves("--cache-dir in /proc", "--cache-dir", "/proc/1/none")
+
+
+def drivers_cache() -> None:
+    """The cache of Mesa, which keeps compiled shaders."""
+    for odd in ("/proc/none", str(FOLDER / "file")):
+        serves(f"the driver's cache is {odd}", env={"MESA_SHADER_CACHE_DIR": odd, "XDG_CACHE_HOME": odd})
+    cache = new_folder()
+    environment = {"MESA_SHADER_CACHE_DIR": str(cache), "XDG_CACHE_HOME": str(cache)}
+    serves("the driver's cache is empty", "--passes", "device", env=environment)
+    kept = [file for file in cache.rglob("*") if file.is_file()]
+    expect(kept, "the driver keeps nothing, so its cache was not tested")
+    for file in kept:
+        file.write_bytes(os.urandom(file.stat().st_size))
+    serves(f"the driver's cache is garbage, all {len(kept)} files of it", "--passes", "device", env=environment)
 
 
 def addresses() -> None:
@@ -105,10 +149,13 @@ def limits() -> None:
     for files_ in (8, 16, 24):
         ends(f"ulimit -n {files_}", FAILED, "--listen", "127.0.0.1:0", preexec=limit(resource.RLIMIT_NOFILE, files_))
     serves("ulimit -n 64", preexec=limit(resource.RLIMIT_NOFILE, 64))
+    serves("ulimit -s 128", preexec=limit(resource.RLIMIT_STACK, 128 << 10))
     serves("ulimit -f 0", preexec=limit(resource.RLIMIT_FSIZE, 0), log_is_null=True)
 
 
 files()
+caches()
+drivers_cache()
 addresses()
 limits()
 expect(not wrong, "\n".join(wrong))
