@@ -50,20 +50,28 @@ vec3 hable_base(vec3 x) {
 // The linear white is 11.2 and the exposure bias is 2, as published.
 vec3 hable(vec3 x) { return hable_base(2.0 * x) / hable_base(vec3(11.2)); }
 
-// AgX's base curve has slope 2 at (10/16.5, 0.5), a toe t / (1 + t^3)^(1/3) below, and a shoulder
-// t / (1 + t^3.25)^(1/3.25) above. t is slope * distance / scale.
-float agx_channel(float inset) {
-  const float pivot = 10.0 / 16.5;
+// AgX's base curve is a function of log2 of the light, from -12.47393 to 4.026069, as a number from 0 to 1.
+float agx_stops(float inset) {
   float stops = exact_log2(at_least(inset, 1.0e-10));
-  float x = at_most(at_least((stops + 12.47393) * (1.0 / (4.026069 + 12.47393)), 0.0), 1.0);
+  return at_most(at_least((stops + 12.47393) * (1.0 / (4.026069 + 12.47393)), 0.0), 1.0);
+}
+
+// It has slope 2 at (10/16.5, 0.5), a toe t / (1 + t^3)^(1/3) below, and a shoulder t / (1 + t^3.25)^(1/3.25)
+// above. t is slope * distance / scale.
+float agx_base(float x) {
+  const float pivot = 10.0 / 16.5;
   bool above = pivot < x;
   // With these scales the curve ends at (0, 0) and (1, 1).
   float scale = mix(float(-0.51227738), 0.54146416, above);
   float t = (x - pivot) * mix(float(2.0 / -0.51227738), 2.0 / 0.54146416, above);
   float one_more = 1.0 + t * t * t * mix(float(1.0), sqrt(sqrt(t)), above);
   float bent = t * exact_exp2(exact_log2(one_more) * mix(float(-1.0 / 3.0), -1.0 / 3.25, above));
-  return power(at_least(0.5 + scale * bent, 0.0), 2.2);
+  return at_least(0.5 + scale * bent, 0.0);
 }
+
+float agx_light(float base) { return power(base, 2.2); }
+
+float agx_channel(float inset) { return agx_light(agx_base(agx_stops(inset))); }
 
 vec3 agx(vec3 inset) { return vec3(agx_channel(inset.r), agx_channel(inset.g), agx_channel(inset.b)); }
 

@@ -59,6 +59,39 @@ CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
   }
 }
 
+// The steps of AgX are stages of their own: in one loop, each pixel would wait for a chain of operations that is
+// longer than what the processor looks ahead.
+template <typename Step>
+HWY_INLINE void each_component(const RowPart& part, Chunk& chunk, const Step& step) {
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    const vec3 x = chunk.rgb(i);
+    chunk.set_rgb(i, {step(x.r), step(x.g), step(x.b)});
+  }
+}
+
+using AgxLook = shared::Look<shader::CURVE_AGX, shader::TRANSFER_LINEAR, 8>;
+
+CANDELA_STAGE inline void agx_stops_stage(const RowPart& part, Chunk& chunk) {
+  AgxLook look{part.job.params, {}};
+  for (uint32_t i = 0; i < part.count; i += kLanes) {
+    const vec3 inset = at_least(look.curve_light(chunk.rgb(i)), 0.0);
+    chunk.set_rgb(i, {look.agx_stops(inset.r), look.agx_stops(inset.g), look.agx_stops(inset.b)});
+  }
+}
+CANDELA_STAGE inline void agx_base_stage(const RowPart& part, Chunk& chunk) {
+  AgxLook look{part.job.params, {}};
+  each_component(part, chunk, [&](F x) HWY_ATTR { return look.agx_base(x); });
+}
+CANDELA_STAGE inline void agx_light_stage(const RowPart& part, Chunk& chunk) {
+  AgxLook look{part.job.params, {}};
+  each_component(part, chunk, [&](F x) HWY_ATTR { return at_most(look.agx_light(x), 1.0); });
+}
+inline void show_agx(const RowPart& part, Chunk& chunk) {
+  agx_stops_stage(part, chunk);
+  agx_base_stage(part, chunk);
+  agx_light_stage(part, chunk);
+}
+
 CANDELA_STAGE inline void show_gamma22(const RowPart& part, Chunk& chunk) {
   shared::Look<shader::CURVE_LINEAR, shader::TRANSFER_GAMMA22, 8> look{part.job.params, {}};
   for (uint32_t i = 0; i < part.count; i += kLanes) chunk.set_rgb(i, look.encode(chunk.rgb(i)));
@@ -85,7 +118,7 @@ inline Stage curve_stage(uint32_t curve) {
     case shader::CURVE_HABLE:
       return show_curve<shader::CURVE_HABLE>;
     case shader::CURVE_AGX:
-      return show_curve<shader::CURVE_AGX>;
+      return show_agx;
     case shader::CURVE_PBR_NEUTRAL:
       return show_curve<shader::CURVE_PBR_NEUTRAL>;
     case shader::CURVE_ACES_1:
