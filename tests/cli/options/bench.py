@@ -1,4 +1,5 @@
-"""A workbench for the option table: scenes, certificates, two daemons, and runs of the command."""
+"""A workbench for the option table: scenes, certificates, daemons, and runs of the command."""
+import contextlib
 import functools
 import hashlib
 import json
@@ -8,13 +9,14 @@ import re
 import shlex
 import subprocess
 import sys
+import threading
 
 from exr import write_exr
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "tests/net"))
 sys.path.insert(0, str(ROOT / "tests/robustness"))
-from harness import Daemon, binary  # noqa: E402
+from harness import Daemon, binary, end_of, expect, render, render_requests, rpc, v1, wait_until  # noqa: E402
 from scenes import NAN, write_pfm  # noqa: E402
 
 DAEMON = "candelad"
@@ -48,7 +50,7 @@ class Bench:
     def __init__(self, folder: pathlib.Path):
         self.folder = folder
         self.runs = 0
-        self.daemons: list[Daemon] = []
+        self.ends = contextlib.ExitStack()
         # Without the variables that change what a command does.
         self.environment = {name: value for name, value in os.environ.items() if not name.startswith("CANDELA")}
 
@@ -58,12 +60,45 @@ class Bench:
         return self
 
     def __exit__(self, *unused):
-        for daemon in self.daemons:
-            daemon.__exit__()
+        self.ends.close()
 
     @functools.cached_property
     def plain(self) -> Daemon:
         return self._daemon()
+
+    @functools.cached_property
+    def told(self) -> Daemon:
+        """One that logs, with metrics."""
+        return self.ends.enter_context(Daemon())
+
+    @functools.cached_property
+    def full(self) -> Daemon:
+        """One whose only session and only call are taken."""
+        full, over = self._daemon("--max-sessions", "1", "--max-calls", "1", "--idle-timeout", "1h"), threading.Event()
+
+        def session():
+            yield v1.StreamRequest(open=v1.StreamOpen(session="full"))
+            over.wait()
+
+        def call():
+            yield next(render_requests(8, 8))
+            over.wait()
+
+        channel = full.channel()
+        stub = rpc.RenderServiceStub(channel)
+
+        def hold(begin, requests) -> None:
+            while not over.is_set():  # again if somebody else had the place
+                end_of(begin(requests()))
+
+        holders = [threading.Thread(target=hold, args=place) for place in ((stub.Stream, session), (stub.Render, call))]
+        self.ends.callback(channel.close)
+        for holder in holders:
+            holder.start()
+            self.ends.callback(holder.join)
+        self.ends.callback(over.set)  # comes first
+        expect(wait_until(lambda: render(full.address)[0] == "UNAVAILABLE", 20), "no call fills the full server")
+        return full
 
     @functools.cached_property
     def guarded(self) -> Daemon:
@@ -78,14 +113,14 @@ class Bench:
         return str(self.folder / name)
 
     def _daemon(self, *options: str) -> Daemon:
-        self.daemons.append(Daemon(*options, "--log-level", "off", metrics=False).__enter__())
-        return self.daemons[-1]
+        return self.ends.enter_context(Daemon(*options, "--log-level", "off", metrics=False))
 
     def _make_scenes(self) -> None:
         self("sample scene.exr --size 96x64 -q")
         self("sample --panorama pano.exr --size 128x64 -q")
         (self.folder / "keys.json").write_text('{"keys": [{"time": 0}, {"time": 1, "yaw": 90}]}')
         self("sample --sequence film --size 48x32 --frames 6 -q")
+        self("sample --sequence large --size 320x180 --frames 6 -q")
         write_pfm(self.folder / "nan.pfm", 4, 4, [NAN] + [0.25 * i for i in range(47)])
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}
         red = {"R": lambda x, y: 2.0, "G": lambda x, y: 0.1, "B": lambda x, y: 0.1}
@@ -126,12 +161,12 @@ class Bench:
             (self.folder / name).chmod(0o600)
 
     def __call__(self, line: str, seconds: float = 300) -> Run:
-        """Runs `candela LINE`. In it OUT stands for a folder of this run, PLAIN, GUARDED and PUBLIC for the daemons."""
+        """Runs `candela LINE`. In it OUT stands for a folder of this run, PLAIN, GUARDED, PUBLIC, TOLD and FULL for daemons."""
         self.runs += 1
         out = self.folder / f"out-{self.runs}"
         out.mkdir()
         line = re.sub(r"\bOUT\b", out.name, line)
-        for name in ("plain", "guarded", "public"):
+        for name in ("plain", "guarded", "public", "told", "full"):
             line = re.sub(rf"\b{name.upper()}\b", lambda _, name=name: getattr(self, name).address, line)
         done = subprocess.run([binary("candela"), *shlex.split(line)], cwd=self.folder, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=seconds,

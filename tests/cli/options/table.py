@@ -80,6 +80,36 @@ def needs(good: str, bad: str, line: str = "", words: str = ""):
     return check
 
 
+def both(*checks):
+    """Each of the checks."""
+    def check(bench: Bench, command: str) -> None:
+        for one in checks:
+            one(bench, command)
+    return check
+
+
+def logged(line: str, words: str):
+    """The server's log has `words` after that whole line, and not before it. The line's server is TOLD."""
+    def check(bench: Bench, _: str) -> None:
+        hold(words not in bench.told.words(), f"the server said '{words}' before")
+        ok(bench(line), line)
+        hold(words in bench.told.words(), f"`candela {line}`: the server does not say '{words}'")
+    return check
+
+
+def waits(line: str):
+    """A full server is asked again for as long as --resume says, and not at all with 0."""
+    full = line.replace("PLAIN", "FULL")
+    return both(refuses("--resume 1.5", full, "within 1.5s"), refuses("--resume 0", full, "which is its limit"),
+                refuses("--resume -1", line, "--resume"))
+
+
+def named(line: str):
+    """The server knows the session by its name."""
+    return both(logged(line.replace("PLAIN", "TOLD").format("--session named-by-the-option"), "session=named-by-the-option"),
+                refuses("--session a/b", line, "--session"))
+
+
 def shows(line: str, holds, what: str):
     """`holds(run)` of that whole line is true."""
     def check(bench: Bench, _: str) -> None:
@@ -176,8 +206,9 @@ DRAWN = {  # of render, stream and view
     "--transfer": lambda c: each_word("--transfer"),
     "--tier": lambda c: each_word("--tier", words=("draft", "standard", "reference")),
     "--dither": lambda c: changes("--dither"),
-    "--max-error": lambda c: needs("--max-error 255", "--max-error -1", words="--max-error"),
-    "--max-ms": lambda c: needs("--max-ms 1e9", "--max-ms 0.001", words="ms"),
+    # Each takes another tier than the default: 0 only the reference keeps, 255 and much time any.
+    "--max-error": lambda c: both(each_word("--max-error", words=("0", "255")), refuses("--max-error -1", words="--max-error")),
+    "--max-ms": lambda c: both(changes("--max-ms 1e9"), refuses("--max-ms 0.001", words="ms")),
     "--bloom": lambda c: each_word("--bloom"),
     "--bloom-intensity": lambda c: changes("--bloom-intensity 1"),
     "--bloom-threshold": lambda c: changes("--bloom-threshold 3", "--bloom-intensity 1"),
@@ -201,14 +232,17 @@ SEQUENCED = {  # of stream and meter
     "--adaptation": lambda c: each_word("--adaptation", line=plural("film")[c]),
     "--speed-up": lambda c: changes("--speed-up 0.1", line=plural("film")[c]),
     "--speed-down": lambda c: changes("--speed-down 0.1", line=plural("film")[c]),
-    "--frame-timeout": lambda c: needs("--frame-timeout 60", "--frame-timeout 0", plural("film")[c], "--frame-timeout"),
+    # A frame waits for those of its look-ahead.
+    "--frame-timeout": lambda c: both(needs("--lookahead 4 --frame-timeout 60", "--lookahead 4 --frame-timeout 0.001",
+                                            plural("large")[c], "deadline passed"),
+                                      refuses("--frame-timeout 0", plural("film")[c], "--frame-timeout")),
     "--skip-bad": lambda c: needs("--skip-bad", "", plural("broken")[c], "0001.exr"),
     "--exposure-plot": lambda c: shows(plural("film")[c].format("--exposure-plot OUT/plot.svg"),
                                        lambda run: b"<svg" in run.files["plot.svg"], "the plot is no SVG"),
     "--save-exposures": lambda c: shows(plural("film")[c].format("--save-exposures OUT/exposures.json"),
                                         lambda run: len(json.loads(run.files["exposures.json"])["frames"]) == 6, "not 6 frames"),
-    "--session": lambda c: needs("--session day-1", "--session a/b", plural("film")[c], "--session"),
-    "--resume": lambda c: needs("--resume 1", "--resume -1", plural("film")[c], "--resume"),
+    "--session": lambda c: named(plural("film")[c]),
+    "--resume": lambda c: waits(plural("film")[c]),
 }
 MOMENT = "--previous-exposure 0.01 --elapsed 0.2 "
 MOMENTARY = {  # of render and view
@@ -217,7 +251,7 @@ MOMENTARY = {  # of render and view
     "--adaptation": lambda c: each_word("--adaptation", MOMENT),
     "--speed-up": lambda c: changes("--speed-up 0.1", MOMENT),
     "--speed-down": lambda c: changes("--speed-down 9", "--previous-exposure 60 --elapsed 0.2"),
-    "--resume": lambda c: needs("--resume 1", "--resume -1", LINES[c], "--resume"),
+    "--resume": lambda c: waits(LINES[c]),
 }
 VERIFIED = {
     "--verify": lambda c: shows(LINES[c].format("--verify"), lambda run: "verify" in run.lines()[0], "no verify in it"),
@@ -244,7 +278,7 @@ VIEWED = {  # of view alone
     "--frames": lambda c: shows(TURN.format("--frames 2"), lambda run: len(run.files) == 2, "no 2 files"),
     "--fps": lambda c: changes("--fps 2", line=TURN),
     "--lookahead": lambda c: changes("--lookahead 2", line=TURN),
-    "--session": lambda c: needs("--session day-1", "--session a/b", TURN, "--session"),
+    "--session": lambda c: named(TURN),
     "--encoding": lambda c: needs("--encoding png", "--encoding webp", TURN, "webp"),
     "--exposure-plot": lambda c: shows(TURN.format("--exposure-plot OUT/plot.svg"),
                                        lambda run: b"<svg" in run.files["plot.svg"], "the plot is no SVG"),
@@ -265,7 +299,7 @@ BAKED = {  # of environment alone
                             lambda run: len(json.loads(run.files["sh.json"])["radiance"]) == 9, "no 9 coefficients"),
     "--preview": lambda c: shows(LINES[c].format("--preview OUT/p.png"),
                                  lambda run: run.files["p.png"].startswith(b"\x89PNG"), "there is no preview"),
-    "--resume": lambda c: needs("--resume 1", "--resume -1", LINES[c], "--resume"),
+    "--resume": lambda c: waits(LINES[c]),
 }
 STREAMED = {  # of stream alone
     "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
@@ -282,6 +316,24 @@ def encodings(bench: Bench, _: str) -> None:
         by_server = run.lines()[0].get("encoding")
         hold(by_server in (word, None), f"--encoding {word} was encoded as {by_server}")
         hold(len(run.files) == 6, f"--encoding {word} wrote {sorted(run.files)}")
+
+
+def bench_encodings(bench: Bench, _: str) -> None:
+    """The server sends fewer bytes for each frame of JPEG than of PNG, and fewer for PNG than raw."""
+    bytes_of_frame = []
+    for word in ("raw", "png", "jpeg"):
+        line = LINES["bench"].replace("PLAIN", "TOLD").format(f"--encoding {word}")
+        before = sent_by(bench.told)
+        ok(bench(line), line)
+        sent, frames = (after - first for after, first in zip(sent_by(bench.told), before))
+        bytes_of_frame.append(sent / frames)
+    hold(bytes_of_frame[0] > 64 * 36 * 4 and bytes_of_frame == sorted(bytes_of_frame, reverse=True),
+         f"frames of raw, png and jpeg have {bytes_of_frame} bytes")
+
+
+def sent_by(daemon) -> tuple[float, float]:
+    """Bytes and frames."""
+    return (daemon.series("candela_bytes_total")['direction="out"'], daemon.series("candela_frames_total")['result="ok"'])
 
 
 def quiet(command: str):
@@ -336,12 +388,23 @@ def table(command: str) -> dict:
         rows["--quiet"] = quiet(command)
     if command in SERVERS:
         rows["--device"] = needs("--device llvmpipe", "--device no-such-device", at_home(command), "no-such-device")
-        rows["--passes"] = needs("--passes device", "--passes nobody", at_home(command), "nobody")
+        rows["--passes"] = passes(command)
     if command != "sample":
         rows["--server"] = elsewhere(at_home(command))
     rows |= OTHERS.get(command, {})
     rows["--help"] = shows(f"{command} --help", lambda run: "Usage:" in run.out, "it prints no usage")
     return rows
+
+
+def passes(command: str):
+    """Those of the built-in server; render, view and info say whose they are."""
+    says = {"info": lambda run: run.lines()[0]["device"]["passes"],
+            "render": lambda run: run.lines()[0]["plan"][-1], "view": lambda run: run.lines()[0]["plan"][-1]}
+    line, bad = at_home(command), refuses("--passes nobody", at_home(command), "nobody")
+    if command not in says:
+        return both(needs("--passes device", "--passes nobody", line, "nobody"), bad)
+    return both(*(shows(line.format(f"--passes {who}"), lambda run, who=who: who in says[command](run), f"not those of the {who}")
+                  for who in ("device", "host")), bad)
 
 
 def at_home(command: str) -> str:
@@ -361,9 +424,17 @@ OTHERS = {
               "--size": shows(LINES["bench"].format(""), lambda run: run.lines()[0]["width"] == 64, "not 64 wide"),
               "--fps": shows(LINES["bench"].format("--fps 10"), lambda run: run.lines()[0]["frames"] <= 5, "more frames than that"),
               "--seconds": shows(LINES["bench"].format(""), lambda run: run.lines()[0]["seconds"] < 1, "it took longer"),
-              "--lookahead": needs("--lookahead 2", "--lookahead 17", words="--lookahead"),
-              "--frame-timeout": needs("--frame-timeout 60", "--frame-timeout 0", words="--frame-timeout"),
-              "--encoding": needs("--encoding jpeg", "--encoding webp", words="webp")},
+              "--lookahead": both(  # four frames at 20 a second
+                  shows(LINES["bench"].format("--fps 20 --seconds 1 --lookahead 4"), lambda run: run.lines()[0]["latency_ms"]["p50"] > 150,
+                        "results come before their look-ahead"),
+                  shows(LINES["bench"].format("--fps 20 --seconds 1"), lambda run: run.lines()[0]["latency_ms"]["p50"] < 150,
+                        "results come late without look-ahead"),
+                  refuses("--lookahead 17", words="--lookahead")),
+              "--frame-timeout": both(
+                  shows(LINES["bench"].format("--size 1280x720 --frame-timeout 0.001"), lambda run: run.lines()[0]["failed"] > 0,
+                        "no frame came too late"),
+                  refuses("--frame-timeout 0", words="--frame-timeout")),
+              "--encoding": both(bench_encodings, refuses("--encoding webp", words="webp"))},
     # Health needs no token, but a file that is named must be there.
     "health": {"--timeout": needs("--timeout 5", "--timeout 0", words="--timeout"),
                "--token-file": refuses("--token-file no-such-file", words="no-such-file")},
