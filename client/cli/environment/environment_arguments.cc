@@ -77,13 +77,13 @@ absl::Status set_size(EnvironmentOptions& options, const std::string& text) {
 void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
   EnvironmentOptions& options = arguments.options;
   add_text(app, kCube, "--size", "N",
-           absl::StrFormat("Texels along a face's side: a power of two, %d .. %d (default: by the panorama's "
-                           "width, a quarter of it or the next larger one, 16 .. 2048)",
+           absl::StrFormat("Side of a face in texels: a power of two, %d .. %d (default: a quarter of the "
+                           "panorama's width, rounded up to a power of two, 16 .. 2048)",
                            v1::kCubeSize.min, v1::kCubeSize.max),
            [&options](const std::string& text) { return set_size(options, text); });
   add_text(app, kCube, "--levels", "N",
-           absl::StrFormat("Levels, each half as large and rougher; %s (default: all, down to 16 x 16; of an "
-                           ".exr one)",
+           absl::StrFormat("Number of levels; each is half the size of the one before, and rougher; %s "
+                           "(default: all down to 16 x 16, or 1 for .exr)",
                            format_range(kLevels)),
            [&options](const std::string& text) {
              const absl::StatusOr<double> levels = parse_number("--levels", text, kLevels, true);
@@ -94,14 +94,12 @@ void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
       app, kCube, "--roughness-mapping", "roughness mapping", v1::ROUGHNESS_MAPPING_LINEAR,
       "Roughness of level i of n: i / (n - 1), or 1 - sqrt(1 - i / (n - 1))",
       [&options](v1::RoughnessMapping mapping) { options.roughness_mapping = mapping; });
-  add_text(
-      app, kCube, "--layout", "NAME",
-      "Of an .exr: equirectangular, cross; of a .ktx2 or a folder: faces (default: the first that OUT can "
-      "have)",
-      arguments.layout);
+  add_text(app, kCube, "--layout", "NAME",
+           "Layout of the output: equirectangular (default) or cross for .exr; faces for .ktx2 and folders",
+           arguments.layout);
   add_text(app, kCube, "--handedness", "left|right",
-           "Of faces: left as KTX2 asks and three.js samples, right as Filament and Khronos' glTF viewer do "
-           "(default left)",
+           "Handedness of the faces: left for KTX2 and three.js, right for Filament and Khronos' glTF "
+           "viewer (default left)",
            [&arguments](const std::string& typed) {
              const absl::StatusOr<Handedness> hand = value_of<Handedness>(
                  {{"left", Handedness::kLeft}, {"right", Handedness::kRight}}, "handedness", typed);
@@ -110,7 +108,7 @@ void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
              return hand.status();
            });
   add_rotation_option(app, kCube, options.rotation_deg);
-  add_words<CubeFormat>(app, "--format", "Of texels",
+  add_words<CubeFormat>(app, "--format", "Texel format",
                         {{"rgba16f", CubeFormat::kRgba16f}, {"rgb9e5", CubeFormat::kRgb9e5}}, options.format);
 }
 
@@ -126,9 +124,9 @@ void add_files(CLI::App& app, EnvironmentOptions& options) {
                return absl::OkStatus();
              });
   };
-  add("--sh", ".json", "Write the spherical harmonics of radiance and irradiance", options.harmonics);
-  add("--preview", ".png",
-      "Draw the levels, as they are rendered with the default settings but without bloom", options.preview);
+  add("--sh", ".json", "Write the spherical harmonics of the radiance and the irradiance", options.harmonics);
+  add("--preview", ".png", "Draw a sheet of the levels, rendered with the default settings but without bloom",
+      options.preview);
 }
 
 bool is_folder(const std::string& path) {
@@ -176,9 +174,10 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
                  "or PFM")
       ->required()
       ->option_text(" ");
-  app.add_option("OUT", options.output,
-                 "A .ktx2 with all levels; an .exr of one picture a level, where level 1 of NAME.exr is "
-                 "NAME.level1.exr; or a folder, DIR/, with six .exr faces a level")
+  app.add_option(
+         "OUT", options.output,
+         "A .ktx2 file with all levels; an .exr file, with further levels in NAME.level1.exr and so on; "
+         "or a folder, DIR/, with six .exr faces for each level")
       ->required()
       ->option_text(" ");
   add_cube_options(app, arguments);

@@ -41,11 +41,11 @@ void add_camera_options(CLI::App& app, PanoramaViewOptions& options) {
   degrees("--roll", v1::kCameraAngleDeg, 0, "Lean the camera to its right", &v1::Camera::set_roll_deg);
   degrees("--fov", v1::kFovDeg, v1::kDefaultFovDeg, "Vertical field of view", &v1::Camera::set_fov_deg);
   add_text(app, kCamera, "--size", "WIDTHxHEIGHT",
-           absl::StrFormat("Pixels of the view; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension,
+           absl::StrFormat("Size of the view in pixels; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension,
                            v1::kMaxDimension, options.width, options.height),
            [&options](const std::string& text) { return parse_size(text, options.width, options.height); });
   add_text(app, kCamera, "--samples", "1|4|16",
-           absl::StrFormat("Rays a pixel at the edges of objects (default %d)", v1::kDefaultViewSamples),
+           absl::StrFormat("Rays per pixel at the edges of objects (default %d)", v1::kDefaultViewSamples),
            [&options](const std::string& text) {
              if (text != "1" && text != "4" && text != "16") {
                return usage_error(absl::StrFormat("--samples is \"%s\"; it must be 1, 4 or 16", text));
@@ -56,7 +56,7 @@ void add_camera_options(CLI::App& app, PanoramaViewOptions& options) {
   add_rotation_option(app, kCamera, options.rotation_deg);
   add_text(
       app, kCamera, "--objects", "lookdev|FILE.json",
-      "Spheres before the camera: lookdev (chrome, grey, gold, plastic), or those of a file, "
+      "Spheres to draw: lookdev (chrome, grey, gold, plastic), or those of a file, "
       "{\"objects\":[{\"centre\":[x,y,z],\"radius\":r,\"base_color\":[r,g,b],\"metallic\":m,"
       "\"roughness\":r,\"fixed_to_camera\":true}]}, where +X is right, +Y up and -Z ahead (default: none)",
       [&options](const std::string& text) {
@@ -68,31 +68,31 @@ void add_camera_options(CLI::App& app, PanoramaViewOptions& options) {
 
 void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
   add_text(app, kMove, "--turn", "DEG",
-           absl::StrFormat("Make a sequence in which the camera turns to the right by so much; the frame "
-                           "after the last one would end the turn; %s",
-                           format_range(kTurnDeg)),
+           absl::StrFormat(
+               "Render a sequence that turns the camera right by DEG degrees; the last frame stops one "
+               "step short, so that 360 loops; %s",
+               format_range(kTurnDeg)),
            [&options](const std::string& text) {
              const absl::StatusOr<double> turn = parse_number("--turn", text, kTurnDeg);
              if (turn.ok()) options.turn_deg = *turn;
              return turn.status();
            });
   add_text(app, kMove, "--path", "FILE.json",
-           "Make a sequence along camera keys, {\"keys\":[{\"time\":s,\"yaw\":deg,\"pitch\":deg,\"roll\":deg,"
-           "\"fov\":deg}]}, with monotone cubic curves between them: smooth, and never beyond the keys",
+           "Render a sequence that follows camera keys, {\"keys\":[{\"time\":s,\"yaw\":deg,\"pitch\":deg,"
+           "\"roll\":deg,\"fov\":deg}]}; between keys the camera moves smoothly and never beyond them",
            [&options](const std::string& path) {
              if (path.empty()) return usage_error("--path is empty; leave it out or name a file");
              options.camera_path = path;
              return absl::OkStatus();
            });
-  add_text(
-      app, kMove, "--frames", "N",
-      absl::StrFormat("Frames of the sequence; %s (default: 10 seconds of a turn, or up to the last key)",
-                      format_range(kFrames)),
-      [&options](const std::string& text) {
-        const absl::StatusOr<double> frames = parse_number("--frames", text, kFrames, true);
-        if (frames.ok()) options.frames = static_cast<uint64_t>(*frames);
-        return frames.status();
-      });
+  add_text(app, kMove, "--frames", "N",
+           absl::StrFormat("Number of frames; %s (default: 10 seconds of a turn, or all up to the last key)",
+                           format_range(kFrames)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> frames = parse_number("--frames", text, kFrames, true);
+             if (frames.ok()) options.frames = static_cast<uint64_t>(*frames);
+             return frames.status();
+           });
   add_text(app, kMove, "--fps", "FPS",
            absl::StrFormat("Frames a second of media time, such as 25 or 24000/1001; %s (default 24)",
                            format_range(kFps)),
