@@ -44,6 +44,7 @@ void expect_page_holds(const std::string& page, const json& report) {
 void expect_bakes(const json& bakes, const std::set<std::string>& tiers) {
   std::map<std::string, double> bounds = {{"draft", 0.08}, {"standard", 0.02}, {"reference", 0.003}};
   std::set<std::string> seen;
+  EXPECT_EQ(bakes.size(), 3u) << bakes;
   for (const json& row : bakes) {
     ASSERT_TRUE(row.contains("max_error")) << row;
     EXPECT_EQ(row.at("panorama"), "pano.exr");

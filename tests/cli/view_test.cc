@@ -165,6 +165,9 @@ TEST_F(PanoramaView, ExposureAdaptsOverTheMediaTimesOfASequence) {
   const std::vector<Json> lines = sequence({"--turn", "180", "--frames", "4", "--fps", "8", "--pitch", "20"});
   ASSERT_EQ(lines.size(), 5u);
   EXPECT_EQ(lines[0].at("exposure"), lines[0].at("target"));
+  // The second frame looks at the sun, the last one away from it.
+  EXPECT_LT(lines[1].at("target"), 0.95 * lines[0].at("target").get<double>());
+  EXPECT_GT(lines[3].at("target"), 1.1 * lines[0].at("target").get<double>());
   for (size_t i = 1; i < 4; ++i) {
     const double exposure = lines[i].at("exposure"), target = lines[i].at("target");
     const double before = lines[i].at("exposure_before");
