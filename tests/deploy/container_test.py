@@ -355,6 +355,8 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
         lines = [json.loads(line) for line in (FOLDER / "there.json").read_text().splitlines()]
         expect([frame["frame"] for frame in lines[:-1]] == list(range(len(expected))), "a result came twice or late")
         expect(lines[-1]["summary"]["resumes"] >= 3, f"the session resumed {lines[-1]['summary']['resumes']} times")
+        files = inside("grep", "open files", f"/proc/{unit('MainPID')}/limits")
+        expect(files.split()[3:5] == ["16384", "16384"], f"candelad has too few files: {files}")
         inside("systemctl", "stop", "candelad")
         expect(unit("ExecMainStatus") == "0" and unit("Result") == "success", f"it did not end well:\n{log()}")
         limit = inside("grep", "open files", f"/proc/{inside('systemctl', 'show', '--value', '--property=MainPID', 'candela-proxy')}/limits")
