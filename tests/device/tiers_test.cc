@@ -142,6 +142,7 @@ TEST_F(Promises, AreKeptWhereBloomIsStrong) {
   settings.mutable_bloom()->set_intensity(2);
   EXPECT_EQ(keep(frame_of(ordinary(scenes::natural(641, 359)), 641, 359), settings, 7, "strong bloom"),
             "standard");
+  for (const HardCase& hard : hard_cases(131, 67)) keep(frame_of(hard.texel), settings, 7, hard.name);
   settings = {};
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_exposure()->set_manual_ev(-14);
