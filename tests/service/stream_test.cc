@@ -91,8 +91,8 @@ TEST_P(Stream, FramesMayBeOpaqueOrTransparent) {
     if (i > 0) {
       view_of_frame.previous = v1::ExposureState();
       view_of_frame.previous->set_exposure(results[i - 1].header.exposure());
-      view_of_frame.previous->set_elapsed_seconds(
-          static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) * 1e-9);
+      view_of_frame.previous->set_elapsed_seconds(static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) *
+                                                  1e-9);
     }
     const absl::StatusOr<RenderResult> alone = connection().render(open.settings(), view_of_frame);
     ASSERT_TRUE(alone.ok()) << alone.status();
@@ -170,6 +170,30 @@ TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   EXPECT_EQ(results[2].header.format(), v1::OUTPUT_FORMAT_RGBA16);
   EXPECT_EQ(results[3].header.exposure(), 8.0);
   EXPECT_TRUE(client.finish().ok());
+}
+
+// A promise is kept frame by frame: draft has no bound where something blooms.
+TEST_P(Stream, APromiseChoosesATierForEachFrame) {
+  v1::StreamOpen open = open_of("tiers");
+  open.mutable_settings()->set_max_error_codes(0.1);
+  const WireFrame dim = flat(70, 50, {0.5f, 0.3f, 0.2f, 1.0f});
+  const TexelFunction lights = [](uint32_t x, uint32_t y) -> Texel {
+    const float v = x % 16 == 3 && y % 16 == 5 ? 200.0f : 0.3f;
+    return {v, v, v, 1.0f};
+  };
+  const WireFrame bright = make_frame(70, 50, v1::PIXEL_FORMAT_RGBA16F, lights);
+  std::vector<WireFrame> frames;
+  for (int i = 0; i < 8; ++i) frames.push_back(i % 2 == 0 ? dim : bright);
+  const std::vector<StreamResult> results = stream_all(channel(), open, frames);
+  ASSERT_EQ(results.size(), frames.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    const v1::ResultHeader& header = results[i].header;
+    EXPECT_EQ(header.tier(), i % 2 == 0 ? "draft" : "standard") << i << ": " << header.tier_reason();
+    EXPECT_TRUE(header.has_error_bound_codes()) << i;
+    EXPECT_LE(header.error_bound_codes(), 0.1) << i;
+    EXPECT_NE(header.tier_reason().find("keeps max_error_codes 0.1"), std::string::npos)
+        << header.tier_reason();
+  }
 }
 
 // There are more such frames in a row than the session can hold, and nothing waits forever.
