@@ -12,9 +12,11 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "client/session.h"
 #include "proto/candela/v1/environment_id.h"
+#include "server/render/environment/cube_levels.h"
 #include "tests/service/scrape.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
@@ -235,13 +237,14 @@ struct Shown {
   absl::Status status;
   std::vector<std::string> images;
   std::vector<double> exposures;
+  std::vector<double> targets;
   SessionStats stats;
 };
 
 // A camera that turns over the panorama, one frame in three from pixels.
 Shown turn(absl::StatusOr<Session> session, const std::shared_ptr<const Panorama>& panorama, bool bring,
            const std::function<void(size_t)>& on_result = {}) {
-  Shown shown{session.status(), {}, {}, {}};
+  Shown shown{session.status(), {}, {}, {}, {}};
   if (!session.ok()) return shown;
   const auto pixels = std::make_shared<std::vector<Texel>>(24 * 16, Texel{0.5f, 0.25f, 1.0f, 1.0f});
   std::thread producer([&] {
@@ -266,6 +269,7 @@ Shown turn(absl::StatusOr<Session> session, const std::shared_ptr<const Panorama
     shown.images.emplace_back(reinterpret_cast<const char*>((*result)->image.data.get()),
                               (*result)->image.bytes);
     shown.exposures.push_back((*result)->image.header.exposure());
+    shown.targets.push_back((*result)->image.header.target());
     if (on_result) on_result(shown.images.size());
   }
   shown.status = result.status();
@@ -282,6 +286,16 @@ TEST_F(EnvironmentService, ASessionMixesViewsAndPixelsAndAdaptsToBoth) {
   ASSERT_TRUE(shown.status.ok()) << shown.status;
   ASSERT_EQ(shown.images.size(), 24u);
   EXPECT_NE(shown.exposures.front(), shown.exposures.back());
+  // Frame 6 looks to the right, where it is bright, and frame 18 to the left. Each is between two views.
+  const size_t bright = 6, dark = 18;
+  EXPECT_GT(shown.targets[dark], 100 * shown.targets[bright]);
+  EXPECT_GT(shown.exposures[dark], 1.1 * shown.exposures[bright]);
+  for (const size_t i : {bright, dark}) {
+    const double before = shown.exposures[i - 1], target = shown.targets[i];
+    EXPECT_GE(shown.exposures[i], std::min(before, target)) << i;
+    EXPECT_LE(shown.exposures[i], std::max(before, target)) << i;
+    EXPECT_NE(shown.exposures[i], target) << i;
+  }
   const Shown again = turn(Session::open({server_->in_process_channel()}, {}), panorama, false);
   EXPECT_EQ(shown.images, again.images);
   EXPECT_EQ(shown.exposures, again.exposures);
@@ -291,7 +305,28 @@ TEST_F(EnvironmentService, ASessionEndsBeforeAViewOfWhatTheServerDoesNotHave) {
   const auto panorama = two_halves();
   const Shown shown = turn(Session::open({server_->in_process_channel()}, {}), panorama, false);
   EXPECT_TRUE(absl::IsNotFound(shown.status)) << shown.status;
+  EXPECT_NE(shown.status.message().find(environment_id(*panorama)), std::string::npos) << shown.status;
   EXPECT_TRUE(shown.images.empty());
+}
+
+TEST_F(EnvironmentService, AFrameBeforeAViewOfWhatTheServerDoesNotHaveGetsItsResult) {
+  const std::string id = environment_id(*two_halves());
+  absl::StatusOr<Session> session = Session::open({server_->in_process_channel()}, {});
+  ASSERT_TRUE(session.ok()) << session.status();
+  const std::vector<Texel> pixels(24 * 16, Texel{0.5f, 0.25f, 1.0f, 1.0f});
+  SessionFrame frame{.width = 24, .height = 16, .pixels = std::as_bytes(std::span(pixels))};
+  ASSERT_TRUE(session->submit(frame).ok());
+  frame = {.width = 24, .height = 16, .sequence = 1, .media_time_ns = film_time_ns(1)};
+  frame.view = view_of(id);
+  ASSERT_TRUE(session->submit(frame).ok());
+  const absl::StatusOr<std::optional<FrameResult>> first = session->next_result();
+  ASSERT_TRUE(first.ok()) << first.status();
+  ASSERT_TRUE(first->has_value());
+  EXPECT_TRUE((*first)->status.ok()) << (*first)->status;
+  EXPECT_GT((*first)->image.bytes, 0u);
+  const absl::Status second = session->next_result().status();
+  EXPECT_TRUE(absl::IsNotFound(second)) << second;
+  EXPECT_NE(second.message().find(id), std::string::npos) << second;
 }
 
 TEST_F(EnvironmentService, ASessionBringsItsPanoramaToAServerThatNeverSawIt) {
@@ -381,8 +416,74 @@ TEST_F(EnvironmentService, ABakeOfAUniformPanoramaIsUniformInEveryLevelAndFormat
       for (const Texel& texel : texels_of(level)) ASSERT_NEAR(texel[1], 0.5f, 0.001f);
     }
   }
+}
+
+TEST_F(EnvironmentService, AskedForLevelsAreThoseOfTheWholeBake) {
+  const auto panorama = make_panorama(128, 64, [](uint32_t x, uint32_t y) {
+    return std::array<float, 3>{0.01f * static_cast<float>(x), 0.02f * static_cast<float>(y),
+                                x < 9 ? 9.0f : 1};
+  });
+  v1::BakeEnvironmentRequest request;
+  request.set_id(put(*panorama));
+  request.set_format(v1::PIXEL_FORMAT_RGBA16F);
+  request.set_size(64);
+  const absl::StatusOr<EnvironmentBake> whole = connection().bake_environment(request);
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  ASSERT_EQ(whole->levels.size(), 3u);
+  for (uint32_t levels = 1; levels <= 3; ++levels) {
+    request.set_levels(levels);
+    const absl::StatusOr<EnvironmentBake> bake = connection().bake_environment(request);
+    ASSERT_TRUE(bake.ok()) << bake.status();
+    ASSERT_EQ(bake->levels.size(), levels);
+    for (uint32_t i = 0; i < levels; ++i) {
+      const int row = static_cast<int>(i);
+      EXPECT_EQ(bake->header.levels(row).roughness(), whole->header.levels(row).roughness());
+      EXPECT_TRUE(bake->levels[i] == whole->levels[i]) << levels << ": " << i;
+    }
+  }
+}
+
+TEST_F(EnvironmentService, OnlyTheLevelsThatAreAskedForTakeMemory) {
+  Config config = test_config();
+  config.memory_budget_bytes = 10 << 20;
+  config.environment_budget_bytes = 4 << 20;
+  restart(config);
+  v1::BakeEnvironmentRequest request;
+  request.set_id(put(*uniform(0.5f)));
+  request.set_format(v1::PIXEL_FORMAT_RGBA16F);
+  request.set_size(256);
+  for (const uint32_t levels : {0u, 4u, 3u}) {
+    request.set_levels(levels);
+    const absl::Status large = connection().bake_environment(request).status();
+    EXPECT_TRUE(absl::IsResourceExhausted(large)) << large;
+    const uint64_t bytes = chain_bytes(256) + cube_bytes(128, levels == 0 ? 4 : levels - 1);
+    EXPECT_NE(large.message().find(absl::StrCat("needs ", bytes, " bytes")), std::string::npos) << large;
+  }
+  // Level 0 and its faces on the wire fit.
   request.set_levels(1);
-  EXPECT_EQ(connection().bake_environment(request)->levels.size(), 1u);
+  const absl::Status small = connection().bake_environment(request).status();
+  EXPECT_TRUE(small.ok()) << small;
+}
+
+TEST_F(EnvironmentService, WhatRgb9e5DoesNotHoldIsCountedOverTheFacesThatAreSent) {
+  v1::BakeEnvironmentRequest request;
+  request.set_id(put(*make_panorama(64, 32, [](uint32_t, uint32_t) {
+    return std::array<float, 3>{-1.0f, 65504.0f, 0.5f};
+  })));
+  request.set_size(32);
+  const auto bake = [&](v1::PixelFormat format, uint32_t levels) {
+    request.set_format(format);
+    request.set_levels(levels);
+    const absl::StatusOr<EnvironmentBake> baked = connection().bake_environment(request);
+    EXPECT_TRUE(baked.ok()) << baked.status();
+    return baked.ok() ? baked->header : v1::BakeHeader();
+  };
+  const uint64_t first = 6 * 32 * 32, both = first + 6 * 16 * 16;
+  EXPECT_EQ(bake(v1::PIXEL_FORMAT_RGB9E5, 1).negative_components(), first);
+  EXPECT_EQ(bake(v1::PIXEL_FORMAT_RGB9E5, 2).negative_components(), both);
+  EXPECT_EQ(bake(v1::PIXEL_FORMAT_RGB9E5, 2).clamped_components(), both);
+  EXPECT_EQ(bake(v1::PIXEL_FORMAT_RGBA16F, 2).negative_components(), 0u);
+  EXPECT_EQ(bake(v1::PIXEL_FORMAT_RGBA16F, 2).clamped_components(), 0u);
 }
 
 TEST_F(EnvironmentService, AVerifiedBakeSaysTheErrorOfEachLevel) {
@@ -444,12 +545,21 @@ TEST_F(EnvironmentService, ThoseUsedLastAreKeptWithinTheBudget) {
   ASSERT_TRUE(first.ok()) << first.status();
   ASSERT_GT(3 * first->memory_bytes(), config.environment_budget_bytes);
   const std::string second = put(*uniform(0.2f, 256));
+  ASSERT_TRUE(connection().get_environment(first->id()).ok());
   const std::string third = put(*uniform(0.3f, 256));
-  EXPECT_TRUE(absl::IsNotFound(connection().get_environment(first->id()).status()));
+  EXPECT_TRUE(absl::IsNotFound(connection().get_environment(second).status()));
   EXPECT_TRUE(connection().get_environment(third).ok());
+  EXPECT_TRUE(connection().get_environment(first->id()).ok());
   const absl::Status large = connection().put_environment(*uniform(0.4f, 2048)).status();
   EXPECT_TRUE(absl::IsResourceExhausted(large)) << large;
   EXPECT_NE(large.message().find("environment-budget"), std::string::npos) << large;
+}
+
+TEST_F(EnvironmentService, ByDefaultTheyGetAQuarterOfTheTexturesBudget) {
+  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
+  ASSERT_TRUE(info.ok()) << info.status();
+  ASSERT_GT(info->limits().memory_budget_bytes(), 0u);
+  EXPECT_EQ(info->limits().environment_budget_bytes(), info->limits().memory_budget_bytes() / 4);
 }
 
 TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
@@ -462,8 +572,17 @@ TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
   ASSERT_TRUE(session.ok()) << session.status();
   SessionFrame frame{.width = 8, .height = 8};
   frame.view = view_of(id);
-  ASSERT_TRUE(session->submit(frame).ok());
-  ASSERT_TRUE(session->next_result().ok());
+  const auto show = [&] {
+    ASSERT_TRUE(session->submit(frame).ok());
+    const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+    ASSERT_TRUE(result.ok()) << result.status();
+    ASSERT_TRUE(result->has_value());
+    EXPECT_EQ((*result)->sequence, frame.sequence);
+    EXPECT_TRUE((*result)->status.ok()) << (*result)->status;
+    ++frame.sequence;
+    frame.media_time_ns = film_time_ns(frame.sequence);
+  };
+  show();
   for (const float value : {0.2f, 0.3f, 0.4f}) {
     const absl::Status status = connection().put_environment(*uniform(value, 256)).status();
     EXPECT_TRUE(status.ok() || absl::IsUnavailable(status)) << status;
@@ -472,6 +591,11 @@ TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
   EXPECT_TRUE(connection().drop_environment(id)->in_use());
   // It is gone for others, and the session goes on as long as it names no other one.
   EXPECT_TRUE(absl::IsNotFound(connection().get_environment(id).status()));
+  show();
+  frame.view->add_objects()->set_radius(1);
+  frame.view->mutable_objects(0)->mutable_centre()->set_z(-4);
+  show();
+  EXPECT_TRUE(absl::IsNotFound(connection().render({}, frame_of(view_of(id))).status()));
 }
 
 TEST_F(EnvironmentService, AFrameThatNeedsTheMemoryTakesItFromUnusedEnvironments) {
