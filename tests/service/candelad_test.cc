@@ -5,13 +5,16 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <csignal>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 #include <vector>
 
 #include "absl/time/clock.h"
+#include "candela/v1/render.grpc.pb.h"
 #include "client/call/raw_call.h"
 #include "client/connection.h"
 #include "tests/support/daemon.h"
@@ -189,6 +192,102 @@ TEST(Candelad, JsonLogsAreOneObjectALine) {
     EXPECT_TRUE(event.contains("time") && event.contains("level") && event.contains("event")) << line;
   }
   EXPECT_GE(count, 4);  // serving, the call, draining, stopped
+}
+
+// The lines of a log in JSON whose event is `event`.
+std::vector<nlohmann::json> events(const std::string& log, const std::string& event) {
+  std::vector<nlohmann::json> found;
+  std::istringstream lines(log);
+  for (std::string line; std::getline(lines, line);) {
+    nlohmann::json one = nlohmann::json::parse(line, nullptr, false);
+    if (one.is_object() && one.value("event", "") == event) found.push_back(std::move(one));
+  }
+  return found;
+}
+
+// Runs a session whose second frame is refused for a bad pixel, as a proxy forwards it for `client`.
+void stream_a_bad_frame(const std::shared_ptr<grpc::Channel>& channel, const std::string& client) {
+  grpc::ClientContext context;
+  context.AddMetadata("x-forwarded-for", client);
+  const auto stub = v1::RenderService::NewStub(channel);
+  const auto stream = stub->Stream(&context);
+  v1::StreamRequest open;
+  open.mutable_open()->set_session("shot-7");
+  open.mutable_open()->mutable_settings()->set_bad_values(v1::BAD_VALUES_REJECT);
+  stream->Write(open);
+  for (uint64_t i = 0; i < 2; ++i) {
+    WireFrame frame = natural(16, 8);
+    const uint16_t nan = 0x7e00;
+    if (i == 1) std::memcpy(frame.pixels.data(), &nan, sizeof nan);
+    v1::StreamRequest header, band;
+    header.mutable_frame()->set_sequence(40 + i);
+    header.mutable_frame()->set_width(frame.desc.width);
+    header.mutable_frame()->set_height(frame.desc.height);
+    header.mutable_frame()->set_format(frame.desc.format);
+    header.mutable_frame()->set_media_time_ns(static_cast<int64_t>(i));
+    band.mutable_band()->set_pixels(frame.pixels.data(), frame.pixels.size());
+    stream->Write(header);
+    stream->Write(band);
+  }
+  stream->WritesDone();
+  v1::StreamResponse response;
+  bool failed = false;
+  while (stream->Read(&response)) failed = failed || response.has_failure();
+  EXPECT_TRUE(failed);
+  EXPECT_TRUE(stream->Finish().ok());
+}
+
+// Behind a proxy, gRPC's peer is the proxy.
+TEST(Candelad, TheLogNamesSessionSequenceAndClientOfWhatFails) {
+  const TemporaryFolder folder;
+  const std::string socket = "unix:" + folder.path("candelad.sock");
+  Daemon daemon({"--listen", socket + ",127.0.0.1:0", "--log-json"});
+  const std::string both = daemon.wait_until_listening();
+  ASSERT_NE(both, "") << daemon.errors();
+  const std::string tcp = both.substr(both.find(' ') + 1);
+  for (const std::string& address : {socket, tcp}) {
+    stream_a_bad_frame(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()),
+                       "198.51.100.1, 203.0.113.9");
+  }
+  v1::Settings settings;
+  settings.set_tier("none");
+  EXPECT_FALSE(Connection::open(socket)->render(settings, view(natural(2, 2))).ok());
+  daemon.signal(SIGTERM);
+  ASSERT_EQ(daemon.wait(), 0) << daemon.errors();
+  const std::vector<std::string> clients = {"203.0.113.9", "127.0.0.1"};
+  const std::vector<nlohmann::json> opened = events(daemon.errors(), "session opened"),
+                                    failed = events(daemon.errors(), "frame failed"),
+                                    ended = events(daemon.errors(), "session ended"),
+                                    rendered = events(daemon.errors(), "render call ended");
+  ASSERT_TRUE(opened.size() == 2 && failed.size() == 2 && ended.size() == 2 && rendered.size() == 1)
+      << daemon.errors();
+  for (size_t i = 0; i < clients.size(); ++i) {
+    for (const nlohmann::json& event : {opened[i], failed[i], ended[i]}) {
+      EXPECT_EQ(event.value("session", ""), "shot-7") << event;
+      EXPECT_EQ(event.value("peer", ""), clients[i]) << event;
+    }
+    EXPECT_EQ(failed[i].value("sequence", 0), 41) << failed[i];
+    EXPECT_EQ(failed[i].value("status", ""), "INVALID_ARGUMENT") << failed[i];
+  }
+  EXPECT_EQ(rendered[0].value("peer", ""), "local") << rendered[0];
+}
+
+TEST(Candelad, TheLogNamesTheClientOfAConnectionThatIsRefused) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--log-json", "--max-connections", "1"});
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  std::vector<std::shared_ptr<grpc::Channel>> channels;
+  for (int i = 0; i < 3; ++i) {
+    grpc::ChannelArguments own;
+    own.SetInt("test-channel", i);  // channels with the same arguments share a connection
+    channels.push_back(grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), own));
+    channels.back()->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(2));
+  }
+  daemon.signal(SIGTERM);
+  ASSERT_EQ(daemon.wait(), 0) << daemon.errors();
+  const std::vector<nlohmann::json> refused = events(daemon.errors(), "connection refused");
+  ASSERT_FALSE(refused.empty()) << daemon.errors();
+  EXPECT_EQ(refused[0].value("peer", ""), "127.0.0.1") << refused[0];
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 // Who a client is, and how much of a budget it may hold.
 #include "server/session/client_budget.h"
 
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 
 #include <memory>
 #include <string>
@@ -24,6 +26,7 @@ TEST(ClientAddress, IsTheNetworkOfAnIpv6Host) {
   const std::string one = client_address("ipv6:%5B2001:db8:1:2::1%5D:5", "");
   EXPECT_EQ(one, client_address("ipv6:[2001:db8:1:2:ffff::9]:6", ""));
   EXPECT_NE(one, client_address("ipv6:%5B2001:db8:1:3::1%5D:5", ""));
+  EXPECT_EQ(one, "2001:db8:1:2::/64");
   EXPECT_EQ(client_address("ipv6:%5B::ffff:192.0.2.1%5D:5", ""), client_address("ipv4:192.0.2.1:7", ""));
 }
 
@@ -36,6 +39,24 @@ TEST(ClientAddress, IsBelievedOnlyFromAProxyOnAUnixSocket) {
   EXPECT_EQ(client_address("unix:", "192.0.2.1, "), local);
   EXPECT_EQ(client_address("unix:", std::string(100'000, '1')), local);
   EXPECT_EQ(client_address("unix:", std::string(100'000, ',') + "192.0.2.1"), "192.0.2.1");
+}
+
+TEST(ClientAddress, IsTheSameForAConnectionAndItsCalls) {
+  sockaddr_storage peer{};
+  auto& four = reinterpret_cast<sockaddr_in&>(peer);
+  four.sin_family = AF_INET;
+  inet_pton(AF_INET, "192.0.2.1", &four.sin_addr);
+  EXPECT_EQ(client_address(peer), "192.0.2.1");
+  peer = {};
+  auto& six = reinterpret_cast<sockaddr_in6&>(peer);
+  six.sin6_family = AF_INET6;
+  for (const char* host : {"2001:db8:1:2::1", "::ffff:192.0.2.1"}) {
+    inet_pton(AF_INET6, host, &six.sin6_addr);
+    EXPECT_EQ(client_address(peer), client_address(std::string("ipv6:[") + host + "]:5", ""));
+  }
+  peer = {};
+  peer.ss_family = AF_UNIX;
+  EXPECT_EQ(client_address(peer), client_address("unix:", ""));
 }
 
 class Budget : public ::testing::Test {

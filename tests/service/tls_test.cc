@@ -129,9 +129,12 @@ TEST_F(Mtls, OnlyThoseWithACertificateOfTheCaComeIn) {
   expect_says(Connection::open(address, trusting())->health(), kUnavailable, "asks for a client certificate");
 }
 
-// The status of a call of any method with a value of the "authorization" metadata.
-absl::Status call(const std::string& address, const std::string& method, const std::string& authorization) {
+// The status of a call of any method with these values of the "authorization" and the "x-forwarded-for"
+// metadata.
+absl::Status call(const std::string& address, const std::string& method, const std::string& authorization,
+                  const std::string& forwarded_for = "") {
   grpc::ClientContext context;
+  if (!forwarded_for.empty()) context.AddMetadata("x-forwarded-for", forwarded_for);
   if (!authorization.empty()) context.AddMetadata("authorization", authorization);
   grpc::GenericStub stub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
   grpc::CompletionQueue queue;
@@ -185,6 +188,22 @@ TEST_F(Tokens, EveryMethodButHealthAsksForOne) {
     EXPECT_TRUE(absl::StrContains(daemon.errors(), reason)) << daemon.errors();
   }
   EXPECT_FALSE(absl::StrContains(daemon.errors(), "0123456789abcdef")) << daemon.errors();
+}
+
+// Only a proxy on a unix: socket is believed.
+TEST_F(Tokens, TheLogNamesTheClientOfACallThatIsRefused) {
+  const std::string socket = "unix:" + folder_.path("socket");
+  for (const auto& [listen, peer] : std::vector<std::pair<std::string, std::string>>{
+           {socket, "peer=203.0.113.9"}, {"127.0.0.1:0", "peer=unknown"}}) {
+    Daemon daemon({"--listen", listen, "--token-file", folder_.path("tokens")});
+    const std::string address = daemon.wait_until_listening();
+    ASSERT_NE(address, "") << daemon.errors();
+    call(address, "/candela.v1.RenderService/GetServerInfo", "", "198.51.100.1, 203.0.113.9").IgnoreError();
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait(), 0);
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), "call refused")) << daemon.errors();
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), peer)) << daemon.errors();
+  }
 }
 
 TEST_F(Tokens, GoOverTlsToo) {
