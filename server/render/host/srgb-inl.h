@@ -68,7 +68,8 @@ HWY_INLINE F srgb(F x) {
   const U bits = glsl::floatBitsToUint(x);
   const F m = glsl::uintBitsToFloat((bits & U(0x007fffffu)) | U(0x3f800000u));
   const F scale = look_up_power(kScaledPowers, (bits >> 23).v);
-  const F high = scale * (kShort ? short_power(m) : full_power(m)) - 0.055;
+  F high = scale * (kShort ? short_power(m) : full_power(m)) - 0.055;
+  if constexpr (kShort) high = at_most(high, 1.0);  // its error would leave the codes of 16 bits
   return mix(high, F(12.92 * x), x <= F(0.0031308));
 }
 
