@@ -1,10 +1,14 @@
-// `candela environment`: cube maps as files. What their texels are is tested in tests/unit and tests/device.
+// `candela environment`: cube maps as files. How exact their texels are is tested in tests/device.
 #include <gtest/gtest.h>
+#include <half.h>
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <functional>
+#include <numbers>
 
 #include "absl/strings/str_format.h"
 #include "client/image/image.h"
@@ -13,11 +17,75 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/unit/baked_environment_support.h"
 
 namespace candela {
 namespace {
 
 using Json = nlohmann::json;
+
+// docs/environments.md section 1.
+Vector direction(double lon_deg, double lat_deg) {
+  const double lon = lon_deg * std::numbers::pi / 180, lat = lat_deg * std::numbers::pi / 180;
+  return {std::sin(lon) * std::cos(lat), std::sin(lat), -std::cos(lon) * std::cos(lat)};
+}
+
+void write_panorama(const std::string& path, const std::function<Vector(const Vector& d)>& color) {
+  constexpr uint32_t kWidth = 256, kHeight = 128;
+  absl::StatusOr<Image> image = make_image(kWidth, kHeight, ImageFormat::kRgba16f);
+  ASSERT_TRUE(image.ok()) << image.status();
+  for (uint32_t i = 0; i < kWidth * kHeight; ++i) {
+    const double u = (i % kWidth + 0.5) / kWidth, v = (i / kWidth + 0.5) / kHeight;
+    const Vector rgb = color(direction(360 * (u - 0.5), 180 * (0.5 - v)));
+    const half texel[4] = {half(static_cast<float>(rgb[0])), half(static_cast<float>(rgb[1])),
+                           half(static_cast<float>(rgb[2])), half(1.0f)};
+    std::memcpy(image->pixels.data() + i * sizeof texel, texel, sizeof texel);
+  }
+  ASSERT_TRUE(write_image(path, *image).ok());
+}
+
+// R, G and B of a texel of a face, as the file has them.
+using FileTexel = std::function<Vector(uint32_t face, uint32_t i, uint32_t j)>;
+
+FileTexel texels_of_ktx2(const std::string& path) {
+  return
+      [file = parse_ktx2(path)](uint32_t face, uint32_t i, uint32_t j) { return file.texel(0, face, i, j); };
+}
+
+FileTexel texels_of_folder(const std::string& path) {
+  auto faces = std::make_shared<std::vector<Image>>();
+  for (const char* name : {"px", "nx", "py", "ny", "pz", "nz"}) {
+    absl::StatusOr<Image> image = read_image(path + "/" + name + ".exr");
+    EXPECT_TRUE(image.ok()) << image.status();
+    faces->push_back(image.ok() ? *std::move(image) : Image());
+  }
+  return [faces](uint32_t face, uint32_t i, uint32_t j) -> Vector {
+    const Image& image = faces->at(face);
+    half rgba[4];
+    std::memcpy(rgba, image.pixels.data() + j * image.row_bytes() + i * sizeof rgba, sizeof rgba);
+    return {rgba[0], rgba[1], rgba[2]};
+  };
+}
+
+// What an engine of that handedness finds in the world's direction d, in faces of size x size.
+Vector look(const FileTexel& texel, uint32_t size, Handedness handedness, Vector d) {
+  if (handedness == Handedness::kLeft) d[0] = -d[0];
+  uint32_t axis = 0;
+  for (uint32_t k = 1; k < 3; ++k) {
+    if (std::abs(d[k]) > std::abs(d[axis])) axis = k;
+  }
+  const double most = std::abs(d[axis]);
+  const uint32_t face = 2 * axis + (d[axis] < 0 ? 1 : 0);
+  uint32_t nearest = 0;
+  double distance = 2;
+  for (uint32_t i = 0; i < size * size; ++i) {
+    const Vector point = cube_point(face, i % size, i / size, size);
+    const double away = std::hypot(point[0] - d[0] / most, point[1] - d[1] / most, point[2] - d[2] / most);
+    if (away < distance) nearest = i;
+    distance = std::min(distance, away);
+  }
+  return texel(face, nearest % size, nearest / size);
+}
 
 class EnvironmentFiles : public ::testing::Test {
  protected:
@@ -133,6 +201,112 @@ TEST_F(EnvironmentFiles, AnExrIsOnePictureALevel) {
   EXPECT_EQ(size_of("c.exr"), (std::array{128u, 96u}));
   EXPECT_EQ(size_of("c.level1.exr"), (std::array{64u, 48u}));
   EXPECT_EQ(cross.at("files").size(), 2u);
+}
+
+// The walls, the sky and the ground of `candela sample --panorama`, whose colours are in
+// client/image/scenes.cc.
+TEST_F(EnvironmentFiles, TheSamplesWallsAreWhereEnginesLookForThem) {
+  constexpr uint32_t kSize = 128;
+  const Vector kWhite = {4, 4, 4};
+  const Vector kWalls[] = {{0.7, 0.04, 0.03}, {0.05, 0.5, 0.06}, {0.04, 0.08, 0.8}, {0.7, 0.5, 0.02}};
+  const ListeningDaemon daemon;
+  ASSERT_EQ(candela({"sample", "--panorama", pano_, "--size", "512x256", "-q"}).code, 0);
+  for (const Handedness handedness : {Handedness::kLeft, Handedness::kRight}) {
+    for (const double rotation : {0.0, 90.0}) {
+      for (const bool ktx2 : {true, false}) {
+        const std::string out = ktx2 ? "a.ktx2" : "faces/";
+        bake(out, {"--size", std::to_string(kSize), "--levels", "1", "--handedness", name(handedness),
+                   "--rotation", absl::StrFormat("%g", rotation), "--server", daemon.address()});
+        const FileTexel texel =
+            ktx2 ? texels_of_ktx2(folder_.path(out)) : texels_of_folder(folder_.path("faces"));
+        // +90 moves what was ahead to the left.
+        const auto expect = [&](double lon, double lat, const Vector& color) {
+          const Vector is = look(texel, kSize, handedness, direction(lon - rotation, lat));
+          for (size_t c = 0; c < 3; ++c) {
+            EXPECT_NEAR(is[c], color[c], 0.01)
+                << out << ", " << name(handedness) << ", " << rotation << ": " << lon << ", " << lat;
+          }
+        };
+        for (int i = 0; i < 4; ++i) {
+          expect(90 * i, 8, kWalls[i]);
+          expect(90 * i - 10, 12, kWalls[i]);
+          expect(90 * i + 10, 12, kWhite);
+        }
+        expect(0, 90, {0.15, 0.3, 0.8});
+        expect(5, -65, {0.088, 0.08, 0.064});
+        expect(95, -65, {0.176, 0.16, 0.128});
+      }
+    }
+  }
+}
+
+TEST_F(EnvironmentFiles, TheHarmonicsOfAFlatPanoramaAreItsIrradiance) {
+  write_panorama(pano_, [](const Vector&) { return Vector{1, 1, 1}; });
+  bake("a.ktx2", {"--size", "16", "--sh", folder_.path("a.json")});
+  const Json sh = Json::parse(read_file(folder_.path("a.json")), nullptr, false);
+  for (size_t i = 0; i < 9; ++i) {
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(sh.at("radiance")[i][c].get<double>(), i == 0 ? 3.5449077 : 0, 1e-5) << i;
+      EXPECT_NEAR(sh.at("irradiance")[i][c].get<double>(), i == 0 ? 11.136656 : 0, 1e-5) << i;
+    }
+  }
+}
+
+// Each polynomial of docs/environments.md section 3 is in one colour, so its coefficient tells its place.
+TEST_F(EnvironmentFiles, TheHarmonicsAreInTheirOrderAndTurnWithThePanorama) {
+  write_panorama(pano_, [](const Vector& d) {
+    const auto [x, y, z] = d;
+    return Vector{1 + y / 2 + x * y / 4, 1 + z / 2 + y * z / 4 + (3 * z * z - 1) / 8,
+                  1 + x / 2 + x * z / 4 + (x * x - y * y) / 8};
+  });
+  const double l0 = 1 / 0.282095, l1 = 0.5 / 0.488603, l2 = 0.25 / 1.092548;
+  const double zz = 0.125 / 0.315392, xx = 0.125 / 0.546274;
+  const auto expect = [&](const char* rotation, const std::array<Vector, 9>& radiance) {
+    bake("a.ktx2", {"--size", "16", "--levels", "1", "--rotation", rotation, "--sh", folder_.path("a.json")});
+    const Json sh = Json::parse(read_file(folder_.path("a.json")), nullptr, false);
+    const double kLobe[] = {std::numbers::pi, 2 * std::numbers::pi / 3, std::numbers::pi / 4};
+    for (size_t i = 0; i < 9; ++i) {
+      const double lobe = kLobe[i == 0 ? 0 : i < 4 ? 1 : 2];
+      for (size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(sh.at("radiance")[i][c].get<double>(), radiance[i][c], 1e-3) << rotation << ": " << i;
+        EXPECT_NEAR(sh.at("irradiance")[i][c].get<double>(), lobe * radiance[i][c], 3e-3)
+            << rotation << ": " << i;
+      }
+    }
+  };
+  expect("0", {{{l0, l0, l0},
+                {l1, 0, 0},
+                {0, l1, 0},
+                {0, 0, l1},
+                {l2, 0, 0},
+                {0, l2, 0},
+                {0, zz, 0},
+                {0, 0, l2},
+                {0, 0, xx}}});
+  // x becomes -z, and z becomes x. 3 x^2 - 1 is 3/2 (x^2 - y^2) - 1/2 (3 z^2 - 1), and z^2 - y^2 is half the
+  // sum of the two.
+  expect("90", {{{l0, l0, l0},
+                 {l1, 0, 0},
+                 {0, 0, -l1},
+                 {0, l1, 0},
+                 {0, l2, 0},
+                 {-l2, 0, 0},
+                 {0, -zz / 2, zz / 2},
+                 {0, 0, -l2},
+                 {0, 1.5 * xx, xx / 2}}});
+}
+
+TEST_F(EnvironmentFiles, WhatRgb9e5DoesNotHoldIsCounted) {
+  write_panorama(pano_, [](const Vector&) { return Vector{-1, 65504, 0.5}; });
+  const uint64_t texels = 6 * (32 * 32 + 16 * 16);
+  const Json packed = bake("a.ktx2", {"--size", "32", "--format", "rgb9e5"});
+  EXPECT_EQ(packed.at("losses"), (Json{{"negative", texels}, {"clamped", texels}}));
+  EXPECT_NE(packed.at("notes").dump().find(absl::StrFormat("%d negative components became 0", texels)),
+            std::string::npos)
+      << packed;
+  const Json halves = bake("b.ktx2", {"--size", "32"});
+  EXPECT_EQ(halves.at("losses"), (Json{{"negative", 0}, {"clamped", 0}}));
+  EXPECT_EQ(halves.at("notes").size(), 0u) << halves;
 }
 
 TEST_F(EnvironmentFiles, HarmonicsAndPreviewAreWrittenBeside) {
