@@ -1,6 +1,7 @@
 // The `candela` command: process setup, dispatch to a subcommand, and exit codes.
 #include <fcntl.h>
 #include <grpc/support/log.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -26,12 +27,25 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
 
+constexpr rlim_t kLeastOpenFiles = 16;
+
 // Opens stdin, stdout and stderr if the caller closed them. Otherwise an image file could get one of their
-// descriptors and our messages with it.
+// descriptors and our messages with it. They can only be read, so that what is written there is known to be
+// lost.
 void open_closed_streams() {
-  int descriptor = open("/dev/null", O_RDWR);
-  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);
+  int descriptor = open("/dev/null", O_RDONLY);
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDONLY);
   if (descriptor >= 0) close(descriptor);
+}
+
+// gRPC ends the process if it cannot open the few descriptors that it starts with.
+absl::Status check_open_files() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= kLeastOpenFiles) return absl::OkStatus();
+  limit.rlim_cur = limit.rlim_max;
+  if (limit.rlim_cur >= kLeastOpenFiles && setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "ulimit -n allows %d open files and candela needs %d; raise it", limit.rlim_max, kLeastOpenFiles));
 }
 
 void end_by_signal(int signal) {
@@ -130,6 +144,7 @@ absl::Status explained(const absl::Status& status, const Invocation& invocation)
 absl::Status run_line(int argc, char** argv) try {
   const absl::StatusOr<Invocation> invocation = parse_command_line(argc, argv);
   if (!invocation.ok()) return invocation.status();
+  if (absl::Status status = check_open_files(); !status.ok()) return status;
   if (!is_quiet(*invocation)) tell_of_unknown_variables();
   return explained(run(*invocation), *invocation);
 } catch (const std::bad_alloc&) {

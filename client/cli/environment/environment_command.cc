@@ -232,6 +232,12 @@ class EnvironmentJob {
   EnvironmentReport report_;
 };
 
+void add_faces(const std::string& folder, std::vector<OutputFile>& outputs) {
+  for (const char* face : {"px", "nx", "py", "ny", "pz", "nz"}) {
+    outputs.push_back({absl::StrFormat("%s/%s.exr", folder, face), "the faces"});
+  }
+}
+
 // The files that will be written, as far as they are known before the bake.
 std::vector<OutputFile> outputs_of(const EnvironmentOptions& options) {
   std::vector<OutputFile> outputs = {
@@ -243,9 +249,17 @@ std::vector<OutputFile> outputs_of(const EnvironmentOptions& options) {
   } else if (is_ktx2(options)) {
     outputs.push_back({options.output, "the environment"});
   } else {
-    for (const char* face : {"px", "nx", "py", "ny", "pz", "nz"}) {
-      outputs.push_back({absl::StrFormat("%s/%s.exr", folder_of(options), face), "the faces"});
-    }
+    add_faces(folder_of(options), outputs);
+  }
+  return outputs;
+}
+
+// The faces of the further levels that a bake may have.
+std::vector<OutputFile> further_faces_of(const EnvironmentOptions& options) {
+  std::vector<OutputFile> outputs;
+  if (!has_faces(options) || is_ktx2(options)) return outputs;
+  for (uint32_t level = 1; v1::kCubeSize.max >> level >= kSmallestLevel; ++level) {
+    add_faces(absl::StrFormat("%s/level%d", folder_of(options), level), outputs);
   }
   return outputs;
 }
@@ -255,7 +269,9 @@ absl::Status prepare_outputs(const EnvironmentOptions& options) {
   std::vector<std::string> inputs = files_of(options.server);
   inputs.push_back(options.panorama);
   const std::vector<OutputFile> outputs = outputs_of(options);
-  if (absl::Status status = check_outputs_apart(inputs, outputs); !status.ok()) return status;
+  std::vector<OutputFile> possible = further_faces_of(options);
+  possible.insert(possible.begin(), outputs.begin(), outputs.end());
+  if (absl::Status status = check_outputs_apart(inputs, possible); !status.ok()) return status;
   for (const OutputFile& output : outputs) {
     if (output.path.empty() || output.path == options.json) continue;
     if (absl::Status status = make_folder_of(output.path); !status.ok()) return status;

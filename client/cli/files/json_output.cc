@@ -1,5 +1,6 @@
 #include "client/cli/files/json_output.h"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -22,7 +23,12 @@ bool is_special(const std::string& path) {
 
 absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
   JsonOutput output(path);
-  if (path.empty() || path == "-") return output;
+  if (path.empty()) return output;
+  if (path == "-") {
+    const int mode = fcntl(STDOUT_FILENO, F_GETFL);
+    if (mode < 0 || (mode & O_ACCMODE) == O_RDONLY) return cannot_write("stdout", EBADF);
+    return output;
+  }
   struct stat info {};
   if (stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
   if (is_special(path)) {

@@ -15,7 +15,7 @@ namespace candela {
 class JsonOutput {
  public:
   // `path` is a file, "-" for stdout, or "" for nowhere. A file appears whole or not at all; its folder is
-  // made if it is missing. Pipes and devices are written directly.
+  // made if it is missing. Pipes and devices are written directly. Fails if stdout was closed.
   static absl::StatusOr<JsonOutput> open(const std::string& path);
 
   bool to_stdout() const { return path_ == "-"; }

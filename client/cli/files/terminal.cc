@@ -37,7 +37,7 @@ absl::Status print(const std::string& text) {
   if (std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0) {
     return absl::OkStatus();
   }
-  if (errno == EPIPE) return absl::OkStatus();
+  if (errno == EPIPE || errno == EBADF) return absl::OkStatus();
   return absl::ErrnoToStatus(errno, "cannot write to stdout");
 }
 

@@ -17,8 +17,8 @@ void print_note(const std::string& note);
 // The same while a Progress may show its line. Any thread.
 void print_note_over_progress(const std::string& note);
 
-// Prints to stdout. Fails if stdout cannot be written, for
-// example on a full disk. A closed pipe is not an error.
+// Prints to stdout. Fails if stdout cannot be written, for example on a full disk. A closed pipe is not an
+// error, and neither is a stdout that was closed from the start: nobody wants to read it.
 absl::Status print(const std::string& text);
 
 // A line on stderr that shows the current work and disappears afterwards. Used by one thread.
