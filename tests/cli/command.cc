@@ -74,10 +74,14 @@ Outcome candela_with_signal(const std::vector<std::string>& arguments, int signa
   return run(arguments, signal, ms);
 }
 
-Outcome candela_with_ulimit(const std::string& limit, const std::vector<std::string>& arguments) {
-  std::vector<std::string> words{"-c", "ulimit " + limit + " && exec \"$0\" \"$@\"", CANDELA_PROGRAM};
+Outcome candela_in_shell(const std::string& before, const std::vector<std::string>& arguments) {
+  std::vector<std::string> words{"-c", before + " && exec \"$0\" \"$@\"", CANDELA_PROGRAM};
   words.insert(words.end(), arguments.begin(), arguments.end());
   return run(words, 0, 0, "/bin/sh");
+}
+
+Outcome candela_with_ulimit(const std::string& limit, const std::vector<std::string>& arguments) {
+  return candela_in_shell("ulimit " + limit, arguments);
 }
 
 Outcome candela_on_failing_machine(const char* variable, const char* value,

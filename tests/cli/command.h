@@ -24,6 +24,9 @@ nlohmann::json candela_json(std::vector<std::string> arguments);
 // Starts `candela`, sends it `signal` after `ms` milliseconds, and waits for its end.
 Outcome candela_with_signal(const std::vector<std::string>& arguments, int signal, int ms);
 
+// Like candela(), started by a shell after the command `before`, such as "exec >&-".
+Outcome candela_in_shell(const std::string& before, const std::vector<std::string>& arguments);
+
 // Like candela(), under a limit of the shell, such as "-v 600000" (KiB) or "-f 8" (blocks of 512 bytes).
 Outcome candela_with_ulimit(const std::string& limit, const std::vector<std::string>& arguments);
 

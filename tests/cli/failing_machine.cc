@@ -1,7 +1,14 @@
 // A library that is preloaded into the command and makes memory or the disk fail, as the environment says.
 //   CANDELA_TEST_MOST_NEW_BYTES=N  operator new throws for more than N bytes
 //   CANDELA_TEST_FSYNC_FAILS=1     fsync fails
+//   CANDELA_TEST_DISK_BYTES=N      the files that fdopen opens can hold N bytes together
+#include <dlfcn.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <new>
 
@@ -21,4 +28,45 @@ extern "C" int fsync(int) {
   if (std::getenv("CANDELA_TEST_FSYNC_FAILS") == nullptr) return 0;
   errno = EIO;
   return -1;
+}
+
+namespace {
+
+std::atomic<ssize_t> disk_left;
+
+// A full disk takes what fits, and the next write fails.
+ssize_t write_to_disk(void* descriptor, const char* bytes, size_t count) {
+  const auto wanted = static_cast<ssize_t>(count);
+  const ssize_t fits = std::min(wanted, disk_left.load());
+  disk_left -= fits;
+  const ssize_t written = write(*static_cast<int*>(descriptor), bytes, static_cast<size_t>(fits));
+  if (fits < wanted) errno = ENOSPC;
+  return written < 0 ? 0 : written;
+}
+
+int seek_on_disk(void* descriptor, off64_t* position, int whence) {
+  *position = lseek64(*static_cast<int*>(descriptor), *position, whence);
+  return *position < 0 ? -1 : 0;
+}
+
+int close_on_disk(void* descriptor) {
+  const int closed = close(*static_cast<int*>(descriptor));
+  delete static_cast<int*>(descriptor);
+  return closed;
+}
+
+}  // namespace
+
+// The C library's own calls of write() cannot be replaced, so its streams are.
+extern "C" FILE* fdopen(int descriptor, const char* mode) {
+  static const char* const disk_bytes = std::getenv("CANDELA_TEST_DISK_BYTES");
+  if (disk_bytes == nullptr) {
+    return reinterpret_cast<FILE* (*)(int, const char*)>(dlsym(RTLD_NEXT, "fdopen"))(descriptor, mode);
+  }
+  static const bool formatted = [] {
+    disk_left = std::atoll(disk_bytes);
+    return true;
+  }();
+  (void)formatted;
+  return fopencookie(new int(descriptor), mode, {nullptr, write_to_disk, seek_on_disk, close_on_disk});
 }

@@ -4,6 +4,10 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
@@ -60,6 +64,127 @@ TEST_F(Limits, TooLittleAddressSpaceIsSaidBeforeTheWork) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_.path("out")));
 }
 #endif
+
+#ifndef CANDELA_SANITIZED  // a sanitizer wants to be loaded first
+TEST_F(Limits, ADiskThatIsFullIsAnErrorAndTheOldFileStays) {
+  const std::string scene = folder_.path("scene.exr"), frames = folder_.path("frames");
+  ASSERT_EQ(candela({"sample", scene, "--size", "320x180", "-q"}).code, 0);
+  for (const char* name : {"0000.exr", "0001.exr"}) {
+    std::filesystem::copy_file(scene, folder_.path(name));
+  }
+  const std::string sequence = folder_.path("%04d.exr"), picture = frames + "/0000.png";
+  std::filesystem::create_directory(frames);
+  for (const std::string& path : {out_, folder_.path("out.exr"), picture}) write_file(path, "old");
+  const std::vector<std::string> before = folder_.list();
+  const std::string full = ": cannot write: No space left on device";
+  // Nothing fits, or what is written before the end fits.
+  for (const char* bytes : {"0", "3000"}) {
+    const auto on_full_disk = [bytes](const std::vector<std::string>& arguments) {
+      return candela_on_failing_machine("CANDELA_TEST_DISK_BYTES", bytes, arguments);
+    };
+    for (const std::string& path : {out_, folder_.path("out.exr")}) {
+      expect_failure(on_full_disk({"render", scene, path, "-q"}), path + full);
+      EXPECT_EQ(read_file(path), "old");
+    }
+    expect_failure(on_full_disk({"render", scene, out_, "-q", "--json", folder_.path("new.json")}), full);
+    for (const char* encoding : {"raw", "png"}) {
+      expect_failure(on_full_disk({"stream", sequence, frames + "/%04d.png", "-q", "--encoding", encoding}),
+                     picture + full);
+      EXPECT_EQ(read_file(picture), "old");
+      EXPECT_EQ(std::distance(std::filesystem::directory_iterator(frames), {}), 1);
+    }
+    EXPECT_EQ(folder_.list(), before);
+  }
+}
+#endif
+
+TEST_F(Limits, APictureNeedsAPlainFile) {
+  const std::string full = folder_.path("full.png"), loop = folder_.path("loop.png"),
+                    pipe = folder_.path("pipe.png");
+  std::filesystem::create_symlink("/dev/full", full);
+  std::filesystem::create_symlink("loop.png", loop);
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);  // nobody reads it
+  const std::vector<std::string> before = folder_.list();
+  for (const auto& [path, words] :
+       std::vector<std::pair<std::string, std::string>>{{full, full + ": cannot write: this is a device"},
+                                                        {loop, "Too many levels of symbolic links"},
+                                                        {pipe, pipe + ": cannot write: this is a FIFO"}}) {
+    expect_failure(candela({"render", in_, path, "-q"}), words);
+    expect_failure(candela({"render", in_, out_, "-q", "--error-map", path}), words);
+    expect_failure(candela({"view", in_, path, "-q"}), words);
+    expect_failure(candela({"environment", in_, folder_.path("sky.ktx2"), "-q", "--preview", path}), words);
+  }
+  const Outcome device = candela({"render", in_, "/dev/full", "-q"});
+  EXPECT_EQ(device.code, 2) << device.err;
+  EXPECT_EQ(device.err,
+            "candela: error: /dev/full: images are not written as ''; use .png, .jpg, .jpeg, .exr or .pfm\n");
+  EXPECT_EQ(folder_.list(), before);
+  EXPECT_EQ(std::filesystem::read_symlink(full), "/dev/full");
+}
+
+// Temporary files have longer names, and a name is 255 bytes at most.
+TEST_F(Limits, NamesMayBeAsLongAsTheSystemAllows) {
+  for (const size_t letters : {250u, 251u}) {
+    const std::string longest = folder_.path(std::string(letters, 'x') + ".png");
+    EXPECT_EQ(candela({"render", in_, longest, "-q"}).code, 0);
+    EXPECT_TRUE(std::filesystem::is_regular_file(longest)) << letters;
+  }
+  const std::vector<std::string> before = folder_.list();
+  expect_failure(candela({"render", in_, folder_.path(std::string(252, 'x') + ".png"), "-q"}),
+                 "cannot write: File name too long");
+  EXPECT_EQ(folder_.list(), before);
+}
+
+// Names are bytes. They are no formats, and need not be UTF-8.
+TEST_F(Limits, NamesAreTakenAsTheyAre) {
+  for (const std::string name : {"%n%s%d", "\xff\xfe", "a\xc3"}) {
+    const std::string in = folder_.path(name + ".exr"), out = folder_.path(name + ".png"),
+                      json = folder_.path(name + ".json");
+    std::filesystem::copy_file(in_, in);
+    const Outcome outcome = candela({"render", in, out, "--json", json});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_EQ(outcome.err, "");
+    EXPECT_EQ(png_facts(out).width, 31u);
+    EXPECT_TRUE(nlohmann::json::parse(read_file(json), nullptr, false).is_object()) << read_file(json);
+  }
+  expect_failure(candela({"render", folder_.path("\xff.exr"), out_}), "No such file or directory");
+  for (const char* pattern : {"%n.png", "%s.png", "%999999999d.png", "%04d%04d.png"}) {
+    const Outcome outcome = candela({"stream", in_, folder_.path(pattern), "-q"});
+    EXPECT_EQ(outcome.code, 2) << outcome.err;
+    EXPECT_NE(outcome.err.find("a pattern has one number"), std::string::npos) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
+}
+
+// The pictures would get the descriptors of closed streams, and our messages with them.
+TEST_F(Limits, ClosedStreamsAreNotWrittenTo) {
+  expect_failure(candela_in_shell("exec >&-", {"render", in_, out_, "-q", "--json", "-"}),
+                 "stdout: cannot write: Bad file descriptor");
+  EXPECT_EQ(folder_.list(), std::vector<std::string>{"in.exr"});
+  for (const char* closed : {"exec >&-", "exec 2>&-", "exec <&- >&- 2>&-"}) {
+    const Outcome outcome = candela_in_shell(closed, {"render", in_, out_, "-v"});
+    EXPECT_EQ(outcome.code, 0) << closed << outcome.err;
+    EXPECT_EQ(outcome.err, "");
+    EXPECT_EQ(png_facts(out_).width, 31u) << closed;
+    EXPECT_EQ(candela_in_shell(closed, {"render", in_ + "x", out_}).code, 1) << closed;
+  }
+}
+
+TEST_F(Limits, TooFewOpenFilesAreSaidBeforeTheWork) {
+  for (const char* limit : {"-n 5", "-n 6", "-n 10"}) {
+    SCOPED_TRACE(limit);
+    expect_failure(candela_with_ulimit(limit, {"render", in_, out_, "-q"}),
+                   "ulimit -n allows " + std::string(limit + 3) + " open files and candela needs 16");
+    expect_failure(candela_with_ulimit(limit, {"stream", in_, folder_.path("out"), "-q"}), "ulimit -n");
+    expect_failure(candela_with_ulimit(limit, {"health", "--server", "127.0.0.1:1"}), "ulimit -n");
+  }
+  EXPECT_EQ(folder_.list(), std::vector<std::string>{"in.exr"});
+  // A soft limit is raised.
+  for (const char* limit : {"-n 16", "-S -n 10"}) {
+    const Outcome outcome = candela_with_ulimit(limit, {"render", in_, out_, "-q"});
+    EXPECT_EQ(outcome.code, 0) << limit << ": " << outcome.err;
+  }
+}
 
 TEST_F(Limits, APipeInPlaceOfAFileIsNotWaitedFor) {
   const std::string pipe = folder_.path("pipe");

@@ -4,6 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
@@ -47,8 +51,13 @@ class Outputs : public ::testing::Test {
 
 TEST_F(Outputs, FilesOfTheServersOptionsAreInputsOfEveryCommand) {
   const std::string folder = folder_.path("out");
-  const std::vector<std::vector<std::string>> commands = {
-      {"render", in_, out_}, {"stream", in_, folder}, {"meter", in_}, {"info", in_}, {"bench"}};
+  const std::vector<std::vector<std::string>> commands = {{"render", in_, out_},
+                                                          {"stream", in_, folder},
+                                                          {"meter", in_},
+                                                          {"info", in_},
+                                                          {"bench"},
+                                                          {"view", in_, out_},
+                                                          {"environment", in_, folder_.path("sky.ktx2")}};
   for (const std::string& json : names_of("token")) {
     for (const std::vector<std::string>& command : commands) {
       for (const char* option : {"--token-file", "--tls-ca", "--tls-cert", "--tls-key"}) {
@@ -81,6 +90,67 @@ TEST_F(Outputs, EveryOutputOfASequenceIsHeldAgainstItsInputs) {
         {"stream", in_, folder_.path("out"), "--save-exposures", folder_.path("file.txt"), "--json", same});
   }
   expect_refused({"stream", in_, folder_.path("%04d.exr"), "--save-exposures", folder_.path("0000.exr")});
+}
+
+TEST_F(Outputs, OfAViewAreHeldAgainstItsInputs) {
+  write_file(folder_.path("keys.json"),
+             R"({"keys": [{"time": 0, "yaw": 0, "fov": 60}, {"time": 1, "yaw": 90, "fov": 60}]})");
+  write_file(folder_.path("spheres.json"), R"({"objects": [{"centre": [0, 0, -3], "radius": 1}]})");
+  const std::string frames = folder_.path("frames/%04d.png");
+  for (const std::string& same : names_of("in.exr")) {
+    expect_refused({"view", in_, same});
+    expect_refused({"view", same, in_});
+    expect_refused({"view", in_, out_, "--json", same});
+    expect_refused({"view", in_, frames, "--turn", "90", "--frames", "2", "--json", same});
+  }
+  for (const auto& [option, name] : std::vector<std::pair<std::string, std::string>>{
+           {"--objects", "spheres.json"}, {"--ocio", "file.txt"}, {"--locked-exposure", "shot.json"}}) {
+    for (const std::string& same : names_of(name)) {
+      expect_refused({"view", in_, out_, option, folder_.path(name), "--json", same});
+      expect_refused(
+          {"view", in_, frames, "--turn", "90", "--frames", "2", option, folder_.path(name), "--json", same});
+    }
+  }
+  for (const std::string& same : names_of("keys.json")) {
+    expect_refused(
+        {"view", in_, frames, "--path", folder_.path("keys.json"), "--frames", "2", "--json", same});
+  }
+  for (const auto link_as : {&symlink, &::link}) {
+    ASSERT_EQ(link_as(in_.c_str(), out_.c_str()), 0);
+    expect_refused({"view", in_, out_});
+    expect_refused({"view", in_, folder_.path("other.png"), "--error-map", out_});
+    ASSERT_EQ(unlink(out_.c_str()), 0);
+    ASSERT_EQ(link_as(in_.c_str(), folder_.path("0001.png").c_str()), 0);
+    expect_refused({"view", in_, folder_.path("%04d.png"), "--turn", "90", "--frames", "2"});
+    ASSERT_EQ(unlink(folder_.path("0001.png").c_str()), 0);
+  }
+}
+
+TEST_F(Outputs, OfAnEnvironmentAreHeldAgainstItsInputs) {
+  const std::string sky = folder_.path("sky.ktx2");
+  for (const std::string& same : names_of("in.exr")) {
+    expect_refused({"environment", in_, same});
+    expect_refused({"environment", same, in_});
+    expect_refused({"environment", in_, sky, "--json", same});
+  }
+  // Outputs whose names have to end in something else.
+  const std::string map = folder_.path("link.ktx2"), sh = folder_.path("sh.json"),
+                    preview = folder_.path("preview.png"), faces = folder_.path("faces/");
+  std::filesystem::create_directories(faces + "level1");
+  const std::vector<std::pair<std::string, std::vector<std::string>>> links = {
+      {map, {"environment", in_, map}},
+      {sh, {"environment", in_, sky, "--sh", sh}},
+      {preview, {"environment", in_, sky, "--preview", preview}},
+      {folder_.path("cube.level1.exr"), {"environment", in_, folder_.path("cube.exr"), "--levels", "2"}},
+      {faces + "nz.exr", {"environment", in_, faces}},
+      {faces + "level1/px.exr", {"environment", in_, faces}}};
+  for (const auto link_as : {&symlink, &::link}) {
+    for (const auto& [link, arguments] : links) {
+      ASSERT_EQ(link_as(in_.c_str(), link.c_str()), 0);
+      expect_refused(arguments);
+      ASSERT_EQ(unlink(link.c_str()), 0);
+    }
+  }
 }
 
 // The folder of a file to save is made only once the command is found to be right.
