@@ -43,8 +43,7 @@ POLYNOMIALS = [
     ("glsl/log2.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
     ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),
     ("glsl/transfer.glsl", "vec3 srgb", "s", "high", lambda s: srgb_codes(s**4), (KNEE ** (1 / 4), 1), 255),
-    (SRGB_OF_HOST, "HWY_INLINE F short_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
-    (SRGB_OF_HOST, "HWY_INLINE F full_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
+    (SRGB_OF_HOST, "HWY_INLINE F mantissa_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
 ]
 
 

@@ -1,5 +1,4 @@
-// Stages of resolve from exposed light to display values. Tone curves, gamma 2.2, straight alpha and dither are
-// the shaders' own text.
+// Stages of resolve from exposed light to display values. All but the full form of sRGB is the shaders' own text.
 #if defined(CANDELA_HOST_LOOK_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef CANDELA_HOST_LOOK_INL_H
 #undef CANDELA_HOST_LOOK_INL_H
@@ -92,17 +91,14 @@ inline void show_agx(const RowPart& part, Chunk& chunk) {
   agx_light_stage(part, chunk);
 }
 
-CANDELA_STAGE inline void show_gamma22(const RowPart& part, Chunk& chunk) {
-  shared::Look<shader::CURVE_LINEAR, shader::TRANSFER_GAMMA22, 8> look{part.job.params, {}};
+template <uint32_t kTransfer, uint32_t kTerms>
+CANDELA_STAGE void show_transfer(const RowPart& part, Chunk& chunk) {
+  shared::Look<shader::CURVE_LINEAR, kTransfer, kTerms> look{part.job.params, {}};
   for (uint32_t i = 0; i < part.count; i += kLanes) chunk.set_rgb(i, look.encode(chunk.rgb(i)));
 }
 
-template <bool kShort>
-CANDELA_STAGE void show_srgb(const RowPart& part, Chunk& chunk) {
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
-    const vec3 y = chunk.rgb(i);
-    chunk.set_rgb(i, {srgb<kShort>(y.r), srgb<kShort>(y.g), srgb<kShort>(y.b)});
-  }
+CANDELA_STAGE inline void show_srgb(const RowPart& part, Chunk& chunk) {
+  each_component(part, chunk, [](F y) HWY_ATTR { return srgb(y); });
 }
 
 inline Stage curve_stage(uint32_t curve) {
@@ -136,9 +132,10 @@ inline Stage curve_stage(uint32_t curve) {
 inline void no_stage(const RowPart&, Chunk&) {}
 
 inline Stage transfer_stage(uint32_t transfer, uint32_t terms) {
-  if (transfer == shader::TRANSFER_GAMMA22) return show_gamma22;
+  if (transfer == shader::TRANSFER_GAMMA22) return show_transfer<shader::TRANSFER_GAMMA22, 8>;
   if (transfer != shader::TRANSFER_SRGB) return no_stage;
-  return terms == 6 ? show_srgb<true> : show_srgb<false>;
+  // Six terms differ from the exact curve by more than a code of 16 bits, so both executors take the same ones.
+  return terms == 6 ? show_transfer<shader::TRANSFER_SRGB, 6> : show_srgb;
 }
 
 // Splits exposed light: `chunk` keeps the object's, divided by alpha, and `own` takes the rest.

@@ -1,6 +1,6 @@
 // The sRGB transfer (docs/pipeline.md section 5) without square roots, for each target of Highway.
 //
-// transfer.glsl takes one or two square roots of each component, and a core needs many cycles for a vector of them.
+// transfer.glsl takes two square roots of each component, and a core needs many cycles for a vector of them.
 // Here x = 2^e m with 1 <= m < 2, so x^(1/2.4) is the product of 2^(e/2.4), from a table in registers, and a
 // polynomial for m^(1/2.4).
 #if defined(CANDELA_HOST_SRGB_INL_H) == defined(HWY_TARGET_TOGGLE)
@@ -41,18 +41,9 @@ HWY_INLINE VF look_up_power(const std::array<float, 16>& powers, VU index) {
 #endif
 }
 
-// The short form: m^(1/2.4). Errors are in 8-bit codes of the octave below 1.
-// fit: m in [1, 2], degree 3, error 1.7e-02, best 1.7e-02
-HWY_INLINE F short_power(F m) {
-  F q = m * 0.0243932158 - 0.176294073;
-  q = q * m + 0.692969561;
-  q = q * m + 0.459015816;
-  return q;
-}
-
-// The full form.
+// m^(1/2.4). Errors are in 8-bit codes of the octave below 1.
 // fit: m in [1, 2], degree 6, error 3.9e-05, best 3.8e-05
-HWY_INLINE F full_power(F m) {
+HWY_INLINE F mantissa_power(F m) {
   F q = m * -0.00279865926 + 0.0304253306;
   q = q * m - 0.143340468;
   q = q * m + 0.386805862;
@@ -63,13 +54,10 @@ HWY_INLINE F full_power(F m) {
 }
 
 // The display value of display light from 0 to 1.
-template <bool kShort>
 HWY_INLINE F srgb(F x) {
   const U bits = glsl::floatBitsToUint(x);
   const F m = glsl::uintBitsToFloat((bits & U(0x007fffffu)) | U(0x3f800000u));
-  const F scale = look_up_power(kScaledPowers, (bits >> 23).v);
-  F high = scale * (kShort ? short_power(m) : full_power(m)) - 0.055;
-  if constexpr (kShort) high = at_most(high, 1.0);  // its error would leave the codes of 16 bits
+  const F high = look_up_power(kScaledPowers, (bits >> 23).v) * mantissa_power(m) - 0.055;
   return mix(high, F(12.92 * x), x <= F(0.0031308));
 }
 
