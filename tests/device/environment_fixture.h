@@ -146,6 +146,15 @@ inline WireFrame wire_of(const Image& image) {
           {pixels.begin(), pixels.end()}};
 }
 
+// A sun of one texel in black.
+inline constexpr uint32_t kSunWidth = 256, kSunHeight = 128;
+inline WireFrame sun_at(uint32_t sun_x, uint32_t sun_y) {
+  return make_frame(kSunWidth, kSunHeight, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
+    const float v = x == sun_x && y == sun_y ? 65504.0f : 0.0f;
+    return {v, v, v, 1};
+  });
+}
+
 // The 64 directions of docs/environments.md section 7.
 inline std::vector<reference::Direction> fibonacci_directions() {
   std::vector<reference::Direction> out;

@@ -11,7 +11,6 @@
 namespace candela::testing {
 namespace {
 
-constexpr float kSun = 65504.0f;
 constexpr std::array<float, 9> kMatrix = {0.9f, 0.2f, -0.1f, -0.3f, 1.1f, 0.2f, 0.05f, -0.15f, 1.1f};
 
 // True: without unified memory.
@@ -39,13 +38,6 @@ constexpr Size kSizes[] = {{1, 1}, {2, 1}, {3, 2}, {1, 64}, {97, 41}, {512, 256}
 // A picture with negative components.
 WireFrame picture(const Size& size) { return natural(size.width, size.height); }
 
-WireFrame sun_at(const Size& size, uint32_t sun_x, uint32_t sun_y) {
-  return make_frame(size.width, size.height, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
-    const float v = x == sun_x && y == sun_y ? kSun : 0.0f;
-    return {v, v, v, 1};
-  });
-}
-
 // NaN, infinities, huge and negative values and a negative zero among ordinary ones.
 WireFrame damaged(const Size& size, v1::PixelFormat format) {
   return make_frame(size.width, size.height, format, [](uint32_t x, uint32_t y) -> Texel {
@@ -57,11 +49,10 @@ WireFrame damaged(const Size& size, v1::PixelFormat format) {
 
 // One-texel suns at a pole, the seam, the middle of a face, an edge and a corner of the cube.
 std::vector<WireFrame> suns() {
-  const Size size = {256, 128};
   std::vector<WireFrame> frames;
   for (const auto& [x, y] : std::vector<std::array<uint32_t, 2>>{
            {40, 0}, {200, 127}, {0, 64}, {255, 50}, {128, 64}, {160, 64}, {160, 38}, {96, 89}}) {
-    frames.push_back(sun_at(size, x, y));
+    frames.push_back(sun_at(x, y));
   }
   return frames;
 }
@@ -196,6 +187,27 @@ TEST_P(EnvironmentTest, AConstantStaysThatConstantInEveryLevelAndInTheIrradiance
   }
 }
 
+TEST_P(EnvironmentTest, BlackStaysBlackInEveryLevelAndInTheIrradiance) {
+  for (const Size& size : {Size{1, 1}, Size{97, 41}}) {
+    Environment environment = environment_of(baker(), flat(size.width, size.height, {0, 0, 0, 1}));
+    for (const BakeQuality& quality : {kDraft, kReference}) {
+      const BakedCube cube = bake(environment, {.size = 64, .quality = quality});
+      const auto expect_black = [&](const CubeLevels& levels) {
+        for (uint32_t level = 0; level < levels.levels; ++level) {
+          for (const reference::Rgb& texel : level_of(baker(), levels, level).texels) {
+            ASSERT_EQ(texel, reference::Rgb{}) << "level " << level;
+          }
+        }
+      };
+      expect_black(cube.chain);
+      expect_black(cube.specular);
+    }
+    for (const auto& coefficient : *baker().radiance(environment)) {
+      for (const double component : coefficient) EXPECT_EQ(component, 0);
+    }
+  }
+}
+
 TEST_P(EnvironmentTest, TwoBakesHaveTheSameBits) {
   const WireFrame frame = picture({97, 41});
   Environment a = environment_of(baker(), frame), b = environment_of(baker(), frame);
@@ -292,7 +304,7 @@ TEST_P(EnvironmentTest, SpecularLevelsGoOnAcrossEdges) {
   frames.push_back(picture({512, 256}));
   for (size_t f = 0; f < frames.size(); ++f) {
     const Environment environment = environment_of(baker(), frames[f]);
-    for (const BakeQuality& quality : {kDraft, kStandard}) {
+    for (const BakeQuality& quality : {kDraft, kStandard, kReference}) {
       const BakedCube cube = bake(environment, {.size = 128, .quality = quality});
       for (uint32_t i = 0; i < cube.specular.levels; ++i) {
         const auto [inside, across] = steps(level_of(baker(), cube.specular, i));
@@ -312,24 +324,26 @@ const Claim kClaims[] = {{"draft", kDraft, 0.08, 0.20},
                          {"standard", kStandard, 0.02, 0.05},
                          {"reference", kReference, 0.002, 0.01}};
 
+// At a pole, on the seam, in the middle of a face, in two corners of the cube and on an edge.
 TEST_P(EnvironmentTest, ASunIsNoBrighterInSpecularLevelsThanItsTiersSay) {
-  const Size size = {256, 128};
-  for (const auto& [x, y] : std::vector<std::array<uint32_t, 2>>{{40, 0}, {0, 64}, {128, 64}, {160, 38}}) {
-    const WireFrame frame = sun_at(size, x, y);
+  for (const auto& [x, y] :
+       std::vector<std::array<uint32_t, 2>>{{40, 0}, {0, 64}, {128, 64}, {160, 38}, {96, 89}, {160, 64}}) {
+    const WireFrame frame = sun_at(x, y);
     const reference::Scene scene = scene_of(frame);
     const Environment environment = environment_of(baker(), frame);
-    const auto sun = reference::panorama_direction((x + 0.5) / size.width, (y + 0.5) / size.height);
+    const auto sun = reference::panorama_direction((x + 0.5) / kSunWidth, (y + 0.5) / kSunHeight);
     for (const Claim& claim : kClaims) {
-      const BakedCube cube = bake(environment, {.quality = claim.quality});
-      for (uint32_t i = 0; i < cube.specular.levels; ++i) {
-        const double roughness =
-            specular_roughness(i + 1, cube.specular.levels + 1, RoughnessMapping::kLinear);
-        const reference::CubeLevel level = level_of(baker(), cube.specular, i);
-        // The lobe that points at the sun is the brightest of all.
-        const double peak = reference::specular_at(scene, sun, roughness)[0];
-        for (const reference::Rgb& texel : level.texels) {
-          ASSERT_LE(texel[0], peak * (1 + claim.overshoot))
-              << claim.name << " level " << i + 1 << " sun " << x;
+      for (const RoughnessMapping mapping : {RoughnessMapping::kLinear, RoughnessMapping::kPerceptual}) {
+        const BakedCube cube = bake(environment, {.mapping = mapping, .quality = claim.quality});
+        for (uint32_t i = 0; i < cube.specular.levels; ++i) {
+          const double roughness = specular_roughness(i + 1, cube.specular.levels + 1, mapping);
+          const reference::CubeLevel level = level_of(baker(), cube.specular, i);
+          // The lobe that points at the sun is the brightest of all.
+          const double peak = reference::specular_at(scene, sun, roughness)[0];
+          for (const reference::Rgb& texel : level.texels) {
+            ASSERT_LE(texel[0], peak * (1 + claim.overshoot))
+                << claim.name << " roughness " << roughness << " sun " << x << ", " << y;
+          }
         }
       }
     }
@@ -338,12 +352,13 @@ TEST_P(EnvironmentTest, ASunIsNoBrighterInSpecularLevelsThanItsTiersSay) {
 
 // The relative error of docs/environments.md section 7, for each level.
 void expect_specular(EnvironmentBaker& baker, const WireFrame& frame, const Claim& claim,
-                     RoughnessMapping mapping, const std::string& what) {
+                     RoughnessMapping mapping, const std::string& what, uint32_t size = 0) {
   const reference::Scene scene = scene_of(frame);
   const Environment environment = environment_of(baker, frame);
   const absl::StatusOr<BakedCube> cube =
-      baker.bake(environment, {.mapping = mapping, .quality = claim.quality});
+      baker.bake(environment, {.size = size, .mapping = mapping, .quality = claim.quality});
   ASSERT_TRUE(cube.ok()) << cube.status();
+  ASSERT_GT(cube->specular.levels, 0u) << what;
   for (uint32_t i = 0; i < cube->specular.levels; ++i) {
     const double roughness = specular_roughness(i + 1, cube->specular.levels + 1, mapping);
     const reference::CubeLevel level = level_of(baker, cube->specular, i);
@@ -379,6 +394,17 @@ TEST(EnvironmentData, SpecularLevelsOfRealPanoramasAreWithinTheirTiersError) {
 TEST_P(EnvironmentTest, SpecularLevelsOfAPictureAreWithinTheirTiersError) {
   for (const Claim& claim : kClaims) {
     expect_specular(baker(), picture({256, 128}), claim, RoughnessMapping::kLinear, "picture");
+  }
+}
+
+// Without `reference`: it is 1.1 % off for 3x2 and 0.35 % for 97x41, because level 0 reads between texels that
+// the twin takes as points.
+TEST_P(EnvironmentTest, SpecularLevelsOfTinyAndOddPanoramasAreWithinTheirTiersError) {
+  for (const Size& size : {Size{3, 2}, Size{1, 64}, Size{97, 41}}) {
+    for (const Claim& claim : {kClaims[0], kClaims[1]}) {
+      expect_specular(baker(), picture(size), claim, RoughnessMapping::kLinear,
+                      std::to_string(size.width) + "x" + std::to_string(size.height), 64);
+    }
   }
 }
 

@@ -153,15 +153,13 @@ View turned_view(double yaw, double pitch, double roll, double fov_deg) {
   return view;
 }
 
-WireFrame sun() {
-  return make_frame(256, 128, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
-    const float v = x == 160 && y == 38 ? 65504.0f : 0.0f;
-    return {v, v, v, 1};
-  });
+std::vector<WireFrame> panoramas() {
+  return {natural(1, 1),     natural(2, 1),  natural(3, 2),  natural(97, 41),
+          natural(512, 256), natural(1, 64), sun_at(160, 38)};
 }
 
-std::vector<WireFrame> panoramas() {
-  return {natural(3, 2), natural(97, 41), natural(512, 256), natural(1, 64), sun()};
+std::string name_of(const WireFrame& frame) {
+  return std::to_string(frame.desc.width) + "x" + std::to_string(frame.desc.height);
 }
 
 TEST_P(EnvironmentViewTest, TheSkyIsItsTwins) {
@@ -170,12 +168,12 @@ TEST_P(EnvironmentViewTest, TheSkyIsItsTwins) {
     for (const double fov_deg : {1.0, 60.0, 170.0}) {
       View view = turned_view(200, -35, 15, fov_deg);
       view.rotation_deg = 33;
-      expect_twin(environment, view, 61, 35,
-                  std::to_string(frame.desc.width) + " fov " + std::to_string(fov_deg));
+      expect_twin(environment, view, 61, 35, name_of(frame) + " fov " + std::to_string(fov_deg));
     }
-    expect_twin(environment, turned_view(0, 90, 0, 90), 40, 40, "zenith");
-    expect_twin(environment, turned_view(45, -35.26, 0, 20), 33, 9, "a corner of the cube");
-    expect_twin(environment, turned_view(0, 0, 0, 60), 1, 1, "one pixel");
+    expect_twin(environment, turned_view(0, 90, 0, 90), 40, 40, name_of(frame) + " zenith");
+    expect_twin(environment, turned_view(0, -90, 0, 90), 40, 40, name_of(frame) + " nadir");
+    expect_twin(environment, turned_view(45, -35.26, 0, 20), 33, 9, name_of(frame) + " a corner of the cube");
+    expect_twin(environment, turned_view(0, 0, 0, 60), 1, 1, name_of(frame) + " one pixel");
   }
 }
 
@@ -187,24 +185,45 @@ TEST_P(EnvironmentViewTest, LookdevIsItsTwins) {
       view.rotation_deg = -120;
       view.samples = samples;
       view.objects = lookdev_objects();
-      expect_twin(environment, view, 128, 40,
-                  std::to_string(frame.desc.width) + " samples " + std::to_string(samples));
+      expect_twin(environment, view, 128, 40, name_of(frame) + " samples " + std::to_string(samples));
     }
   }
 }
 
-// As many as there may be, of every kind, some behind each other, some in each other, some behind the camera.
+// At a pole, on the seam, on an edge of the cube and in its corner.
+TEST_P(EnvironmentViewTest, SunsWherePanoramasAndCubesMeetThemselvesAreTheTwins) {
+  for (const auto& [x, y] : std::vector<std::array<uint32_t, 2>>{{40, 0}, {255, 50}, {160, 64}, {160, 38}}) {
+    const std::string what = "sun " + std::to_string(x) + ", " + std::to_string(y);
+    Environment environment = ready(sun_at(x, y));
+    const double yaw = 360 * ((x + 0.5) / kSunWidth - 0.5), pitch = 180 * (0.5 - (y + 0.5) / kSunHeight);
+    for (const double fov_deg : {6.0, 100.0}) {
+      const View view = turned_view(yaw, pitch, 10, fov_deg);
+      expect_twin(environment, view, 45, 33, what + " fov " + std::to_string(fov_deg));
+      EXPECT_GT(render(environment, view, 45, 33).texels[16 * 45 + 22][0], 1) << what;
+    }
+    View behind = turned_view(yaw + 180, -pitch, 0, 40);
+    behind.samples = 4;
+    behind.objects = lookdev_objects();
+    expect_twin(environment, behind, 128, 40, what + " behind the camera");
+  }
+}
+
+constexpr std::array<double, 3> kCameraAmongSpheres = {0, 0, 5};
+
+// As many as there may be, of every kind, some behind each other, some in each other, some behind the camera
+// at kCameraAmongSpheres.
 std::vector<ViewSphere> many_spheres() {
   std::vector<ViewSphere> all;
   for (uint32_t i = 0; i < shader::VIEW_OBJECTS; ++i) {
     const auto random = [i](uint32_t channel) { return static_cast<double>(noise(i, 17, channel)); };
     ViewSphere sphere;
-    sphere.centre = {8 * random(0) - 4, 6 * random(1) - 3, 4 - 14 * random(2)};
+    sphere.centre = {8 * random(0) - 4, 6 * random(1) - 3, 9 - 19 * random(2)};
     sphere.radius = 0.1 + 0.8 * random(3);
     sphere.base_color = {random(4), random(5), random(6)};
     sphere.metallic = i % 3 / 2.0;
     sphere.roughness = i % 5 / 4.0;
-    const double away = std::hypot(sphere.centre[0], sphere.centre[1], sphere.centre[2] - 5);
+    const double away =
+        std::hypot(sphere.centre[0], sphere.centre[1], sphere.centre[2] - kCameraAmongSpheres[2]);
     if (away > sphere.radius + 0.2) all.push_back(sphere);
   }
   return all;
@@ -213,11 +232,92 @@ std::vector<ViewSphere> many_spheres() {
 TEST_P(EnvironmentViewTest, ManySpheresAreTheTwins) {
   Environment environment = ready(natural(512, 256));
   View view = turned_view(-10, 5, 20, 75);
-  view.camera.position = {0, 0, 5};
+  view.camera.position = kCameraAmongSpheres;
   view.objects = many_spheres();
+  const auto is_behind = [](const ViewSphere& s) { return s.centre[2] > kCameraAmongSpheres[2] + s.radius; };
+  EXPECT_GT(std::count_if(view.objects.begin(), view.objects.end(), is_behind), 5);
   for (const uint32_t samples : {1u, 16u}) {
     view.samples = samples;
     expect_twin(environment, view, 111, 63, "samples " + std::to_string(samples));
+  }
+}
+
+ViewSphere sphere_of(double x, double y, double z, double radius, double metallic = 0.5,
+                     double roughness = 0.4) {
+  return {{x, y, z}, radius, {0.9, 0.5, 0.2}, metallic, roughness, false};
+}
+
+struct HardSpheres {
+  std::string name;
+  View view;
+  uint32_t width;
+  uint32_t height;
+  // How many pixels show an object at least and at most.
+  size_t least;
+  size_t most;
+};
+
+HardSpheres behind() {
+  HardSpheres c{"behind", turned_view(0, 0, 0, 120), 64, 48, 0, 0};
+  c.view.objects = {sphere_of(0, 0, 3, 1), sphere_of(0, 0, 1.001, 1), sphere_of(2, -1, 1.2, 1.1),
+                    sphere_of(0, 1e4, 2e4, 1e4)};
+  return c;
+}
+
+// Their centres are behind the camera, and parts of them before it.
+HardSpheres beside() {
+  HardSpheres c{"beside", turned_view(0, 0, 0, 170), 64, 48, 1000, 3000};
+  c.view.objects = {sphere_of(1.5, 0, 0.3, 1.4), sphere_of(-1.01, 0, 0.01, 1, 1, 0)};
+  return c;
+}
+
+HardSpheres under_a_pixel() {
+  HardSpheres c{"under a pixel", turned_view(0, 0, 0, 60), 64, 48, 20, 150};
+  for (int i = 0; i < 64; ++i) {
+    c.view.objects.push_back(sphere_of(3 * std::sin(i), 1.5 * std::cos(3 * i), -5, 0.01 + 0.0005 * i));
+  }
+  return c;
+}
+
+// The camera is just outside the sphere.
+HardSpheres all_over(double roughness) {
+  HardSpheres c{"all over", turned_view(0, 0, 15, 100), 64, 48, 64 * 48, 64 * 48};
+  c.view.objects = {sphere_of(0, 0, -1.0005, 1, 1, roughness)};
+  return c;
+}
+
+// In each other, around each other, and two at one place, of which the first is seen.
+HardSpheres overlapping() {
+  HardSpheres c{"overlapping", turned_view(0, 0, 0, 60), 64, 48, 500, 1200};
+  c.view.objects = {sphere_of(-1, 0, -4, 0.8), sphere_of(-0.5, 0.3, -4.2, 0.9, 1, 0.1),
+                    sphere_of(1, 0, -4, 0.5),  sphere_of(1, 0, -4, 0.9, 1, 0),
+                    sphere_of(0, -1, -4, 0.6), sphere_of(0, -1, -4, 0.6, 1, 0)};
+  return c;
+}
+
+// A view straight down, with spheres below the camera and one above it.
+HardSpheres below() {
+  HardSpheres c{"below", turned_view(20, -90, 0, 90), 64, 48, 200, 500};
+  c.view.objects = {sphere_of(0, -2, 0, 0.5, 1, 0), sphere_of(1.5, -3, 1, 1, 0, 1), sphere_of(0, 2, 0, 1)};
+  return c;
+}
+
+TEST_P(EnvironmentViewTest, SpheresThatAreHardToMeetAreTheTwins) {
+  Environment environment = ready(natural(256, 128));
+  for (HardSpheres& c : std::vector{behind(), beside(), under_a_pixel(), all_over(0), all_over(0.5),
+                                    overlapping(), below()}) {
+    View sky = c.view;
+    sky.objects.clear();
+    const Picture without = render(environment, sky, c.width, c.height);
+    for (const uint32_t samples : {1u, 16u}) {
+      c.view.samples = samples;
+      expect_twin(environment, c.view, c.width, c.height, c.name + " samples " + std::to_string(samples));
+    }
+    const Picture with = render(environment, c.view, c.width, c.height);
+    size_t shown = 0;
+    for (size_t i = 0; i < with.texels.size(); ++i) shown += with.texels[i] != without.texels[i];
+    EXPECT_GE(shown, c.least) << c.name;
+    EXPECT_LE(shown, c.most) << c.name;
   }
 }
 
