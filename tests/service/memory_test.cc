@@ -362,8 +362,11 @@ class Renders {
       threads_.emplace_back([this, address] {
         const Connection connection(own_channel(address));
         const WireFrame frame = natural(320, 180);
+        // Frames that take the render thread far longer than their pixels take the connection.
+        v1::Settings settings;
+        settings.set_tier("reference");
         while (!stop_) {
-          if (connection.render({}, view(frame)).ok()) ++done_;
+          if (connection.render(settings, view(frame)).ok()) ++done_;
         }
       });
     }
