@@ -32,7 +32,7 @@ constexpr Variant kVariants[] = {
     {"agx", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
     {"aces-1", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
     {"pbr-neutral", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
-    // What a frame takes apart from its look, with bloom and without.
+    // Frames without curve and transfer, with bloom and without: they show how much the look costs.
     {"linear", linear},
     {"linear-dim",
      [](v1::Settings& s) {

@@ -24,7 +24,7 @@ struct EnvironmentReport {
   std::vector<std::string> notes;
 };
 
-// What RGB9E5 does not hold of the faces, as a note; empty if it holds all.
+// A note that counts the components that RGB9E5 cannot hold; empty if there are none.
 std::string losses_note(const v1::BakeHeader& bake);
 
 // One line, with a line end.

@@ -47,7 +47,7 @@ HWY_INLINE void store_texels(const RowPart& part, const Chunk& chunk, uint32_t i
   auto* const words = reinterpret_cast<uint32_t*>(to);
   if constexpr (kFormat == shader::OUTPUT_RGBA8) {
     const auto codes = codes_of<kDither>(part, i, rgb, 255.0f);
-    // The bits of 2^23 leave the word on the left, apart from those of R.
+    // Shifting moves the bits of 2^23 out of the word. Only those of R stay and are subtracted.
     const U rg = codes.r + (codes.g << 8);
     const U ba = (codes.b << 16) + (alpha_code(a, 255.0f) << 24);
     const VU texels = natural((rg + ba - U(0x4b000000u)).v);
