@@ -7,7 +7,6 @@
 // both ends of theta and at phi = pi/2, where the points of the rule lie densest. Twice as many points change
 // nothing by more than 1e-7 for n.v >= 0.001.
 #include <cmath>
-#include <numbers>
 
 #include "shaders/direction.h"
 #include "shaders/environment.h"
@@ -16,7 +15,6 @@ namespace candela::reference {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr size_t kPoints = 48;
 
 struct Point {

@@ -2,7 +2,6 @@
 // the whole panorama.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "shaders/direction.h"
 #include "shaders/environment.h"
@@ -10,8 +9,6 @@
 namespace candela::reference {
 
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 double ggx(double h, double alpha) {
   const double root = h * h * (alpha * alpha - 1.0) + 1.0;

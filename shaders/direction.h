@@ -2,10 +2,13 @@
 #pragma once
 
 #include <cmath>
+#include <numbers>
 
 #include "shaders/environment.h"
 
 namespace candela::reference {
+
+constexpr double kPi = std::numbers::pi;
 
 inline double dot(const Direction& a, const Direction& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 

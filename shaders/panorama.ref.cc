@@ -1,7 +1,6 @@
 // Twin of what every pass of an environment knows about panoramas: directions, solid angles, lookups. The
 // texels that panorama.comp stores have their twin in ingest().
 #include <cmath>
-#include <numbers>
 
 #include "shaders/direction.h"
 #include "shaders/environment.h"
@@ -9,8 +8,6 @@
 namespace candela::reference {
 
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 // Row y at column x, with texels at whole numbers: linear, and the last column joins the first one. A row
 // beyond a pole is the pole's row on the other side of the sphere.

@@ -1,7 +1,6 @@
 // Twin of panorama_sh.comp: the panorama in real spherical harmonics, and the irradiance from them.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "shaders/direction.h"
 #include "shaders/environment.h"
@@ -9,8 +8,6 @@
 namespace candela::reference {
 
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 // The factors of Y_lm: of 1; of x, y and z; of xy, yz and xz; of 3 z^2 - 1; of x^2 - y^2.
 const double kOne = std::sqrt(1.0 / (4.0 * kPi));

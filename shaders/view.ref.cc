@@ -1,7 +1,6 @@
 // Twin of view.comp: the sky and spheres through a camera.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <utility>
 
@@ -13,7 +12,6 @@ namespace candela::reference {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kNearEdge = 1e-4;
 
 double radians(double deg) { return deg * kPi / 180.0; }

@@ -47,7 +47,7 @@ absl::StatusOr<Image> black_image(uint32_t width, uint32_t height, ImageFormat f
   return image;
 }
 
-absl::Status check_level(const BakedEnvironment& environment, size_t level) {
+absl::Status check_has_level(const BakedEnvironment& environment, size_t level) {
   if (absl::Status status = check_environment(environment); !status.ok()) return status;
   if (level < environment.levels.size()) return absl::OkStatus();
   return absl::OutOfRangeError(absl::StrFormat("the environment has no level %d; it has 0 .. %d", level,
@@ -62,7 +62,7 @@ std::byte* pixel_at(Image& image, uint32_t x, uint32_t y) {
 }  // namespace
 
 absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t level) {
-  if (absl::Status status = check_level(environment, level); !status.ok()) return status;
+  if (absl::Status status = check_has_level(environment, level); !status.ok()) return status;
   const uint32_t size = environment.levels[level].size;
   absl::StatusOr<Image> image = black_image(4 * size, 3 * size, ImageFormat::kRgba16f);
   if (!image.ok()) return image;
@@ -77,7 +77,7 @@ absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t 
 }
 
 absl::StatusOr<Image> equirectangular_picture(const BakedEnvironment& environment, size_t level) {
-  if (absl::Status status = check_level(environment, level); !status.ok()) return status;
+  if (absl::Status status = check_has_level(environment, level); !status.ok()) return status;
   const uint32_t size = environment.levels[level].size, width = 4 * size, height = 2 * size;
   absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
   if (!image.ok()) return image;

@@ -15,7 +15,7 @@
 namespace candela {
 namespace {
 
-constexpr size_t kMaxFileBytes = 64 << 10;
+constexpr size_t kMaxTokenFileBytes = 64 << 10;
 constexpr absl::string_view kScheme = "Bearer ";
 constexpr char kMakeOne[] = "openssl rand -hex 32";
 
@@ -29,7 +29,7 @@ std::array<unsigned char, SHA256_DIGEST_LENGTH> digest_of(absl::string_view toke
 
 absl::StatusOr<BearerTokens> BearerTokens::read(const std::string& path) {
   const absl::StatusOr<std::string> text =
-      read_option_file("token-file", path, kMaxFileBytes, Secrecy::kSecret);
+      read_option_file("token-file", path, kMaxTokenFileBytes, Secrecy::kSecret);
   if (!text.ok()) return text.status();
   BearerTokens tokens;
   int number = 0;

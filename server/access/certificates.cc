@@ -15,7 +15,7 @@
 namespace candela {
 namespace {
 
-constexpr size_t kMaxFileBytes = 1 << 20;
+constexpr size_t kMaxCertificateFileBytes = 1 << 20;
 
 constexpr char kCert[] = "tls-cert";
 constexpr char kKey[] = "tls-key";
@@ -83,9 +83,11 @@ absl::Time time_of(const ASN1_TIME* time) {
 }  // namespace
 
 absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
-  absl::StatusOr<std::string> cert = read_option_file(kCert, files.cert, kMaxFileBytes, Secrecy::kPublic);
+  absl::StatusOr<std::string> cert =
+      read_option_file(kCert, files.cert, kMaxCertificateFileBytes, Secrecy::kPublic);
   if (!cert.ok()) return cert.status();
-  absl::StatusOr<std::string> key = read_option_file(kKey, files.key, kMaxFileBytes, Secrecy::kSecret);
+  absl::StatusOr<std::string> key =
+      read_option_file(kKey, files.key, kMaxCertificateFileBytes, Secrecy::kSecret);
   if (!key.ok()) return key.status();
   const absl::StatusOr<std::vector<Certificate>> chain = parse_certificates(kCert, files.cert, *cert);
   if (!chain.ok()) return chain.status();
@@ -104,7 +106,7 @@ absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
   Certificates certificates{*std::move(cert), *std::move(key), "", time_of(X509_get0_notAfter(own))};
   if (files.client_ca.empty()) return certificates;
   absl::StatusOr<std::string> ca =
-      read_option_file(kClientCa, files.client_ca, kMaxFileBytes, Secrecy::kPublic);
+      read_option_file(kClientCa, files.client_ca, kMaxCertificateFileBytes, Secrecy::kPublic);
   if (!ca.ok()) return ca.status();
   if (auto parsed_ca = parse_certificates(kClientCa, files.client_ca, *ca); !parsed_ca.ok()) {
     return parsed_ca.status();

@@ -15,14 +15,14 @@
 namespace candela {
 namespace {
 
-struct Failure {
-  jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is also a pointer to Failure
+struct JpegFailure {
+  jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is also a pointer to JpegFailure
   std::jmp_buf leave;
   char text[JMSG_LENGTH_MAX] = "";
 };
 
 [[noreturn]] void on_error(j_common_ptr codec) {
-  auto* failure = reinterpret_cast<Failure*>(codec->err);
+  auto* failure = reinterpret_cast<JpegFailure*>(codec->err);
   failure->manager.format_message(codec, failure->text);
   std::longjmp(failure->leave, 1);
 }
@@ -35,7 +35,7 @@ struct Encoded {
 };
 
 // False on failure. It has no locals with destructors, because libjpeg leaves it by longjmp.
-bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const PictureView& picture,
+bool encode(jpeg_compress_struct& codec, JpegFailure& failure, Encoded& out, const PictureView& picture,
             int quality, const std::string& profile) {
   codec.err = jpeg_std_error(&failure.manager);
   failure.manager.error_exit = on_error;
@@ -73,7 +73,7 @@ bool encode(jpeg_compress_struct& codec, Failure& failure, Encoded& out, const P
 
 absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink) {
   jpeg_compress_struct codec{};
-  Failure failure;
+  JpegFailure failure;
   Encoded encoded;
   const bool whole = encode(codec, failure, encoded, picture, options.quality, icc_profile(options.transfer));
   jpeg_destroy_compress(&codec);

@@ -11,12 +11,12 @@
 namespace candela {
 namespace {
 
-struct Failure {
+struct PngFailure {
   char text[200] = "";
 };
 
 [[noreturn]] void on_error(png_structp png, png_const_charp message) {
-  auto* failure = static_cast<Failure*>(png_get_error_ptr(png));
+  auto* failure = static_cast<PngFailure*>(png_get_error_ptr(png));
   std::snprintf(failure->text, sizeof failure->text, "%s", message);
   png_longjmp(png, 1);
 }
@@ -80,7 +80,7 @@ std::vector<png_text> text_chunks(const PngOptions& options) {
 }  // namespace
 
 absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink) {
-  Failure failure;
+  PngFailure failure;
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &failure, on_error, on_warning);
   png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
   const std::vector<png_text> text = text_chunks(options);

@@ -42,4 +42,8 @@ class Buffer {
   std::byte* mapped_ = nullptr;
 };
 
+// The halves of an address, which shaders take as two words.
+constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
+constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
+
 }  // namespace candela

@@ -15,8 +15,6 @@
 namespace candela {
 namespace {
 
-using nlohmann::json;
-
 class Folder : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -26,10 +24,10 @@ class Folder : public ::testing::Test {
   std::string in(const std::string& name) const { return folder_.path("in/" + name); }
   std::string out(const std::string& name) const { return folder_.path("out/new/" + name); }
   // The lines of JSON on stdout.
-  static std::vector<json> lines(const Outcome& outcome) {
-    std::vector<json> all;
+  static std::vector<nlohmann::json> lines(const Outcome& outcome) {
+    std::vector<nlohmann::json> all;
     for (absl::string_view line : absl::StrSplit(outcome.out, '\n', absl::SkipEmpty())) {
-      all.push_back(json::parse(line, nullptr, false));
+      all.push_back(nlohmann::json::parse(line, nullptr, false));
     }
     return all;
   }
@@ -57,7 +55,7 @@ TEST_F(Folder, APatternAndAFolderAreTakenInNaturalOrder) {
   for (const std::string& input : {in("*.exr"), folder_.path("in")}) {
     const Outcome outcome = candela({"render", input, out(""), "--as", "exr", "--json", "-"});
     ASSERT_EQ(outcome.code, 0) << outcome.err;
-    const std::vector<json> all = lines(outcome);
+    const std::vector<nlohmann::json> all = lines(outcome);
     ASSERT_EQ(all.size(), 4u) << outcome.out;
     for (size_t i = 0; i < 3; ++i) {
       const std::string name = std::vector<std::string>{"a", "b2", "b10"}[i];
@@ -93,7 +91,7 @@ TEST_F(Folder, OneFailureDoesNotStopTheRest) {
   EXPECT_TRUE(is_error(in("missing.exr") + ": cannot read")) << outcome.err;
   EXPECT_EQ(errors.back(), "candela: error: 2 of 5 images failed");
   for (const char* name : {"a.png", "b2.png", "b10.png"}) EXPECT_EQ(png_facts(out(name)).width, 31u) << name;
-  const std::vector<json> all = lines(outcome);
+  const std::vector<nlohmann::json> all = lines(outcome);
   ASSERT_EQ(all.size(), 6u) << outcome.out;
   EXPECT_NE(all[1].at("error").get<std::string>().find("not an OpenEXR"), std::string::npos);
   EXPECT_EQ(all[5].at("summary").at("failed"), 2);
@@ -139,7 +137,7 @@ TEST_F(Folder, FoldersOfOutputsAreMade) {
           .code,
       0);
   EXPECT_EQ(png_facts(folder_.path("p/q/a.png")).width, 31u);
-  EXPECT_TRUE(json::parse(read_file(json_file), nullptr, false).is_object());
+  EXPECT_TRUE(nlohmann::json::parse(read_file(json_file), nullptr, false).is_object());
   EXPECT_GT(png_facts(map).width, 0u);
   EXPECT_EQ(candela({"sample", folder_.path("s/t/scene.exr"), "--size", "8x8", "-q"}).code, 0);
   EXPECT_TRUE(read_image(folder_.path("s/t/scene.exr")).ok());

@@ -11,10 +11,8 @@
 namespace candela {
 namespace {
 
-using nlohmann::json;
-
 // Collects the paths of all nulls.
-void find_blanks(const json& value, const std::string& where, std::vector<std::string>& blanks) {
+void find_blanks(const nlohmann::json& value, const std::string& where, std::vector<std::string>& blanks) {
   if (value.is_null()) blanks.push_back(where);
   if (!value.is_structured()) return;
   for (const auto& [key, item] : value.items()) find_blanks(item, where + "/" + key, blanks);
@@ -26,13 +24,13 @@ void expect_png(const std::string& folder, const std::string& name) {
 
 // The page holds the whole report, escaped so that it cannot end
 // its element, and the scripts. It loads nothing else.
-void expect_page_holds(const std::string& page, const json& report) {
+void expect_page_holds(const std::string& page, const nlohmann::json& report) {
   const std::string begin_tag = "<script type=\"application/json\" id=\"report\">";
   const size_t begin = page.find(begin_tag);
   ASSERT_NE(begin, std::string::npos);
   const size_t text = begin + begin_tag.size(), end = page.find('<', text);
   EXPECT_EQ(page.compare(end, 9, "</script>"), 0);
-  EXPECT_EQ(json::parse(page.substr(text, end - text)), report);
+  EXPECT_EQ(nlohmann::json::parse(page.substr(text, end - text)), report);
   EXPECT_NE(page.find("drawPage();"), std::string::npos);
   EXPECT_NE(page.find("</html>"), std::string::npos);
   for (const char* outside : {"src=\"", "href=\"", "<link", "@import", "url("}) {
@@ -41,15 +39,16 @@ void expect_page_holds(const std::string& page, const json& report) {
 }
 
 // Every tier has baked the panorama, and its errors are those that docs/environments.md section 7 allows.
-void expect_bakes(const json& bakes, const std::set<std::string>& tiers) {
+void expect_bakes(const nlohmann::json& bakes, const std::set<std::string>& tiers) {
   std::map<std::string, double> bounds = {{"draft", 0.08}, {"standard", 0.02}, {"reference", 0.003}};
   std::set<std::string> seen;
   EXPECT_EQ(bakes.size(), 3u) << bakes;
-  for (const json& row : bakes) {
+  for (const nlohmann::json& row : bakes) {
     ASSERT_TRUE(row.contains("max_error")) << row;
     EXPECT_EQ(row.at("panorama"), "pano.exr");
     EXPECT_EQ(row.at("levels").size(), 2u) << row;
-    for (const json& level : row.at("levels")) EXPECT_LE(level.at("error"), row.at("max_error")) << row;
+    for (const nlohmann::json& level : row.at("levels"))
+      EXPECT_LE(level.at("error"), row.at("max_error")) << row;
     EXPECT_GT(row.at("max_error"), 0) << row;
     EXPECT_LE(row.at("max_error"), bounds.at(row.at("tier"))) << row;
     EXPECT_GT(row.at("device_ms").at("median"), 0) << row;
@@ -60,7 +59,7 @@ void expect_bakes(const json& bakes, const std::set<std::string>& tiers) {
   EXPECT_EQ(seen, tiers);
 }
 
-void expect_panorama(const json& environments, const std::string& folder) {
+void expect_panorama(const nlohmann::json& environments, const std::string& folder) {
   ASSERT_EQ(environments.size(), 1u);
   EXPECT_EQ(environments[0].at("name"), "pano.exr");
   EXPECT_EQ(environments[0].at("width"), 128);
@@ -80,16 +79,16 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
 
-  const json report = json::parse(read_file(at + "/report.json"));
+  const nlohmann::json report = nlohmann::json::parse(read_file(at + "/report.json"));
   std::vector<std::string> blanks;
   find_blanks(report, "", blanks);
   EXPECT_EQ(blanks, std::vector<std::string>{});
 
   std::set<std::string> tiers;
-  for (const json& tier : report.at("tiers")) tiers.insert(tier.at("name"));
+  for (const nlohmann::json& tier : report.at("tiers")) tiers.insert(tier.at("name"));
   EXPECT_GE(tiers.size(), 1u);
   std::map<std::string, std::set<std::string>> cases;
-  for (const json& row : report.at("hard_cases")) {
+  for (const nlohmann::json& row : report.at("hard_cases")) {
     cases[row.at("case")].insert(row.at("tier"));
     EXPECT_FALSE(row.contains("error")) << row;
     EXPECT_TRUE(row.at("finite").get<bool>()) << row;
@@ -99,17 +98,17 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   EXPECT_GE(cases.size(), 20u);
   for (const auto& [name, seen] : cases) EXPECT_EQ(seen, tiers) << name;
   ASSERT_EQ(report.at("stage_errors").size(), 6u);
-  for (const json& row : report.at("stage_errors")) EXPECT_TRUE(row.at("ok").get<bool>()) << row;
-  for (const json& row : report.at("times")) {
+  for (const nlohmann::json& row : report.at("stage_errors")) EXPECT_TRUE(row.at("ok").get<bool>()) << row;
+  for (const nlohmann::json& row : report.at("times")) {
     EXPECT_GT(row.at("device_ms").at("median"), 0) << row;
     EXPECT_LE(row.at("device_ms").at("p10"), row.at("device_ms").at("p90")) << row;
     EXPECT_TRUE(row.at("error").at("max_codes").is_number()) << row;
-    for (const json& stage : row.at("stages")) {
+    for (const nlohmann::json& stage : row.at("stages")) {
       EXPECT_LE(stage.at("ms").at("p10"), stage.at("ms").at("p90")) << row;
     }
   }
-  std::map<std::string, json> scenes;
-  for (const json& row : report.at("scenes")) {
+  std::map<std::string, nlohmann::json> scenes;
+  for (const nlohmann::json& row : report.at("scenes")) {
     ASSERT_FALSE(row.contains("error")) << row;
     EXPECT_GT(row.at("memcpy_ratio"), 0) << row;
     scenes[row.at("what")] = row.at("plan");
@@ -122,9 +121,9 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
 
   EXPECT_EQ(report.at("format"), "candela report");
   EXPECT_EQ(report.at("version"), 1);
-  for (const json& image : report.at("images")) {
+  for (const nlohmann::json& image : report.at("images")) {
     expect_png(at, image.at("file"));
-    for (const json& map : image.at("maps")) expect_png(at, map.at("file"));
+    for (const nlohmann::json& map : image.at("maps")) expect_png(at, map.at("file"));
   }
   expect_bakes(report.at("bakes"), tiers);
   expect_panorama(report.at("environments"), at);

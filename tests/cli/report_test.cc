@@ -15,8 +15,6 @@
 namespace candela {
 namespace {
 
-using nlohmann::json;
-
 class Report : public ::testing::Test {
  protected:
   void SetUp() override { write_small_exr(in_); }
@@ -30,7 +28,7 @@ TEST_F(Report, JsonIsOneLineWithEveryKey) {
   const Outcome outcome = candela({"render", in_, out_, "--json", "-"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_EQ(outcome.out.find('\n'), outcome.out.size() - 1);
-  const json frame = json::parse(outcome.out);
+  const nlohmann::json frame = nlohmann::json::parse(outcome.out);
   EXPECT_EQ(frame.at("input"), in_);
   EXPECT_EQ(frame.at("output"), out_);
   EXPECT_EQ(frame.at("size").at("width"), 31);
@@ -40,7 +38,7 @@ TEST_F(Report, JsonIsOneLineWithEveryKey) {
   EXPECT_EQ(frame.at("size").at("height"), 17);
   EXPECT_TRUE(frame.at("device").is_string());
   EXPECT_EQ(frame.at("tier"), "standard");
-  EXPECT_EQ(frame.at("bad_values"), json({{"nan", 0}, {"inf", 0}, {"negative", 0}}));
+  EXPECT_EQ(frame.at("bad_values"), nlohmann::json({{"nan", 0}, {"inf", 0}, {"negative", 0}}));
   EXPECT_GE(frame.at("plan").size(), 2u);
   EXPECT_TRUE(frame.at("notes").empty());
   const double exposure = frame.at("exposure"), target = frame.at("target");
@@ -58,9 +56,9 @@ TEST_F(Report, JsonIsOneLineWithEveryKey) {
 TEST_F(Report, AVerifiedFrameSaysHowFarItIsOff) {
   EXPECT_FALSE(candela_json({"render", in_, out_}).contains("verify"));
   for (const char* name : {"a.png", "b.jpg", "c.exr", "d.pfm"}) {
-    const json frame = candela_json({"render", in_, folder_.path(name), "--verify"});
+    const nlohmann::json frame = candela_json({"render", in_, folder_.path(name), "--verify"});
     for (const char* kind : {"verify", "verify_unrounded"}) {
-      const json& verify = frame.at(kind);
+      const nlohmann::json& verify = frame.at(kind);
       EXPECT_LE(verify.at("max_error_codes").get<double>(), 0.5) << name;
       EXPECT_LE(verify.at("p999_error_codes").get<double>(), 0.05) << name;
       EXPECT_LE(verify.at("mean_error_codes"), verify.at("p999_error_codes")) << name;
@@ -84,7 +82,7 @@ TEST_F(Report, TheErrorMapIsAPngThatStatesItsScale) {
        std::vector<std::vector<std::string>>{{}, {"--server", daemon.address()}}) {
     std::vector<std::string> arguments{"render", in_, out_, "--error-map", map};
     arguments.insert(arguments.end(), options.begin(), options.end());
-    const json frame = candela_json(arguments);
+    const nlohmann::json frame = candela_json(arguments);
     EXPECT_TRUE(frame.contains("verify"));
     EXPECT_EQ(frame.at("error_map").at("file"), map);
     EXPECT_EQ(frame.at("error_map").at("least_codes"), 1e-5);
@@ -110,7 +108,7 @@ TEST_F(Report, JsonGoesToAFileOrADeviceAndTheTextToStdout) {
   const Outcome outcome = candela({"render", in_, out_, "--json", path});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("exposure"), std::string::npos);
-  EXPECT_EQ(json::parse(read_file(path)).at("output"), out_);
+  EXPECT_EQ(nlohmann::json::parse(read_file(path)).at("output"), out_);
   EXPECT_EQ(candela({"render", in_, out_, "--json", "/dev/null"}).code, 0);
   EXPECT_EQ(folder_.list(), (std::vector<std::string>{"frame.json", "in.exr", "out.png"}));
 }
@@ -160,7 +158,7 @@ TEST_F(Report, EveryResultSaysWhichPrimariesWereUsedAndWhoSaidSo) {
       std::vector<std::string> with_json = command;
       with_json.insert(with_json.end(), {"--json", "-"});
       const std::string lines = candela(with_json).out;
-      const json first = json::parse(lines.substr(0, lines.find('\n')), nullptr, false);
+      const nlohmann::json first = nlohmann::json::parse(lines.substr(0, lines.find('\n')), nullptr, false);
       ASSERT_TRUE(first.is_object()) << lines;
       EXPECT_EQ(first.at("primaries").at("from"), from);
       EXPECT_EQ(first.at("primaries").at("xy").size(), 8u);
@@ -176,12 +174,12 @@ TEST_F(Report, InfoDescribesFiles) {
                             "compression ZIP", "  primaries  Rec.709\n", "  channels   B G R half\n"}) {
     EXPECT_NE(text.out.find(words), std::string::npos) << words << " is not in\n" << text.out;
   }
-  const json file = candela_json({"info", in_});
+  const nlohmann::json file = candela_json({"info", in_});
   EXPECT_EQ(file.at("file"), in_);
   EXPECT_EQ(file.at("shown"), "R G B");
   EXPECT_EQ(file.at("error"), nullptr);
   EXPECT_EQ(file.at("parts").at(0).at("channels").at(0),
-            json({{"name", "B"}, {"type", "half"}, {"x_sampling", 1}, {"y_sampling", 1}}));
+            nlohmann::json({{"name", "B"}, {"type", "half"}, {"x_sampling", 1}, {"y_sampling", 1}}));
   const Outcome several = candela({"info", in_, folder_.path("missing.exr"), in_});
   EXPECT_EQ(several.code, 1);
   EXPECT_EQ(several.out, text.out + text.out);
@@ -200,7 +198,7 @@ TEST_F(Report, NotesGoToStderrAndIntoTheJson) {
   const Outcome outcome = candela({"render", in_, folder_.path("out.jpg"), "--json", "-"});
   ASSERT_EQ(outcome.code, 0);
   EXPECT_EQ(outcome.err.find("note: alpha dropped"), 0u) << outcome.err;
-  EXPECT_GE(json::parse(outcome.out).at("notes").size(), 1u);
+  EXPECT_GE(nlohmann::json::parse(outcome.out).at("notes").size(), 1u);
   const Outcome transfer = candela({"render", in_, folder_.path("out.exr"), "--transfer", "gamma22"});
   EXPECT_NE(transfer.err.find("note: --transfer changes nothing"), std::string::npos) << transfer.err;
 }
@@ -213,7 +211,7 @@ TEST_F(Report, APathThatIsNotUtf8StillMakesJson) {
 TEST_F(Report, InfoSaysWhatTheServerIs) {
   const Outcome text = candela({"info"});
   ASSERT_EQ(text.code, 0) << text.err;
-  const json info = candela_json({"info"});
+  const nlohmann::json info = candela_json({"info"});
   for (const char* key : {"address", "version", "device", "formats", "output_formats", "curves", "transfers",
                           "tiers", "limits", "pool", "uptime_seconds", "frames_rendered", "settings"}) {
     EXPECT_TRUE(info.contains(key)) << key;
@@ -223,19 +221,19 @@ TEST_F(Report, InfoSaysWhatTheServerIs) {
 }
 
 TEST_F(Report, InfoListsTheSettings) {
-  std::map<std::string, json> settings;
-  const json info = candela_json({"info"});
-  for (const json& setting : info.at("settings")) settings[setting.at("path")] = setting;
-  const json intensity = {{"path", "bloom.intensity"},
-                          {"kind", "number"},
-                          {"flag", "bloom-intensity"},
-                          {"group", "Bloom"},
-                          {"help", "Strength of the bloom; 0 turns it off"},
-                          {"unit", "factor"},
-                          {"default", 0.05},
-                          {"min", 0},
-                          {"max", 10},
-                          {"except", {{{"choice", "kind"}, {"word", "conserve"}, {"max", 1}}}}};
+  std::map<std::string, nlohmann::json> settings;
+  const nlohmann::json info = candela_json({"info"});
+  for (const nlohmann::json& setting : info.at("settings")) settings[setting.at("path")] = setting;
+  const nlohmann::json intensity = {{"path", "bloom.intensity"},
+                                    {"kind", "number"},
+                                    {"flag", "bloom-intensity"},
+                                    {"group", "Bloom"},
+                                    {"help", "Strength of the bloom; 0 turns it off"},
+                                    {"unit", "factor"},
+                                    {"default", 0.05},
+                                    {"min", 0},
+                                    {"max", 10},
+                                    {"except", {{{"choice", "kind"}, {"word", "conserve"}, {"max", 1}}}}};
   EXPECT_EQ(settings["bloom.intensity"], intensity);
   EXPECT_EQ(settings["curve"].at("default"), "aces-hill");
   EXPECT_EQ(settings["transfer"].at("choices")[2].at("word"), "linear");

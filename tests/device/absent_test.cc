@@ -7,27 +7,10 @@
 #include "server/render/plan/metering.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
-
-constexpr v1::Metering::Statistic kStatistics[] = {v1::Metering::STATISTIC_LOG_AVERAGE,
-                                                   v1::Metering::STATISTIC_PERCENTILE};
-constexpr v1::Metering::Weights kWeights[] = {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER,
-                                              v1::Metering::WEIGHTS_SPOT};
-
-v1::Settings settings_of(v1::Metering::Statistic statistic, v1::Metering::Weights weights,
-                         float ignore_below = 0) {
-  v1::Settings settings;
-  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
-  metering.set_statistic(statistic);
-  metering.set_weights(weights);
-  metering.set_ignore_below(ignore_below);
-  metering.mutable_spot()->set_x1(40);
-  metering.mutable_spot()->set_y1(5000);
-  settings.mutable_bloom()->set_intensity(0);
-  return settings;
-}
 
 // A disc with a soft edge in the middle of nothing.
 scenes::TexelFunction disc(uint32_t width, uint32_t height) {
@@ -82,7 +65,7 @@ TEST_F(Absent, MetersWhatTheReferenceMeters) {
     for (const auto statistic : kStatistics) {
       for (const auto weights : kWeights) {
         for (const float limit : {0.0f, 0.05f}) {
-          expect_as_reference(frame, settings_of(statistic, weights, limit));
+          expect_as_reference(frame, metering_settings(statistic, weights, limit));
         }
       }
     }
@@ -107,16 +90,17 @@ TEST_F(Absent, IsDecidedOnTheWireAfterTheScrub) {
       const WireFrame frame = make_frame(5, 3, format, [&](uint32_t x, uint32_t y) -> Texel {
         return x == 3 && y == 1 ? c.texel : Texel{1, 1, 1, 1};
       });
-      const FrameStats stats = report(frame, settings_of(kStatistics[0], kWeights[0])).stats;
+      const FrameStats stats = report(frame, metering_settings(kStatistics[0], kWeights[0])).stats;
       EXPECT_EQ(stats.absent_pixels, c.absent ? 1u : 0u) << c.texel[0] << " " << c.texel[3];
       EXPECT_EQ(stats.metered_weight, c.absent ? 14u : 15u) << c.texel[0] << " " << c.texel[3];
-      expect_as_reference(frame, settings_of(kStatistics[0], kWeights[0]));
+      expect_as_reference(frame, metering_settings(kStatistics[0], kWeights[0]));
     }
   }
   // Floats that round to nothing are something.
   for (const Texel& texel : {Texel{1e-30f, 0, 0, 0}, Texel{0, 0, 0, 1e-30f}, Texel{1e-44f, 0, 0, 0}}) {
     const WireFrame frame = flat(5, 3, texel, v1::PIXEL_FORMAT_RGBA32F);
-    EXPECT_EQ(report(frame, settings_of(kStatistics[0], kWeights[0])).stats.absent_pixels, 0u) << texel[0];
+    EXPECT_EQ(report(frame, metering_settings(kStatistics[0], kWeights[0])).stats.absent_pixels, 0u)
+        << texel[0];
   }
 }
 
@@ -136,7 +120,7 @@ TEST_F(Absent, AnObjectOnNothingMetersAsTheObjectAlone) {
                                           return inside ? object(x - left, y - top) : Texel{0, 0, 0, 0};
                                         });
     for (const auto statistic : kStatistics) {
-      const v1::Settings settings = settings_of(statistic, v1::Metering::WEIGHTS_AVERAGE);
+      const v1::Settings settings = metering_settings(statistic, v1::Metering::WEIGHTS_AVERAGE);
       const FrameReport a = report(alone, settings), b = report(placed, settings);
       EXPECT_EQ(a.stats.mean_log2_luminance, b.stats.mean_log2_luminance);
       EXPECT_EQ(a.exposure, b.exposure);
@@ -151,7 +135,7 @@ TEST_F(Absent, TheyAreInNoPictureOfTheScene) {
   const WireFrame frame = make_frame(512, 512, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t, uint32_t y) -> Texel {
     return y < 64 ? Texel{0, 0, 0, 0} : Texel{1, 1, 1, 1};
   });
-  const FrameStats stats = report(frame, settings_of(kStatistics[0], kWeights[0])).stats;
+  const FrameStats stats = report(frame, metering_settings(kStatistics[0], kWeights[0])).stats;
   for (size_t cell = 0; cell < stats.print.size(); ++cell) {
     EXPECT_EQ(std::isnan(stats.print[cell]), cell < 8) << cell;
   }
@@ -162,7 +146,7 @@ TEST_F(Absent, AFrameOfNothingKeepsTheExposureBeforeIt) {
   for (const std::string tier : {"standard", "reference"}) {
     for (const auto statistic : kStatistics) {
       for (const auto weights : kWeights) {
-        v1::Settings settings = settings_of(statistic, weights);
+        v1::Settings settings = metering_settings(statistic, weights);
         settings.set_tier(tier);
         const FrameReport first = report(nothing, settings);
         EXPECT_EQ(first.stats.metered_weight, 0u);
@@ -179,14 +163,15 @@ TEST_F(Absent, AFrameOfNothingKeepsTheExposureBeforeIt) {
 // Alphas and magnitudes share a word of the first read.
 TEST_F(Absent, AnIgnoredAlphaHidesNoBadValue) {
   for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
-    for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    for (const float bad :
+         {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
       const auto frame = [&](float alpha) {
         return make_frame(67, 65, format, [=](uint32_t x, uint32_t y) -> Texel {
           const float v = x == 3 && y == 40 ? bad : noise(x, y, 0);
           return {v, noise(x, y, 1), noise(x, y, 2), alpha};
         });
       };
-      v1::Settings settings = settings_of(kStatistics[0], kWeights[0]);
+      v1::Settings settings = metering_settings(kStatistics[0], kWeights[0]);
       settings.set_alpha(v1::ALPHA_IGNORE);
       auto ignored = render(frame(0.5f), settings);
       auto opaque = render(frame(1.0f), settings);
@@ -204,7 +189,7 @@ TEST_F(Absent, AnIgnoredAlphaHidesNoBadValue) {
 TEST_F(Absent, VerifiesInEveryTierAndWithoutRounding) {
   for (const std::string tier : {"draft", "standard", "reference"}) {
     for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
-      v1::Settings settings = settings_of(kStatistics[0], kWeights[0]);
+      v1::Settings settings = metering_settings(kStatistics[0], kWeights[0]);
       settings.set_tier(tier);
       settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
       const FrameReport seen = report(make_frame(131, 67, format, disc(131, 67)), settings, {}, Verify::kYes);

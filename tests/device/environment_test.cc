@@ -29,11 +29,7 @@ class EnvironmentTest : public ::testing::TestWithParam<bool> {
 INSTANTIATE_TEST_SUITE_P(Memory, EnvironmentTest, ::testing::Bool(),
                          [](const auto& staging) { return staging.param ? "Staging" : "Unified"; });
 
-struct Size {
-  uint32_t width;
-  uint32_t height;
-};
-constexpr Size kSizes[] = {{1, 1}, {2, 1}, {3, 2}, {1, 64}, {97, 41}, {512, 256}};
+constexpr Size kPanoramaSizes[] = {{1, 1}, {2, 1}, {3, 2}, {1, 64}, {97, 41}, {512, 256}};
 
 // A picture with negative components.
 WireFrame picture(const Size& size) { return natural(size.width, size.height); }
@@ -59,7 +55,7 @@ std::vector<WireFrame> suns() {
 
 std::vector<WireFrame> panoramas() {
   std::vector<WireFrame> frames = suns();
-  for (const Size& size : kSizes) frames.push_back(picture(size));
+  for (const Size& size : kPanoramaSizes) frames.push_back(picture(size));
   return frames;
 }
 
@@ -81,7 +77,7 @@ void expect_level(const reference::CubeLevel& is, const reference::CubeLevel& sh
 TEST_P(EnvironmentTest, TheStoredPanoramaIsTheIngestedFrameBitForBit) {
   for (const v1::PixelFormat format :
        {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
-    for (const Size& size : kSizes) {
+    for (const Size& size : kPanoramaSizes) {
       for (const auto& matrix : {std::optional<std::array<float, 9>>(), std::optional(kMatrix)}) {
         const WireFrame frame = damaged(size, format);
         reference::BadCounts counts;
@@ -397,8 +393,8 @@ TEST_P(EnvironmentTest, SpecularLevelsOfAPictureAreWithinTheirTiersError) {
   }
 }
 
-// Without `reference`: it is 1.1 % off for 3x2 and 0.35 % for 97x41, because level 0 reads between texels that
-// the twin takes as points.
+// Without `reference`: it is 1.1 % off for 3x2 and 0.35 % for 97x41, because level 0 reads between texels
+// that the twin takes as points.
 TEST_P(EnvironmentTest, SpecularLevelsOfTinyAndOddPanoramasAreWithinTheirTiersError) {
   for (const Size& size : {Size{3, 2}, Size{1, 64}, Size{97, 41}}) {
     for (const Claim& claim : {kClaims[0], kClaims[1]}) {

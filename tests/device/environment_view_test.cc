@@ -153,7 +153,7 @@ View turned_view(double yaw, double pitch, double roll, double fov_deg) {
   return view;
 }
 
-std::vector<WireFrame> panoramas() {
+std::vector<WireFrame> panoramas_to_view() {
   return {natural(1, 1),     natural(2, 1),  natural(3, 2),  natural(97, 41),
           natural(512, 256), natural(1, 64), sun_at(160, 38)};
 }
@@ -163,7 +163,7 @@ std::string name_of(const WireFrame& frame) {
 }
 
 TEST_P(EnvironmentViewTest, TheSkyIsItsTwins) {
-  for (const WireFrame& frame : panoramas()) {
+  for (const WireFrame& frame : panoramas_to_view()) {
     Environment environment = ready(frame);
     for (const double fov_deg : {1.0, 60.0, 170.0}) {
       View view = turned_view(200, -35, 15, fov_deg);
@@ -178,7 +178,7 @@ TEST_P(EnvironmentViewTest, TheSkyIsItsTwins) {
 }
 
 TEST_P(EnvironmentViewTest, LookdevIsItsTwins) {
-  for (const WireFrame& frame : panoramas()) {
+  for (const WireFrame& frame : panoramas_to_view()) {
     Environment environment = ready(frame);
     for (const uint32_t samples : {1u, 4u, 16u}) {
       View view = turned_view(70, 10, 5, 40);
@@ -304,8 +304,8 @@ HardSpheres below() {
 
 TEST_P(EnvironmentViewTest, SpheresThatAreHardToMeetAreTheTwins) {
   Environment environment = ready(natural(256, 128));
-  for (HardSpheres& c : std::vector{behind(), beside(), under_a_pixel(), all_over(0), all_over(0.5),
-                                    overlapping(), below()}) {
+  for (HardSpheres& c :
+       std::vector{behind(), beside(), under_a_pixel(), all_over(0), all_over(0.5), overlapping(), below()}) {
     View sky = c.view;
     sky.objects.clear();
     const Picture without = render(environment, sky, c.width, c.height);

@@ -11,20 +11,15 @@
 namespace candela::testing {
 namespace {
 
-struct Size {
-  uint32_t width;
-  uint32_t height;
-};
-
-constexpr Size kSizes[] = {{1, 1},     {1, 7},     {2, 2},     {3, 5},     {4, 4},      {5, 3},
-                           {17, 31},   {64, 64},   {65, 63},   {67, 67},   {127, 129},  {200, 1},
-                           {333, 517}, {641, 359}, {16384, 1}, {1, 16384}, {1280, 720}, {1919, 1081}};
+constexpr Size kFrameSizes[] = {{1, 1},     {1, 7},     {2, 2},     {3, 5},     {4, 4},      {5, 3},
+                                {17, 31},   {64, 64},   {65, 63},   {67, 67},   {127, 129},  {200, 1},
+                                {333, 517}, {641, 359}, {16384, 1}, {1, 16384}, {1280, 720}, {1919, 1081}};
 
 using FrameError = FrameErrorTest;
 
 TEST_F(FrameError, IsWithinItsBoundAtEverySize) {
   print_header("natural scene, codes against the reference");
-  for (const Size& size : kSizes) {
+  for (const Size& size : kFrameSizes) {
     check(natural(size.width, size.height), {},
           std::to_string(size.width) + "x" + std::to_string(size.height));
   }

@@ -16,14 +16,10 @@ namespace {
 // That of tests/device/stages_test.cc, to which the device is held.
 constexpr double kBloomBound = 4e-6;
 
-struct Size {
-  uint32_t width;
-  uint32_t height;
-};
 // The last three end just behind a strip of a level (server/render/host/bloom_levels.cc).
-constexpr Size kSizes[] = {{1, 1},     {1, 7},    {2, 2},     {3, 5},     {8, 3},      {17, 31},
-                           {64, 64},   {67, 63},  {129, 127}, {333, 517}, {1000, 501}, {1, 1000},
-                           {1091, 70}, {2500, 9}, {1026, 40}, {2050, 30}, {2066, 33}};
+constexpr Size kBloomSizes[] = {{1, 1},     {1, 7},    {2, 2},     {3, 5},     {8, 3},      {17, 31},
+                                {64, 64},   {67, 63},  {129, 127}, {333, 517}, {1000, 501}, {1, 1000},
+                                {1091, 70}, {2500, 9}, {1026, 40}, {2050, 30}, {2066, 33}};
 
 std::string words(const Size& size) { return std::to_string(size.width) + "x" + std::to_string(size.height); }
 
@@ -98,7 +94,7 @@ class HostBloom : public HostTest {
 // did. Level 0 has B_0, which every bloom_up contributed to. So all n together check every level of every
 // pass.
 TEST_F(HostBloom, EveryLevelIsItsTwins) {
-  for (const Size& size : kSizes) {
+  for (const Size& size : kBloomSizes) {
     const WireFrame frame = natural(size.width, size.height);
     const reference::Scene scene = scene_of(frame, {});
     for (bool firefly : {true, false}) {
@@ -124,7 +120,7 @@ TEST_F(HostBloom, EveryLevelIsItsTwins) {
 
 // B_0 of every kind, tier and format, with a matrix and with bad values.
 TEST_F(HostBloom, EveryKindIsItsTwins) {
-  for (const Size& size : kSizes) {
+  for (const Size& size : kBloomSizes) {
     for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
       WireFrame frame = natural(size.width, size.height, format);
       if (format == v1::PIXEL_FORMAT_RGBA32F) {

@@ -16,6 +16,9 @@
 
 namespace candela::testing {
 
+inline constexpr v1::PixelFormat kFormats[] = {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F,
+                                               v1::PIXEL_FORMAT_RGB9E5};
+
 class HostTest : public DeviceTest {
  protected:
   void SetUp() override {

@@ -10,9 +10,6 @@
 namespace candela::testing {
 namespace {
 
-constexpr v1::PixelFormat kFormats[] = {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F,
-                                        v1::PIXEL_FORMAT_RGB9E5};
-
 // What may be in a frame besides light.
 enum Content : uint32_t { kOrdinary, kNegative, kTranslucent, kBad, kEverything, kContents };
 

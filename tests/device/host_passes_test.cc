@@ -31,9 +31,6 @@ struct Kind {
   void (*change)(v1::Settings&);
 };
 
-constexpr v1::PixelFormat kFormats[] = {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F,
-                                        v1::PIXEL_FORMAT_RGB9E5};
-
 // A frame with alpha, absent pixels, and colours outside of Rec.709.
 WireFrame mixed(uint32_t width, uint32_t height, v1::PixelFormat format) {
   return make_frame(width, height, format, [=](uint32_t x, uint32_t y) -> Texel {

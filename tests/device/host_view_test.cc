@@ -10,11 +10,6 @@
 namespace candela::testing {
 namespace {
 
-struct Size {
-  uint32_t width;
-  uint32_t height;
-};
-
 class HostView : public HostTest {
  protected:
   // Null: the device draws.
@@ -77,7 +72,7 @@ std::vector<View> views() {
   return all;
 }
 
-constexpr Size kSizes[] = {{1, 1}, {17, 3}, {66, 35}, {641, 47}};
+constexpr Size kViewSizes[] = {{1, 1}, {17, 3}, {66, 35}, {641, 47}};
 
 class HostViewBits : public HostView {
  protected:
@@ -87,7 +82,7 @@ class HostViewBits : public HostView {
     Environment environment = environment_of(*baker, natural(512, 256));
     std::vector<std::vector<std::byte>> all;
     for (const View& view : views()) {
-      for (const Size size : kSizes) all.push_back(draw(*baker, environment, view, size));
+      for (const Size size : kViewSizes) all.push_back(draw(*baker, environment, view, size));
     }
     return all;
   }

@@ -8,27 +8,10 @@
 #include "server/render/plan/metering.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/settings.h"
 
 namespace candela::testing {
 namespace {
-
-constexpr v1::Metering::Statistic kStatistics[] = {v1::Metering::STATISTIC_LOG_AVERAGE,
-                                                   v1::Metering::STATISTIC_PERCENTILE};
-constexpr v1::Metering::Weights kWeights[] = {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER,
-                                              v1::Metering::WEIGHTS_SPOT};
-
-v1::Settings settings_of(v1::Metering::Statistic statistic, v1::Metering::Weights weights,
-                         float ignore_below) {
-  v1::Settings settings;
-  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
-  metering.set_statistic(statistic);
-  metering.set_weights(weights);
-  metering.set_ignore_below(ignore_below);
-  metering.mutable_spot()->set_x1(40);
-  metering.mutable_spot()->set_y1(5000);
-  settings.mutable_bloom()->set_intensity(0);
-  return settings;
-}
 
 reference::MeterParams params_of(const v1::Settings& settings) {
   const v1::Metering& metering = settings.exposure().metering();
@@ -90,7 +73,7 @@ TEST_F(IgnoreBelow, MetersWhatTheReferenceMeters) {
     for (const auto statistic : kStatistics) {
       for (const auto weights : kWeights) {
         for (const float limit : {1e-4f, 0.05f, 0.2f, 1.0f, 8.0f}) {
-          expect_as_reference(frame, settings_of(statistic, weights, limit));
+          expect_as_reference(frame, metering_settings(statistic, weights, limit));
         }
       }
     }
@@ -109,8 +92,8 @@ TEST_F(IgnoreBelow, DecidesInFloat32) {
       const auto& c = scene.at(x, x / 2);
       const float limit = (0.2126f * c[0] + 0.7152f * c[1]) + 0.0722f * c[2];
       for (const float l : {limit, std::nextafter(limit, 1.0f), std::nextafter(limit, 0.0f)}) {
-        expect_as_reference(frame, settings_of(kStatistics[0], kWeights[0], l));
-        expect_as_reference(frame, settings_of(kStatistics[1], kWeights[1], l));
+        expect_as_reference(frame, metering_settings(kStatistics[0], kWeights[0], l));
+        expect_as_reference(frame, metering_settings(kStatistics[1], kWeights[1], l));
       }
     }
   }
@@ -120,7 +103,7 @@ TEST_F(IgnoreBelow, ATexelAtTheLimitIsMetered) {
   const WireFrame frame = flat(67, 3, {0.5f, 0.25f, 2.0f, 1.0f});
   const float l = (0.2126f * 0.5f + 0.7152f * 0.25f) + 0.0722f * 2.0f;
   const auto weight = [&](float limit) {
-    return report(frame, settings_of(kStatistics[0], kWeights[0], limit)).stats.metered_weight;
+    return report(frame, metering_settings(kStatistics[0], kWeights[0], limit)).stats.metered_weight;
   };
   EXPECT_EQ(weight(l), 67u * 3u);
   EXPECT_EQ(weight(std::nextafter(l, 1.0f)), 0u);
@@ -145,7 +128,7 @@ TEST_F(IgnoreBelow, ALetterboxMetersAsItsPictureAlone) {
        {std::tuple{128u, 128u, 64u}, {131u, 67u, 29u}, {640u, 270u, 45u}}) {
     for (const auto statistic : kStatistics) {
       for (const auto weights : {v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_SPOT}) {
-        v1::Settings settings = settings_of(statistic, weights, 0.005f);
+        v1::Settings settings = metering_settings(statistic, weights, 0.005f);
         const FrameStats alone = report(letterboxed(width, picture, 0), settings).stats;
         const WireFrame boxed = letterboxed(width, picture, bar);
         const FrameStats seen = report(boxed, settings).stats;
@@ -164,7 +147,7 @@ TEST_F(IgnoreBelow, ALetterboxMetersAsItsPictureAlone) {
 
 TEST_F(IgnoreBelow, TheBarsAreInNoPictureOfTheScene) {
   const FrameStats stats =
-      report(letterboxed(512, 384, 64), settings_of(kStatistics[0], kWeights[0], 0.005f)).stats;
+      report(letterboxed(512, 384, 64), metering_settings(kStatistics[0], kWeights[0], 0.005f)).stats;
   for (size_t cell = 0; cell < stats.print.size(); ++cell) {
     EXPECT_EQ(std::isnan(stats.print[cell]), cell < 8 || cell >= 56) << cell;
   }
@@ -180,9 +163,9 @@ TEST_F(IgnoreBelow, BadTexelsAreMeteredAsScrubbed) {
     });
     for (const auto statistic : kStatistics) {
       for (const auto weights : kWeights) {
-        expect_as_reference(frame, settings_of(statistic, weights, 0.02f));
-        const FrameStats seen = report(frame, settings_of(statistic, weights, 0.02f)).stats;
-        const FrameStats whole = report(frame, settings_of(statistic, weights, 0)).stats;
+        expect_as_reference(frame, metering_settings(statistic, weights, 0.02f));
+        const FrameStats seen = report(frame, metering_settings(statistic, weights, 0.02f)).stats;
+        const FrameStats whole = report(frame, metering_settings(statistic, weights, 0)).stats;
         EXPECT_EQ(seen.nan_components, whole.nan_components);
         EXPECT_EQ(seen.infinite_components, whole.infinite_components);
         EXPECT_EQ(seen.negative_components, whole.negative_components);
@@ -198,7 +181,7 @@ TEST_F(IgnoreBelow, AFrameWithNothingMeteredKeepsTheExposureBeforeIt) {
   for (const std::string tier : {"standard", "reference"}) {
     for (const auto statistic : kStatistics) {
       for (const auto weights : kWeights) {
-        v1::Settings settings = settings_of(statistic, weights, 0.01f);
+        v1::Settings settings = metering_settings(statistic, weights, 0.01f);
         settings.set_tier(tier);
         settings.mutable_exposure()->set_compensation_ev(1.0);
         const FrameReport first = report(black, settings);
@@ -221,7 +204,7 @@ TEST_F(IgnoreBelow, ZeroIsNoSetting) {
   const WireFrame frame = natural(131, 67);
   for (const auto statistic : kStatistics) {
     for (const auto weights : kWeights) {
-      v1::Settings zero = settings_of(statistic, weights, 0.0f);
+      v1::Settings zero = metering_settings(statistic, weights, 0.0f);
       v1::Settings absent = zero;
       absent.mutable_exposure()->mutable_metering()->clear_ignore_below();
       const auto a = render(frame, zero);
@@ -252,7 +235,7 @@ TEST_F(IgnoreBelow, BloomTakesLightFromEverywhere) {
 TEST_F(IgnoreBelow, VerifiesAndSaysSo) {
   for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
     for (const auto statistic : kStatistics) {
-      v1::Settings settings = settings_of(statistic, v1::Metering::WEIGHTS_AVERAGE, 0.25f);
+      v1::Settings settings = metering_settings(statistic, v1::Metering::WEIGHTS_AVERAGE, 0.25f);
       settings.set_input_primaries(v1::PRIMARIES_REC2020);
       const FrameReport seen = report(natural(131, 67, format), settings, {}, Verify::kYes);
       ASSERT_TRUE(seen.verification);
@@ -265,7 +248,7 @@ TEST_F(IgnoreBelow, VerifiesAndSaysSo) {
 TEST_F(IgnoreBelow, RefusesWhatIsNoLuminance) {
   const WireFrame frame = flat(4, 4, {1, 1, 1, 1});
   for (const float limit : {-1.0f, 65505.0f, NAN}) {
-    const auto refused = render(frame, settings_of(kStatistics[0], kWeights[0], limit));
+    const auto refused = render(frame, metering_settings(kStatistics[0], kWeights[0], limit));
     EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument);
     EXPECT_NE(refused.status().message().find("exposure.metering.ignore_below"), std::string::npos)
         << refused.status();

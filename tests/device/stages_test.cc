@@ -39,18 +39,14 @@ class Stages : public DeviceTest {
   }
 };
 
-struct Size {
-  uint32_t width;
-  uint32_t height;
-};
-constexpr Size kSizes[] = {{1, 1},   {1, 7},   {2, 2},     {3, 5},     {8, 3},      {17, 31},
-                           {64, 64}, {67, 63}, {129, 127}, {333, 517}, {1000, 501}, {1, 1000}};
+constexpr Size kStageSizes[] = {{1, 1},   {1, 7},   {2, 2},     {3, 5},     {8, 3},      {17, 31},
+                                {64, 64}, {67, 63}, {129, 127}, {333, 517}, {1000, 501}, {1, 1000}};
 
 // With n levels, the coarsest one still has D_{n-1}: bright_pass wrote it if n is 1, otherwise bloom_down
 // did. Level 0 has B_0, which every bloom_up contributed to. So all n together check every level of every
 // pass.
 TEST_F(Stages, EveryBloomLevelIsItsTwins) {
-  for (const Size& size : kSizes) {
+  for (const Size& size : kStageSizes) {
     const WireFrame frame = natural(size.width, size.height);
     reference::BadCounts bad;
     const reference::Scene scene =

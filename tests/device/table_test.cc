@@ -55,11 +55,6 @@ class Table : public DeviceTest {
   }
 };
 
-struct Size {
-  uint32_t width;
-  uint32_t height;
-};
-
 TEST_F(Table, Aces1IsWithinItsPublishedBoundOfOpenColorIO) {
   print_header("aces-1, codes against OpenColorIO");
   for (const Size& size : {Size{1, 1}, Size{3, 5}, Size{67, 67}, Size{333, 517}, Size{641, 359}}) {

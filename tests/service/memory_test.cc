@@ -18,7 +18,7 @@ namespace {
 
 constexpr uint64_t kBudget = uint64_t{256} << 20;
 // Far longer than an upload may stall while others wait, and far longer than any test waits.
-constexpr char kIdleTimeout[] = "60s";
+constexpr char kLongIdleTimeout[] = "60s";
 constexpr absl::Duration kWithinSeconds = absl::Seconds(15);
 
 // Another build of candelad, to see these tests fail on it.
@@ -92,7 +92,7 @@ class Memory : public ::testing::Test {
  protected:
   Memory()
       : daemon_({"--listen", absl::StrCat("127.0.0.1:0,unix:", folder_.path("door")), "--memory-budget",
-                 "256MiB", "--idle-timeout", kIdleTimeout, "--log-level", "info"},
+                 "256MiB", "--idle-timeout", kLongIdleTimeout, "--log-level", "info"},
                 candelad_under_test()),
         address_(first_word(daemon_.wait_until_listening())),
         connection_(own_channel(address_)) {

@@ -9,6 +9,11 @@
 
 namespace candela::testing {
 
+struct Size {
+  uint32_t width;
+  uint32_t height;
+};
+
 inline constexpr v1::ToneCurve kCurves[] = {
     v1::TONE_CURVE_LINEAR,    v1::TONE_CURVE_REINHARD,          v1::TONE_CURVE_ACES_NARKOWICZ,
     v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_REINHARD_EXTENDED, v1::TONE_CURVE_HABLE,

@@ -57,6 +57,25 @@ inline v1::Bloom bloom(v1::Bloom::Kind kind, float intensity, float threshold, f
   return message;
 }
 
+inline constexpr v1::Metering::Statistic kStatistics[] = {v1::Metering::STATISTIC_LOG_AVERAGE,
+                                                          v1::Metering::STATISTIC_PERCENTILE};
+inline constexpr v1::Metering::Weights kWeights[] = {
+    v1::Metering::WEIGHTS_AVERAGE, v1::Metering::WEIGHTS_CENTER, v1::Metering::WEIGHTS_SPOT};
+
+// Without bloom. With WEIGHTS_SPOT, the spot is the rectangle that ends at (40, 5000).
+inline v1::Settings metering_settings(v1::Metering::Statistic statistic, v1::Metering::Weights weights,
+                                      float ignore_below = 0) {
+  v1::Settings message;
+  v1::Metering& metering = *message.mutable_exposure()->mutable_metering();
+  metering.set_statistic(statistic);
+  metering.set_weights(weights);
+  metering.set_ignore_below(ignore_below);
+  metering.mutable_spot()->set_x1(40);
+  metering.mutable_spot()->set_y1(5000);
+  message.mutable_bloom()->set_intensity(0);
+  return message;
+}
+
 inline v1::Adaptation adaptation(v1::Adaptation::Domain domain, double speed_up, double speed_down) {
   v1::Adaptation message;
   message.set_domain(domain);

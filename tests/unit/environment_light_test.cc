@@ -11,10 +11,10 @@ namespace {
 
 using namespace reference;
 
-constexpr uint32_t kSizes[][2] = {{1, 1}, {2, 1}, {3, 2}, {1, 64}, {7, 5}, {32, 16}, {1024, 512}};
+constexpr uint32_t kPanoramaSizes[][2] = {{1, 1}, {2, 1}, {3, 2}, {1, 64}, {7, 5}, {32, 16}, {1024, 512}};
 
 TEST(PanoramaSh, AConstantHasOneCoefficient) {
-  for (const auto& [width, height] : kSizes) {
+  for (const auto& [width, height] : kPanoramaSizes) {
     const Scene scene = panorama_of(width, height, [](const Direction&) { return Rgb{1, 2, 0.5}; });
     const Harmonics irradiance = irradiance_of(panorama_sh(scene));
     EXPECT_NEAR(irradiance[0][0], 2 * std::pow(kPi, 1.5), 1e-12) << width << "x" << height;
@@ -154,7 +154,7 @@ TEST(CubeSpecular, RoughnessRunsFromZeroToOne) {
 }
 
 TEST(CubeSpecular, AConstantStaysThatConstant) {
-  for (const auto& [width, height] : kSizes) {
+  for (const auto& [width, height] : kPanoramaSizes) {
     if (width == 1024) continue;
     const Scene scene = panorama_of(width, height, [](const Direction&) { return Rgb{0.25, 3, 60000}; });
     for (const double roughness : {0.15, 0.5, 1.0}) {

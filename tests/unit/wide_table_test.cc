@@ -16,14 +16,14 @@
 namespace candela {
 namespace {
 
-struct Error {
+struct WideTableError {
   double max = 0.0;
   double p999 = 0.0;
   double mean = 0.0;
 };
 
 // Of a table, for colours in Rec.709.
-Error error_of(const ColorTable& table, const std::vector<testing::Color>& colors) {
+WideTableError error_of(const ColorTable& table, const std::vector<testing::Color>& colors) {
   std::vector<double> codes;
   double sum = 0.0;
   for (const testing::Color& c : colors) {
@@ -58,7 +58,7 @@ TEST(WideTable, IsWithinItsPublishedErrorOfOpenColorIO) {
   sets["AP1 x 256"] = brighter(sets["aces-ap1"]);
   struct Bound {
     uint32_t size;
-    Error error;
+    WideTableError error;
   };
   std::printf("%-5s%-12s %7s %7s %7s  codes against OpenColorIO\n", "size", "colours", "max", "p99.9",
               "mean");
@@ -66,7 +66,7 @@ TEST(WideTable, IsWithinItsPublishedErrorOfOpenColorIO) {
     const auto table = aces_1_wide_table(bound.size);
     ASSERT_TRUE(table.ok()) << table.status();
     for (const auto& [name, colors] : sets) {
-      const Error error = error_of(**table, colors);
+      const WideTableError error = error_of(**table, colors);
       std::printf("%-5u%-12s %7.3f %7.3f %7.4f\n", bound.size, name.c_str(), error.max, error.p999,
                   error.mean);
       const bool bright = name == "AP1 x 256";  // mostly beyond the end of the axes
@@ -89,8 +89,8 @@ TEST(WideTable, ColoursOfRec709AreNoWorseThanInTheirOwnTable) {
                     12.0f);
     colors.push_back(c);
   }
-  const Error own = error_of(**aces_1_table(65), colors);
-  const Error wide = error_of(**aces_1_wide_table(97), colors);
+  const WideTableError own = error_of(**aces_1_table(65), colors);
+  const WideTableError wide = error_of(**aces_1_wide_table(97), colors);
   EXPECT_LE(wide.max, 1.8);
   EXPECT_LE(wide.p999, own.p999);
   EXPECT_LE(wide.mean, own.mean);

@@ -12,23 +12,21 @@
 namespace candela {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr size_t kMaxBytes = size_t{1} << 20;
 
-bool is_within(const Json& value, v1::Range<double> range) {
+bool is_within(const nlohmann::json& value, v1::Range<double> range) {
   return value.is_number() && value.get<double>() >= range.min && value.get<double>() <= range.max;
 }
 
 }  // namespace
 
-absl::StatusOr<Json> read_json(const std::string& path, const std::string& what) {
+absl::StatusOr<nlohmann::json> read_json(const std::string& path, const std::string& what) {
   const absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
   if (!text.ok()) {
     return absl::Status(text.status().code(), absl::StrFormat("%s: cannot read this file of %s: %s", path,
                                                               what, text.status().message()));
   }
-  Json json = Json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  nlohmann::json json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) {
     return absl::InvalidArgumentError(
         absl::StrFormat("%s: it holds no JSON object; `candela view --help` shows a file of %s", path, what));
@@ -52,7 +50,7 @@ void JsonFields::allow(std::initializer_list<const char*> members) {
 }
 
 double JsonFields::number(const char* key, v1::Range<double> range, std::optional<double> absent) {
-  const Json* value = member(key);
+  const nlohmann::json* value = member(key);
   if (value == nullptr && absent) return *absent;
   if (value != nullptr && is_within(*value, range)) return value->get<double>();
   fail(key, "a number, " + format_range(range));
@@ -61,7 +59,7 @@ double JsonFields::number(const char* key, v1::Range<double> range, std::optiona
 
 std::array<double, 3> JsonFields::triple(const char* key, v1::Range<double> range,
                                          std::optional<std::array<double, 3>> absent) {
-  const Json* value = member(key);
+  const nlohmann::json* value = member(key);
   if (value == nullptr && absent) return *absent;
   std::array<double, 3> numbers{};
   bool good = value != nullptr && value->is_array() && value->size() == numbers.size();
@@ -74,15 +72,15 @@ std::array<double, 3> JsonFields::triple(const char* key, v1::Range<double> rang
 }
 
 bool JsonFields::flag(const char* key, bool absent) {
-  const Json* value = member(key);
+  const nlohmann::json* value = member(key);
   if (value == nullptr) return absent;
   if (!value->is_boolean()) fail(key, "true or false");
   return value->is_boolean() && value->get<bool>();
 }
 
-const Json& JsonFields::array(const char* key, size_t least, size_t most) {
-  static const Json kEmpty = Json::array();
-  const Json* value = member(key);
+const nlohmann::json& JsonFields::array(const char* key, size_t least, size_t most) {
+  static const nlohmann::json kEmpty = nlohmann::json::array();
+  const nlohmann::json* value = member(key);
   if (value != nullptr && value->is_array() && value->size() >= least && value->size() <= most) return *value;
   fail(key, absl::StrFormat("an array of %d to %d objects", least, most));
   return kEmpty;
@@ -92,7 +90,7 @@ void JsonFields::fail(const std::string& key, const std::string& wanted) {
   status_.Update(absl::InvalidArgumentError(absl::StrFormat("%s%s is not %s", name_, key, wanted)));
 }
 
-const Json* JsonFields::member(const char* key) const {
+const nlohmann::json* JsonFields::member(const char* key) const {
   return object_.is_object() && object_.contains(key) ? &object_.at(key) : nullptr;
 }
 

@@ -11,8 +11,6 @@
 namespace candela {
 namespace {
 
-bool is_digit(char c) { return absl::ascii_isdigit(static_cast<unsigned char>(c)); }
-
 absl::Status not_one_number(const std::string& path) {
   return usage_error(absl::StrFormat(
       "%s: a pattern has one number, %%d, %%04d or ####, in its file name, and no other %%", path));
@@ -21,7 +19,7 @@ absl::Status not_one_number(const std::string& path) {
 // `at` is the place of the first % in the file's name.
 absl::StatusOr<std::optional<NamePattern>> parse_percent(const std::string& path, size_t at) {
   size_t end = at + 1;
-  while (end < path.size() && is_digit(path[end])) ++end;
+  while (end < path.size() && absl::ascii_isdigit(path[end])) ++end;
   int digits = 0;
   if (end > at + 1 && !absl::SimpleAtoi(path.substr(at + 1, end - at - 1), &digits)) digits = kMostDigits + 1;
   if (end >= path.size() || path[end] != 'd' || digits > kMostDigits ||
@@ -58,7 +56,7 @@ std::optional<uint64_t> number_between(const std::string& text, size_t before, s
   if (text.size() <= before + after) return std::nullopt;
   const std::string digits = text.substr(before, text.size() - before - after);
   uint64_t number = 0;
-  if (digits.size() > kMostDigits || !std::all_of(digits.begin(), digits.end(), is_digit) ||
+  if (digits.size() > kMostDigits || !std::all_of(digits.begin(), digits.end(), absl::ascii_isdigit) ||
       !absl::SimpleAtoi(digits, &number)) {
     return std::nullopt;
   }

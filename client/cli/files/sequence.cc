@@ -18,8 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMostRangesSaid = 8;
 
-bool is_digit(char c) { return absl::ascii_isdigit(static_cast<unsigned char>(c)); }
-
 // The files by their frames' numbers.
 struct Found {
   std::map<uint64_t, std::string> files;
@@ -66,9 +64,10 @@ std::optional<Numbering> common_numbering(const std::vector<std::string>& paths)
   for (const std::string& path : paths) stems.push_back(stem_of(path));
   const std::string& name = stems.front().name;
   for (size_t end = name.size(); end > 0; --end) {
-    if (!is_digit(name[end - 1]) || (end < name.size() && is_digit(name[end]))) continue;
+    if (!absl::ascii_isdigit(name[end - 1]) || (end < name.size() && absl::ascii_isdigit(name[end])))
+      continue;
     size_t begin = end - 1;
-    while (begin > 0 && is_digit(name[begin - 1])) --begin;
+    while (begin > 0 && absl::ascii_isdigit(name[begin - 1])) --begin;
     std::optional<std::vector<uint64_t>> numbers = numbers_between(stems, begin, name.size() - end);
     if (!numbers) continue;
     const std::string& path = paths.front();

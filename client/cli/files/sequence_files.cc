@@ -19,8 +19,6 @@ namespace candela {
 namespace {
 namespace fs = std::filesystem;
 
-bool is_digit(char c) { return absl::ascii_isdigit(static_cast<unsigned char>(c)); }
-
 bool is_image(const fs::path& path) {
   const std::string extension = absl::AsciiStrToLower(path.extension().string());
   return extension == ".exr" || extension == ".hdr" || extension == ".pfm";
@@ -94,7 +92,7 @@ absl::StatusOr<std::optional<NamePattern>> input_pattern(const std::string& inpu
 bool natural_less(const std::string& a, const std::string& b) {
   size_t i = 0, j = 0;
   while (i < a.size() && j < b.size()) {
-    if (!is_digit(a[i]) || !is_digit(b[j])) {
+    if (!absl::ascii_isdigit(a[i]) || !absl::ascii_isdigit(b[j])) {
       if (a[i] != b[j]) return a[i] < b[j];
       ++i, ++j;
       continue;
@@ -102,7 +100,7 @@ bool natural_less(const std::string& a, const std::string& b) {
     const auto number = [](const std::string& text, size_t& at) {
       while (at < text.size() && text[at] == '0') ++at;
       const size_t begin = at;
-      while (at < text.size() && is_digit(text[at])) ++at;
+      while (at < text.size() && absl::ascii_isdigit(text[at])) ++at;
       return text.substr(begin, at - begin);
     };
     const std::string x = number(a, i), y = number(b, j);

@@ -16,7 +16,6 @@
 namespace candela {
 namespace {
 
-constexpr char kServer[] = "Server";
 constexpr char kOption[] = "--server";
 
 // Parses "ADDRESS,ADDRESS,..." of `source` into the first address and the others.

@@ -13,7 +13,6 @@ namespace candela {
 namespace {
 
 constexpr char kSession[] = "Session";
-constexpr char kServer[] = "Server";
 constexpr double kGoodCutEv = 1;
 
 // The value is optional: --detect-cuts, --detect-cuts=0.7, --detect-cuts 0.7.

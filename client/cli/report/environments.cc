@@ -19,8 +19,8 @@ namespace {
 // Ends the wait for a server that never answers.
 constexpr absl::Duration kBakeTimeout = absl::Minutes(30);
 
-constexpr int kBakes = 5, kQuickBakes = 3;  // timed, after a warm-up
-constexpr double kSlowMs = 2000;            // a slower bake is timed once
+constexpr int kTimedBakes = 5, kQuickTimedBakes = 3;  // timed, after a warm-up
+constexpr double kSlowMs = 2000;                      // a slower bake is timed once
 
 // After a bake that took longer, --quick skips the other tiers; the most accurate one takes some ten times as
 // long.
@@ -91,7 +91,7 @@ class EnvironmentWork {
   }
 
   absl::Status time_bakes(const std::string& tier, Json& row) {
-    int warm_up = 1, bakes = plan_.quick ? kQuickBakes : kBakes;
+    int warm_up = 1, bakes = plan_.quick ? kQuickTimedBakes : kTimedBakes;
     std::vector<double> device, call;
     StageTimes stages;
     for (int i = 0; i < warm_up + bakes; ++i) {

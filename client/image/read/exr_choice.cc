@@ -31,10 +31,6 @@ absl::Status nothing_called(const std::string& path, const char* what, const std
                                              printable(name), name_list(names)));
 }
 
-void add_once(std::vector<std::string>& names, const std::string& name) {
-  if (!name.empty() && !absl::c_linear_search(names, name)) names.push_back(name);
-}
-
 // The parts that --part allows.
 absl::StatusOr<std::vector<int>> chosen_parts(const std::string& path, const Imf::MultiPartInputFile& file,
                                               const std::string& choice) {
@@ -165,6 +161,10 @@ absl::Status nothing_to_show(const std::string& path, const Imf::MultiPartInputF
 }
 
 }  // namespace
+
+void add_once(std::vector<std::string>& names, const std::string& name) {
+  if (!name.empty() && !absl::c_linear_search(names, name)) names.push_back(name);
+}
 
 bool is_deep(const Imf::Header& header) { return header.hasType() && Imf::isDeepData(header.type()); }
 

@@ -12,6 +12,9 @@
 
 namespace candela {
 
+// Adds a name that is not empty and not there yet.
+void add_once(std::vector<std::string>& names, const std::string& name);
+
 struct ExrPicture {
   int part = 0;  // counted from 0
   ExrChannels channels;

@@ -48,10 +48,6 @@ ChannelFacts channel_of(const char* name, const Imf::Channel& channel) {
   return {text(name), type, channel.xSampling, channel.ySampling};
 }
 
-void add_once(std::vector<std::string>& names, const std::string& name) {
-  if (!name.empty() && !absl::c_linear_search(names, name)) names.push_back(name);
-}
-
 PartFacts part_of(const Imf::Header& header) {
   PartFacts part{.name = header.hasName() ? text(header.name()) : "",
                  .storage = storage_of(header),

@@ -25,9 +25,6 @@ static_assert(sizeof(shader::GaussianParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::BloomLevelParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
 
-constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
-constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
-
 // A struct of specialisation constants as the words of ids 0, 1, 2 ...
 template <typename T>
 Constants words_of(const T& constants) {

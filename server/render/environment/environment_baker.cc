@@ -24,9 +24,6 @@ constexpr double kDownCost = 2.0;
 constexpr double kShTexelCost = 0.5;
 constexpr double kBrdfCost = 4.0 * shader::BRDF_POLAR_POINTS * shader::BRDF_ROUND_POINTS;
 
-constexpr uint32_t low(VkDeviceAddress address) { return static_cast<uint32_t>(address); }
-constexpr uint32_t high(VkDeviceAddress address) { return static_cast<uint32_t>(address >> 32); }
-
 shader::PanoramaLayout layout_of(const Environment& environment, double rotation_deg) {
   const double turns = rotation_deg / 360 - std::floor(rotation_deg / 360);
   const double texels = turns * environment.width;
