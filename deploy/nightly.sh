@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The tests that take hours, in parts: nightly.sh [PART...]. deploy/test.sh nightly runs it.
 #
+#   files    compiles each source file by itself, to find one that lacks an include
 #   asan     the tests of dev, with the address and undefined-behaviour sanitizers
 #   tsan     the tests of dev, with the thread sanitizer
 #   fuzz     each fuzz target for 30 minutes
@@ -15,10 +16,14 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-all=(asan tsan fuzz soak attacks edge)
+all=(files asan tsan fuzz soak attacks edge)
 results=build/nightly
 commit=$(git rev-parse --short=12 HEAD)
 
+run_files() {
+  deploy/install-packages.sh build run test
+  cmake --preset dev -B build/files -DCMAKE_UNITY_BUILD=OFF -DCMAKE_CXX_FLAGS_DEBUG= && cmake --build build/files
+}
 run_asan() { deploy/test.sh asan; }
 run_tsan() { deploy/test.sh tsan; }
 run_fuzz() { CANDELA_FUZZ_SECONDS=${CANDELA_FUZZ_SECONDS:-1800} deploy/test.sh fuzz; }
