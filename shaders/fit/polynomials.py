@@ -47,6 +47,18 @@ POLYNOMIALS = [
 ]
 
 
+# AgX's base curve with its power, in pieces: file, table, and how the argument is divided into them.
+AGX_OF_HOST, AGX_TABLE = "../server/render/host/agx-inl.h", "kAgxPieces"
+AGX_PIVOT, AGX_PIECES_TO_1, AGX_FIRST = 10 / 16.5, 15, 10
+
+
+def agx_light(x):
+    scale = 0.54146416 if x > AGX_PIVOT else -0.51227738
+    power = 3.25 if x > AGX_PIVOT else 3
+    t = max(0, 2 * (x - AGX_PIVOT) / scale)
+    return max(0, 0.5 + scale * t / (1 + t**power) ** (1 / power)) ** 2.2
+
+
 def float32(value):
     return struct.unpack("f", struct.pack("f", value))[0]
 
@@ -118,6 +130,27 @@ def best_error(truth, interval, degree):
     raise ArithmeticError("the exchange did not settle")
 
 
+def check_pieces():
+    """Whether the comment above AgX's table is right."""
+    text = (SHADERS / AGX_OF_HOST).read_text()
+    begin = text.index(AGX_TABLE + "[")
+    rows = re.findall(r"\{\{([^}]*)\}\}", text[begin : text.index(";", begin)])
+    pieces = list(zip(*[[float32(float(number.strip().rstrip("f"))) for number in row.split(",")] for row in rows]))
+    worst = best = 0
+    for j, coefficients in enumerate(pieces):
+        def x_of(v):
+            return (v + 0.5 + j - AGX_FIRST) / AGX_PIECES_TO_1 + AGX_PIVOT
+        ends = [(x - AGX_PIVOT) * AGX_PIECES_TO_1 + AGX_FIRST - j - 0.5 for x in (max(0, x_of(-0.5)), min(1, x_of(0.5)))]
+        for v in chebyshev_points(ends, 4001):
+            worst = max(worst, abs(sum(c * v**k for k, c in enumerate(coefficients)) - agx_light(x_of(v))))
+        if j > 0:  # the first one is next to 0, and its error far below the others'
+            best = max(best, best_error(lambda v: agx_light(x_of(v)), ends, len(rows) - 1))
+    line = f"fit: {len(pieces)} pieces, degree {len(rows) - 1}, error {worst:.1e}, best {best:.1e}"
+    stated = line in text
+    print(f"{AGX_OF_HOST}: {AGX_TABLE}: {line}{'' if stated else ', but the comment there says otherwise'}")
+    return stated
+
+
 def main():
     failures = 0
     for file, function, argument, total, truth, interval, unit in POLYNOMIALS:
@@ -129,6 +162,7 @@ def main():
         stated = line in comment
         failures += not stated
         print(f"{file}: {function.split()[-1]}: {line}{'' if stated else ', but the comment there says otherwise'}")
+    failures += not check_pieces()
     return failures > 0
 
 

@@ -96,6 +96,19 @@ HWY_INLINE VI truncate_small(VF x) {
 #endif
 }
 
+// table[index % 16], lane by lane. The table is aligned to 64 bytes.
+HWY_INLINE VF look_up(const std::array<float, 16>& table, VU index) {
+#if HWY_TARGET == HWY_AVX3
+  return VF{_mm512_permutexvar_ps(index.raw, _mm512_load_ps(table.data()))};
+#elif HWY_TARGET == HWY_AVX2
+  const __m256 low = _mm256_permutevar8x32_ps(_mm256_load_ps(table.data()), index.raw);
+  const __m256 high = _mm256_permutevar8x32_ps(_mm256_load_ps(table.data() + 8), index.raw);
+  return VF{_mm256_blendv_ps(low, high, _mm256_castsi256_ps(_mm256_slli_epi32(index.raw, 28)))};
+#else
+  return hn::GatherIndex(kFloats, table.data(), hn::BitCast(kInts, hn::And(index, hn::Set(kUints, 15))));
+#endif
+}
+
 // kLanes pixels in lane order.
 struct Pixels {
   VF r, g, b, a;

@@ -1,4 +1,5 @@
-// Stages of resolve from exposed light to display values. All but the full form of sRGB is the shaders' own text.
+// Stages of resolve from exposed light to display values. They are the shaders' own text, except for the full
+// form of sRGB and the shape of AgX.
 #if defined(CANDELA_HOST_LOOK_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef CANDELA_HOST_LOOK_INL_H
 #undef CANDELA_HOST_LOOK_INL_H
@@ -8,6 +9,7 @@
 
 #include <hwy/highway.h>
 
+#include "server/render/host/agx-inl.h"
 #include "server/render/host/chunk-inl.h"
 #include "server/render/host/srgb-inl.h"
 
@@ -52,14 +54,13 @@ template <uint32_t kCurve>
 CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
   const ResolveJob& job = part.job;
   shared::Look<kCurve, shader::TRANSFER_LINEAR, 8> look{job.params, {job.table, job.table_points}};
+  const bool wide = job.constants.wide != 0;  // only then is light negative
   for (uint32_t i = 0; i < part.count; i += kLanes) {
-    const vec3 light = at_least(look.curve_light(chunk.rgb(i)), 0.0);
-    chunk.set_rgb(i, look.curve(light, job.params.curve_white));
+    const vec3 light = look.curve_light(chunk.rgb(i));
+    chunk.set_rgb(i, look.curve(wide ? at_least(light, 0.0) : light, job.params.curve_white));
   }
 }
 
-// The steps of AgX are stages of their own: in one loop, each pixel would wait for a chain of operations that is
-// longer than what the processor looks ahead.
 template <typename Step>
 HWY_INLINE void each_component(const RowPart& part, Chunk& chunk, const Step& step) {
   for (uint32_t i = 0; i < part.count; i += kLanes) {
@@ -68,27 +69,21 @@ HWY_INLINE void each_component(const RowPart& part, Chunk& chunk, const Step& st
   }
 }
 
-using AgxLook = shared::Look<shader::CURVE_AGX, shader::TRANSFER_LINEAR, 8>;
-
+// AgX is two stages: in one loop, each pixel would wait for a chain of operations that is longer than what
+// the processor looks ahead.
 CANDELA_STAGE inline void agx_stops_stage(const RowPart& part, Chunk& chunk) {
-  AgxLook look{part.job.params, {}};
+  shared::Look<shader::CURVE_AGX, shader::TRANSFER_LINEAR, 8> look{part.job.params, {}};
   for (uint32_t i = 0; i < part.count; i += kLanes) {
-    const vec3 inset = at_least(look.curve_light(chunk.rgb(i)), 0.0);
+    const vec3 inset = look.curve_light(chunk.rgb(i));  // agx_stops() cuts what is negative
     chunk.set_rgb(i, {look.agx_stops(inset.r), look.agx_stops(inset.g), look.agx_stops(inset.b)});
   }
 }
-CANDELA_STAGE inline void agx_base_stage(const RowPart& part, Chunk& chunk) {
-  AgxLook look{part.job.params, {}};
-  each_component(part, chunk, [&](F x) HWY_ATTR { return look.agx_base(x); });
-}
-CANDELA_STAGE inline void agx_light_stage(const RowPart& part, Chunk& chunk) {
-  AgxLook look{part.job.params, {}};
-  each_component(part, chunk, [&](F x) HWY_ATTR { return at_most(look.agx_light(x), 1.0); });
+CANDELA_STAGE inline void agx_shape_stage(const RowPart& part, Chunk& chunk) {
+  each_component(part, chunk, [](F x) HWY_ATTR { return agx_shaped(x); });
 }
 inline void show_agx(const RowPart& part, Chunk& chunk) {
   agx_stops_stage(part, chunk);
-  agx_base_stage(part, chunk);
-  agx_light_stage(part, chunk);
+  agx_shape_stage(part, chunk);
 }
 
 template <uint32_t kTransfer, uint32_t kTerms>
@@ -134,7 +129,8 @@ inline void no_stage(const RowPart&, Chunk&) {}
 inline Stage transfer_stage(uint32_t transfer, uint32_t terms) {
   if (transfer == shader::TRANSFER_GAMMA22) return show_transfer<shader::TRANSFER_GAMMA22, 8>;
   if (transfer != shader::TRANSFER_SRGB) return no_stage;
-  // Six terms differ from the exact curve by more than a code of 16 bits, so both executors take the same ones.
+  // Six terms differ from the exact curve by more than a code of 16 bits, so both executors take the same
+  // ones.
   return terms == 6 ? show_transfer<shader::TRANSFER_SRGB, 6> : show_srgb;
 }
 

@@ -20,8 +20,8 @@ class Resolve {
  public:
   explicit Resolve(const ResolveJob& job)
       : job_(job),
-        load_(load_stage(job.constants)),
-        expose_(expose_stage(job.constants)),
+        load_(is_usual(job) ? load_exposed_stage(job.constants) : load_stage(job.constants)),
+        expose_(is_usual(job) ? no_stage : expose_stage(job.constants)),
         curve_(curve_stage(job.constants.curve)),
         transfer_(transfer_stage(job.constants.transfer, job.constants.transfer_terms)),
         write_(write_stage(job.constants.output_format, job.constants.dither != 0)),

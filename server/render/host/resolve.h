@@ -15,6 +15,7 @@ namespace candela::host {
 struct ResolveJob {
   shader::ResolveConstants constants;
   shader::ResolveParams params;
+  bool opaque = false;  // every alpha is 1
   const std::byte* wire = nullptr;
   LevelPlanes level{};              // B_0; none without bloom
   const uint32_t* table = nullptr;  // the colour table's points, as table.glsl reads them

@@ -48,7 +48,7 @@ void run_groups(const ResolveJob& job, const std::vector<Box>& groups, Crew& cre
 
 Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
           const Buffer& output, uint32_t format, Crew& crew) {
-  ResolveJob job = {.constants = step.inputs.constants, .params = step.inputs.params};
+  ResolveJob job = {.constants = step.inputs.constants, .params = step.inputs.params, .opaque = step.opaque};
   job.constants.output_format = format;
   job.wire = textures.input.buffer().mapped();
   job.output = output.mapped();

@@ -33,29 +33,39 @@ HWY_NOINLINE void load_scene(const RowPart& part, Chunk& chunk) {
   if (i < part.count) load(i, PartOfRow<kPixels>(wire, i, part.count).bytes);
 }
 
-// Bloom, background and exposure. The light is cut to where every curve is flat. kSize: frame pixels to a
-// bloom texel along a side; 0 without bloom.
+// How much of the scene is seen beside the bloom, times the exposure.
+HWY_INLINE F scene_factor(const ResolveJob& job) {
+  const shader::ResolveParams& p = job.params;
+  return job.constants.bloom == shader::BLOOM_CONSERVE ? p.scene_scale * p.exposure : p.exposure;
+}
+
+// Pixels i to i + kLanes - 1 of the part with their bloom: exposed light. kSize: frame pixels to a bloom
+// texel along a side; 0 without bloom.
+template <uint32_t kSize>
+HWY_INLINE vec3 exposed(const RowPart& part, uint32_t i, const vec3& c, F scene) {
+  if constexpr (kSize == 0) {
+    return {F(c.r * scene), F(c.g * scene), F(c.b * scene)};
+  } else {
+    const size_t at = i / kSize;
+    return {c.r * scene + F(light_along_x<kSize>(part.light[0] + at - 1)),
+            c.g * scene + F(light_along_x<kSize>(part.light[1] + at - 1)),
+            c.b * scene + F(light_along_x<kSize>(part.light[2] + at - 1))};
+  }
+}
+
+// Bloom, background and exposure. The light is cut to where every curve is flat.
 template <uint32_t kSize>
 HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
   const shader::ResolveConstants& constants = part.job.constants;
   const shader::ResolveParams& p = part.job.params;
-  const F exposure = p.exposure;
-  const F scene = constants.bloom == shader::BLOOM_CONSERVE ? p.scene_scale * p.exposure : p.exposure;
+  const F scene = scene_factor(part.job);
   const F most = shader::MAX_EXPOSED_VALUE;
   const bool wide = constants.wide != 0;  // only then is light negative
   const bool over = constants.alpha == shader::ALPHA_OVER;
   const vec3 background = {F(p.background_r * p.exposure), F(p.background_g * p.exposure),
                            F(p.background_b * p.exposure)};
   for (uint32_t i = 0; i < part.count; i += kLanes) {
-    vec3 c = chunk.rgb(i);
-    if constexpr (kSize == 0) {
-      c = {F(c.r * exposure), F(c.g * exposure), F(c.b * exposure)};
-    } else {
-      const size_t at = i / kSize;
-      c = {c.r * scene + F(light_along_x<kSize>(part.light[0] + at - 1)),
-           c.g * scene + F(light_along_x<kSize>(part.light[1] + at - 1)),
-           c.b * scene + F(light_along_x<kSize>(part.light[2] + at - 1))};
-    }
+    vec3 c = exposed<kSize>(part, i, chunk.rgb(i), scene);
     if (over) {
       const F rest = 1.0 - min(max(chunk.alpha(i), 0.0), 1.0);
       c = {rest * background.r + c.r, rest * background.g + c.g, rest * background.b + c.b};
@@ -65,12 +75,42 @@ HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
   }
 }
 
+// Opaque halves that need neither matrix nor scrub, and light that needs no cut: none is negative, the scene
+// is below 2^16, and bloom is at most ten times that.
+inline bool is_usual(const ResolveJob& job) {
+  const shader::ResolveConstants& c = job.constants;
+  return job.opaque && c.pixels == shader::PIXELS_RGBA16F && c.matrix == 0 && c.scrub == 0 && c.wide == 0 &&
+         job.params.exposure <= 0x1p32f;
+}
+
+// load_scene() and expose() in one loop, for what is_usual(). It leaves alpha as it is.
+template <uint32_t kSize>
+HWY_NOINLINE void load_exposed(const RowPart& part, Chunk& chunk) {
+  constexpr uint32_t kPixels = shader::PIXELS_RGBA16F;
+  constexpr size_t kBytes = texel_bytes(kPixels);
+  const shader::ResolveParams& p = part.job.params;
+  const F scene = scene_factor(part.job);
+  const std::byte* const wire = part.job.wire + (size_t{part.y} * p.frame.input_pitch + part.x) * kBytes;
+  const auto load = [&](uint32_t i, const std::byte* from) HWY_ATTR {
+    const Pixels c = load_pixels<kPixels>(from);
+    chunk.set_rgb(i, exposed<kSize>(part, i, {c.r, c.g, c.b}, scene));
+  };
+  uint32_t i = 0;
+  for (; i + kLanes <= part.count; i += kLanes) load(i, wire + i * kBytes);
+  if (i < part.count) load(i, PartOfRow<kPixels>(wire, i, part.count).bytes);
+}
+
 // Alpha as the curve's stages and the output take it: clamped for straight alpha, 1 where it is not kept.
 HWY_NOINLINE inline void settle_alpha(const RowPart& part, Chunk& chunk) {
   const bool straight = part.job.constants.alpha == shader::ALPHA_STRAIGHT;
   for (uint32_t i = 0; i < part.count; i += kLanes) {
     chunk.set_alpha(i, straight ? min(max(chunk.alpha(i), 0.0), 1.0) : F(1.0));
   }
+}
+
+inline Stage load_exposed_stage(const shader::ResolveConstants& constants) {
+  if (constants.bloom == shader::BLOOM_NONE) return load_exposed<0>;
+  return constants.level_size == 4 ? load_exposed<4> : load_exposed<2>;
 }
 
 inline Stage load_stage(const shader::ResolveConstants& constants) {

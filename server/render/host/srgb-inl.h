@@ -28,19 +28,6 @@ alignas(64) inline constexpr auto kScaledPowers = [] {
   return powers;
 }();
 
-// powers[index % 16], lane by lane.
-HWY_INLINE VF look_up_power(const std::array<float, 16>& powers, VU index) {
-#if HWY_TARGET == HWY_AVX3
-  return VF{_mm512_permutexvar_ps(index.raw, _mm512_load_ps(powers.data()))};
-#elif HWY_TARGET == HWY_AVX2
-  const __m256 low = _mm256_permutevar8x32_ps(_mm256_load_ps(powers.data()), index.raw);
-  const __m256 high = _mm256_permutevar8x32_ps(_mm256_load_ps(powers.data() + 8), index.raw);
-  return VF{_mm256_blendv_ps(low, high, _mm256_castsi256_ps(_mm256_slli_epi32(index.raw, 28)))};
-#else
-  return hn::GatherIndex(kFloats, powers.data(), hn::BitCast(kInts, hn::And(index, hn::Set(kUints, 15))));
-#endif
-}
-
 // m^(1/2.4). Errors are in 8-bit codes of the octave below 1.
 // fit: m in [1, 2], degree 6, error 3.9e-05, best 3.8e-05
 HWY_INLINE F mantissa_power(F m) {
@@ -57,7 +44,7 @@ HWY_INLINE F mantissa_power(F m) {
 HWY_INLINE F srgb(F x) {
   const U bits = glsl::floatBitsToUint(x);
   const F m = glsl::uintBitsToFloat((bits & U(0x007fffffu)) | U(0x3f800000u));
-  const F high = look_up_power(kScaledPowers, (bits >> 23).v) * mantissa_power(m) - 0.055;
+  const F high = look_up(kScaledPowers, (bits >> 23).v) * mantissa_power(m) - 0.055;
   return mix(high, F(12.92 * x), x <= F(0.0031308));
 }
 

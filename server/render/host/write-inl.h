@@ -43,7 +43,7 @@ HWY_INLINE U alpha_code(F alpha, F largest) {
 template <uint32_t kFormat, bool kDither, bool kStream>
 HWY_INLINE void store_texels(const RowPart& part, const Chunk& chunk, uint32_t i, std::byte* to) {
   const vec3 rgb = chunk.rgb(i);
-  const F a = chunk.alpha(i);
+  const F a = part.job.opaque ? F(1.0) : chunk.alpha(i);
   auto* const words = reinterpret_cast<uint32_t*>(to);
   if constexpr (kFormat == shader::OUTPUT_RGBA8) {
     const auto codes = codes_of<kDither>(part, i, rgb, 255.0f);

@@ -253,6 +253,7 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   plan.resolve.inputs.constants =
       resolve_constants(layout, metered, settings, plan.table.get(), matrix.has_value());
   plan.resolve.inputs.params = resolve_params(layout, settings, decisions, bloom, matrix);
+  plan.resolve.opaque = !metered.alpha;
   Cover work = resolve_groups(layout, bloom_reach(layout, plan));
   plan.resolve.bloom_groups = std::move(work.groups);
   plan.resolve.plain_groups = std::move(work.rest);

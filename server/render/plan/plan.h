@@ -77,6 +77,7 @@ inline constexpr uint32_t kResolveGroupRows = shader::RESOLVE_ROWS * shader::RES
 // The last pass, which writes the image. The groups that bloom does not reach run a shader without it.
 struct ResolveStep {
   ShaderInputs<shader::ResolveConstants, shader::ResolveParams> inputs;
+  bool opaque = false;  // every alpha is 1
   std::vector<Box> bloom_groups;
   std::vector<Box> plain_groups;
 };
