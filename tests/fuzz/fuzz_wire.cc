@@ -42,8 +42,6 @@ namespace {
 
 using google::protobuf::io::CodedInputStream;
 
-constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
-
 std::string bytes_of(const grpc::ByteBuffer& buffer) {
   std::vector<grpc::Slice> slices;
   expect(buffer.Dump(&slices).ok(), "a message can be looked at");

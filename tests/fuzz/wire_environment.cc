@@ -20,8 +20,6 @@
 namespace candela {
 namespace {
 
-constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
-
 void check_panorama(const PanoramaStart& start) {
   const FrameDesc& desc = start.layout.desc;
   expect(desc.width >= 1 && desc.width <= v1::kMaxPanoramaWidth, "the panorama's width is within the limits");

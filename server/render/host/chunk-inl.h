@@ -8,6 +8,8 @@
 
 #include <hwy/highway.h>
 
+#include <array>
+
 #include "server/render/host/glsl-inl.h"
 #include "server/render/host/resolve.h"
 
@@ -44,10 +46,12 @@ struct RowPart {
   uint32_t y;
   uint32_t count;
   // The bloom of this row at x and beyond, at the level's width: see LightRow. Null without bloom.
-  const float* light[3];
+  std::array<const float*, 3> light;
 };
 
-// A stage is a loop of its own over a chunk. So curves, transfers and formats need not multiply.
+// A stage is a loop of its own over a chunk. So curves, transfers and formats need not multiply. It copies
+// what it needs of the part before its loop: Highway's stores may alias anything, so the loop would read it
+// each time.
 using Stage = void (*)(const RowPart& part, Chunk& chunk);
 
 }  // namespace candela::host::HWY_NAMESPACE

@@ -55,7 +55,8 @@ CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
   const ResolveJob& job = part.job;
   shared::Look<kCurve, shader::TRANSFER_LINEAR, 8> look{job.params, {job.table, job.table_points}};
   const bool wide = job.constants.wide != 0;  // only then is light negative
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
     const vec3 light = look.curve_light(chunk.rgb(i));
     chunk.set_rgb(i, look.curve(wide ? at_least(light, 0.0) : light, job.params.curve_white));
   }
@@ -63,7 +64,8 @@ CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
 
 template <typename Step>
 HWY_INLINE void each_component(const RowPart& part, Chunk& chunk, const Step& step) {
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
     const vec3 x = chunk.rgb(i);
     chunk.set_rgb(i, {step(x.r), step(x.g), step(x.b)});
   }
@@ -73,7 +75,8 @@ HWY_INLINE void each_component(const RowPart& part, Chunk& chunk, const Step& st
 // the processor looks ahead.
 CANDELA_STAGE inline void agx_stops_stage(const RowPart& part, Chunk& chunk) {
   shared::Look<shader::CURVE_AGX, shader::TRANSFER_LINEAR, 8> look{part.job.params, {}};
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
     const vec3 inset = look.curve_light(chunk.rgb(i));  // agx_stops() cuts what is negative
     chunk.set_rgb(i, {look.agx_stops(inset.r), look.agx_stops(inset.g), look.agx_stops(inset.b)});
   }
@@ -137,7 +140,8 @@ inline Stage transfer_stage(uint32_t transfer, uint32_t terms) {
 // Splits exposed light: `chunk` keeps the object's, divided by alpha, and `own` takes the rest.
 CANDELA_STAGE inline void split_straight(const RowPart& part, Chunk& chunk, Chunk& own) {
   shared::Straight straight;
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
     const auto light = straight.straight_light(chunk.rgb(i), chunk.alpha(i));
     chunk.set_rgb(i, light.object);
     own.set_rgb(i, light.own);
@@ -148,7 +152,8 @@ CANDELA_STAGE inline void split_straight(const RowPart& part, Chunk& chunk, Chun
 CANDELA_STAGE inline void join_straight(const RowPart& part, Chunk& chunk, const Chunk& own,
                                         const Chunk& own_shown, const Chunk& black) {
   shared::Straight straight;
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
     const auto pixel = straight.straight_pixel({vec3(0.0), own.rgb(i)}, chunk.rgb(i), own_shown.rgb(i),
                                                black.rgb(0), chunk.alpha(i));
     chunk.set_rgb(i, pixel.colour);

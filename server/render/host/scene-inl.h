@@ -28,9 +28,10 @@ HWY_NOINLINE void load_scene(const RowPart& part, Chunk& chunk) {
     chunk.set_rgb(i, {c.r, c.g, c.b});
     chunk.set_alpha(i, c.a);
   };
+  const uint32_t count = part.count;
   uint32_t i = 0;
-  for (; i + kLanes <= part.count; i += kLanes) load(i, wire + i * kBytes);
-  if (i < part.count) load(i, PartOfRow<kPixels>(wire, i, part.count).bytes);
+  for (; i + kLanes <= count; i += kLanes) load(i, wire + i * kBytes);
+  if (i < count) load(i, PartOfRow<kPixels>(wire, i, count).bytes);
 }
 
 // How much of the scene is seen beside the bloom, times the exposure.
@@ -39,17 +40,17 @@ HWY_INLINE F scene_factor(const ResolveJob& job) {
   return job.constants.bloom == shader::BLOOM_CONSERVE ? p.scene_scale * p.exposure : p.exposure;
 }
 
-// Pixels i to i + kLanes - 1 of the part with their bloom: exposed light. kSize: frame pixels to a bloom
-// texel along a side; 0 without bloom.
+// Scene pixels `c`, those from i on of a part, times `scene`, with the part's bloom: exposed light. kSize:
+// frame pixels to a bloom texel along a side; 0 without bloom.
 template <uint32_t kSize>
-HWY_INLINE vec3 exposed(const RowPart& part, uint32_t i, const vec3& c, F scene) {
+HWY_INLINE vec3 exposed(const vec3& c, F scene, const std::array<const float*, 3>& light, uint32_t i) {
   if constexpr (kSize == 0) {
     return {F(c.r * scene), F(c.g * scene), F(c.b * scene)};
   } else {
     const size_t at = i / kSize;
-    return {c.r * scene + F(light_along_x<kSize>(part.light[0] + at - 1)),
-            c.g * scene + F(light_along_x<kSize>(part.light[1] + at - 1)),
-            c.b * scene + F(light_along_x<kSize>(part.light[2] + at - 1))};
+    return {c.r * scene + F(light_along_x<kSize>(light[0] + at - 1)),
+            c.g * scene + F(light_along_x<kSize>(light[1] + at - 1)),
+            c.b * scene + F(light_along_x<kSize>(light[2] + at - 1))};
   }
 }
 
@@ -59,13 +60,15 @@ HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
   const shader::ResolveConstants& constants = part.job.constants;
   const shader::ResolveParams& p = part.job.params;
   const F scene = scene_factor(part.job);
+  const std::array<const float*, 3> light = part.light;
   const F most = shader::MAX_EXPOSED_VALUE;
   const bool wide = constants.wide != 0;  // only then is light negative
   const bool over = constants.alpha == shader::ALPHA_OVER;
   const vec3 background = {F(p.background_r * p.exposure), F(p.background_g * p.exposure),
                            F(p.background_b * p.exposure)};
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
-    vec3 c = exposed<kSize>(part, i, chunk.rgb(i), scene);
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
+    vec3 c = exposed<kSize>(chunk.rgb(i), scene, light, i);
     if (over) {
       const F rest = 1.0 - min(max(chunk.alpha(i), 0.0), 1.0);
       c = {rest * background.r + c.r, rest * background.g + c.g, rest * background.b + c.b};
@@ -90,20 +93,23 @@ HWY_NOINLINE void load_exposed(const RowPart& part, Chunk& chunk) {
   constexpr size_t kBytes = texel_bytes(kPixels);
   const shader::ResolveParams& p = part.job.params;
   const F scene = scene_factor(part.job);
+  const std::array<const float*, 3> light = part.light;
   const std::byte* const wire = part.job.wire + (size_t{part.y} * p.frame.input_pitch + part.x) * kBytes;
   const auto load = [&](uint32_t i, const std::byte* from) HWY_ATTR {
     const Pixels c = load_pixels<kPixels>(from);
-    chunk.set_rgb(i, exposed<kSize>(part, i, {c.r, c.g, c.b}, scene));
+    chunk.set_rgb(i, exposed<kSize>({c.r, c.g, c.b}, scene, light, i));
   };
+  const uint32_t count = part.count;
   uint32_t i = 0;
-  for (; i + kLanes <= part.count; i += kLanes) load(i, wire + i * kBytes);
-  if (i < part.count) load(i, PartOfRow<kPixels>(wire, i, part.count).bytes);
+  for (; i + kLanes <= count; i += kLanes) load(i, wire + i * kBytes);
+  if (i < count) load(i, PartOfRow<kPixels>(wire, i, count).bytes);
 }
 
 // Alpha as the curve's stages and the output take it: clamped for straight alpha, 1 where it is not kept.
 HWY_NOINLINE inline void settle_alpha(const RowPart& part, Chunk& chunk) {
   const bool straight = part.job.constants.alpha == shader::ALPHA_STRAIGHT;
-  for (uint32_t i = 0; i < part.count; i += kLanes) {
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) {
     chunk.set_alpha(i, straight ? min(max(chunk.alpha(i), 0.0), 1.0) : F(1.0));
   }
 }

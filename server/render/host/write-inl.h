@@ -41,9 +41,10 @@ HWY_INLINE U alpha_code(F alpha, F largest) {
 
 // Stores kLanes texels of the format.
 template <uint32_t kFormat, bool kDither, bool kStream>
-HWY_INLINE void store_texels(const RowPart& part, const Chunk& chunk, uint32_t i, std::byte* to) {
+HWY_INLINE void store_texels(const RowPart& part, const Chunk& chunk, bool opaque, uint32_t i,
+                             std::byte* to) {
   const vec3 rgb = chunk.rgb(i);
-  const F a = part.job.opaque ? F(1.0) : chunk.alpha(i);
+  const F a = opaque ? F(1.0) : chunk.alpha(i);
   auto* const words = reinterpret_cast<uint32_t*>(to);
   if constexpr (kFormat == shader::OUTPUT_RGBA8) {
     const auto codes = codes_of<kDither>(part, i, rgb, 255.0f);
@@ -77,14 +78,16 @@ HWY_INLINE void store_texels(const RowPart& part, const Chunk& chunk, uint32_t i
 template <uint32_t kFormat, bool kDither, bool kStream>
 HWY_NOINLINE void write_texels(const RowPart& part, const Chunk& chunk, std::byte* to) {
   constexpr size_t kBytes = output_bytes(kFormat);
+  const uint32_t count = part.count;
+  const bool opaque = part.job.opaque;
   uint32_t i = 0;
-  for (; i + kLanes <= part.count; i += kLanes) {
-    store_texels<kFormat, kDither, kStream>(part, chunk, i, to + i * kBytes);
+  for (; i + kLanes <= count; i += kLanes) {
+    store_texels<kFormat, kDither, kStream>(part, chunk, opaque, i, to + i * kBytes);
   }
-  if (i == part.count) return;
+  if (i == count) return;
   alignas(32) std::byte last[kLanes * kBytes];
-  store_texels<kFormat, kDither, false>(part, chunk, i, last);
-  std::memcpy(to + i * kBytes, last, (part.count - i) * kBytes);
+  store_texels<kFormat, kDither, false>(part, chunk, opaque, i, last);
+  std::memcpy(to + i * kBytes, last, (count - i) * kBytes);
 }
 
 template <uint32_t kFormat, bool kDither>
