@@ -5,10 +5,10 @@ import json
 
 PARTS = ("exit", "image", "exposure", "target", "json")
 
-# Not compared: times, what names the machine or the build, and prose.
+# Not compared: times, what names the machine or the build, what other cases left on the server, and prose.
 LEFT_OUT = {"times", "stage_ms", "total_ms", "latency_ms", "mean_latency_ms", "seconds", "frames_per_second",
             "seconds_without_results", "uptime_seconds", "frames_rendered", "sessions", "pool", "device", "driver",
-            "version",
+            "version", "had_it",
             "address", "server", "input", "output", "error", "plan", "tier_reason", "notes", "memory_budget_bytes"}
 LONGEST_LIST = 64
 

@@ -1,5 +1,6 @@
 """The net's procedural inputs: PFM files that are the same on every machine, byte for byte."""
 import array
+import json
 import pathlib
 import subprocess
 import sys
@@ -67,10 +68,23 @@ def hard_scenes() -> dict[str, tuple[int, int, list[float]]]:
 
 SAMPLES = ("1x1", "64x48", "131x67", "2x333")
 LARGE_SAMPLE = "1920x1080"
+PANORAMA, LARGE_PANORAMA = "64x32", "512x256"
+
+
+def many_objects() -> list[dict]:
+    """As many spheres as a view may have, of every material, in front of each other and apart."""
+    return [{"centre": [i % 8 - 3.5, i // 8 - 3.5, -8.0 - i % 5], "radius": 0.25 + (i % 7) / 16,
+             "base_color": [(i % 3) / 2, (i % 5) / 4, (i % 9) / 8], "metallic": (i % 4) / 3,
+             "roughness": (i % 6) / 5, "fixed_to_camera": i % 2 == 0} for i in range(64)]
+
+
+CAMERA_KEYS = [{"time": 0.0, "yaw": 0.0, "pitch": 0.0, "roll": 0.0, "fov": 60.0},
+               {"time": 0.1, "yaw": 70.0, "pitch": 20.0, "roll": -5.0, "fov": 40.0},
+               {"time": 0.25, "yaw": 100.0, "pitch": -30.0, "roll": 0.0, "fov": 90.0}]
 
 
 def make(candela: pathlib.Path, folder: pathlib.Path, small: bool) -> list[str]:
-    """Writes the scenes and the sequences into `folder`. Returns the file names of the scenes only."""
+    """Writes the scenes, the sequences and the panoramas into `folder`. Returns the file names of the scenes only."""
     def sample(*options: str) -> None:
         subprocess.run([candela, "sample", *options, "-q"], check=True, timeout=120)
 
@@ -95,4 +109,13 @@ def make(candela: pathlib.Path, folder: pathlib.Path, small: bool) -> list[str]:
     for i, name in enumerate(["natural", "natural", "letterbox", "letterbox", "firefly", "sample-131x67", "natural",
                               "black"]):
         (cuts / f"{i:04d}.pfm").write_bytes((folder / f"{name}.pfm").read_bytes())
+
+    panoramas = folder / "panoramas"
+    panoramas.mkdir()
+    sample("--panorama", str(panoramas / f"sample-{PANORAMA}.pfm"), "--size", PANORAMA)
+    if not small:
+        sample("--panorama", str(panoramas / f"sample-{LARGE_PANORAMA}.exr"), "--size", LARGE_PANORAMA)
+    write_pfm(panoramas / "noise-61x31.pfm", *natural(61, 31, 13))
+    (panoramas / "objects.json").write_text(json.dumps({"objects": many_objects()}), encoding="utf-8")
+    (panoramas / "keys.json").write_text(json.dumps({"keys": CAMERA_KEYS}), encoding="utf-8")
     return scenes

@@ -106,10 +106,14 @@ class Client:
                 request(band=self.v1.Band(first_row=0, pixels=pixels))]
 
     def render(self, settings, **start) -> Outcome:
+        """A frame of the procedural sequence, or the view that `frame` has in place of pixels."""
         v1, (width, height, pixels) = self.v1, self.frames[8]
-        header = {"width": width, "height": height, "format": v1.PIXEL_FORMAT_RGBA32F} | start.pop("frame", {})
+        header = start.pop("frame", {})
+        bands = [] if "view" in header else [v1.RenderRequest(band=v1.Band(first_row=0, pixels=pixels))]
+        if bands:
+            header = {"width": width, "height": height, "format": v1.PIXEL_FORMAT_RGBA32F} | header
         start = v1.RenderStart(settings=settings, frame=v1.FrameHeader(**header), **start)
-        requests = [v1.RenderRequest(start=start), v1.RenderRequest(band=v1.Band(first_row=0, pixels=pixels))]
+        requests = [v1.RenderRequest(start=start), *bands]
         image, values = b"", {}
         try:
             for response in self.stub.Render(iter(requests), timeout=120):
