@@ -168,11 +168,11 @@ absl::Status BakeEnvironmentCall::take_request() {
 // Counts the bake's textures and its faces on the wire. The baker itself takes the textures.
 absl::Status BakeEnvironmentCall::take_memory() {
   EnvironmentBaker& baker = work_->environment->renderer->baker();
-  const absl::StatusOr<uint64_t> textures =
-      baker.bake_bytes(work_->environment->environment, work_->start.spec);
-  if (!textures.ok()) return textures.status();
+  const absl::StatusOr<uint64_t> bytes =
+      baker.bake_bytes(work_->environment->environment, work_->start.spec, work_->host_memory());
+  if (!bytes.ok()) return bytes.status();
   absl::StatusOr<std::unique_ptr<MemoryClaim>> claim =
-      state_.sessions.memory->claim_frame(client_, *textures + work_->host_memory(), absl::Now());
+      state_.sessions.memory->claim_frame(client_, *bytes, absl::Now());
   if (!claim.ok()) return claim.status();
   work_->claim = *std::move(claim);
   absl::StatusOr<TexturePool::Lease> lease = baker.reserve(work_->host_memory());

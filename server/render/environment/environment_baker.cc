@@ -163,8 +163,8 @@ absl::StatusOr<Harmonics> EnvironmentBaker::radiance(Environment& environment) {
   return *environment.radiance;
 }
 
-absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environment,
-                                                      const BakeSpec& spec) const {
+absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environment, const BakeSpec& spec,
+                                                      uint64_t host_bytes) const {
   const absl::StatusOr<uint32_t> size = size_of(environment, spec);
   if (!size.ok()) return size.status();
   BakeSpec sized = spec;
@@ -181,11 +181,13 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
         "smaller size",
         *size, largest, device_.summary().max_allocation_bytes));
   }
+  bytes += host_bytes;
   if (bytes > pool_.budget_bytes()) {
-    return absl::ResourceExhaustedError(absl::StrFormat(
-        "bake.size %d needs %d bytes of textures and the memory budget is %d; ask for a smaller "
-        "size or raise --memory-budget",
-        *size, bytes, pool_.budget_bytes()));
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("a bake of size %d needs %d bytes and the server's memory budget is %d; ask for a "
+                        "smaller size, for fewer "
+                        "levels, or raise candelad's --memory-budget",
+                        *size, bytes, pool_.budget_bytes()));
   }
   return bytes;
 }

@@ -46,8 +46,10 @@ class EnvironmentBaker {
   // L_lm, which the environment keeps.
   absl::StatusOr<Harmonics> radiance(Environment& environment);
 
-  // The part of the pool's budget that bake() takes. INVALID_ARGUMENT for a bad size. Any thread.
-  absl::StatusOr<uint64_t> bake_bytes(const Environment& environment, const BakeSpec& spec) const;
+  // The part of the pool's budget that bake() takes, and `host_bytes`. INVALID_ARGUMENT for a bad size,
+  // RESOURCE_EXHAUSTED if the whole budget is less. Any thread.
+  absl::StatusOr<uint64_t> bake_bytes(const Environment& environment, const BakeSpec& spec,
+                                      uint64_t host_bytes = 0) const;
   absl::StatusOr<BakedCube> bake(const Environment& environment, const BakeSpec& spec);
 
   // Makes what views read, unless the environment has it in this quality. Views without objects read no
