@@ -168,16 +168,17 @@ absl::Status BakeEnvironmentCall::take_request() {
 // Counts the bake's textures and its faces on the wire. The baker itself takes the textures.
 absl::Status BakeEnvironmentCall::take_memory() {
   EnvironmentBaker& baker = work_->environment->renderer->baker();
+  const uint64_t host_bytes = work_->host_memory();
   const absl::StatusOr<uint64_t> bytes =
-      baker.bake_bytes(work_->environment->environment, work_->start.spec, work_->host_memory());
+      baker.bake_bytes(work_->environment->environment, work_->start.spec, host_bytes);
   if (!bytes.ok()) return bytes.status();
   absl::StatusOr<std::unique_ptr<MemoryClaim>> claim =
       state_.sessions.memory->claim_frame(client_, *bytes, absl::Now());
   if (!claim.ok()) return claim.status();
   work_->claim = *std::move(claim);
-  absl::StatusOr<TexturePool::Lease> lease = baker.reserve(work_->host_memory());
+  absl::StatusOr<TexturePool::Lease> lease = baker.reserve(host_bytes);
   while (absl::IsUnavailable(lease.status()) && state_.environments.free_one()) {
-    lease = baker.reserve(work_->host_memory());
+    lease = baker.reserve(host_bytes);
   }
   if (!lease.ok()) return lease.status();
   work_->host_bytes = *std::move(lease);

@@ -130,6 +130,13 @@ def best_error(truth, interval, degree):
     raise ArithmeticError("the exchange did not settle")
 
 
+def is_stated(name, line, comment):
+    """Prints the line. Whether the comment has it."""
+    stated = line in comment
+    print(f"{name}: {line}{'' if stated else ', but the comment there says otherwise'}")
+    return stated
+
+
 def check_pieces():
     """Whether the comment above AgX's table is right."""
     text = (SHADERS / AGX_OF_HOST).read_text()
@@ -146,9 +153,7 @@ def check_pieces():
         if j > 0:  # the first one is next to 0, and its error far below the others'
             best = max(best, best_error(lambda v: agx_light(x_of(v)), ends, len(rows) - 1))
     line = f"fit: {len(pieces)} pieces, degree {len(rows) - 1}, error {worst:.1e}, best {best:.1e}"
-    stated = line in text
-    print(f"{AGX_OF_HOST}: {AGX_TABLE}: {line}{'' if stated else ', but the comment there says otherwise'}")
-    return stated
+    return is_stated(f"{AGX_OF_HOST}: {AGX_TABLE}", line, text)
 
 
 def main():
@@ -159,9 +164,7 @@ def main():
         best = best_error(truth, interval, degree)
         line = (f"fit: {argument} in [{interval[0]:.6g}, {interval[1]:.6g}], degree {degree}, error {worst:.1e}, "
                 f"best {best:.1e}")
-        stated = line in comment
-        failures += not stated
-        print(f"{file}: {function.split()[-1]}: {line}{'' if stated else ', but the comment there says otherwise'}")
+        failures += not is_stated(f"{file}: {function.split()[-1]}", line, comment)
     failures += not check_pieces()
     return failures > 0
 

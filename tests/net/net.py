@@ -120,16 +120,16 @@ def run_all(folder: pathlib.Path, options, scratch: pathlib.Path, scene_folder: 
     scratch.mkdir()
     programs = Programs(folder, scratch, scene_folder, data)
     try:
-        todo = all_cases(scene_names, data, programs.client, options)
+        chosen = all_cases(scene_names, data, programs.client, options)
         with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
             outcomes = []
-            for outcome in pool.map(programs.run, todo):
+            for outcome in pool.map(programs.run, chosen):
                 outcomes.append(outcome)
                 if len(outcomes) % PROGRESS == 0:
-                    print(f"{len(outcomes)} of {len(todo)} cases of {folder}", file=sys.stderr, flush=True)
+                    print(f"{len(outcomes)} of {len(chosen)} cases of {folder}", file=sys.stderr, flush=True)
         if programs.daemon.poll() is not None:
             raise SystemExit(f"{folder}/candelad ended with {programs.daemon.returncode}")
-        return {case.name: (case, outcome) for case, outcome in zip(todo, outcomes)}
+        return {case.name: (case, outcome) for case, outcome in zip(chosen, outcomes)}
     finally:
         programs.close()
 

@@ -142,14 +142,14 @@ class Client:
 
         `messages` are sent one frame's at a time, as results make room for them.
         """
-        v1, todo = self.v1, queue.Queue()
+        v1, room = self.v1, queue.Queue()
         results, image, values, token = [], b"", None, b""
 
         def requests():
             yield v1.StreamRequest(open=v1.StreamOpen(**opening))
             for message in messages:
                 if message.WhichOneof("part") == "frame":
-                    todo.get()
+                    room.get()
                 yield message
 
         def close_image():
@@ -162,13 +162,13 @@ class Client:
                 part = response.WhichOneof("part")
                 if part == "opened":
                     for _ in range(response.opened.max_frames_in_flight + opening.get("lookahead", 0)):
-                        todo.put(None)
+                        room.put(None)
                 elif part in ("header", "failure"):
                     close_image()
                     image, token = b"", getattr(response, part).resume_token
                     values = (self.header_values(response.header) if part == "header" else
                               {"failure": str(response.failure.code), "token": token_text(token)})
-                    todo.put(None)
+                    room.put(None)
                 elif part in ("band", "encoded"):
                     image += response.band.pixels if part == "band" else response.encoded.data
             close_image()
@@ -178,7 +178,7 @@ class Client:
             return error.code().name, results
         finally:
             for _ in messages:  # so that requests() ends
-                todo.put(None)
+                room.put(None)
 
     def session(self, frames: range, settings, change=None, **opening):
         """A session over the procedural sequence; `change` is (sequence, settings)."""

@@ -13,28 +13,32 @@
 HWY_BEFORE_NAMESPACE();
 namespace candela::host::HWY_NAMESPACE {
 
+// Calls use(i, pixels) for each register of the part's pixels, as they are on the wire.
+template <uint32_t kPixels, typename Use>
+HWY_INLINE void load_each(const RowPart& part, const Use& use) {
+  constexpr size_t kBytes = texel_bytes(kPixels);
+  const size_t first = size_t{part.y} * part.job.params.frame.input_pitch + part.x;
+  const std::byte* const wire = part.job.wire + first * kBytes;
+  const uint32_t count = part.count;
+  uint32_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) use(i, load_pixels<kPixels>(wire + i * kBytes));
+  if (i < count) use(i, load_pixels<kPixels>(PartOfRow<kPixels>(wire, i, count).bytes));
+}
+
 // Scene pixels from those of the wire. kExact: they need neither scrub nor matrix, and are halves already.
 template <uint32_t kPixels, bool kExact>
 HWY_NOINLINE void load_scene(const RowPart& part, Chunk& chunk) {
-  constexpr size_t kBytes = texel_bytes(kPixels);
   const shader::ResolveConstants& constants = part.job.constants;
   const Input input = {part.job.params.frame, kPixels, constants.matrix != 0, constants.scrub != 0};
   const bool wide = constants.wide != 0;
-  const size_t first = size_t{part.y} * input.frame.input_pitch + part.x;
-  const std::byte* const wire = part.job.wire + first * kBytes;
-  const auto load = [&](uint32_t i, const std::byte* from) HWY_ATTR {
-    Pixels c = load_pixels<kPixels>(from);
+  load_each<kPixels>(part, [&](uint32_t i, Pixels c) HWY_ATTR {
     if constexpr (!kExact) c = wide ? ingest_wide(input, c) : ingest(input, c);
     chunk.set_rgb(i, {c.r, c.g, c.b});
     chunk.set_alpha(i, c.a);
-  };
-  const uint32_t count = part.count;
-  uint32_t i = 0;
-  for (; i + kLanes <= count; i += kLanes) load(i, wire + i * kBytes);
-  if (i < count) load(i, PartOfRow<kPixels>(wire, i, count).bytes);
+  });
 }
 
-// How much of the scene is seen beside the bloom, times the exposure.
+// What the scene is multiplied by: the exposure, and with CONSERVE also the part that bloom leaves.
 HWY_INLINE F scene_factor(const ResolveJob& job) {
   const shader::ResolveParams& p = job.params;
   return job.constants.bloom == shader::BLOOM_CONSERVE ? p.scene_scale * p.exposure : p.exposure;
@@ -89,20 +93,11 @@ inline bool is_usual(const ResolveJob& job) {
 // load_scene() and expose() in one loop, for what is_usual(). It leaves alpha as it is.
 template <uint32_t kSize>
 HWY_NOINLINE void load_exposed(const RowPart& part, Chunk& chunk) {
-  constexpr uint32_t kPixels = shader::PIXELS_RGBA16F;
-  constexpr size_t kBytes = texel_bytes(kPixels);
-  const shader::ResolveParams& p = part.job.params;
   const F scene = scene_factor(part.job);
   const std::array<const float*, 3> light = part.light;
-  const std::byte* const wire = part.job.wire + (size_t{part.y} * p.frame.input_pitch + part.x) * kBytes;
-  const auto load = [&](uint32_t i, const std::byte* from) HWY_ATTR {
-    const Pixels c = load_pixels<kPixels>(from);
+  load_each<shader::PIXELS_RGBA16F>(part, [&](uint32_t i, const Pixels& c) HWY_ATTR {
     chunk.set_rgb(i, exposed<kSize>({c.r, c.g, c.b}, scene, light, i));
-  };
-  const uint32_t count = part.count;
-  uint32_t i = 0;
-  for (; i + kLanes <= count; i += kLanes) load(i, wire + i * kBytes);
-  if (i < count) load(i, PartOfRow<kPixels>(wire, i, count).bytes);
+  });
 }
 
 // Alpha as the curve's stages and the output take it: clamped for straight alpha, 1 where it is not kept.
