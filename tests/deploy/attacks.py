@@ -153,6 +153,22 @@ def unread_pings() -> dict:
     return unread(PINGS)
 
 
+def pings_after_the_end() -> dict:
+    """Pings a few at a time, until nginx ends the connections because they carry nothing else. Then a flood, which must not keep
+    nginx reading."""
+    end, sent, kept = time.monotonic() + SECONDS, 0, [connect() for _ in range(4)]
+    while time.monotonic() < end:
+        for one in kept:
+            with contextlib.suppress(OSError):
+                one.socket.setblocking(one.ended is None)
+                sent += one.socket.send(PINGS[:17 * 100] if one.ended is None else PINGS)
+        time.sleep(0.0002 if any(one.ended is None for one in kept) else 0)
+    for one in kept:
+        one.close()
+    did = {"connections": len(kept), "mib": sent >> 20, "ends": [one.ended for one in kept]}
+    return did | let_through(sent > 200 << 20, "a flood after the end of its connections")
+
+
 def unread_settings() -> dict:
     return unread(frame(SETTINGS, 0, 0) * 1000)
 
@@ -385,7 +401,7 @@ def readers_without_a_window_on_one_connection() -> dict:
 
 ATTACKS = {attack.__name__: attack for attack in (
     rapid_reset, rapid_reset_of_sessions, rapid_reset_by_the_server, endless_continuation, endless_field, hpack_bomb,
-    large_headers, ping_flood, unread_pings, settings_flood, unread_settings, window_flips, window_overflow, empty_data_flood,
+    large_headers, ping_flood, unread_pings, pings_after_the_end, settings_flood, unread_settings, window_flips, window_overflow, empty_data_flood,
     settings_changes, priority_flood, goaway_flood, unknown_frames, frames_out_of_place, other_protocols, odd_requests,
     half_headers, silent_connections, open_calls, readers_without_a_window, readers_without_a_window_on_one_connection)}
 # What the front does not withstand: nginx has no limit of connections. These run only by name.
