@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/embedded_server.h"
+#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/options.h"
 #include "client/cli/options/server_options.h"
@@ -167,6 +168,7 @@ int run(int argc, char** argv) {
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
   const absl::Status status = run_line(argc, argv);
   if (status.ok()) return 0;
+  remove_empty_folders();
   print_error(status);
   return is_usage_error(status) ? kUsage : kFailed;
 }

@@ -36,6 +36,7 @@ absl::Status use_view(const v1::View& message, const EnvironmentUse& held, Servi
 
 absl::Status Admission::expect(Request request) {
   request_ = std::move(request);
+  stages_.clear();
   choice_.reset();
   // The tier that a promise chooses decides what the frame needs.
   if (request_.choose_tier) return absl::OkStatus();
@@ -105,14 +106,17 @@ void Admission::prepare_environment() {
   const EnvironmentUse environment = request_.environment;
   if (environment->preparing.exchange(true)) return proceed_after(kTurnInterval);
   turn_ = {nullptr, [environment](void*) { environment->preparing = false; }};
-  const auto prepare = [environment, turn = turn_, objects = !request_.view.objects.empty()] {
+  const auto stages = std::make_shared<std::vector<StageTime>>();
+  const auto prepare = [environment, turn = turn_, stages, objects = !request_.view.objects.empty()] {
+    const HostStage bake("bake", stages.get());
     absl::Status status =
         environment->renderer->baker().prepare_view(environment->environment, view_quality(), objects);
     if (status.ok()) environment->sky_ready = true;
     if (status.ok() && objects) environment->objects_ready = true;
     return status;
   };
-  work(prepare, [this](const absl::Status& status) {
+  work(prepare, [this, stages](const absl::Status& status) {
+    for (const StageTime& stage : *stages) add_time(stage, &stages_);
     // The environment went with its device.
     if (request_.environment->renderer != rendering_.renderer()) return complete(status);
     if (absl::IsUnavailable(status) && environments_.free_one()) return proceed();
@@ -163,6 +167,7 @@ void Admission::allocate() {
       return environment->renderer->baker().render_view(environment->environment, view, pixels);
     };
   }
+  frame->stages = std::exchange(stages_, {});
   complete(Admitted{std::move(frame), std::move(choice_)});
 }
 

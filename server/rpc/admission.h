@@ -91,6 +91,7 @@ class Admission {
   std::optional<TierChoice> choice_;
   std::optional<Ticket> working_;  // the job that measures the tiers or prepares the environment
   std::shared_ptr<void> turn_;     // held while it does
+  std::vector<StageTime> stages_;  // of the environment's preparation
   absl::Time deadline_;
   std::unique_ptr<grpc::Alarm> alarm_;
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame

@@ -11,7 +11,7 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
   Frame& frame = *job.frame;
   Renderer& renderer = *frame.renderer;
   if (job.work != Work::kDraw) {
-    std::vector<StageTime> stages;
+    std::vector<StageTime> stages = std::exchange(frame.stages, {});
     if (frame.source) {
       const HostStage view("view", &stages);
       if (absl::Status status = frame.source(frame.memory); !status.ok()) return status;

@@ -29,7 +29,8 @@ struct Frame {
   std::optional<Metered> metered = std::nullopt;  // set by kMeter and kRender, used by kDraw
   // Makes the frame's pixels, once, before it is metered. Null: they came from the client.
   std::function<absl::Status(FrameMemory&)> source = nullptr;
-  bool long_source = false;  // the source goes through checkpoint(), and may take longer than a slice
+  bool long_source = false;         // the source goes through checkpoint(), and may take longer than a slice
+  std::vector<StageTime> stages{};  // of the work that was done for this frame before it was submitted
 };
 
 struct RenderedFrame {

@@ -56,7 +56,7 @@ absl::StatusOr<ViewSphere> sphere_from(const v1::Sphere& message) {
                     .metallic = message.metallic(),
                     .roughness = message.roughness(),
                     .fixed_to_camera = message.fixed_to_camera()};
-  if (absl::Status status = check_range("sphere.radius", sphere.radius, 1e-6, v1::kMaxCoordinate);
+  if (absl::Status status = check_range("sphere.radius", sphere.radius, v1::kLeastRadius, v1::kMaxCoordinate);
       !status.ok()) {
     return status;
   }

@@ -161,6 +161,22 @@ TEST_F(Outputs, NothingIsMadeForACommandThatIsRefused) {
   EXPECT_FALSE(std::count(made.begin(), made.end(), "new"));
 }
 
+TEST_F(Outputs, ACommandThatFailsRemovesTheFoldersThatItMade) {
+  write_file(folder_.path("damaged.exr"), "v/1\1");
+  const std::string image = folder_.path("new/deep/out.png");
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"render", folder_.path("damaged.exr"), image},
+        {"view", folder_.path("damaged.exr"), image},
+        {"environment", folder_.path("damaged.exr"), folder_.path("new/deep/")}}) {
+    const std::vector<std::string> before = folder_.list();
+    EXPECT_EQ(candela(arguments).code, 1);
+    EXPECT_EQ(folder_.list(), before);
+  }
+  ASSERT_TRUE(std::filesystem::create_directory(folder_.path("new")));
+  EXPECT_EQ(candela({"render", folder_.path("damaged.exr"), image}).code, 1);
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.path("new")));
+}
+
 TEST_F(Outputs, FieldsOfTheContractAreNamedAsOptions) {
   struct Case {
     std::vector<std::string> arguments;

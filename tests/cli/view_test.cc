@@ -128,6 +128,20 @@ TEST_F(PanoramaView, TheJsonNamesTheEnvironmentAndThePrimariesOfThePanorama) {
   EXPECT_NE(wide.at("environment"), plain.at("environment"));
 }
 
+TEST_F(PanoramaView, WhatViewsAreMadeFromIsAStageOfTheFirstThatNeedsIt) {
+  const ListeningDaemon daemon;
+  const auto bakes = [&](const std::vector<std::string>& options) {
+    std::vector<std::string> words = command("out.png", {"--server", daemon.address()});
+    words.insert(words.end(), options.begin(), options.end());
+    const Json times = candela_json(words).at("stage_ms");
+    return times.contains("bake") && times.at("bake").get<double>() > 0;
+  };
+  EXPECT_TRUE(bakes({}));
+  EXPECT_FALSE(bakes({"--yaw", "90"}));
+  EXPECT_TRUE(bakes({"--objects", "lookdev"}));
+  EXPECT_FALSE(bakes({"--objects", "lookdev"}));
+}
+
 TEST_F(PanoramaView, EveryKindOfOutputIsWritten) {
   picture({"--bits", "16"}, "deep.png");
   EXPECT_EQ(png_facts(folder_.path("deep.png")).bits, 16);

@@ -77,9 +77,11 @@ absl::Status set_size(EnvironmentOptions& options, const std::string& text) {
 void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
   EnvironmentOptions& options = arguments.options;
   add_text(app, kCube, "--size", "N",
-           absl::StrFormat("Side of a face in texels: a power of two, %d .. %d (default: a quarter of the "
-                           "panorama's width, rounded up to a power of two, 16 .. 2048)",
-                           v1::kCubeSize.min, v1::kCubeSize.max),
+           absl::StrFormat(
+               "Side of a face in texels: a power of two, %d .. %d (default: a quarter of the "
+               "panorama's width, rounded up to a power of two, 16 .. 2048); 4096 needs --levels 1 and a "
+               "server whose --memory-budget is at least 3gib",
+               v1::kCubeSize.min, v1::kCubeSize.max),
            [&options](const std::string& text) { return set_size(options, text); });
   add_text(app, kCube, "--levels", "N",
            absl::StrFormat("Number of levels; each is half the size of the one before, and rougher; %s "

@@ -138,7 +138,8 @@ class OneView {
     report_.environment = environment->id();
     bad_values_ = bad_values_note(environment->nan_components(), environment->infinite_components());
     const double put_ms = ms_since(begin);
-    progress_.show("rendering " + options_.output);
+    progress_.show(
+        absl::StrFormat("rendering %s; the first view of a panorama takes longer", options_.output));
     begin = absl::Now();
     FrameView frame = frame_;
     frame.view = scene_.view(environment->id(), 0);

@@ -11,7 +11,7 @@ namespace {
 using Triple = std::array<double, 3>;
 
 constexpr v1::Range<double> kCoordinate{-v1::kMaxCoordinate, v1::kMaxCoordinate};
-constexpr v1::Range<double> kRadius{1e-6, v1::kMaxCoordinate};
+constexpr v1::Range<double> kRadius{v1::kLeastRadius, v1::kMaxCoordinate};
 constexpr v1::Range<double> kUnit{0, 1};
 constexpr Triple kGrey{0.8, 0.8, 0.8};
 

@@ -19,6 +19,12 @@ namespace candela {
 namespace {
 namespace fs = std::filesystem;
 
+// In the order in which they were made. Used by the main thread.
+std::vector<fs::path>& made_folders() {
+  static std::vector<fs::path> folders;
+  return folders;
+}
+
 // Device and inode of a file that exists, else its path.
 using FileId = std::tuple<dev_t, ino_t, std::string>;
 
@@ -80,9 +86,14 @@ absl::Status make_folder_of(const std::string& path) {
 absl::Status make_folder(const std::string& folder) {
   std::error_code failed;
   if (folder.empty() || fs::is_directory(folder, failed)) return absl::OkStatus();
-  fs::create_directories(folder, failed);
+  if (absl::Status status = make_folder_of(folder); !status.ok()) return status;
+  if (fs::create_directory(folder, failed)) made_folders().push_back(fs::absolute(folder));
   if (failed) return cannot_write(folder, failed.value());
   return fs::is_directory(folder, failed) ? absl::OkStatus() : cannot_write(folder, ENOTDIR);
+}
+
+void remove_empty_folders() {
+  for (; !made_folders().empty(); made_folders().pop_back()) rmdir(made_folders().back().c_str());
 }
 
 }  // namespace candela

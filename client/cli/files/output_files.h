@@ -30,4 +30,7 @@ absl::Status make_folder_of(const std::string& path);
 // The same for a folder itself.
 absl::Status make_folder(const std::string& folder);
 
+// Removes the folders that this process made and that are empty, for a command that failed.
+void remove_empty_folders();
+
 }  // namespace candela

@@ -89,7 +89,7 @@ const Row kRows[] = {
     {{"--bits"},
      [](const Request& r) { return r.kind != OutputKind::kPng; },
      "changes nothing: only .png files have a choice of bits"},
-    {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key", "--token-file", "--resume"},
+    {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key", "--token-file"},
      [](const Request& r) { return r.servers.empty(); },
      "changes nothing: the server is built into this process; --server names another"},
     {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key"},

@@ -42,7 +42,8 @@ inline constexpr Range<double> kFovDeg{1.0, 170.0};
 inline constexpr double kDefaultFovDeg = 60.0;
 inline constexpr Range<double> kRotationDeg{-360.0, 360.0};
 inline constexpr Range<double> kCameraAngleDeg{-360000.0, 360000.0};
-inline constexpr double kMaxCoordinate = 1e6;   // of a camera or a sphere, and its radius
+inline constexpr double kMaxCoordinate = 1e6;  // of a camera or a sphere, and its radius
+inline constexpr double kLeastRadius = 1e-6;
 inline constexpr double kUnitTolerance = 1e-3;  // of a quaternion's length
 inline constexpr uint32_t kDefaultViewSamples = 4;
 inline constexpr Range<uint32_t> kCubeSize{16, 4096};  // a power of two

@@ -177,8 +177,8 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
   }
   if (largest > device_.summary().max_allocation_bytes) {
     return absl::ResourceExhaustedError(absl::StrFormat(
-        "bake.size %d needs a texture of %d bytes and this device allocates at most %d at once; ask for a "
-        "smaller size",
+        "a bake of size %d needs a texture of %d bytes and this device allocates at most %d at once; ask for "
+        "a smaller size or for fewer levels",
         *size, largest, device_.summary().max_allocation_bytes));
   }
   bytes += host_bytes;

@@ -18,8 +18,9 @@ absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits) {
   // This divides because the product may not fit into 64 bits.
   if (desc.row_bytes() > limits.max_frame_bytes / desc.height) {
     return absl::ResourceExhaustedError(absl::StrFormat(
-        "frame is %d bytes (%dx%d %s) and this server takes at most %d; send half floats or fewer pixels",
-        desc.bytes(), desc.width, desc.height, v1::word_of(desc.format), limits.max_frame_bytes));
+        "frame is %d bytes (%dx%d %s) and this server takes at most %d; send %sfewer pixels", desc.bytes(),
+        desc.width, desc.height, v1::word_of(desc.format), limits.max_frame_bytes,
+        desc.format == v1::PIXEL_FORMAT_RGBA32F ? "half floats or " : ""));
   }
   return absl::OkStatus();
 }
