@@ -9,7 +9,8 @@
 #   attacks  tests/robustness and every test with the label nightly, on the release build
 #   edge     the attacks on the shipped containers, and the image for GPUs; needs root and podman
 #
-# Without PART it runs the parts that have not passed yet on this commit. A part in which a test was skipped is "incomplete":
+# Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation only:
+# the figures of docs/robustness.md are from these runs. A part in which a test was skipped is "incomplete":
 # asan and tsan need CANDELA_DATA. A part that ran in a tree with uncommitted changes is "uncommitted": two such trees have
 # the same commit, so neither counts as passed. build/nightly keeps each part's result and log; the log holds the figures for
 # docs/robustness.md. CANDELA_FUZZ_SECONDS and CANDELA_SOAK_SECONDS shorten a part.
@@ -52,7 +53,12 @@ is_commit() { [ "$(git rev-parse --short=12 HEAD)" = "$commit" ] && [ -z "$(git 
 
 # "VERDICT COMMIT DATE SECONDS s" of a part, or nothing. VERDICT is passed, failed, incomplete or uncommitted.
 result() { cat "$results/$1.txt" 2>/dev/null || true; }
-passed() { is_commit && [[ $(result "$1") == "passed $commit "* ]]; }
+
+passed() {
+  local verdict on rest
+  read -r verdict on rest <<<"$(result "$1")"
+  [ "$verdict" = passed ] && is_commit && git diff --quiet "$on" "$commit" -- . ':(exclude)docs' ':(exclude)*.md' 2>/dev/null
+}
 
 run_part() {
   local part=$1 start=$SECONDS verdict=failed tree=uncommitted
