@@ -4,6 +4,7 @@
 #   files    compiles each source file by itself, to find one that lacks an include
 #   asan     the tests of dev, with the address and undefined-behaviour sanitizers
 #   tsan     the tests of dev, with the thread sanitizer
+#   device   the tests of dev, with the device's passes in place of the host's
 #   fuzz     each fuzz target for 30 minutes
 #   soak     20 minutes of mixed traffic with faults
 #   attacks  tests/robustness and every test with the label nightly, on the release build
@@ -17,7 +18,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-all=(files asan tsan fuzz soak attacks edge)
+all=(files asan tsan device fuzz soak attacks edge)
 results=build/nightly
 commit=$(git rev-parse --short=12 HEAD)
 
@@ -27,6 +28,10 @@ run_files() {
 }
 run_asan() { deploy/test.sh asan; }
 run_tsan() { deploy/test.sh tsan; }
+run_device() {
+  build_with_tests release
+  CANDELA_PASSES=device CANDELA_TEST_PASSES=device ctest --preset release --parallel "$(($(nproc) + 1))"
+}
 run_fuzz() { CANDELA_FUZZ_SECONDS=${CANDELA_FUZZ_SECONDS:-1800} deploy/test.sh fuzz; }
 run_soak() {
   build_with_tests release

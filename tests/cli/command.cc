@@ -6,9 +6,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <set>
 #include <thread>
 
 #include "tests/support/process.h"
@@ -38,11 +40,21 @@ bool drain(int output, int error, Outcome& outcome) {
   return true;
 }
 
+// The built-in server's passes are those that CANDELA_TEST_PASSES names.
+std::vector<std::string> with_passes(std::vector<std::string> arguments) {
+  const char* passes = std::getenv("CANDELA_TEST_PASSES");
+  const auto says = [&arguments](const char* word) { return std::ranges::count(arguments, word) > 0; };
+  if (passes == nullptr || arguments.empty() || says("--passes") || says("--server")) return arguments;
+  const std::set<std::string> rendering = {"render", "stream", "meter", "view", "environment"};
+  if (rendering.contains(arguments.front())) arguments.insert(arguments.end(), {"--passes", passes});
+  return arguments;
+}
+
 Outcome run(const std::vector<std::string>& arguments, int signal, int ms,
             const std::string& program = CANDELA_PROGRAM) {
   Pipe output, error;
   Outcome outcome;
-  const pid_t pid = spawn(program, arguments, output.ends[1], error.ends[1]);
+  const pid_t pid = spawn(program, with_passes(arguments), output.ends[1], error.ends[1]);
   close(output.ends[1]);
   close(error.ends[1]);
   if (signal != 0 && pid > 0) {

@@ -1,11 +1,11 @@
 #include "tests/support/device_fixture.h"
 
-#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <utility>
 
 #include "tests/support/driver.h"
+#include "tests/support/passes.h"
 
 namespace candela::testing {
 
@@ -22,11 +22,6 @@ struct Shared {
 Shared& shared() {
   static Shared instance;
   return instance;
-}
-
-Passes passes_of_environment() {
-  const char* word = std::getenv("CANDELA_TEST_PASSES");
-  return word == nullptr ? Passes::kAuto : parse_passes(word).value();
 }
 
 }  // namespace

@@ -10,8 +10,7 @@
 
 namespace candela::testing {
 
-// The device, pool and renderers are made once. If CANDELA_TEST_PASSES is device or host, that one makes the
-// passes; otherwise the renderer chooses.
+// The device, pool and renderers are made once. The passes are those of passes_of_environment().
 class DeviceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite();
