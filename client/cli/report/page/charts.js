@@ -127,7 +127,8 @@ function drawGroup(root, costs, {x, errorAt, color}) {
   for (const cost of costs) {
     const {p10, median, p90} = cost.ms, y = errorAt(cost);
     root.append(line(x.at(p10), y, x.at(p90), y, {stroke: color, "stroke-width": 1.4}),
-      marker(tierIndex(cost.tier), x.at(median), y, color));
+      marker(tierIndex(cost.tier), x.at(median), y, color),
+      label(x.at(median), y - 9, cost.tier, {fill: color, "font-size": 10, "text-anchor": "middle"}));
   }
 }
 
