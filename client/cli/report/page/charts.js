@@ -119,16 +119,20 @@ function paretoFront(costs) {
   return order.filter((cost) => cost.error < least && ((least = cost.error), true));
 }
 
-// One group of a trade-off: its points, and the line of its Pareto front.
-function drawGroup(root, costs, {x, errorAt, color}) {
+// One group of a trade-off: its points, and the line of its Pareto front. `labels` are the places of the points' labels so far;
+// one that would overlap another is left out.
+function drawGroup(root, costs, {x, errorAt, color, labels}) {
   const steps = paretoFront(costs).map((cost, k) => k === 0
     ? `M${x.at(cost.ms.median)},${errorAt(cost)}` : `H${x.at(cost.ms.median)}V${errorAt(cost)}`);
   root.append(svg("path", {d: steps.join(""), fill: "none", stroke: color, "stroke-width": 1.6, opacity: 0.75}));
   for (const cost of costs) {
     const {p10, median, p90} = cost.ms, y = errorAt(cost);
     root.append(line(x.at(p10), y, x.at(p90), y, {stroke: color, "stroke-width": 1.4}),
-      marker(tierIndex(cost.tier), x.at(median), y, color),
-      label(x.at(median), y - 9, cost.tier, {fill: color, "font-size": 10, "text-anchor": "middle"}));
+      marker(tierIndex(cost.tier), x.at(median), y, color));
+    const place = {x: x.at(median), y: y - 9};
+    if (labels.some((other) => Math.abs(other.x - place.x) < 50 && Math.abs(other.y - place.y) < 11)) continue;
+    labels.push(place);
+    root.append(label(place.x, place.y, cost.tier, {fill: color, "font-size": 10, "text-anchor": "middle"}));
   }
 }
 
@@ -146,8 +150,9 @@ function drawTradeOff(width, {groups, bound, floor, margin, xTitle, yTitle}) {
   yAxis(area, y, yTitle);
   root.append(line(box.left, y.at(bound.error), box.right, y.at(bound.error), {stroke: "#b00020", "stroke-dasharray": "5 4"}),
     label(box.right, y.at(bound.error) - 5, bound.text, {"text-anchor": "end", fill: "#b00020"}));
+  const labels = [];
   groups.forEach((group, i) => drawGroup(root, group.costs,
-    {x, errorAt: (cost) => y.at(drawn(cost)), color: COLORS[i % COLORS.length]}));
+    {x, errorAt: (cost) => y.at(drawn(cost)), color: COLORS[i % COLORS.length], labels}));
   return root;
 }
 
