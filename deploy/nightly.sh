@@ -30,7 +30,7 @@ run_asan() { deploy/test.sh asan; }
 run_tsan() { deploy/test.sh tsan; }
 run_device() {
   build_with_tests release
-  CANDELA_PASSES=device CANDELA_TEST_PASSES=device ctest --preset release --parallel "$(($(nproc) + 1))"
+  CANDELA_TEST_PASSES=device ctest --preset release --parallel "$(($(nproc) + 1))"
 }
 run_fuzz() { CANDELA_FUZZ_SECONDS=${CANDELA_FUZZ_SECONDS:-1800} deploy/test.sh fuzz; }
 run_soak() {

@@ -20,6 +20,7 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/temporary_path.h"
+#include "proto/candela/v1/end_process.h"
 #include "proto/candela/v1/variables.h"
 
 namespace candela {
@@ -176,4 +177,4 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace candela
 
-int main(int argc, char** argv) { return candela::run(argc, argv); }
+int main(int argc, char** argv) { candela::v1::end_process(candela::run(argc, argv)); }

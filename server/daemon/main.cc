@@ -182,8 +182,7 @@ int serve(const Invocation& invocation) {
   flush_log();
   if (!signals.failed()) return 0;
   // The device may hang, and then neither it nor its driver can be taken down.
-  std::fflush(nullptr);
-  _exit(kFailed);
+  v1::end_process(kFailed);
 }
 
 int run(int argc, char** argv) {
@@ -199,4 +198,4 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace candela
 
-int main(int argc, char** argv) { return candela::run(argc, argv); }
+int main(int argc, char** argv) { candela::v1::end_process(candela::run(argc, argv)); }

@@ -444,7 +444,7 @@ TEST_P(EnvironmentTest, WhatCanNeverFitIsRefusedBeforeMemoryIsTaken) {
   const Environment environment = environment_of(**own, flat(16, 8, {1, 1, 1, 1}));
   const auto cube = (*own)->bake(environment, {.size = 4096, .quality = kDraft});
   ASSERT_EQ(cube.status().code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_NE(cube.status().message().find("bake.size 4096 needs"), std::string::npos) << cube.status();
+  EXPECT_NE(cube.status().message().find("a bake of size 4096 needs"), std::string::npos) << cube.status();
   for (const uint32_t size : {1u, 8u, 24u, 8192u}) {
     const auto bad = (*own)->bake(environment, {.size = size, .quality = kDraft});
     ASSERT_EQ(bad.status().code(), absl::StatusCode::kInvalidArgument) << size;

@@ -27,6 +27,11 @@ SHORT_NOISE_MS, NIGHTLY_NOISE_MS = 200, 40
 FRAME_NS = 40_000_000  # of media time, between the frames of a session
 
 
+def passes_of_environment() -> dict[str, str]:
+    """CANDELA_TEST_PASSES for a candelad, as tests/support/passes.h has it."""
+    return {"CANDELA_PASSES": os.environ["CANDELA_TEST_PASSES"]} if "CANDELA_TEST_PASSES" in os.environ else {}
+
+
 def skip(reason: str) -> None:
     print(f"skipped: {reason}")
     sys.exit(SKIPPED)
@@ -83,7 +88,7 @@ class Daemon:
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                             stderr=stderr if stderr is not None else log,
-                                            env=os.environ | (env or {}), preexec_fn=preexec)
+                                            env=os.environ | passes_of_environment() | (env or {}), preexec_fn=preexec)
         self.pid = self.process.pid
         self.listening = self._wait_until_listening(wait)
 
