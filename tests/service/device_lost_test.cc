@@ -145,7 +145,9 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
     });
     EXPECT_TRUE(lossy.status.ok()) << lossy.status;
     EXPECT_TRUE(lossy.images == whole.images);
-    EXPECT_EQ(lossy.stats.resumes, 3u);
+    // If opening a device takes long, the session notices the two losses in a row as one.
+    EXPECT_GE(lossy.stats.resumes, 2u);
+    EXPECT_LE(lossy.stats.resumes, 3u);
   }
   EXPECT_TRUE(wait_until_idle(Connection(channel)));
   EXPECT_EQ(server->validation_messages(), 0u);
