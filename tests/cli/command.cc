@@ -44,9 +44,10 @@ bool drain(int output, int error, Outcome& outcome) {
 std::vector<std::string> with_passes(std::vector<std::string> arguments) {
   const char* passes = std::getenv("CANDELA_TEST_PASSES");
   const auto says = [&arguments](const char* word) { return std::ranges::count(arguments, word) > 0; };
-  if (passes == nullptr || arguments.empty() || says("--passes") || says("--server")) return arguments;
+  const bool built_in = !says("--server") && std::getenv("CANDELA_SERVER") == nullptr;
+  if (passes == nullptr || arguments.empty() || !built_in || says("--passes")) return arguments;
   const std::set<std::string> rendering = {"render", "stream", "meter", "view", "environment"};
-  if (rendering.contains(arguments.front())) arguments.insert(arguments.end(), {"--passes", passes});
+  if (rendering.contains(arguments.front())) arguments.insert(arguments.begin() + 1, {"--passes", passes});
   return arguments;
 }
 
