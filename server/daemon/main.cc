@@ -15,6 +15,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "proto/candela/v1/end_process.h"
 #include "proto/candela/v1/variables.h"
 #include "server/base/cgroup.h"
 #include "server/base/descriptors.h"
