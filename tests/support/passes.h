@@ -5,7 +5,7 @@
 
 namespace candela::testing {
 
-// What CANDELA_TEST_PASSES says, device or host; otherwise auto.
+// The passes that the variable CANDELA_TEST_PASSES names, device or host. Without it, auto.
 Passes passes_of_environment();
 
 }  // namespace candela::testing
