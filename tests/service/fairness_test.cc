@@ -159,8 +159,9 @@ class SlowReader {
 
 // Rounds with and without the slow session alternate, so that other load on the machine affects both. The
 // control is a session that reads fast: it takes its share of the device, and the same bound must see that.
+// Where the machine's own noise hides the control, a measurement says nothing and is repeated.
 TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
-  constexpr int kRounds = 10, kFrames = 60, kControlFrames = 20;
+  constexpr int kRounds = 10, kFrames = 40, kMeasurements = 4;
   enum Reader { kNone, kSlow, kFast, kReaders };
   const Config config = large_config();
   const std::unique_ptr<Server> server = start_server(config);
@@ -180,43 +181,53 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
     return absl::ToDoubleMilliseconds(absl::Now() - begin);
   };
   for (int i = 0; i < kFrames; ++i) latency_ms();
-  std::vector<double> p99[kReaders], all[kReaders];
-  for (int round = 0; round < kReaders * kRounds; ++round) {
-    const auto kind = static_cast<Reader>(round % kReaders);
+  // The latency that one frame of ten exceeds in a round, in ms.
+  const auto p90_ms = [&](Reader kind, const std::string& session) {
     std::unique_ptr<SlowReader> reader;
     const uint64_t before = frames_rendered(witness);
     if (kind != kNone) {
-      reader = std::make_unique<SlowReader>(address, "reader" + std::to_string(round));
-      ASSERT_TRUE(wait_until(witness, [&](const v1::GetServerInfoResponse& info) {
+      reader = std::make_unique<SlowReader>(address, session);
+      EXPECT_TRUE(wait_until(witness, [&](const v1::GetServerInfoResponse& info) {
         return info.frames_rendered() == before + config.max_frames_in_flight;
       }));
       reader->begin_to_read(kind == kSlow);
     }
-    const int frames = kind == kFast ? kControlFrames : kFrames;
     std::vector<double> latencies;
-    for (int i = 0; i < frames; ++i) latencies.push_back(latency_ms());
+    for (int i = 0; i < kFrames; ++i) latencies.push_back(latency_ms());
     // The result of a slow reader's first frame is still being sent. Until that ends, no other frame of it is
     // rendered.
     const uint64_t others = kind == kSlow ? config.max_frames_in_flight : 0;
     if (kind != kFast) {
-      EXPECT_EQ(frames_rendered(witness) - before, frames + others);
+      EXPECT_EQ(frames_rendered(witness) - before, kFrames + others);
     }
-    p99[kind].push_back(quantile(latencies, 0.99));
-    all[kind].insert(all[kind].end(), latencies.begin(), latencies.end());
     reader.reset();
     // A frame that was being rendered for the reader ends later than its session.
-    ASSERT_TRUE(wait_until(witness, [](const v1::GetServerInfoResponse& info) {
+    EXPECT_TRUE(wait_until(witness, [](const v1::GetServerInfoResponse& info) {
       return info.sessions() == 1 && info.pool().bytes_in_use() == 0;
     }));
+    return quantile(latencies, 0.9);
+  };
+  bool conclusive = false;
+  for (int measurement = 0; !conclusive && measurement < kMeasurements; ++measurement) {
+    std::vector<double> p90[kReaders];
+    for (int round = 0; round < kReaders * kRounds; ++round) {
+      const auto kind = static_cast<Reader>(round % kReaders);
+      p90[kind].push_back(p90_ms(kind, "reader" + std::to_string(measurement) + "-" + std::to_string(round)));
+      ASSERT_FALSE(HasFailure());
+    }
+    const double alone = quantile(p90[kNone], 0.5);
+    const double slow = quantile(p90[kSlow], 0.5);
+    const double fast = quantile(p90[kFast], 0.5);
+    // In addition to the 10 %, allow the variation of the rounds without another session.
+    const double limit = 1.1 * alone + quantile(p90[kNone], 0.9) - quantile(p90[kNone], 0.1);
+    std::cout << "p90, median of " << kRounds << " rounds: " << alone << " ms alone, " << slow
+              << " ms beside a slow reader, " << fast << " ms beside a fast one; limit " << limit << " ms\n";
+    conclusive = fast > limit;
+    if (conclusive) {
+      EXPECT_LE(slow, limit);
+    }
   }
-  std::cout << "p99 of all frames: " << quantile(all[kNone], 0.99) << " ms alone, "
-            << quantile(all[kSlow], 0.99) << " ms beside a slow reader, " << quantile(all[kFast], 0.99)
-            << " ms beside a fast one\n";
-  const double without = quantile(p99[kNone], 0.5);
-  // In addition to the 10 %, allow the variation of the rounds without another session.
-  const double limit = 1.1 * without + quantile(p99[kNone], 0.9) - quantile(p99[kNone], 0.1);
-  EXPECT_LE(quantile(p99[kSlow], 0.5), limit);
-  EXPECT_GT(quantile(p99[kFast], 0.5), limit) << "this bound sees nothing";
+  EXPECT_TRUE(conclusive) << "the bound never saw a session that takes its share";
   client.half_close();
   EXPECT_TRUE(client.finish().ok());
 }
