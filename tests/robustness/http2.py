@@ -31,17 +31,18 @@ def call_headers(*extra: tuple[str, str], path: str = STREAM) -> bytes:
 class Connection:
     """A connection whose answers are read and forgotten, unless `unread`. `address` is HOST:PORT or unix:PATH.
 
-    `wrap` turns the socket into one with TLS. `source` is the IP address that it comes from. `ended` is the reason why the
-    server ended it, or None.
+    `wrap` turns the socket into one with TLS. `source` is the IP address that it comes from. It takes at most `patience`
+    seconds to begin. `ended` is the reason why the server ended it, or None.
     """
 
-    def __init__(self, address: str, settings: bytes = b"", unread: bool = False, wrap=None, source: str = ""):
+    def __init__(self, address: str, settings: bytes = b"", unread: bool = False, wrap=None, source: str = "",
+                 patience: float = 10):
         if address.startswith("unix:"):
             self.socket = socket.socket(socket.AF_UNIX)
             self.socket.connect(address.removeprefix("unix:"))
         else:
             host, port = address.rsplit(":", 1)
-            self.socket = socket.create_connection((host, int(port)), 10, (source, 0) if source else None)
+            self.socket = socket.create_connection((host, int(port)), patience, (source, 0) if source else None)
         if wrap:
             self.socket = wrap(self.socket)
         self.ended: str | None = None
