@@ -2,10 +2,11 @@
 """Attacks on HTTP/2 against the shape that is shipped: nginx before candelad. `edge_test.py SHAPE SECONDS BIN [ATTACK...]`
 
 SHAPE is container (the image, as podman runs it), processes (deploy/candela-front's nginx and candelad, both of this
-machine), firewalled (the same behind deploy/firewall.nft) or direct (candelad alone, which fails: gRPC 1.51 has no defence). Each attack lasts SECONDS. BIN contains candela
-and candelad. The attacker has an address of its own, and a bystander streams small frames meanwhile. Expected:
+machine), firewalled (the same behind deploy/firewall.nft) or direct (candelad alone, which fails: gRPC 1.51 has no defence).
+Each attack lasts SECONDS. BIN contains candela and candelad. The attacker has an address of its own, and a bystander streams
+small frames meanwhile. Expected:
 - the bystander's p99 is within 2 x of its p99 beside one fair neighbour in the same run, plus noise: 40 ms if SECONDS is 30 or
-  more, otherwise 200 ms;
+  more, otherwise 200 ms. One that is beyond is measured once more, because a busy machine delays frames, too;
 - new clients are served meanwhile;
 - no process ends or restarts, and health is good afterwards;
 - what must be refused or ended is (attacks.py says what);
@@ -85,19 +86,35 @@ def healthy(shape) -> bool:
     return attempt(harness.binary("candela"), "health", "--server", shape.address).returncode == 0
 
 
-def check(shape, name: str, seconds: float, control: dict) -> None:
+def check_all_but_latency(shape, name: str, seconds: float) -> dict:
+    """Attacks once. Returns what the bystander says."""
     before = shape.memory_mib()
     did, fared, came, peak = attack(shape, name, seconds)
     report(attack=name, did=did, bystander=fared, newcomers=came, mib_before=round(before), mib_at_most=round(peak))
     expect(did["connections"] > 0, f"{name}: no connection was made, so nothing was attacked")
     expect("wrong" not in did, f"{name}: {did.get('wrong')}")
     expect(not shape.trouble(), f"{name}: {shape.trouble()}")
-    harness.expect_undisturbed(fared, control, name, harness.NIGHTLY_NOISE_MS if seconds >= LONG else harness.SHORT_NOISE_MS)
     expect(came["calls"] > 0 and not came["refused"], f"{name}: new clients are refused: {came}")
     expect(peak < LIMIT_MIB, f"{name}: {peak:.0f} MiB were in use, of {LIMIT_MIB}")
     wait_until(lambda: healthy(shape), f"health is good after {name}", seconds=20)
     wait_until(lambda: shape.memory_mib() < before + KEPT_MIB, f"the memory is back after {name}",
                lambda: f"{before:.0f} MiB before, {shape.memory_mib():.0f} MiB after", 30, 0.5)
+    return fared
+
+
+def beside_fair_neighbour(shape, seconds: float) -> dict:
+    control = harness.beside_fair_neighbour(shape.address, max(seconds, 6))
+    report(beside_fair_neighbour=control)
+    return control
+
+
+def check(shape, name: str, seconds: float, control: dict) -> None:
+    noise_ms = harness.NIGHTLY_NOISE_MS if seconds >= LONG else harness.SHORT_NOISE_MS
+    fared = check_all_but_latency(shape, name, seconds)
+    if fared["p99_ms"] > harness.limit_ms(control, noise_ms):
+        control = beside_fair_neighbour(shape, seconds)
+        fared = check_all_but_latency(shape, name, seconds)
+    harness.expect_undisturbed(fared, control, name, noise_ms)
 
 
 def main() -> None:
@@ -105,8 +122,7 @@ def main() -> None:
     with contextlib.ExitStack() as stack:
         shape = SHAPES[shape_name](stack)
         wait_until(lambda: healthy(shape), "it serves", seconds=60)
-        control = harness.beside_fair_neighbour(shape.address, max(seconds, 6))
-        report(beside_fair_neighbour=control)
+        control = beside_fair_neighbour(shape, seconds)
         start = shape.memory_mib()
         for name in sys.argv[4:] or attacks.ATTACKS:
             check(shape, name, seconds, control)
