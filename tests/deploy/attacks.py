@@ -157,16 +157,17 @@ def unread(chunk: bytes, connections: int = 4) -> dict:
         for number, one in enumerate(kept):
             try:
                 if one is None:
-                    refused += 1
                     one = kept[number] = connect(unread=True, patience=0.02)
                     one.socket.setblocking(False)
-                    refused, begun = refused - 1, begun + 1
+                    begun += 1
                 sent += one.socket.send(chunk)
             except BlockingIOError:
                 pass
             except OSError:
                 if one:
                     one.close()
+                else:
+                    refused += 1
                 kept[number] = None
     for one in filter(None, kept):
         one.close()

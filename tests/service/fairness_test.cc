@@ -159,9 +159,9 @@ class SlowReader {
 
 // Rounds with and without the slow session alternate, so that other load on the machine affects both. The
 // control is a session that reads fast: it takes its share of the device, and the same bound must see that.
-// Where the machine's own noise hides the control, a measurement says nothing and is repeated.
+// If the noise of the machine hides the control, the test measures again.
 TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
-  constexpr int kRounds = 10, kFrames = 40, kMeasurements = 4;
+  constexpr int kRounds = 10, kFrames = 60, kMeasurements = 4;
   enum Reader { kNone, kSlow, kFast, kReaders };
   const Config config = large_config();
   const std::unique_ptr<Server> server = start_server(config);
@@ -181,8 +181,8 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
     return absl::ToDoubleMilliseconds(absl::Now() - begin);
   };
   for (int i = 0; i < kFrames; ++i) latency_ms();
-  // The latency that one frame of ten exceeds in a round, in ms.
-  const auto p90_ms = [&](Reader kind, const std::string& session) {
+  // The p99 of a round, in ms.
+  const auto p99_ms = [&](Reader kind, const std::string& session) {
     std::unique_ptr<SlowReader> reader;
     const uint64_t before = frames_rendered(witness);
     if (kind != kNone) {
@@ -205,22 +205,22 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
     EXPECT_TRUE(wait_until(witness, [](const v1::GetServerInfoResponse& info) {
       return info.sessions() == 1 && info.pool().bytes_in_use() == 0;
     }));
-    return quantile(latencies, 0.9);
+    return quantile(latencies, 0.99);
   };
   bool conclusive = false;
   for (int measurement = 0; !conclusive && measurement < kMeasurements; ++measurement) {
-    std::vector<double> p90[kReaders];
+    std::vector<double> p99[kReaders];
     for (int round = 0; round < kReaders * kRounds; ++round) {
       const auto kind = static_cast<Reader>(round % kReaders);
-      p90[kind].push_back(p90_ms(kind, "reader" + std::to_string(measurement) + "-" + std::to_string(round)));
+      p99[kind].push_back(p99_ms(kind, "reader" + std::to_string(measurement) + "-" + std::to_string(round)));
       ASSERT_FALSE(HasFailure());
     }
-    const double alone = quantile(p90[kNone], 0.5);
-    const double slow = quantile(p90[kSlow], 0.5);
-    const double fast = quantile(p90[kFast], 0.5);
+    const double alone = quantile(p99[kNone], 0.5);
+    const double slow = quantile(p99[kSlow], 0.5);
+    const double fast = quantile(p99[kFast], 0.5);
     // In addition to the 10 %, allow the variation of the rounds without another session.
-    const double limit = 1.1 * alone + quantile(p90[kNone], 0.9) - quantile(p90[kNone], 0.1);
-    std::cout << "p90, median of " << kRounds << " rounds: " << alone << " ms alone, " << slow
+    const double limit = 1.1 * alone + quantile(p99[kNone], 0.9) - quantile(p99[kNone], 0.1);
+    std::cout << "p99, median of " << kRounds << " rounds: " << alone << " ms alone, " << slow
               << " ms beside a slow reader, " << fast << " ms beside a fast one; limit " << limit << " ms\n";
     conclusive = fast > limit;
     if (conclusive) {
