@@ -12,6 +12,8 @@ namespace candela::testing {
 StreamClient::StreamClient(const std::shared_ptr<grpc::Channel>& channel, bool reads, absl::Time deadline)
     : stub_(v1::RenderService::NewStub(channel)) {
   if (deadline != absl::InfiniteFuture()) context_.set_deadline(absl::ToChronoTime(deadline));
+  // gRPC 1.51 may report a connection that is under way as failed (grpc/grpc#35064). Then it connects again.
+  context_.set_wait_for_ready(true);
   stream_ = stub_->Stream(&context_);
   if (!reads) return;
   reader_ = std::thread([this] {
