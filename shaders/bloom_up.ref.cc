@@ -54,10 +54,11 @@ Level bloom(const Scene& scene, const BloomSpec& params, double mean_log2_lumina
     *level_count = 1;
     return gaussian_bloom(scene, params.threshold * std::exp2(mean_log2_luminance));
   }
-  std::vector<Level> levels = {bright_pass(scene, params)};
+  std::vector<Level> levels;
+  levels.push_back(bright_pass(scene, params));
   uint32_t most = params.levels;
   if (params.level_size == 4) {
-    levels = {quarter(levels[0])};
+    levels[0] = quarter(levels[0]);
     most = std::max(most, 2u) - 1;
   }
   // A level has a next one if its short side has more than two texels.
