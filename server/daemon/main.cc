@@ -15,6 +15,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "proto/candela/v1/address_space.h"
 #include "proto/candela/v1/end_process.h"
 #include "proto/candela/v1/variables.h"
 #include "server/base/cgroup.h"
@@ -150,6 +151,9 @@ int serve(const Invocation& invocation) {
   warn_of_unknown_variables();
   raise_descriptor_limit();
   if (absl::Status status = check_descriptor_limit(); !status.ok()) return fail(status, kFailed);
+  if (absl::Status status = v1::check_address_space(v1::server_bytes(), "candelad", ""); !status.ok()) {
+    return fail(status, kFailed);
+  }
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
   send_grpc_messages_to_log();

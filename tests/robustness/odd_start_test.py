@@ -144,8 +144,11 @@ def has_ipv6_loopback() -> bool:
 
 
 def limits() -> None:
-    for mib in (128, 256):
-        ends(f"ulimit -v {mib} MiB", FAILED, "--listen", "127.0.0.1:0", preexec=limit(resource.RLIMIT_AS, mib << 20))
+    for mib in (128, 256, 512, 1024, 1536):
+        ends(f"ulimit -v {mib} MiB", FAILED, "--listen", "127.0.0.1:0", words=f"ulimit -v allows {mib} MiB",
+             preexec=limit(resource.RLIMIT_AS, mib << 20))
+    needed_mib = 1280 + 160 * max(2, os.cpu_count())  # of the message
+    serves("ulimit -v as the message says", preexec=limit(resource.RLIMIT_AS, needed_mib << 20))
     for files_ in (8, 16, 24):
         ends(f"ulimit -n {files_}", FAILED, "--listen", "127.0.0.1:0", preexec=limit(resource.RLIMIT_NOFILE, files_))
     serves("ulimit -n 64", preexec=limit(resource.RLIMIT_NOFILE, 64))

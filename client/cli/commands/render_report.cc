@@ -15,7 +15,7 @@ namespace {
 
 constexpr char kLine[] = "  %-10s %s\n";
 
-std::string exposure_words(const RenderReport& report) {
+std::string metered_exposure_words(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
   const std::string factor =
       absl::StrFormat("%.4g (%+.2f EV)", header.exposure(), std::log2(header.exposure()));
@@ -129,7 +129,7 @@ void add_everything(const RenderReport& report, std::string& text,
   if (!header.tier_reason().empty()) line("", header.tier_reason());
   line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
   line("primaries", words_of(report.primaries));
-  line("exposure", exposure_words(report));
+  line("exposure", metered_exposure_words(report));
   line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");

@@ -4,10 +4,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "client/cli/commands/address_space.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
 #include "client/retry.h"
+#include "proto/candela/v1/address_space.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -30,8 +30,8 @@ absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
 ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tiers)
     : choice_(choice), quiet_(quiet) {
   if (!choice_.address.empty()) return;
-  absl::Status room = check_address_space(built_in_server_bytes(), "the built-in server",
-                                          ", or name a running candelad with --server");
+  absl::Status room = v1::check_address_space(v1::server_bytes(), "the built-in server",
+                                              ", or name a running candelad with --server");
   if (!room.ok()) {
     std::promise<Started> refused;
     refused.set_value(room);
@@ -102,7 +102,8 @@ absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) 
     if (!server.ok()) return server.status();
     return Session::open({(*server)->channel()}, options);
   }
-  if (absl::Status room = check_address_space(session_bytes(), "a session", ""); !room.ok()) return room;
+  if (absl::Status room = v1::check_address_space(v1::session_bytes(), "a session", ""); !room.ok())
+    return room;
   SessionOptions there = options;
   there.security = choice_.security;
   there.servers = addresses();

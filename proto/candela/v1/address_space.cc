@@ -1,4 +1,4 @@
-#include "client/cli/commands/address_space.h"
+#include "proto/candela/v1/address_space.h"
 
 #include <sys/resource.h>
 
@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_format.h"
 
-namespace candela {
+namespace candela::v1 {
 namespace {
 
 constexpr uint64_t kMiB = uint64_t{1} << 20;
@@ -19,7 +19,7 @@ uint64_t for_threads(uint64_t per_processor) {
 
 }  // namespace
 
-uint64_t built_in_server_bytes() { return 1280 * kMiB + for_threads(160 * kMiB); }
+uint64_t server_bytes() { return 1280 * kMiB + for_threads(160 * kMiB); }
 
 uint64_t session_bytes() { return 512 * kMiB + for_threads(96 * kMiB); }
 
@@ -33,4 +33,4 @@ absl::Status check_address_space(uint64_t bytes, const std::string& what, const 
                       bytes / kMiB, limit.rlim_cur / kMiB, way_out));
 }
 
-}  // namespace candela
+}  // namespace candela::v1

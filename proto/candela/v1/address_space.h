@@ -6,11 +6,10 @@
 
 #include "absl/status/status.h"
 
-namespace candela {
+namespace candela::v1 {
 
-// The addresses that the built-in server needs. The threads of the driver and of gRPC reserve far more than
-// they use.
-uint64_t built_in_server_bytes();
+// The addresses that a server needs. The threads of the driver and of gRPC reserve far more than they use.
+uint64_t server_bytes();
 
 // The addresses that a session with a running server needs.
 uint64_t session_bytes();
@@ -19,4 +18,4 @@ uint64_t session_bytes();
 // server". Without this check libraries would end the process when they find no memory.
 absl::Status check_address_space(uint64_t bytes, const std::string& what, const std::string& way_out);
 
-}  // namespace candela
+}  // namespace candela::v1
