@@ -1,6 +1,7 @@
 """candelad's start with odd files, addresses and limits: it starts and serves, or ends at once with one line and its code."""
 import os
 import pathlib
+import re
 import resource
 import socket
 import subprocess
@@ -21,8 +22,8 @@ def limit(what: int, value: int):
     return lambda: resource.setrlimit(what, (value, value))
 
 
-def ends(what: str, code: int, *options: str, words: str = "", preexec=None, env=None) -> None:
-    """It ends with `code` and one line, which holds `words`."""
+def ends(what: str, code: int, *options: str, words: str = "", preexec=None, env=None) -> str:
+    """It ends with `code` and one line, which holds `words`. Returns what it says."""
     begin = time.monotonic()
     try:
         done = subprocess.run([binary("candelad"), *options], capture_output=True, text=True, errors="replace", timeout=20,
@@ -34,6 +35,7 @@ def ends(what: str, code: int, *options: str, words: str = "", preexec=None, env
     report(case=what, code=got, seconds=round(time.monotonic() - begin, 1), words=text.strip()[-150:])
     if got != code or len(own) != 1 or text.count("\n") != 1 or words not in text:
         wrong.append(f"{what}: code {got} and {text[:200]!r}; it must be {code} and one line with {words!r}")
+    return text
 
 
 def serves(what: str, *options: str, preexec=None, env=None, listen: str = "", log_is_null: bool = False) -> None:
@@ -145,9 +147,9 @@ def has_ipv6_loopback() -> bool:
 
 def limits() -> None:
     for mib in (128, 256, 512, 1024, 1536):
-        ends(f"ulimit -v {mib} MiB", FAILED, "--listen", "127.0.0.1:0", words=f"ulimit -v allows {mib} MiB",
-             preexec=limit(resource.RLIMIT_AS, mib << 20))
-    needed_mib = 1280 + 160 * max(2, os.cpu_count())  # of the message
+        said = ends(f"ulimit -v {mib} MiB", FAILED, "--listen", "127.0.0.1:0", words=f"ulimit -v allows {mib} MiB",
+                    preexec=limit(resource.RLIMIT_AS, mib << 20))
+    needed_mib = int(re.search(r"needs (\d+) MiB", said)[1])
     serves("ulimit -v as the message says", preexec=limit(resource.RLIMIT_AS, needed_mib << 20))
     for files_ in (8, 16, 24):
         ends(f"ulimit -n {files_}", FAILED, "--listen", "127.0.0.1:0", preexec=limit(resource.RLIMIT_NOFILE, files_))

@@ -102,8 +102,9 @@ absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) 
     if (!server.ok()) return server.status();
     return Session::open({(*server)->channel()}, options);
   }
-  if (absl::Status room = v1::check_address_space(v1::session_bytes(), "a session", ""); !room.ok())
+  if (absl::Status room = v1::check_address_space(v1::session_bytes(), "a session", ""); !room.ok()) {
     return room;
+  }
   SessionOptions there = options;
   there.security = choice_.security;
   there.servers = addresses();
