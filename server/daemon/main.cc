@@ -162,7 +162,7 @@ int serve(const Invocation& invocation) {
   config.measure_tiers = true;
   if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
 #ifdef CANDELA_HANG_AFTER
-  config.hang_limit = absl::Seconds(5);
+  config.hang_limit = absl::Seconds(15);
 #endif
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
   if (!server.ok()) return fail(server.status(), kFailed);

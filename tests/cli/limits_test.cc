@@ -169,7 +169,12 @@ TEST_F(Limits, ClosedStreamsAreNotWrittenTo) {
 }
 
 TEST_F(Limits, TooFewOpenFilesAreSaidBeforeTheWork) {
-  for (const char* limit : {"-n 5", "-n 6", "-n 10"}) {
+#ifdef CANDELA_SANITIZED  // UBSan checks a pointer with a pipe, which takes two descriptors
+  const std::vector<const char*> limits = {"-n 6", "-n 10"};
+#else
+  const std::vector<const char*> limits = {"-n 5", "-n 6", "-n 10"};
+#endif
+  for (const char* limit : limits) {
     SCOPED_TRACE(limit);
     expect_failure(candela_with_ulimit(limit, {"render", in_, out_, "-q"}),
                    "ulimit -n allows " + std::string(limit + 3) + " open files and candela needs 16");

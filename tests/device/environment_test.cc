@@ -198,7 +198,8 @@ TEST_P(EnvironmentTest, BlackStaysBlackInEveryLevelAndInTheIrradiance) {
       expect_black(cube.chain);
       expect_black(cube.specular);
     }
-    for (const auto& coefficient : *baker().radiance(environment)) {
+    const Harmonics radiance = *baker().radiance(environment);
+    for (const auto& coefficient : radiance) {
       for (const double component : coefficient) EXPECT_EQ(component, 0);
     }
   }
