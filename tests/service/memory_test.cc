@@ -354,15 +354,15 @@ TEST_F(Memory, SixtyFourSessionsThatWaitAreAllAnswered) {
   EXPECT_EQ(answered, 64);
 }
 
-// Renders frames of 320x180 with `calls` at a time, each over a connection of its own, while it exists.
+// Renders frames with `calls` at a time, each over a connection of its own, while it exists.
 class Renders {
  public:
   Renders(const std::string& address, int calls) {
     for (int i = 0; i < calls; ++i) {
       threads_.emplace_back([this, address] {
         const Connection connection(own_channel(address));
-        const WireFrame frame = natural(320, 180);
         // Frames that take the render thread far longer than their pixels take the connection.
+        const WireFrame frame = natural(320 / kSlower, 180 / kSlower);
         v1::Settings settings;
         settings.set_tier("reference");
         while (!stop_) {

@@ -23,7 +23,7 @@ Config test_config() {
   config.max_frames_in_flight = 3;
   config.heartbeat_interval = absl::Hours(1);  // only the tests send frames
   config.heartbeat_limit = absl::Hours(2);
-  config.idle_timeout = absl::Milliseconds(800);
+  config.idle_timeout = absl::Milliseconds(800 * kSlower);
   return config;
 }
 

@@ -17,6 +17,13 @@ namespace candela::testing {
 
 constexpr uint32_t kMaxCalls = 8;
 
+// Frames take some times as long with a sanitizer. So do the timeouts that no frame may reach by itself.
+#ifdef CANDELA_SANITIZED
+constexpr int kSlower = 4;
+#else
+constexpr int kSlower = 1;
+#endif
+
 // A configuration with limits small enough to reach. It listens on a free port of 127.0.0.1.
 Config test_config();
 

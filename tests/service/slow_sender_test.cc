@@ -18,9 +18,9 @@
 namespace candela::testing {
 namespace {
 
-constexpr absl::Duration kIdleTimeout = absl::Milliseconds(500);
+constexpr absl::Duration kIdleTimeout = absl::Milliseconds(500 * kSlower);
 constexpr absl::Duration kBounded =
-    absl::Seconds(15);  // enough for a loaded machine; the limits are far lower
+    absl::Seconds(15 * kSlower);  // enough for a loaded machine; the limits are far lower
 
 Config slow_config() {
   Config config = test_config();
@@ -124,7 +124,7 @@ TEST_P(SlowSender, OfOneByteASecondIsEndedByTheIdleTimeoutAndDisturbsNobody) {
   expect_only_the_bystander_left(bystander);
 }
 
-// Each row arrives in time, but a whole frame would take a quarter of a minute.
+// Each row arrives in time, but a whole frame would take a quarter of a minute, or kSlower times as long.
 TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
   auto bystander = std::make_unique<Bystander>(address_);
   WireCutter wire(address_);
@@ -133,7 +133,7 @@ TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
   ASSERT_TRUE(client.open("slow"));
   ASSERT_TRUE(client.send_header(frame, 0, 0));
   ASSERT_TRUE(wait_until(witness_, [](const auto& info) { return info.sessions() == 2; }));
-  wire.slow_to_server(150);
+  wire.slow_to_server(150 / kSlower);
   const absl::Time begin = absl::Now();
   for (uint32_t y = 0; y < frame.desc.height && client.send_rows(frame, y, 1); ++y) {
   }
