@@ -268,12 +268,7 @@ TEST(Soak, NothingGrowsAndWhoBehavesIsServed) {
 
 // The control of the soak: what it looks for is seen.
 TEST(Soak, ALeakOfEachClientIsSeen) {
-#ifdef CANDELA_SANITIZED  // a third of the clients in the same time, and the sanitizer keeps memory that is
-                          // freed
-  constexpr absl::Duration kTime = absl::Seconds(60);
-#else
-  constexpr absl::Duration kTime = absl::Seconds(20);
-#endif
+  constexpr absl::Duration kTime = absl::Seconds(20 * kSlower);
   const Soak soaked = soak(kTime, /*leaks=*/true);
   EXPECT_EQ(grown(soaked.readings, kTime), (std::vector<std::string>{"memory", "descriptors"}));
 }
