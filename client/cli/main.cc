@@ -50,8 +50,10 @@ absl::Status check_open_files() {
       "ulimit -n allows %d open files and candela needs %d; raise it", limit.rlim_max, kLeastOpenFiles));
 }
 
+// The default action stays off until all files are removed: `timeout`, for one, sends its signal twice.
 void end_by_signal(int signal) {
   TemporaryPath::remove_all();
+  std::signal(signal, SIG_DFL);
   std::raise(signal);
 }
 
@@ -63,7 +65,6 @@ void clean_up_on_signals() {
     if (before.sa_handler == SIG_IGN) continue;
     struct sigaction action {};
     action.sa_handler = end_by_signal;
-    action.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
     sigaction(signal, &action, nullptr);
   }
 }

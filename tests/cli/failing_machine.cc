@@ -1,16 +1,34 @@
-// A library that is preloaded into the command and makes memory or the disk fail, as the environment says.
+// A library that is preloaded into the command and makes memory, the disk or its timing fail, as the
+// environment says.
 //   CANDELA_TEST_MOST_NEW_BYTES=N  operator new throws for more than N bytes
 //   CANDELA_TEST_FSYNC_FAILS=1     fsync fails
+//   CANDELA_TEST_SIGNAL=N          the process gets signal N twice while it makes its first hidden file. Such
+//                                  files are made slowly, and raise() is slow, too
 //   CANDELA_TEST_DISK_BYTES=N      the files that fdopen opens can hold N bytes together
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <csignal>
+#include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <new>
+
+namespace {
+
+constexpr useconds_t kLate = 300'000;  // us
+
+template <typename Function>
+Function* next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+}  // namespace
 
 void* operator new(std::size_t bytes) {
   const char* most = std::getenv("CANDELA_TEST_MOST_NEW_BYTES");
@@ -28,6 +46,29 @@ extern "C" int fsync(int) {
   if (std::getenv("CANDELA_TEST_FSYNC_FAILS") == nullptr) return 0;
   errno = EIO;
   return -1;
+}
+
+extern "C" int open(const char* path, int flags, ...) {
+  va_list rest;
+  va_start(rest, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
+  va_end(rest);
+  const int descriptor = next<int(const char*, int, ...)>("open")(path, flags, mode);
+  static const char* const signal = std::getenv("CANDELA_TEST_SIGNAL");
+  if (signal != nullptr && descriptor >= 0 && std::strstr(path, ".part") != nullptr) {
+    static std::atomic<int> files{0};
+    const bool first = files++ == 0;
+    for (int i = 0; i < 2; ++i) {
+      if (first) kill(getpid(), std::atoi(signal));
+      usleep(kLate / 2);
+    }
+  }
+  return descriptor;
+}
+
+extern "C" int raise(int signal) {
+  if (std::getenv("CANDELA_TEST_SIGNAL") != nullptr) usleep(kLate / 2);
+  return next<int(int)>("raise")(signal);
 }
 
 namespace {
@@ -61,7 +102,7 @@ int close_on_disk(void* descriptor) {
 extern "C" FILE* fdopen(int descriptor, const char* mode) {
   static const char* const disk_bytes = std::getenv("CANDELA_TEST_DISK_BYTES");
   if (disk_bytes == nullptr) {
-    return reinterpret_cast<FILE* (*)(int, const char*)>(dlsym(RTLD_NEXT, "fdopen"))(descriptor, mode);
+    return next<FILE*(int, const char*)>("fdopen")(descriptor, mode);
   }
   static const bool formatted = [] {
     disk_left = std::atoll(disk_bytes);

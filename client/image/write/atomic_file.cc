@@ -1,6 +1,5 @@
 #include "client/image/write/atomic_file.h"
 
-#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -8,6 +7,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 
 #include "absl/strings/str_format.h"
 
@@ -60,10 +60,10 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
   for (int attempts = 0; attempts < 100; ++attempts) {
     const std::string name = absl::StrFormat("%s.%s.%d-%d.part", target->substr(0, slash),
                                              target->substr(slash, 200), getpid(), counter++);
-    const int descriptor = open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-    if (descriptor < 0 && errno == EEXIST) continue;
-    if (descriptor < 0) return cannot_write(path, errno);
-    TemporaryPath temporary(name);
+    int descriptor = -1;
+    std::optional<TemporaryPath> temporary = TemporaryPath::create(name, mode, descriptor);
+    if (!temporary && errno == EEXIST) continue;
+    if (!temporary) return cannot_write(path, errno);
     std::FILE* file = replaces && fchmod(descriptor, mode) != 0 ? nullptr : fdopen(descriptor, "wb");
     if (file == nullptr) {
       const int error = errno;
@@ -71,7 +71,7 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
       return cannot_write(path, error);
     }
     setvbuf(file, nullptr, _IOFBF, 1 << 16);
-    return AtomicFile(path, *std::move(target), std::move(temporary), file);
+    return AtomicFile(path, *std::move(target), *std::move(temporary), file);
   }
   return cannot_write(path, EEXIST);
 }

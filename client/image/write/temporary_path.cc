@@ -1,60 +1,114 @@
 #include "client/image/write/temporary_path.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <climits>
+#include <csignal>
 #include <cstring>
+#include <ctime>
 #include <utility>
 
 namespace candela {
 namespace {
 
+enum class State { kFree, kCreating, kOwned };
+
 // A table, because a signal handler can read neither a string nor a heap that another thread is changing.
 struct Slot {
-  std::atomic<bool> taken{false};
-  std::atomic<bool> filled{false};
-  char path[PATH_MAX];
+  std::atomic<State> state{State::kFree};
+  char path[PATH_MAX];  // remove_all() reads it in kOwned only
 };
 constexpr int kSlots = 1024;  // writers at once: one a core
 Slot slots[kSlots];
 
-int remember(const std::string& path) {
-  for (int i = 0; path.size() < PATH_MAX && i < kSlots; ++i) {
-    if (slots[i].taken.exchange(true)) continue;
-    std::memcpy(slots[i].path, path.c_str(), path.size() + 1);
-    slots[i].filled = true;
-    return i;
+// Set before remove_all() reads the table. A file that is created later would stay.
+std::atomic<bool> ending{false};
+
+// Keeps signals from this thread: a handler would wait for the file that the thread it runs in is creating.
+class SignalsBlocked {
+ public:
+  SignalsBlocked() {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_BLOCK, &all, &before_);
+  }
+  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsBlocked(const SignalsBlocked&) = delete;
+
+ private:
+  sigset_t before_;
+};
+
+// Returns a slot in kCreating, or -1 if all are in use.
+int take_slot() {
+  for (int i = 0; i < kSlots; ++i) {
+    State expected = State::kFree;
+    if (slots[i].state.compare_exchange_strong(expected, State::kCreating)) return i;
   }
   return -1;
 }
 
-void forget(int slot) {
-  if (slot < 0) return;
-  slots[slot].filled = false;
-  slots[slot].taken = false;
+void free_slot(int slot) { slots[slot].state = State::kFree; }
+
+[[noreturn]] void wait_for_the_end() {
+  for (;;) pause();
 }
 
 }  // namespace
 
-TemporaryPath::TemporaryPath(std::string path) : path_(std::move(path)), slot_(remember(path_)) {}
+std::optional<TemporaryPath> TemporaryPath::create(std::string path, mode_t mode, int& descriptor) {
+  if (path.size() >= PATH_MAX) {
+    errno = ENAMETOOLONG;
+    return std::nullopt;
+  }
+  const SignalsBlocked blocked;
+  const int slot = take_slot();
+  if (slot < 0) {
+    errno = EMFILE;
+    return std::nullopt;
+  }
+  if (ending) {
+    free_slot(slot);
+    wait_for_the_end();
+  }
+  std::memcpy(slots[slot].path, path.c_str(), path.size() + 1);
+  descriptor = open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+  if (descriptor < 0) {
+    free_slot(slot);
+    return std::nullopt;
+  }
+  slots[slot].state = State::kOwned;
+  return TemporaryPath(std::move(path), slot);
+}
+
+TemporaryPath::TemporaryPath(std::string path, int slot) : path_(std::move(path)), slot_(slot) {}
 
 TemporaryPath::TemporaryPath(TemporaryPath&& other) noexcept
     : path_(std::exchange(other.path_, {})), slot_(std::exchange(other.slot_, -1)) {}
 
 TemporaryPath::~TemporaryPath() {
-  if (!path_.empty()) unlink(path_.c_str());
-  forget(slot_);
+  if (slot_ < 0) return;
+  unlink(path_.c_str());
+  free_slot(slot_);
 }
 
 void TemporaryPath::let_go() {
-  forget(std::exchange(slot_, -1));
+  free_slot(std::exchange(slot_, -1));
   path_.clear();
 }
 
 void TemporaryPath::remove_all() {
+  ending = true;
+  int naps_left = 1000;
   for (const Slot& slot : slots) {
-    if (slot.filled) unlink(slot.path);
+    while (slot.state == State::kCreating && naps_left-- > 0) {
+      const timespec millisecond{0, 1'000'000};
+      nanosleep(&millisecond, nullptr);
+    }
+    if (slot.state == State::kOwned) unlink(slot.path);
   }
 }
 

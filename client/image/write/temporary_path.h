@@ -1,27 +1,36 @@
 // A file that is removed with its writer, even if a signal ends the process.
 #pragma once
 
+#include <sys/types.h>
+
+#include <optional>
 #include <string>
 
 namespace candela {
 
-// Owns the name of an existing file. Move-only; used by one thread.
+// Owns the name of a file. Move-only; used by one thread.
 class TemporaryPath {
  public:
-  explicit TemporaryPath(std::string path);
+  // Creates a file with the permissions `mode` less the umask, and sets `descriptor`, open for reading and
+  // writing, for the caller to close. Returns nothing and sets errno if it cannot: EEXIST if the name is in
+  // use, EMFILE beyond 1024 such files in this process. Does not return once remove_all() was called.
+  static std::optional<TemporaryPath> create(std::string path, mode_t mode, int& descriptor);
+
   TemporaryPath(TemporaryPath&& other) noexcept;
   ~TemporaryPath();  // removes the file unless let_go() was called
 
   const std::string& path() const { return path_; }
   void let_go();  // the file has another name now
 
-  // Removes the files of all TemporaryPaths in this process. Async-signal-safe, for handlers of signals that
-  // end the process.
+  // Removes the files of all TemporaryPaths in this process, which must end next: no other can be created.
+  // Waits up to a second for those that other threads are creating. Async-signal-safe.
   static void remove_all();
 
  private:
+  TemporaryPath(std::string path, int slot);
+
   std::string path_;  // "" if there is nothing to remove
-  int slot_ = -1;     // where remove_all() finds the path; -1 if there was no free slot
+  int slot_;          // where remove_all() finds the path; -1 if there is nothing to remove
 };
 
 }  // namespace candela
