@@ -54,7 +54,12 @@ absl::Status check_open_files() {
 void end_by_signal(int signal) {
   TemporaryPath::remove_all();
   std::signal(signal, SIG_DFL);
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, signal);
+  pthread_sigmask(SIG_UNBLOCK, &set, nullptr);
   std::raise(signal);
+  _exit(128 + signal);  // process 1 of a container has no default actions
 }
 
 // Makes the signals that end the command remove its temporary files first.

@@ -4,6 +4,7 @@
 //   CANDELA_TEST_FSYNC_FAILS=1     fsync fails
 //   CANDELA_TEST_SIGNAL=N          the process gets signal N twice while it makes its first hidden file. Such
 //                                  files are made slowly, and raise() is slow, too
+//   CANDELA_TEST_FIRST_PROCESS=N   the same, but raise() does nothing, as in process 1 of a container
 //   CANDELA_TEST_DISK_BYTES=N      the files that fdopen opens can hold N bytes together
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -22,6 +23,7 @@
 namespace {
 
 constexpr useconds_t kLate = 300'000;  // us
+const char* const first_process = std::getenv("CANDELA_TEST_FIRST_PROCESS");
 
 template <typename Function>
 Function* next(const char* name) {
@@ -54,7 +56,8 @@ extern "C" int open(const char* path, int flags, ...) {
   const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
   va_end(rest);
   const int descriptor = next<int(const char*, int, ...)>("open")(path, flags, mode);
-  static const char* const signal = std::getenv("CANDELA_TEST_SIGNAL");
+  static const char* const signal =
+      first_process != nullptr ? first_process : std::getenv("CANDELA_TEST_SIGNAL");
   if (signal != nullptr && descriptor >= 0 && std::strstr(path, ".part") != nullptr) {
     static std::atomic<int> files{0};
     const bool first = files++ == 0;
@@ -67,6 +70,7 @@ extern "C" int open(const char* path, int flags, ...) {
 }
 
 extern "C" int raise(int signal) {
+  if (first_process != nullptr) return 0;
   if (std::getenv("CANDELA_TEST_SIGNAL") != nullptr) usleep(kLate / 2);
   return next<int(int)>("raise")(signal);
 }

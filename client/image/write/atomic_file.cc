@@ -92,8 +92,7 @@ absl::Status AtomicFile::commit() {
   if (error_ == 0 && fsync(fileno(file_.get())) != 0 && errno != EINVAL) error_ = errno;
   if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
   if (error_ != 0) return cannot_write(path_, error_);
-  if (std::rename(temporary_.path().c_str(), target_.c_str()) != 0) return cannot_write(path_, errno);
-  temporary_.let_go();
+  if (!temporary_.rename_to(target_)) return cannot_write(path_, errno);
   return absl::OkStatus();
 }
 

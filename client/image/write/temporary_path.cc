@@ -1,14 +1,15 @@
 #include "client/image/write/temporary_path.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
 #include <climits>
 #include <csignal>
+#include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <utility>
 
 namespace candela {
@@ -26,6 +27,9 @@ Slot slots[kSlots];
 
 // Set before remove_all() reads the table. A file that is created later would stay.
 std::atomic<bool> ending{false};
+
+// A handler may not wait for a lock.
+static_assert(std::atomic<State>::is_always_lock_free && std::atomic<bool>::is_always_lock_free);
 
 // Keeps signals from this thread: a handler would wait for the file that the thread it runs in is creating.
 class SignalsBlocked {
@@ -95,9 +99,13 @@ TemporaryPath::~TemporaryPath() {
   free_slot(slot_);
 }
 
-void TemporaryPath::let_go() {
+bool TemporaryPath::rename_to(const std::string& target) {
+  if (std::rename(path_.c_str(), target.c_str()) != 0) {
+    if (ending) wait_for_the_end();  // a failure would be reported as the command's
+    return false;
+  }
   free_slot(std::exchange(slot_, -1));
-  path_.clear();
+  return true;
 }
 
 void TemporaryPath::remove_all() {
@@ -105,8 +113,7 @@ void TemporaryPath::remove_all() {
   int naps_left = 1000;
   for (const Slot& slot : slots) {
     while (slot.state == State::kCreating && naps_left-- > 0) {
-      const timespec millisecond{0, 1'000'000};
-      nanosleep(&millisecond, nullptr);
+      poll(nullptr, 0, 1);  // sleeps for a millisecond
     }
     if (slot.state == State::kOwned) unlink(slot.path);
   }

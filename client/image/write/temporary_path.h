@@ -17,20 +17,22 @@ class TemporaryPath {
   static std::optional<TemporaryPath> create(std::string path, mode_t mode, int& descriptor);
 
   TemporaryPath(TemporaryPath&& other) noexcept;
-  ~TemporaryPath();  // removes the file unless let_go() was called
+  ~TemporaryPath();  // removes the file unless it was renamed
 
-  const std::string& path() const { return path_; }
-  void let_go();  // the file has another name now
+  // Renames the file to `target`, over an old file, and owns it no longer. Returns false and sets errno if it
+  // cannot. Does not return if remove_all() has removed the file.
+  bool rename_to(const std::string& target);
 
   // Removes the files of all TemporaryPaths in this process, which must end next: no other can be created.
-  // Waits up to a second for those that other threads are creating. Async-signal-safe.
+  // Waits up to a second for those that other threads are creating. One that takes longer may be left.
+  // Async-signal-safe.
   static void remove_all();
 
  private:
   TemporaryPath(std::string path, int slot);
 
-  std::string path_;  // "" if there is nothing to remove
-  int slot_;          // where remove_all() finds the path; -1 if there is nothing to remove
+  std::string path_;
+  int slot_;  // where remove_all() finds the path; -1 if there is nothing to remove
 };
 
 }  // namespace candela
