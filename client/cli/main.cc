@@ -7,14 +7,13 @@
 #include <csignal>
 #include <cstdlib>
 #include <exception>
-#include <new>
-#include <system_error>
 #include <type_traits>
 
 #include "absl/strings/str_format.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/embedded_server.h"
 #include "client/cli/files/output_files.h"
+#include "client/cli/files/system_failure.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/options.h"
 #include "client/cli/options/server_options.h"
@@ -74,32 +73,17 @@ void clean_up_on_signals() {
   }
 }
 
-absl::Status out_of_memory() {
-  return absl::ResourceExhaustedError(
-      "out of memory; render a smaller image, or give this process more memory (ulimit -v)");
-}
-
-// The words for an error of the system: a thread could not be started, or a file system failed.
-absl::Status system_failure(const std::system_error& error) {
-  if (error.code() != std::errc::resource_unavailable_try_again) return absl::InternalError(error.what());
-  return absl::ResourceExhaustedError(absl::StrFormat(
-      "cannot start a thread: %s; allow this process more threads or memory (ulimit -u, ulimit -v)",
-      error.code().message()));
-}
-
 // A thread of a library found no memory or no thread, which no caller can catch.
 [[noreturn]] void end_without_resources() {
   absl::Status status;
   try {
     if (const std::exception_ptr error = std::current_exception()) std::rethrow_exception(error);
-  } catch (const std::bad_alloc&) {
-    status = out_of_memory();
-  } catch (const std::system_error& error) {
+  } catch (const std::exception& error) {
     status = system_failure(error);
   } catch (...) {
   }
   TemporaryPath::remove_all();
-  if (status.ok()) std::abort();  // a defect
+  if (!absl::IsResourceExhausted(status)) std::abort();  // a defect
   print_error(status);
   _exit(kFailed);
 }
@@ -155,12 +139,8 @@ absl::Status run_line(int argc, char** argv) try {
   if (absl::Status status = check_open_files(); !status.ok()) return status;
   if (!is_quiet(*invocation)) tell_of_unknown_variables();
   return explained(run(*invocation), *invocation);
-} catch (const std::bad_alloc&) {
-  return out_of_memory();
-} catch (const std::system_error& error) {
-  return system_failure(error);
 } catch (const std::exception& error) {
-  return absl::InternalError(error.what());
+  return system_failure(error);
 }
 
 int run(int argc, char** argv) {

@@ -4,10 +4,10 @@
 #include <exception>
 #include <filesystem>
 #include <map>
-#include <new>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -18,6 +18,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/cli/files/sequence_files.h"
+#include "client/cli/files/system_failure.h"
 #include "client/cli/options/usage.h"
 
 namespace candela {
@@ -42,7 +43,14 @@ size_t threads_for(size_t jobs) {
 class Workers {
  public:
   Workers(const std::vector<RenderJob>& jobs, const RenderOne& render) : jobs_(jobs), render_(render) {
-    for (size_t i = threads_for(jobs.size()); i > 0; --i) threads_.emplace_back([this] { work(); });
+    for (size_t i = threads_for(jobs.size()); i > 0; --i) {
+      try {
+        threads_.emplace_back([this] { work(); });
+      } catch (const std::system_error&) {  // the system gives no more
+        if (threads_.empty()) throw;
+        break;
+      }
+    }
   }
   ~Workers() {
     stop();
@@ -78,11 +86,9 @@ class Workers {
     }
   }
 
-  Result render(const RenderJob& job) try { return render_(job); } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: out of memory; render a smaller image, or give this process more", job.input));
-  } catch (const std::exception& error) {
-    return absl::InternalError(absl::StrFormat("%s: %s", job.input, error.what()));
+  Result render(const RenderJob& job) try { return render_(job); } catch (const std::exception& error) {
+    const absl::Status failure = system_failure(error);
+    return absl::Status(failure.code(), absl::StrFormat("%s: %s", job.input, failure.message()));
   }
 
   const std::vector<RenderJob>& jobs_;

@@ -1,9 +1,11 @@
 #include "client/cli/commands/server_link.h"
 
+#include <exception>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/cli/files/system_failure.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
 #include "client/retry.h"
@@ -40,10 +42,14 @@ ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tie
   }
   EmbeddedServer::prepare();
   starting_ = std::async(std::launch::async, [this, measures_tiers]() -> Started {
-    const absl::Time begin = absl::Now();
-    Started server = EmbeddedServer::start(choice_.device, choice_.passes, measures_tiers);
-    start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
-    return server;
+    try {
+      const absl::Time begin = absl::Now();
+      Started server = EmbeddedServer::start(choice_.device, choice_.passes, measures_tiers);
+      start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
+      return server;
+    } catch (const std::exception& error) {
+      return system_failure(error);
+    }
   });
 }
 
