@@ -201,7 +201,10 @@ std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& 
   row.reserve(last - first);
   for (uint32_t x = first; x < last; ++x) {
     Rgb c = composite(scene, bloom, level_count, params, x, y);
-    for (double& v : c) v *= params.exposure;
+    for (double& v : c) {
+      v = std::clamp(v * params.exposure, -double{shader::MAX_EXPOSED_VALUE},
+                     double{shader::MAX_EXPOSED_VALUE});
+    }
     const double alpha = scene.at(x, y)[3];
     if (params.alpha == shader::ALPHA_STRAIGHT) {
       row.push_back(straight(params, c, std::clamp(alpha, 0.0, 1.0)));

@@ -73,7 +73,7 @@ absl::StatusOr<ViewError> error_of_view(const std::function<void(std::span<float
                               .firefly_weights = bloom.firefly_weights()},
                              frame.header.statistics().mean_log2_luminance(), &levels);
   }
-  if (bad.negative_scene > 0) scene = ingest(reference::Rounding::kNone);
+  if (bad.negative_scene > 0) scene = ingest(reference::Rounding::kHalfUnlessNegative);
   ViewError error;
   std::vector<float> codes;
   double sum = 0.0;

@@ -130,6 +130,24 @@ TEST_F(Ocio, WideGamutLightIsVerifiedAgainstTheViewItself) {
   EXPECT_EQ(plain["verify"]["against"], "the float64 reference");
 }
 
+// Only colours with a negative component are not rounded to half. The rounding of the others is no error.
+TEST_F(Ocio, OneNegativePixelAddsNoErrorToTheOthers) {
+  const auto error_with = [&](float first) {
+    std::string pfm = "PF\n64 48\n-1.0\n";
+    for (int i = 0; i < 64 * 48 * 3; ++i) {
+      const float value = i == 0 ? first : 0.2f + 0.0001f * static_cast<float>(i);
+      pfm.append(reinterpret_cast<const char*>(&value), sizeof value);
+    }
+    const std::string in = folder_.path("float.pfm");
+    write_file(in, pfm);
+    const auto report =
+        candela_json({"render", in, folder_.path("float-out.pfm"), "--ocio", studio_, "--view", "Plain",
+                      "--verify", "--bloom-intensity", "0", "--exposure", "0"});
+    return report["verify_view"]["mean_error_codes"].get<double>();
+  };
+  EXPECT_NEAR(error_with(-0.001f), error_with(0.2f), 1e-4);
+}
+
 TEST_F(Ocio, EveryViewHasItsMeasuredError) {
   const auto plain =
       candela_json({"render", in_, folder_.path("plain.png"), "--ocio", studio_, "--view", "Plain"});

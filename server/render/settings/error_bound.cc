@@ -24,9 +24,9 @@ constexpr double kCancelRoundings = 32;
 // The largest component of a colour of luminance 1.
 constexpr double kPureBlue = 1 / 0.0722;
 constexpr double kLargestScene = 65504;
-// The error of the metered mean in EV: its logarithm and its fixed point, and half a bin of the histogram.
+// The error of the metered mean in EV: its logarithm and its fixed point.
 constexpr double kMeanError = 4e-6;
-constexpr double kPercentileError = 1.0 / 128;
+constexpr double kBin = 1.0 / 64;  // of the histogram, in EV
 // With straight alpha an object has at most this light, and light of its own is a difference from it.
 constexpr double kObjectRoundings = 8 * shader::MAX_OBJECT_LIGHT;
 // The error of the power of 1/2.2, in codes.
@@ -91,8 +91,7 @@ double bright_pass_error(const Settings& settings, double threshold) {
   const double luminance = kLuminanceRoundings * kRounding;
   if (bloom.kind() == v1::Bloom::KIND_MIP) return kPureBlue * 3 * threshold * luminance;
   // GAUSSIAN: of Q, which shows the bright pass's error up to a luminance of 1 above the threshold.
-  const bool percentile = settings->exposure().metering().statistic() == v1::Metering::STATISTIC_PERCENTILE;
-  const double mean = std::exp2(percentile ? kPercentileError : kMeanError) - 1;
+  const double mean = std::exp2(mean_error(settings->exposure().metering())) - 1;
   return std::min(kLargestScene, kPureBlue * (threshold + 1)) *
          (threshold * (mean + 2 * kRounding) + (threshold + 1) * luminance);
 }
@@ -126,6 +125,13 @@ double encoded(v1::Transfer transfer, double light) {
 }
 
 }  // namespace
+
+double mean_error(const v1::Metering& metering) {
+  if (metering.statistic() != v1::Metering::STATISTIC_PERCENTILE) return kMeanError;
+  const double low = metering.percentile_low() / 100;
+  const double high = metering.percentile_high() / 100;
+  return kMeanError + kBin * (low / high + (1 - high) / (1 - low));
+}
 
 double error_bound(const Tier& tier, const Settings& settings, const BoundFacts& facts) {
   if (tier.host_reference) return 0;
