@@ -41,7 +41,7 @@ struct FrameView {
   std::function<void()> on_sent = nullptr;
   bool verify = false;     // compare the image with the float64 reference; takes the server seconds
   bool error_map = false;  // also return a map of the error; only with `verify`
-  // Instead of pixels: the server renders this view. `format` and `pixels` are not used.
+  // Instead of pixels: the server renders this view. `format` is not used, and `pixels` must be empty.
   std::optional<v1::View> view = std::nullopt;
 };
 

@@ -91,7 +91,8 @@ struct SessionFrame {
   // The longest time from the server's reading the frame's header to rendering it. If it passes, the result
   // is DEADLINE_EXCEEDED.
   absl::Duration timeout = absl::InfiniteDuration();
-  // Instead of pixels: the server renders this view. `format`, `pixels` and `owner` are not used.
+  // Instead of pixels: the server renders this view. `format` and `owner` are not used, and `pixels` must be
+  // empty.
   std::optional<v1::View> view = std::nullopt;
   // The panorama of the view's environment. The session puts it on a server that does not have it, and goes
   // on. Without it such a server ends the session with NOT_FOUND.

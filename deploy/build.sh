@@ -2,7 +2,7 @@
 # Configures and builds one preset in build/PRESET: build.sh PRESET [CMAKE OPTION...]
 set -euo pipefail
 cd "$(dirname "$0")/.."
-preset=$1
+preset=${1:?usage: build.sh PRESET [CMAKE OPTION...]}
 shift
 log=build/$preset.log
 mkdir -p build

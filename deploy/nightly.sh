@@ -4,7 +4,7 @@
 #   files    compiles each source file by itself, to find one that lacks an include
 #   asan     the tests of dev, with the address and undefined-behaviour sanitizers
 #   tsan     the tests of dev, with the thread sanitizer
-#   device   the tests of dev, with the device's passes in place of the host's
+#   device   the tests of the release build, with the device's passes in place of the host's
 #   fuzz     each fuzz target for 30 minutes
 #   soak     20 minutes of mixed traffic with faults
 #   attacks  tests/robustness and every test with the label nightly, on the release build

@@ -40,7 +40,7 @@ const Option kOptions[] = {
      "Vulkan device: its index or a part of its name; empty: the best one",
      "See candelad --list-devices. The best device is a discrete GPU, else an integrated GPU, else a virtual "
      "GPU, else the CPU."},
-    {"passes", PassesOption{&Config::passes}, "Who makes the passes of a frame: auto, device or host",
+    {"passes", PassesOption{&Config::passes}, "What runs a frame's passes: auto, device or host",
      "host: this machine's processors, in the device's memory; it takes a device of the type CPU, and AVX2, "
      "AVX-512 or NEON. auto: the host where it can, else the device."},
     {"validation", FlagOption{&Config::validation}, "Enable Vulkan's validation layers (slow)",
@@ -59,7 +59,7 @@ const Option kOptions[] = {
      "that "
      "was used longest ago and that nobody uses is freed. So is one whose memory a frame needs."},
     {"client-share", NumberOption{&Config::client_share, {1, 100}},
-     "Part of the memory that the other clients leave which one client may hold while they are connected, in "
+     "How much of the memory that other clients leave one client may hold while they are connected, in "
      "percent",
      "A client is an address without its port, together with its token and its certificate if the server "
      "asks "
@@ -70,7 +70,7 @@ const Option kOptions[] = {
     {"max-dimension", NumberOption{&Config::max_dimension, {1, v1::kMaxDimension}},
      "Maximum width and height of a frame, in pixels"},
     {"max-calls", NumberOption{&Config::max_calls, {1, 4096}},
-     "Maximum number of concurrent Render and Meter calls",
+     "Maximum number of concurrent calls of Render, Meter, PutEnvironment and BakeEnvironment",
      "Further calls get UNAVAILABLE. The limit is lower if the cgroup's memory is too small for that many "
      "calls."},
     {"max-sessions", NumberOption{&Config::max_sessions, {1, 4096}}, "Maximum number of concurrent sessions",
@@ -126,8 +126,11 @@ constexpr bool kHasRange = requires(Kind kind) {
 
 template <typename Kind>
 std::string range_of(const Kind& kind) {
-  if constexpr (kHasRange<Kind>)
-    return absl::StrCat(text_of(kind.range.min), " .. ", text_of(kind.range.max));
+  if constexpr (kHasRange<Kind>) {
+    std::string zero;
+    if constexpr (std::is_same_v<Kind, BytesOption>) zero = kind.zero_is_automatic ? "0, or " : "";
+    return absl::StrCat(zero, text_of(kind.range.min), " .. ", text_of(kind.range.max));
+  }
   return "";
 }
 

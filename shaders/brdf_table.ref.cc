@@ -1,4 +1,4 @@
-// Twin of brdf_table.comp: the split sum's second factor by the tanh-sinh rule. The shader takes samples.
+// Twin of brdf_table.comp: the split sum's second factor by the tanh-sinh rule. The shader has another quadrature.
 //
 // With v = (sin, 0, n.v) and h at the angle theta from n and phi around it, tan theta = alpha tan psi makes
 // D n.h dh = 2 sin psi cos psi dpsi dphi / (2 pi). The light direction l = reflect(-v, h) is above the

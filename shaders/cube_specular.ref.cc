@@ -1,4 +1,4 @@
-// Twin of cube_specular.comp: the environment blurred by GGX. The shader takes samples, the twin the sum over
+// Twin of cube_specular.comp: the environment blurred by GGX. The shader walks the chain, the twin sums over
 // the whole panorama.
 #include <algorithm>
 #include <cmath>

@@ -92,7 +92,7 @@ CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 // rest is light of its own.
 CANDELA_CONST(float) MAX_OBJECT_LIGHT = 8.0f;
 
-// Colour tables (shaders/color_table.h): below the knee an axis is linear, above it logarithmic. The largest
+// Colour tables (shaders/color_table.h): an axis is log2(1 + v / knee) made of parabolas. The largest
 // stored number stands for this square root of light.
 CANDELA_CONST(float) TABLE_AXIS_KNEE = 0.03125f;
 CANDELA_CONST(float) TABLE_AXIS_KNEE_AP1 = 0.02083333f;  // of AXES_AP1: 1/48

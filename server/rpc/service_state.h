@@ -42,7 +42,7 @@ struct ServiceState {
   Rendering rendering;
   const CallLimits limits;
   Metrics& metrics;
-  CallGate call_gate;  // Render and Meter calls
+  CallGate call_gate;  // Render, Meter, PutEnvironment and BakeEnvironment calls
   CallGate session_gate;
   Sessions sessions;
   EnvironmentStore environments;

@@ -33,13 +33,16 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
   };
   for (const auto& [arguments, words] : std::vector<Case>{
            {{"rendr", "a", "b"}, "unknown command \"rendr\"; did you mean render?"},
-           {{"bogus"}, "there are: render, stream, meter, view, environment, sample, report, bench, info, health"},
+           {{"bogus"},
+            "there are: render, stream, meter, view, environment, sample, report, bench, info, health"},
            {{"--verson"}, "did you mean --version?"},
            {{"render"}, "IN... OUT is required"},
            {{"render", "in.exr"}, "render needs an image and an output"},
            {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
-           {render({"more"}), "out.png is no image that candela reads, and more is taken as a folder"},
+           {render({"more"}),
+            "out.png is no image that candela reads (OpenEXR, Radiance .hdr, PFM), and the last argument, "
+            "more, is"},
            {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
            {{"render", "in.exr", "out/", "--as", "jpgg"}, "did you mean jpg?"},
            {{"render", "in.exr", "out/", "--as", "jpg", "--bits", "16"}, "--bits 16 is for .png"},
@@ -77,7 +80,7 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "in.exr", "out"}, "use .png, .jpg, .jpeg, .exr or .pfm"},
            {render({"--server", "nowhere"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
            {render({"--server", "a:1", "--device", "0"}), "give one of them"},
-           {render({"--error-map", "map.jpg"}), "an error map is written as .png"},
+           {render({"--error-map", "map.jpg"}), "--error-map is map.jpg; it must end in .png"},
            {render({"--error-map", "out.png"}), "OUT is the same file"},
            {{"sample", "scene.png"}, "written as .exr or .pfm"},
            {{"sample", "scene.exr", "--size", "0x5"}, "1x1 .. 16384x16384"},

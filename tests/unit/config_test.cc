@@ -67,7 +67,7 @@ TEST(Config, AnEmbeddedServersConfigIsCheckedByTheSameTable) {
   EXPECT_EQ(check_config(config).message(), "max-calls is 4097; it must be 1 .. 4096");
   config = {};
   config.memory_budget_bytes = 1;
-  EXPECT_EQ(check_config(config).message(), "memory-budget is 1; it must be 1MiB .. 1TiB");
+  EXPECT_EQ(check_config(config).message(), "memory-budget is 1; it must be 0, or 1MiB .. 1TiB");
   config = {};
   config.pre_drain = absl::Minutes(11);
   EXPECT_EQ(check_config(config).message(), "pre-drain is 11m; it must be 0 .. 10m");

@@ -92,9 +92,9 @@ void ServerLink::tell_of_wait(const std::string& server, const absl::Status& why
   if (quiet_ || told_.exchange(true)) return;
   // The rest of the message tells the user what to do, which the command does.
   const std::string words(why.message());
-  print_note_over_progress(absl::StrFormat("%s: %s; waiting for up to %s (--resume)", server,
-                                           words.substr(0, words.find(';')),
-                                           absl::FormatDuration(choice_.resume_limit)));
+  print_note_over_progress(absl::StrFormat(
+      "%s: %s; waiting for up to %s%s", server, words.substr(0, words.find(';')),
+      absl::FormatDuration(choice_.resume_limit), choice_.has_resume_option ? " (--resume)" : ""));
 }
 
 absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) {

@@ -39,12 +39,15 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
   picture->frame_rate = facts.frame_rate;
   return write_image(path, *picture, options);
 } catch (const std::bad_alloc&) {
-  return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));
+  return absl::ResourceExhaustedError(
+      absl::StrFormat("%s: out of memory; give this process more memory (ulimit -v)", path));
 }
 
 absl::Status copy_file(const std::string& from, const std::string& to) {
   std::ifstream source(from, std::ios::binary);
-  if (!source) return absl::NotFoundError(absl::StrFormat("%s: cannot read it to repeat it as %s", from, to));
+  if (!source)
+    return absl::NotFoundError(absl::StrFormat(
+        "%s: cannot read it to repeat it as %s; leave the images in place until the command ends", from, to));
   absl::StatusOr<AtomicFile> file = AtomicFile::create(to);
   if (!file.ok()) return file.status();
   std::vector<char> bytes(kCopiedAtOnce);

@@ -170,7 +170,7 @@ std::string exposure_words(double exposure) {
 absl::Status check_plot(const std::string& path) {
   const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
   if (extension != ".png" && extension != ".svg") {
-    return usage_error(absl::StrFormat("--exposure-plot %s: a plot is written as .png or .svg", path));
+    return usage_error(absl::StrFormat("--exposure-plot is %s; it must end in .png or .svg", path));
   }
   if (absl::Status status = check_gnuplot(); !status.ok()) return status;
   if (absl::Status status = make_folder_of(path); !status.ok()) return status;

@@ -52,7 +52,9 @@ absl::StatusOr<CameraPath> CameraPath::read(const std::string& path, const v1::C
     const std::string name = absl::StrFormat("keys[%d].", keys.size());
     keys.push_back(key_from(object, name, camera, status));
     if (keys.size() > 1 && keys.back().time <= keys[keys.size() - 2].time) {
-      status.Update(absl::InvalidArgumentError(name + "time is not after that of the key before"));
+      status.Update(absl::InvalidArgumentError(
+          absl::StrFormat("%stime is %g; it must be greater than keys[%d].time, %g", name, keys.back().time,
+                          keys.size() - 2, keys[keys.size() - 2].time)));
     }
   }
   if (status.ok()) return CameraPath(std::move(keys));

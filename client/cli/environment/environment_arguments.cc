@@ -80,7 +80,7 @@ void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
            absl::StrFormat(
                "Side of a face in texels: a power of two, %d .. %d (default: a quarter of the "
                "panorama's width, rounded up to a power of two, 16 .. 2048); 4096 needs --levels 1 and a "
-               "server whose --memory-budget is at least 3gib",
+               "server whose --memory-budget is at least 3GiB",
                v1::kCubeSize.min, v1::kCubeSize.max),
            [&options](const std::string& text) { return set_size(options, text); });
   add_text(app, kCube, "--levels", "N",
@@ -120,7 +120,7 @@ void add_files(CLI::App& app, EnvironmentOptions& options) {
              [name, extension, &to](const std::string& path) {
                const std::string has = std::filesystem::path(path).extension().string();
                if (absl::AsciiStrToLower(has) != extension) {
-                 return usage_error(absl::StrFormat("%s %s: it is written as %s", name, path, extension));
+                 return usage_error(absl::StrFormat("%s is %s; it must end in %s", name, path, extension));
                }
                to = path;
                return absl::OkStatus();

@@ -13,7 +13,9 @@ absl::StatusOr<BakedEnvironment> environment_from(const EnvironmentBake& bake, H
   for (size_t i = 0; i < bake.levels.size(); ++i) {
     const v1::BakedLevel& level = bake.header.levels(static_cast<int>(i));
     PixelBuffer texels(bake.levels[i].size());
-    if (texels.empty()) return absl::ResourceExhaustedError("out of memory for the cube map");
+    if (texels.empty())
+      return absl::ResourceExhaustedError(
+          "out of memory for the cube map; give this process more memory (ulimit -v)");
     std::memcpy(texels.data(), bake.levels[i].data(), bake.levels[i].size());
     environment.levels.push_back({level.size(), static_cast<float>(level.roughness()), std::move(texels)});
   }

@@ -23,8 +23,10 @@ bool is_within(const nlohmann::json& value, v1::Range<double> range) {
 absl::StatusOr<nlohmann::json> read_json(const std::string& path, const std::string& what) {
   const absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
   if (!text.ok()) {
-    return absl::Status(text.status().code(), absl::StrFormat("%s: cannot read this file of %s: %s", path,
-                                                              what, text.status().message()));
+    return absl::Status(
+        text.status().code(),
+        absl::StrFormat("%s: cannot read this file of %s: %s; `candela view --help` shows one", path, what,
+                        text.status().message()));
   }
   nlohmann::json json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) {
@@ -36,7 +38,8 @@ absl::StatusOr<nlohmann::json> read_json(const std::string& path, const std::str
 
 void JsonFields::allow(std::initializer_list<const char*> members) {
   if (!object_.is_object()) {
-    status_.Update(absl::InvalidArgumentError(absl::StrFormat("%s is no object", name_)));
+    status_.Update(absl::InvalidArgumentError(
+        absl::StrFormat("%s must be a JSON object", name_.substr(0, name_.size() - 1))));
     return;
   }
   const std::vector<std::string> known(members.begin(), members.end());
@@ -44,7 +47,7 @@ void JsonFields::allow(std::initializer_list<const char*> members) {
     if (std::find(known.begin(), known.end(), key) != known.end()) continue;
     const std::string meant = v1::did_you_mean(v1::near_words(key, known));
     status_.Update(absl::InvalidArgumentError(
-        absl::StrFormat("%s%s means nothing; %s", name_, key,
+        absl::StrFormat("unknown key %s%s; %s", name_, key,
                         meant.empty() ? "there are: " + absl::StrJoin(known, ", ") : meant)));
   }
 }
@@ -87,7 +90,13 @@ const nlohmann::json& JsonFields::array(const char* key, size_t least, size_t mo
 }
 
 void JsonFields::fail(const std::string& key, const std::string& wanted) {
-  status_.Update(absl::InvalidArgumentError(absl::StrFormat("%s%s is not %s", name_, key, wanted)));
+  constexpr size_t kShown = 40;
+  const nlohmann::json* found = member(key.c_str());
+  std::string value =
+      found == nullptr ? "missing" : found->dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  if (value.size() > kShown) value = value.substr(0, kShown) + "...";
+  status_.Update(
+      absl::InvalidArgumentError(absl::StrFormat("%s%s is %s; it must be %s", name_, key, value, wanted)));
 }
 
 const nlohmann::json* JsonFields::member(const char* key) const {

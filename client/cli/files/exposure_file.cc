@@ -63,7 +63,10 @@ class Members {
   // `name` names the object in messages, "frames[3]." for example.
   Members(const Json& object, std::string name, absl::Status& status)
       : object_(object), name_(std::move(name)), status_(status) {
-    if (!object.is_object()) fail("", "an object");
+    if (!object.is_object()) {
+      status_.Update(
+          absl::InvalidArgumentError(name_.substr(0, name_.size() - 1) + " must be a JSON object"));
+    }
   }
 
   double number(const char* key, v1::Range<double> range) {

@@ -44,7 +44,7 @@ double locked_exposure(const v1::Exposure& settings, const std::vector<ExposedFr
 std::string to_text(const ExposureFile& file);
 absl::StatusOr<ExposureFile> parse_exposures(const std::string& text);
 
-// Reads a file of at most 64 MiB. Errors begin with the path.
+// Reads a file of at most 256 MiB. Errors begin with the path.
 absl::StatusOr<ExposureFile> read_exposures(const std::string& path);
 
 // The exposures that frames are given.

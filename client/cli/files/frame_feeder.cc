@@ -24,8 +24,9 @@ absl::Status FrameFeeder::begin_with(const Image& first) {
   std::optional<FrameRate> of_file = first.frame_rate;
   if (of_file && !is_usable(*of_file)) {
     const absl::MutexLock lock(&mutex_);
-    notes_.insert(absl::StrFormat("%s: its rate of %d/%d frames a second is ignored",
-                                  sequence_.frames[next_->index].path, of_file->frames, of_file->seconds));
+    notes_.insert(absl::StrFormat(
+        "%s: its framesPerSecond is %d/%d, which is no usable rate, and is ignored; --fps sets the rate",
+        sequence_.frames[next_->index].path, of_file->frames, of_file->seconds));
     of_file.reset();
   }
   rate_ = choose_rate(options_.rate, of_file);

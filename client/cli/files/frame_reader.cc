@@ -19,7 +19,8 @@ void FrameReader::read_ahead() {
       try {
         return read_image(path, limits_, choice_);
       } catch (const std::bad_alloc&) {
-        return absl::ResourceExhaustedError(absl::StrFormat("%s: out of memory", path));
+        return absl::ResourceExhaustedError(
+            absl::StrFormat("%s: out of memory; give this process more memory (ulimit -v)", path));
       }
     }));
   }

@@ -13,7 +13,7 @@ namespace {
 
 absl::Status not_one_number(const std::string& path) {
   return usage_error(absl::StrFormat(
-      "%s: a pattern has one number, %%d, %%04d or ####, in its file name, and no other %%", path));
+      "%s: a pattern has one number, %%d, %%04d, #### or @@@@, in its file name, and no other %%", path));
 }
 
 // `at` is the place of the first % in the file's name.

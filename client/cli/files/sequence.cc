@@ -253,8 +253,11 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
   }
   if (absl::Status status = choose(choice, *found, sequence); !status.ok()) return status;
   if (sequence.first() < sequence.zero) {
-    return absl::InvalidArgumentError(absl::StrFormat("frame %d comes before frame %d, where time begins",
-                                                      sequence.first(), sequence.zero));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame %d comes before frame %d, with which the exposure file begins; begin there "
+                        "with --range, or meter "
+                        "the whole shot",
+                        sequence.first(), sequence.zero));
   }
   if (absl::Status status = take_missing(choice, *found, sequence); !status.ok()) return status;
   uint64_t first_chosen = sequence.first();

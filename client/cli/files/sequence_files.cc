@@ -66,7 +66,9 @@ absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
     if (ignored) return absl::ErrnoToStatus(ignored.value(), absl::StrFormat("%s: cannot read", input));
     if (files.empty()) {
       return absl::NotFoundError(
-          absl::StrFormat("%s: the folder contains no .exr, .hdr or .pfm file", input));
+          absl::StrFormat("%s: the folder contains no .exr, .hdr or .pfm file; name another folder, or a "
+                          "pattern such as 'in/*.exr'",
+                          input));
     }
     return files;
   }

@@ -184,7 +184,7 @@ void define(CLI::App& app, Arguments& arguments) {
   add_stream_options(stream, arguments.stream);
   CLI::App& meter = *app.add_subcommand(
       "meter",
-      "Reports the exposure that metering chooses for an image, and why, or for the frames of a shot.");
+      "Reports the exposure that metering chooses for an image, or for each frame of a shot, and why.");
   meter.footer(kMeterExamples);
   add_meter_options(meter, arguments.meter);
   define_panoramas(app, arguments);
@@ -207,8 +207,8 @@ void define(CLI::App& app, Arguments& arguments) {
                   "Write one line of JSON a file, or one for the server with every setting",
                   arguments.info.json);
   add_server_options(info, arguments.info.server);
-  CLI::App& health =
-      *app.add_subcommand("health", "Checks whether a server is serving: exit code 0 if so, else 1.");
+  CLI::App& health = *app.add_subcommand(
+      "health", "Checks whether a server is serving: exit code 0 if so, 1 if not, 2 for wrong usage.");
   health.footer(kHealthExamples);
   add_health(health, arguments.health);
   app.add_subcommand("help", "Prints the help of a command.")

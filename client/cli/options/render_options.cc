@@ -63,8 +63,8 @@ absl::Status set_files(RenderArguments& arguments) {
     const absl::StatusOr<OutputKind> kind = output_kind(input);
     if (kind.ok() && (*kind == OutputKind::kPng || *kind == OutputKind::kJpeg)) {
       return usage_error(
-          absl::StrFormat("%s is no image that candela reads, and %s is taken as a folder; candela reads "
-                          "OpenEXR, Radiance and PFM",
+          absl::StrFormat("%s is no image that candela reads (OpenEXR, Radiance .hdr, PFM), and the last "
+                          "argument, %s, is taken as the output folder",
                           input, options.output));
     }
   }

@@ -44,14 +44,14 @@ std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice)
 void add_security_and_device(CLI::App& app, ServerChoice& choice) {
   add_security_options(app, kServer, choice.security);
   add_text(app, kServer, "--device", "NAME|INDEX",
-           "Vulkan device of the built-in server, which it also chooses: part of its name, or its index "
-           "(default: the "
-           "best one)",
+           "Render in this process, even if $CANDELA_SERVER is set, on this Vulkan device: part of its name, "
+           "or its "
+           "index (default: the best one)",
            choice.device);
   add_text(
       app, kServer, "--passes", "WHO",
-      "Who makes the passes in the built-in server: device, host (this machine's processors) or auto "
-      "(default: auto, the host where it can in place of a device of the type CPU)",
+      "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
+      "(default: auto, which is host if the Vulkan device is a CPU and the processors can, else device)",
       [&choice](const std::string& text) {
         if (text != "auto" && text != "device" && text != "host") {
           return usage_error(absl::StrFormat("--passes is \"%s\"; it must be auto, device or host", text));
@@ -78,6 +78,7 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
       "Running candelads, HOST:PORT or unix:PATH: the first that answers, and the next one if it is lost "
       "(default: $CANDELA_SERVER, or else a server built into this process)",
       [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
+  choice.has_resume_option = true;
   add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
              absl::ToDoubleSeconds(choice.resume_limit),
              "How long to look for a server when one is lost, and to wait for one that is full or starting",
@@ -112,7 +113,8 @@ void add_security_options(CLI::App& app, const std::string& section, ClientSecur
       "Use TLS and show this client certificate, PEM");
   add("--tls-key", v1::kTlsKeyVariable, "FILE", security.key_file, "Private key of --tls-cert, PEM");
   add("--token-file", v1::kTokenFileVariable, "FILE", security.token_file,
-      "File with the bearer token to send, on its first line; never sent unencrypted to another machine");
+      "File with the bearer token to send: its first line that is no comment; never sent unencrypted to "
+      "another machine");
 }
 
 absl::Status finish_server_options(ServerChoice& choice, bool takes_several) {

@@ -57,8 +57,10 @@ void add_encoding_option(CLI::App& app, const std::string& section, v1::Encoding
 
 void add_timeout_option(CLI::App& app, const std::string& section, absl::Duration& timeout) {
   add_text(app, section, "--frame-timeout", "SECONDS",
-           absl::StrFormat("Drop a frame that waits longer on the server; %s (default: none)",
-                           format_range(kSeconds)),
+           absl::StrFormat(
+               "Fail a frame if the server has not begun to render it this long after it read its header; %s "
+               "(default: none)",
+               format_range(kSeconds)),
            [&timeout](const std::string& text) {
              const absl::StatusOr<double> seconds = parse_number("--frame-timeout", text, kSeconds);
              if (seconds.ok()) timeout = absl::Seconds(*seconds);

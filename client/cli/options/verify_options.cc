@@ -29,7 +29,7 @@ absl::Status check_verify_options(const VerifyChoice& choice, const std::string&
   if (choice.error_map.empty()) return absl::OkStatus();
   const absl::StatusOr<OutputKind> kind = output_kind(choice.error_map);
   if (!kind.ok() || *kind != OutputKind::kPng) {
-    return usage_error(absl::StrFormat("--error-map %s: an error map is written as .png", choice.error_map));
+    return usage_error(absl::StrFormat("--error-map is %s; it must end in .png", choice.error_map));
   }
   if (choice.error_map == output) {
     return usage_error(

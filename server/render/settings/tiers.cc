@@ -19,7 +19,7 @@ constexpr Tier kTiers[] = {
      .cube_samples = 4,
      .specular_detail = 0.55},
     {.name = "standard",
-     .summary = "all of the pipeline in float32, sRGB within 0.0001 code; aces-1 by 65^3 points (wide-gamut "
+     .summary = "all of the pipeline in float32, sRGB within 0.00015 code; aces-1 by 65^3 points (wide-gamut "
                 "frames: 97^3)",
      .bloom_level_size = 2,
      .transfer_terms = 8,
