@@ -1,4 +1,5 @@
-// Twin of brdf_table.comp: the split sum's second factor by the tanh-sinh rule. The shader has another quadrature.
+// Twin of brdf_table.comp: the split sum's second factor by the tanh-sinh rule. The shader uses
+// another quadrature.
 //
 // With v = (sin, 0, n.v) and h at the angle theta from n and phi around it, tan theta = alpha tan psi makes
 // D n.h dh = 2 sin psi cos psi dpsi dphi / (2 pi). The light direction l = reflect(-v, h) is above the

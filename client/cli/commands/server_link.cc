@@ -94,7 +94,7 @@ void ServerLink::tell_of_wait(const std::string& server, const absl::Status& why
   const std::string words(why.message());
   print_note_over_progress(absl::StrFormat(
       "%s: %s; waiting for up to %s%s", server, words.substr(0, words.find(';')),
-      absl::FormatDuration(choice_.resume_limit), choice_.has_resume_option ? " (--resume)" : ""));
+      absl::FormatDuration(choice_.resume_limit), choice_.takes_several ? " (--resume)" : ""));
 }
 
 absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) {

@@ -204,7 +204,7 @@ absl::Status finish_environment_options(EnvironmentArguments& arguments) {
   if (arguments.handed && options.layout != EnvironmentLayout::kFaces) {
     options.notes.push_back("--handedness changes nothing: only faces have one");
   }
-  return finish_server_options(options.server, true);
+  return finish_server_options(options.server);
 }
 
 }  // namespace candela

@@ -214,7 +214,7 @@ absl::Status finish_panorama_view_options(PanoramaViewArguments& arguments) {
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
   status.Update(check_verify(options));
-  status.Update(finish_server_options(options.server, true));
+  status.Update(finish_server_options(options.server));
   return status;
 }
 

@@ -255,8 +255,7 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
   if (sequence.first() < sequence.zero) {
     return absl::InvalidArgumentError(
         absl::StrFormat("frame %d comes before frame %d, with which the exposure file begins; begin there "
-                        "with --range, or meter "
-                        "the whole shot",
+                        "with --range, or meter the whole shot",
                         sequence.first(), sequence.zero));
   }
   if (absl::Status status = take_missing(choice, *found, sequence); !status.ok()) return status;

@@ -1,4 +1,4 @@
-// What the system did not give this process.
+// Errors for memory and threads that this process could not get.
 #pragma once
 
 #include <exception>
@@ -7,7 +7,7 @@
 
 namespace candela {
 
-// RESOURCE_EXHAUSTED, with what the user can do, for memory or a thread that the system did not give.
+// RESOURCE_EXHAUSTED, with what the user can do, if it is about memory or a thread.
 // INTERNAL with the exception's words for any other.
 absl::Status system_failure(const std::exception& error);
 

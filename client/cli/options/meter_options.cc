@@ -31,7 +31,7 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
 absl::Status finish_meter_options(MeterOptions& options) {
   options.alpha_by_default = options.settings.alpha() == v1::ALPHA_UNSPECIFIED;
   absl::Status status = check_settings_options(options.settings);
-  status.Update(finish_server_options(options.server, true));
+  status.Update(finish_server_options(options.server));
   return status;
 }
 

@@ -27,7 +27,7 @@ struct ServerChoice {
   ClientSecurity security = {};          // for running servers
   // The time to look for a server that takes the work, or that resumes it after a loss.
   absl::Duration resume_limit = absl::Seconds(30);
-  bool has_resume_option = false;  // --resume sets it; a message may say so
+  bool takes_several = false;  // the command takes a list of servers, and --resume
   std::string device;  // of the built-in server: a part of its name, or its index; empty: the best one
   std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };

@@ -116,7 +116,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
   status.Update(check_error_map(options));
-  status.Update(finish_server_options(options.server, true));
+  status.Update(finish_server_options(options.server));
   return status;
 }
 

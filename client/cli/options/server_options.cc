@@ -45,8 +45,7 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
   add_security_options(app, kServer, choice.security);
   add_text(app, kServer, "--device", "NAME|INDEX",
            "Render in this process, even if $CANDELA_SERVER is set, on this Vulkan device: part of its name, "
-           "or its "
-           "index (default: the best one)",
+           "or its index (default: the best one)",
            choice.device);
   add_text(
       app, kServer, "--passes", "WHO",
@@ -78,7 +77,7 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
       "Running candelads, HOST:PORT or unix:PATH: the first that answers, and the next one if it is lost "
       "(default: $CANDELA_SERVER, or else a server built into this process)",
       [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
-  choice.has_resume_option = true;
+  choice.takes_several = true;
   add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
              absl::ToDoubleSeconds(choice.resume_limit),
              "How long to look for a server when one is lost, and to wait for one that is full or starting",
@@ -117,7 +116,7 @@ void add_security_options(CLI::App& app, const std::string& section, ClientSecur
       "another machine");
 }
 
-absl::Status finish_server_options(ServerChoice& choice, bool takes_several) {
+absl::Status finish_server_options(ServerChoice& choice) {
   if (!choice.address.empty() && !choice.device.empty()) {
     return usage_error(
         "--device chooses the built-in server's device and has no effect with --server; give one of them");
@@ -133,7 +132,7 @@ absl::Status finish_server_options(ServerChoice& choice, bool takes_several) {
   }
   absl::Status status = set_servers(v1::kServerVariable, variable, choice);
   choice.source = absl::StrCat("from ", v1::kServerVariable);
-  if (!takes_several) choice.others.clear();
+  if (!choice.takes_several) choice.others.clear();
   return status;
 }
 

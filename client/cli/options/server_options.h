@@ -29,7 +29,7 @@ void add_running_server_option(CLI::App& app, const std::string& section, Server
 
 // After parsing: takes CANDELA_SERVER if neither --server nor --device is given, and refuses options that
 // conflict. Of several addresses in the variable, a command that uses one takes the first.
-absl::Status finish_server_options(ServerChoice& choice, bool takes_several = false);
+absl::Status finish_server_options(ServerChoice& choice);
 
 // Adds to an error that names the server's address where that address is from, unless it is from --server.
 absl::Status name_source(const absl::Status& status, const ServerChoice& choice);

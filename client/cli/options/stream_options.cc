@@ -83,7 +83,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
                                        jpeg ? "JPEG" : "PNG", options.output));
   }
   if (absl::Status status = finish_exposure_options(options); !status.ok()) return status;
-  return finish_server_options(options.server, true);
+  return finish_server_options(options.server);
 }
 
 }  // namespace candela

@@ -28,8 +28,8 @@ struct BoundFacts {
 // wide frame that is not drawn yet it is a lower limit of the bound.
 double error_bound(const Tier& tier, const Settings& settings, const BoundFacts& facts);
 
-// How far the mean that a device meters may be from the reference's, in EV. With percentiles, a texel at the
-// edge of a bin may count in the bin beside it.
+// The largest difference, in EV, between the mean that a device meters and the mean that the reference
+// meters. With percentiles, rounding may move a texel into the next bin of the histogram.
 double mean_error(const v1::Metering& metering);
 
 // The facts with the smallest and with the largest bound of all frames of this format with these settings.
