@@ -281,7 +281,11 @@ TEST_F(PanoramaView, AWrongFileOfObjectsOrKeysNamesItsMember) {
   };
   says("--objects", "[]", "no JSON object");
   says("--objects", R"({"objects":[{"center":[0,0,0],"radius":1}]})", "did you mean centre");
-  says("--objects", R"({"objects":[{"centre":[0,0,-3],"radius":0}]})", "objects[0].radius");
+  says("--objects", R"({"objects":[{"centre":[0,0,-3],"radius":0}]})",
+       "objects[0].radius is 0; it must be a number, ");
+  says("--objects", R"({"objects":[{"centre":[0,0,-3]}]})",
+       "objects[0].radius is missing; it must be a number, ");
+  says("--objects", R"({"objects":[3]})", "objects[0] must be a JSON object");
   says("--path", R"({"keys":[{"time":1},{"time":1}]})", "keys[1].time");
   says("--path", R"({"keys":[{"time":0,"fov":0}]})", "keys[0].fov");
   write_file(file, R"({"objects":[{"centre":[0,0,0],"radius":1}]})");
