@@ -220,6 +220,42 @@ TEST_F(Report, InfoSaysWhatTheServerIs) {
   EXPECT_EQ(candela_json({"render", in_, out_}).at("device"), info.at("device").at("name"));
 }
 
+// What each tier costs and how wrong it may be. No number in the text is below its bound.
+TEST_F(Report, InfoHasEachTiersTimesAndErrors) {
+  const nlohmann::json info = candela_json({"info"});
+  const std::string text = candela({"info"}).out;
+  std::vector<std::string> names;
+  for (const nlohmann::json& tier : info.at("tiers")) {
+    names.push_back(tier.at("name"));
+    ASSERT_EQ(tier.at("times").size(), 2u) << names.back();
+    for (const nlohmann::json& time : tier.at("times")) {
+      EXPECT_GT(time.at("width").get<int>() * time.at("height").get<int>(), 0);
+      EXPECT_GT(time.at("ms").get<double>(), 0);
+      const std::string size =
+          std::to_string(time.at("width").get<int>()) + "x" + std::to_string(time.at("height").get<int>());
+      EXPECT_NE(text.find("; " + size + " in "), std::string::npos) << size << "\n" << text;
+    }
+    const size_t at = text.find("tier       " + names.back() + ": ");
+    ASSERT_NE(at, std::string::npos) << text;
+    const std::string numbers = text.substr(text.find('\n', at));
+    const double plain = tier.at("max_error_codes"), blooms = tier.at("max_error_codes_with_bloom");
+    EXPECT_LE(plain, blooms);
+    double said = 0;
+    ASSERT_EQ(std::sscanf(numbers.c_str(), " within %lf codes", &said), 1) << numbers;
+    EXPECT_GE(said, plain);
+    EXPECT_LE(said, 1.0101 * plain);
+    if (blooms < 255) {
+      ASSERT_EQ(std::sscanf(numbers.c_str(), " within %*f codes, with bloom within %lf codes", &said), 1);
+      EXPECT_GE(said, blooms);
+      EXPECT_LE(said, 1.0101 * blooms);
+    } else {
+      EXPECT_NE(numbers.find("with bloom without a bound"), std::string::npos);
+    }
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"draft", "standard", "reference"}));
+  EXPECT_NE(text.find("an exposure of at most 1 and no negative components"), std::string::npos) << text;
+}
+
 TEST_F(Report, InfoListsTheSettings) {
   std::map<std::string, nlohmann::json> settings;
   const nlohmann::json info = candela_json({"info"});

@@ -1,5 +1,6 @@
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
@@ -10,6 +11,7 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "proto/candela/v1/rounded_up.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -39,10 +41,11 @@ std::string mib(uint64_t bytes) {
   return absl::StrFormat("%.4g MiB", static_cast<double>(bytes) / (1 << 20));
 }
 
-// "error within 0.09 codes (bloom: no bound); 1024x512 in 8.2 ms"
+// "within 0.0851 codes, with bloom without a bound; 1024x512 in 8.2 ms"
 std::string numbers_of(const v1::Tier& tier) {
   const auto codes = [](double bound) {
-    return bound < 255 ? absl::StrFormat("within %.2g codes", bound) : std::string("without a bound");
+    return bound < 255 ? absl::StrCat("within ", v1::rounded_up(bound), " codes")
+                       : std::string("without a bound");
   };
   std::string text = absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),
                                      codes(tier.max_error_codes_with_bloom()));
@@ -74,6 +77,10 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
     line("tier", tier.name() + ": " + tier.summary());
     line("", numbers_of(tier));
   }
+  // What render.proto says of Tier.
+  line("",
+       "errors: with the default settings, an exposure of at most 1 and no negative components; times: "
+       "where everything blooms");
   line("limits", absl::StrFormat("%d pixels per side, %s per frame, %s per band, %s for textures",
                                  limits.max_dimension(), mib(limits.max_frame_bytes()),
                                  mib(limits.max_band_bytes()), mib(limits.memory_budget_bytes())));
