@@ -246,11 +246,14 @@ TEST_F(Failure, ASignalLeavesNoHiddenFile) {
   const std::vector<std::string> arguments{"render", scene, picture,  "--bits",
                                            "16",     "-q",  "--json", folder_.path("frame.json")};
   for (const int ms : {20, 60, 100, 150, 200, 250, 300, 350, 400}) {
+    write_file(picture, "old");
     const Outcome outcome = candela_with_signal(arguments, ms % 100 == 0 ? SIGTERM : SIGINT, ms);
     EXPECT_TRUE(outcome.code == 0 || outcome.code == 128 + SIGINT || outcome.code == 128 + SIGTERM);
     for (const std::string& name : folder_.list()) {
       EXPECT_EQ(name.find(".part"), std::string::npos) << name << " after " << ms << " ms";
     }
+    const std::string bytes = read_file(picture);
+    EXPECT_TRUE(bytes == "old" || bytes.substr(bytes.size() - 8, 4) == "IEND") << bytes.size() << " bytes";
   }
 }
 

@@ -23,10 +23,27 @@ class Folder : public ::testing::Test {
   }
   std::string in(const std::string& name) const { return folder_.path("in/" + name); }
   std::string out(const std::string& name) const { return folder_.path("out/new/" + name); }
+  // Pictures that the command replaces.
+  void write_old_pictures() const {
+    std::filesystem::create_directories(folder_.path("out/new"));
+    for (const char* name : {"a.png", "b2.png", "scene.exr"}) write_file(out(name), "old");
+  }
+  // Each file is whole, or as write_old_pictures() made it.
   void expect_whole_pictures() const {
-    std::error_code missing;  // if the signal came before the folder was made
-    for (std::filesystem::directory_iterator at(folder_.path("out/new"), missing), end; at != end; ++at) {
-      EXPECT_EQ(at->path().extension(), ".png") << at->path();
+    for (const auto& file : std::filesystem::directory_iterator(folder_.path("out/new"))) {
+      SCOPED_TRACE(file.path());
+      const std::string bytes = read_file(file.path());
+      if (bytes == "old") continue;
+      if (file.path().extension() == ".exr") {
+        EXPECT_TRUE(read_image(file.path()).ok());
+      } else {
+        EXPECT_EQ(file.path().extension(), ".png");
+        EXPECT_EQ(bytes.substr(0, 4), "\x89PNG");
+        EXPECT_EQ(bytes.substr(bytes.size() - 8, 4), "IEND");
+      }
+    }
+    for (const char* name : {"a.png", "b2.png", "scene.exr"}) {
+      EXPECT_TRUE(std::filesystem::exists(out(name))) << name;
     }
   }
   // The lines of JSON on stdout.
@@ -128,6 +145,7 @@ TEST_F(Folder, ASignalLeavesNoPartOfAFile) {
   }
   for (const int ms : {150, 300, 450, 600}) {
     SCOPED_TRACE(ms);
+    write_old_pictures();
     const Outcome outcome = candela_with_signal({"render", in("*.exr"), out(""), "-q"}, SIGINT, ms);
     EXPECT_TRUE(outcome.code == 0 || outcome.code == 128 + SIGINT) << outcome.code;
     expect_whole_pictures();
@@ -145,6 +163,7 @@ TEST_F(Folder, ASignalWhileAFileIsMadeLeavesNoPartOfIt) {
                                              {"sample", out("scene.exr"), "-q"}}) {
     for (const char* variable : {"CANDELA_TEST_SIGNAL", "CANDELA_TEST_FIRST_PROCESS"}) {
       SCOPED_TRACE(arguments[0] + " " + variable);
+      write_old_pictures();
       const Outcome outcome = candela_on_failing_machine(variable, signal.c_str(), arguments);
       // 0 if its work was done before the signal ended it.
       EXPECT_TRUE(outcome.code == 0 || outcome.code == 128 + SIGINT) << outcome.code;

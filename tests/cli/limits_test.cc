@@ -120,6 +120,33 @@ TEST_F(Limits, APictureNeedsAPlainFile) {
   EXPECT_EQ(std::filesystem::read_symlink(full), "/dev/full");
 }
 
+TEST_F(Limits, AnInputThatIsNoImageIsOneLine) {
+  const std::string loop = folder_.path("loop.exr"), folder = folder_.path("out");
+  std::filesystem::create_symlink("loop.exr", loop);
+  const std::vector<std::string> before = folder_.list();
+  const std::string no_file = "not a regular file";
+  for (const auto& [path, words] : std::vector<std::pair<std::string, std::string>>{
+           {"", "cannot read: No such file"},
+           {"/dev/urandom", no_file},
+           {"/dev/zero", no_file},
+           {"/dev/stdin", no_file},
+           {"/proc/self/mem", "the file is empty"},
+           {"/proc/self/maps", "not an OpenEXR, Radiance or PFM file"},
+           {loop, "Too many levels of symbolic links"},
+           {std::string(5000, 'a'), "File name too long"}}) {
+    expect_failure(candela({"render", path, out_, "-q"}), words);
+    expect_failure(candela({"info", path}), words);
+  }
+  for (const std::string& pattern : {std::string(1000, '['), std::string("["), std::string("none*")}) {
+    expect_failure(candela({"render", folder_.path(pattern), folder + "/", "-q"}), "");
+    expect_failure(candela({"stream", folder_.path(pattern), folder, "-q"}), "");
+  }
+  expect_failure(candela_in_shell("exec <&-", {"render", "/dev/stdin", out_, "-q"}), no_file);
+  EXPECT_EQ(folder_.list(), before);
+  // No temporary file is kept elsewhere.
+  EXPECT_EQ(candela_in_shell("export TMPDIR=/none", {"stream", in_, folder, "-q"}).code, 0);
+}
+
 // Temporary files have longer names, and a name is 255 bytes at most.
 TEST_F(Limits, NamesMayBeAsLongAsTheSystemAllows) {
   for (const size_t letters : {250u, 251u}) {

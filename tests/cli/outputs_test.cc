@@ -90,6 +90,15 @@ TEST_F(Outputs, EveryOutputOfASequenceIsHeldAgainstItsInputs) {
         {"stream", in_, folder_.path("out"), "--save-exposures", folder_.path("file.txt"), "--json", same});
   }
   expect_refused({"stream", in_, folder_.path("%04d.exr"), "--save-exposures", folder_.path("0000.exr")});
+  const std::string plot = folder_.path("plot.svg");  // the name has to end so
+  for (const auto link_as : {&symlink, &::link}) {
+    ASSERT_EQ(link_as(in_.c_str(), plot.c_str()), 0);
+    expect_refused({"stream", in_, folder_.path("out"), "--exposure-plot", plot});
+    expect_refused({"meter", in_, "--exposure-plot", plot});
+    expect_refused(
+        {"view", in_, folder_.path("%04d.png"), "--turn", "90", "--frames", "2", "--exposure-plot", plot});
+    ASSERT_EQ(unlink(plot.c_str()), 0);
+  }
 }
 
 TEST_F(Outputs, OfAViewAreHeldAgainstItsInputs) {

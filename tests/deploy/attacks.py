@@ -346,7 +346,7 @@ def priority_flood() -> dict:
 def crowd(count: int, whole: bytes, at_once: int, seconds: float, each_second: bool = False) -> dict:
     """Opens `count` connections, sends the first `at_once` bytes of `whole` on each, then perhaps one byte a second. They stay
     open for `seconds`."""
-    kept, refused, most = [], 0, time.monotonic() + SECONDS / 2
+    kept, refused, most = [], 0, time.monotonic() + max(SECONDS / 2, 10)
     for _ in range(count):
         if time.monotonic() > most:  # a firewall does not answer
             break
@@ -370,25 +370,33 @@ def crowd(count: int, whole: bytes, at_once: int, seconds: float, each_second: b
     return {"connections": len(kept), "refused": refused, "ended_by_server": ended}
 
 
+def too_few(did: dict, count: int) -> dict:
+    """An attack with far fewer connections than `count` says nothing."""
+    tried = did["connections"] + did["refused"]
+    return {"wrong": f"only {tried} connections of {count} were tried"} if tried < 0.9 * count else {}
+
+
 def slow_headers(connections: int) -> dict:
     """Connections whose first HEADERS frame comes one byte a second. nginx waits for it without end."""
     return crowd(connections, frame(HEADERS, END_HEADERS, 1, call_headers()), 20, SECONDS, each_second=True)
 
 
 def half_headers() -> dict:
-    return slow_headers(300)
+    did = slow_headers(300)
+    return did | too_few(did, 300)
 
 
 def silent_connections() -> dict:
     """More connections than the server may have files, all silent, for longer than nginx waits for a call."""
     did = crowd(3000, b"", 0, max(SECONDS, FIRST_CALL_SECONDS + 4))
-    return did | let_through(did["ended_by_server"] < did["connections"], "connections that stay silent")
+    return did | too_few(did, 3000) | let_through(did["ended_by_server"] < did["connections"], "connections that stay silent")
 
 
 def open_calls() -> dict:
     """600 calls on 60 connections that are open and silent."""
     headers = call_headers()
-    return crowd(60, b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, headers) for n in range(10)), 1 << 20, SECONDS)
+    did = crowd(60, b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, headers) for n in range(10)), 1 << 20, SECONDS)
+    return did | too_few(did, 60)
 
 
 def frames_of_a_session(name: str) -> list[bytes]:

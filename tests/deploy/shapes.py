@@ -19,7 +19,7 @@ CLONE_NEWNET = 0x40000000  # of unshare(2)
 
 
 def resident_mib(pid: int) -> float:
-    """Memory of a process and its children; what they share counts once."""
+    """Memory of a process and its children; what they share counts once. 0 if it has ended."""
     try:
         rollup = pathlib.Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
         children = pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
@@ -47,6 +47,10 @@ class Direct:
 
     def memory_mib(self) -> float:
         return sum(map(resident_mib, self.pids))
+
+    def front_mib(self) -> float:
+        """The front's part of the memory."""
+        return 0
 
     def trouble(self) -> str:
         """Why it is not the process that started, or nothing."""
@@ -110,6 +114,9 @@ class Processes(Direct):
     def candelad_listens(self) -> str:
         return f"unix:{self.folder}/candelad.sock"
 
+    def front_mib(self) -> float:
+        return resident_mib(self.front.pid)
+
     def trouble(self) -> str:
         return self.front.trouble() or super().trouble()
 
@@ -142,6 +149,7 @@ class AsShipped(Direct):
         self.address = f"{self.container.inspect('NetworkSettings.IPAddress')}:{podman.GRPC}"
         self.pid = self.container.inspect("State.Pid")
         self.processes = self.programs()
+        self.nginx = min(int(line.split()[0]) for line in self.processes if "nginx" in line)  # the master began first
 
     def programs(self) -> set[str]:
         """candelad, nginx's master and workers, by their ids."""
@@ -156,6 +164,9 @@ class AsShipped(Direct):
 
     def memory_mib(self) -> float:
         return resident_mib(int(self.pid))
+
+    def front_mib(self) -> float:
+        return resident_mib(self.nginx)
 
     def trouble(self) -> str:
         if not self.container.running():

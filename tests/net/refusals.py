@@ -46,6 +46,8 @@ def settings_refused(v1) -> dict:
             "no table": v1.Settings(curve=v1.TONE_CURVE_TABLE),
             "table without its curve": v1.Settings(table=v1.ColorTable(size=2, values=bytes(48))),
             "table of 1": tabled(size=1, values=bytes(6)), "table one byte short": tabled(size=2, values=bytes(47)),
+            **{f"table of {n} with {extra:+d} bytes": tabled(size=n, values=bytes(6 * n ** 3 + extra))
+               for n in (3, 17, 65) for extra in (-2, -1, 1)},
             "table end 0": tabled(size=2, end=0, values=bytes(48)),
             "singular primaries": v1.Settings(input_chromaticities=v1.Chromaticities(
                 red_x=0.3, red_y=0.3, green_x=0.3, green_y=0.3)),

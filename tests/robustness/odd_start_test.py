@@ -85,6 +85,9 @@ def files() -> None:
     for option in ("--idle-timeout", "--resume-ttl"):
         for time_ in ("nan", "inf", "-inf", "1e400s"):
             ends(f"{option} {time_}", USAGE, f"{option}={time_}", words=time_)
+    for number in ("-1", "1.5", "", "9" * 30):
+        ends(f"--max-calls={number}", USAGE, f"--max-calls={number}", words="max-calls")
+    serves("an environment of nonsense", env={"HOME": "", "LANG": "xx", "LC_ALL": "zz", "TMPDIR": "/none"})
     serves("a configuration with lines of CR and LF", "--config", config(b"max-calls = 3\r\n\r\n# x\r\n"))
 
 
@@ -128,6 +131,9 @@ def addresses() -> None:
     ends("a host that is not this machine", FAILED, "--listen", "192.0.2.1:50051", "--insecure", words="192.0.2.1")
     ends("a name that nobody has", FAILED, "--listen", "nobody.invalid:50051", "--insecure", words="nobody.invalid")
     ends("a unix path of 200 letters", FAILED, "--listen", f"unix:{FOLDER}/{'a' * 200}", words="107")
+    loop = FOLDER / "loop.sock"
+    loop.symlink_to(loop)
+    ends("a unix path that is a loop", FAILED, "--listen", f"unix:{loop}", words="is not a socket")
     stale = str(FOLDER / "stale.sock")
     with socket.socket(socket.AF_UNIX) as left_over:
         left_over.bind(stale)
@@ -151,10 +157,11 @@ def limits() -> None:
                     preexec=limit(resource.RLIMIT_AS, mib << 20))
     needed_mib = int(re.search(r"needs (\d+) MiB", said)[1])
     serves("ulimit -v as the message says", preexec=limit(resource.RLIMIT_AS, needed_mib << 20))
-    for files_ in (8, 16, 24):
+    for files_ in (8, 16, 24, 32):
         ends(f"ulimit -n {files_}", FAILED, "--listen", "127.0.0.1:0", preexec=limit(resource.RLIMIT_NOFILE, files_))
     serves("ulimit -n 64", preexec=limit(resource.RLIMIT_NOFILE, 64))
-    serves("ulimit -s 128", preexec=limit(resource.RLIMIT_STACK, 128 << 10))
+    for kib in (64, 128):
+        serves(f"ulimit -s {kib}", preexec=limit(resource.RLIMIT_STACK, kib << 10))
     serves("ulimit -f 0", preexec=limit(resource.RLIMIT_FSIZE, 0), log_is_null=True)
 
 

@@ -5,6 +5,7 @@
 
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
+#include "client/call/retry_info.h"
 #include "tests/service/service_fixture.h"
 
 namespace candela::testing {
@@ -159,7 +160,9 @@ TEST_P(BadFrames, AFrameThatTheMemoryBudgetCannotHoldNowIsToldToTryAgain) {
   EXPECT_LE(pool().bytes_in_use(), uint64_t{256} << 20);
   grpc::ByteBuffer answer;
   EXPECT_FALSE(held.back()->read(answer));
-  EXPECT_EQ(held.back()->finish().error_code(), grpc::UNAVAILABLE);
+  const grpc::Status refusal = held.back()->finish();
+  EXPECT_EQ(refusal.error_code(), grpc::UNAVAILABLE) << refusal.error_message();
+  EXPECT_GT(retry_delay(refusal), absl::ZeroDuration());
   held.clear();
   EXPECT_TRUE(wait_until_idle(connection()));
 }

@@ -8,6 +8,7 @@
 
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
+#include "client/call/retry_info.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/wire_cutter.h"
 
@@ -138,6 +139,7 @@ TEST_P(CallLife, CallsBeyondTheMostAtOnceAreToldToTryAgain) {
   while (status.ok() && absl::Now() < give_up) status = connection().render({}, view(natural(4, 4))).status();
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   EXPECT_NE(std::string(status.message()).find("8 calls"), std::string::npos) << status;
+  EXPECT_GT(noted_retry_delay(status).value_or(absl::ZeroDuration()), absl::ZeroDuration());
   for (const auto& call : calls) {
     call->context.TryCancel();
     (void)call->finish();

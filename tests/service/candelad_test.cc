@@ -170,6 +170,18 @@ TEST(Candelad, ADeviceThatIsLostAgainAndAgainEndsItWithOne) {
   EXPECT_NE(daemon.errors().find("device is lost again and again"), std::string::npos) << daemon.errors();
 }
 
+#ifndef CANDELA_SANITIZED  // a sanitizer wants to be loaded first
+TEST(Candelad, ADeviceThatRendersWronglyIsNotServed) {
+  setenv("LD_PRELOAD", WRONG_DRIVER, 1);
+  Daemon daemon({"--listen", "127.0.0.1:0", "--passes", "device"});
+  unsetenv("LD_PRELOAD");
+  ASSERT_EQ(daemon.wait_until_listening(), "");
+  EXPECT_EQ(daemon.wait(), 1);
+  EXPECT_NE(daemon.errors().find("this device or its driver computes wrongly"), std::string::npos)
+      << daemon.errors();
+}
+#endif
+
 TEST(Candelad, AnUnknownDeviceEndsWithOneAndNamesThoseThereAre) {
   Daemon daemon({"--device", "no such device"});
   EXPECT_EQ(daemon.wait(), 1);

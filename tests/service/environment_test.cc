@@ -193,18 +193,23 @@ TEST_F(EnvironmentService, ABadViewIsRefusedWithItsFieldAndRange) {
   const auto names = [](const std::string& message, const char* field) {
     return message.find(field) != std::string::npos;
   };
-  EXPECT_TRUE(names(refused([](v1::View& v) { v.mutable_camera()->set_fov_deg(170.5); }), "fov_deg"));
-  EXPECT_TRUE(names(refused([](v1::View& v) { v.mutable_camera()->set_yaw_deg(NAN); }), "yaw_deg"));
-  EXPECT_TRUE(names(refused([](v1::View& v) { v.set_rotation_deg(361); }), "rotation_deg"));
-  EXPECT_TRUE(names(refused([](v1::View& v) { v.set_samples(3); }), "samples"));
+  EXPECT_TRUE(names(refused([](v1::View& v) { v.mutable_camera()->set_fov_deg(170.5); }),
+                    "view.camera.fov_deg is 170.5; it must be 1 .. 170"));
+  EXPECT_TRUE(names(refused([](v1::View& v) { v.mutable_camera()->set_yaw_deg(NAN); }),
+                    "view.camera.yaw_deg is nan; it must be between -360000 and 360000"));
+  EXPECT_TRUE(names(refused([](v1::View& v) { v.set_rotation_deg(361); }),
+                    "view.rotation_deg is 361; it must be between -360 and 360"));
+  EXPECT_TRUE(
+      names(refused([](v1::View& v) { v.set_samples(3); }), "view.samples is 3; it must be 1, 4 or 16"));
   EXPECT_TRUE(names(refused([](v1::View& v) { v.mutable_camera()->mutable_orientation()->set_w(2); }),
-                    "orientation"));
+                    "the length of view.camera.orientation is 2; it must be 1"));
   EXPECT_TRUE(names(refused([](v1::View& v) {
                       for (int i = 0; i < 65; ++i) v.add_objects()->set_radius(1);
                     }),
-                    "objects"));
+                    "view.objects has 65 spheres; the limit is 64"));
   // The camera is inside of this one.
-  EXPECT_TRUE(names(refused([](v1::View& v) { v.add_objects()->set_radius(1); }), "objects"));
+  EXPECT_TRUE(names(refused([](v1::View& v) { v.add_objects()->set_radius(1); }),
+                    "the camera is in view.objects[0], whose centre is 0 away and whose radius is 1"));
   v1::Settings wide;
   wide.set_input_primaries(v1::PRIMARIES_REC2020);
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(wide, frame_of(good)).status()));
@@ -528,12 +533,13 @@ TEST_F(EnvironmentService, ABadBakeIsRefused) {
     EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
     EXPECT_NE(status.message().find(field), std::string::npos) << status;
   };
-  refused([](auto& r) { r.set_size(48); }, "size");
-  refused([](auto& r) { r.set_size(8192); }, "size");
-  refused([](auto& r) { r.set_levels(9); }, "levels");
-  refused([](auto& r) { r.set_format(v1::PIXEL_FORMAT_RGBA32F); }, "format");
-  refused([](auto& r) { r.set_tier("best"); }, "tier");
-  refused([](auto& r) { r.set_rotation_deg(NAN); }, "rotation_deg");
+  refused([](auto& r) { r.set_size(48); }, "size is 48; it must be a power of two between 16 and 4096");
+  refused([](auto& r) { r.set_size(8192); }, "size is 8192; it must be a power of two between 16 and 4096");
+  refused([](auto& r) { r.set_levels(9); }, "levels is 9; a cube of ");
+  refused([](auto& r) { r.set_format(v1::PIXEL_FORMAT_RGBA32F); },
+          "format is 2; a bake is RGBA16F (1) or RGB9E5 (3)");
+  refused([](auto& r) { r.set_tier("best"); }, "tier is 'best'");
+  refused([](auto& r) { r.set_rotation_deg(NAN); }, "rotation_deg is nan; it must be between -360 and 360");
   refused([](auto& r) { r.set_id("x"); }, "id");
 }
 
@@ -633,7 +639,8 @@ TEST_F(EnvironmentService, APanoramaBeyondTheLimitsIsRefusedByItsStart) {
   call->WritesDone();
   const grpc::Status status = call->Finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_NE(status.error_message().find("8192x4096"), std::string::npos) << status.error_message();
+  EXPECT_NE(status.error_message().find("8193x2 pixels and the limit is 8192x4096"), std::string::npos)
+      << status.error_message();
 }
 
 TEST_F(EnvironmentService, BadValuesAreCountedOrRefused) {

@@ -20,6 +20,8 @@ constexpr uint64_t kBudget = uint64_t{256} << 20;
 // Far longer than an upload may stall while others wait, and far longer than any test waits.
 constexpr char kLongIdleTimeout[] = "60s";
 constexpr absl::Duration kWithinSeconds = absl::Seconds(15);
+// How long an upload may bring nothing while a frame waits.
+constexpr absl::Duration kStalled = absl::Seconds(2);
 
 // Another build of candelad, to see these tests fail on it.
 const char* candelad_under_test() {
@@ -156,7 +158,13 @@ TEST_F(Memory, HeadersWithoutAPixelHoldNothingAndDelayNobody) {
   absl::SleepFor(absl::Milliseconds(500));
   EXPECT_LT(in_use(), uint64_t{1} << 20);  // at most the bystander's
   EXPECT_TRUE(renders_within(address_, kWithinSeconds));
-  const double attacked = quantile(bystander.latencies(150), 0.99);
+  std::vector<double> latencies;
+  for (int i = 0; i < 15; ++i) {
+    const std::vector<double> some = bystander.latencies(10);
+    latencies.insert(latencies.end(), some.begin(), some.end());
+    EXPECT_TRUE(connection_.health().ok());
+  }
+  const double attacked = quantile(latencies, 0.99);
   std::cout << "p99 of the bystander: " << fair << " ms beside a fair neighbour, " << attacked
             << " ms beside " << hogs.size() << " headers without a pixel\n";
   EXPECT_LE(attacked, 2 * fair + 20);
@@ -172,7 +180,7 @@ TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToAFrameThatWaits) {
   StreamResult result;
   ASSERT_TRUE(client.read(result));
   EXPECT_FALSE(result.failed);
-  EXPECT_LT(absl::Now() - begin, kWithinSeconds);
+  EXPECT_LT(absl::Now() - begin, kStalled + absl::Seconds(6) * kSlower);
   const grpc::Status status = stalled->finish();
   EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
   EXPECT_NE(status.error_message().find("brought no pixels"), std::string::npos) << status.error_message();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/time/clock.h"
+#include "client/call/retry_info.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
 
@@ -147,7 +148,9 @@ TEST_P(StreamLimits, ASessionPastTheCapIsToldToComeBack) {
   }
   StreamClient late(channel());
   late.open("late");
-  EXPECT_REFUSED(late.finish(), grpc::UNAVAILABLE, "sessions, which is its limit");
+  const grpc::Status refusal = late.finish();
+  EXPECT_REFUSED(refusal, grpc::UNAVAILABLE, "sessions, which is its limit");
+  EXPECT_GT(retry_delay(refusal), absl::ZeroDuration());
   clients.pop_back();
   const absl::Time limit = absl::Now() + absl::Seconds(5);
   grpc::Status status;

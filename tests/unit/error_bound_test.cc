@@ -30,6 +30,20 @@ TEST(ErrorBound, AreAsPublished) {
   EXPECT_EQ(error_bound(reference_tier(), {}, hardest_facts({64, 64}, {})), 0.0);
 }
 
+// 1/2.2 has an infinite slope at 0, where these curves subtract.
+TEST(ErrorBound, OfStandardAreAsPublishedForGamma22) {
+  const BoundFacts plain = {.exposure = 1, .threshold = 1};
+  for (const v1::ToneCurve curve :
+       {v1::TONE_CURVE_PBR_NEUTRAL, v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_AGX, v1::TONE_CURVE_HABLE}) {
+    v1::Settings message;
+    message.set_curve(curve);
+    message.set_transfer(v1::TRANSFER_GAMMA22);
+    const double bound = error_bound(standard(), settings_of(message), plain);
+    EXPECT_LE(bound, 1.3) << curve;
+    EXPECT_GE(bound, 0.12) << curve << ": less than the error that was found";
+  }
+}
+
 TEST(ErrorBound, NoTierIsWorseThanTheOnesBeforeIt) {
   for (int curve = 1; curve <= v1::TONE_CURVE_ACES_1; ++curve) {
     for (int transfer = 1; transfer <= 3; ++transfer) {
