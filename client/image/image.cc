@@ -70,11 +70,13 @@ std::string printable(absl::string_view text, size_t most) {
 }
 
 absl::StatusOr<FileKind> file_kind(FileReader& file) {
-  const std::string magic = file.peek(4);
-  if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
-  if (magic.starts_with("#?")) return FileKind::kRadiance;
-  if (magic.starts_with("PF") || magic.starts_with("Pf")) return FileKind::kPfm;
-  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
+  const absl::StatusOr<std::string> magic = file.peek(4);
+  if (!magic.ok()) return magic.status();
+  if (*magic == "\x76\x2f\x31\x01") return FileKind::kExr;
+  if (magic->starts_with("#?")) return FileKind::kRadiance;
+  if (magic->starts_with("PF") || magic->starts_with("Pf")) return FileKind::kPfm;
+  if (magic->empty())
+    return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
   return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
 }
 

@@ -27,9 +27,12 @@ absl::StatusOr<FileReader> FileReader::open(const std::string& path) {
   return FileReader(path, file, static_cast<uint64_t>(info.st_size));
 }
 
-std::string FileReader::peek(size_t count) {
+absl::StatusOr<std::string> FileReader::peek(size_t count) {
   std::string bytes(count, '\0');
   bytes.resize(std::fread(bytes.data(), 1, count, file_.get()));
+  if (std::ferror(file_.get()) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrFormat("%s: cannot read", path_));
+  }
   std::clearerr(file_.get());
   std::fseek(file_.get(), static_cast<long>(position_), SEEK_SET);
   return bytes;

@@ -24,8 +24,9 @@ class FileReader {
   const std::string& path() const { return path_; }
   uint64_t remaining() const { return size_ - position_; }
 
-  // Returns the next `count` bytes, at most 64, without taking them; fewer at the end of the file.
-  std::string peek(size_t count);
+  // Returns the next `count` bytes, at most 64, without taking them; fewer at the end of the file. Fails if
+  // they cannot be read, with a message that names the path.
+  absl::StatusOr<std::string> peek(size_t count);
 
   // Takes the next byte. Returns -1 at the end.
   int get();
