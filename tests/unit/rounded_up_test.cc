@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <string>
 
 namespace candela::v1 {
@@ -17,6 +16,8 @@ TEST(RoundedUp, HasThreeDigits) {
   EXPECT_EQ(rounded_up(6.331), "6.34");
   EXPECT_EQ(rounded_up(9.991), "10");
   EXPECT_EQ(rounded_up(254.1), "255");
+  EXPECT_EQ(rounded_up(1.231e-300), "1.24e-300");
+  EXPECT_EQ(rounded_up(1.231e300), "1.24e+300");
 }
 
 TEST(RoundedUp, IsNeverBelowTheBoundAndNearIt) {

@@ -44,8 +44,8 @@ std::string mib(uint64_t bytes) {
 // "within 0.0851 codes, with bloom without a bound; 1024x512 in 8.2 ms"
 std::string numbers_of(const v1::Tier& tier) {
   const auto codes = [](double bound) {
-    return bound < 255 ? absl::StrCat("within ", v1::rounded_up(bound), " codes")
-                       : std::string("without a bound");
+    return bound >= 0 && bound < 255 ? absl::StrCat("within ", v1::rounded_up(bound), " codes")
+                                     : std::string("without a bound");
   };
   std::string text = absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),
                                      codes(tier.max_error_codes_with_bloom()));
@@ -77,10 +77,9 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
     line("tier", tier.name() + ": " + tier.summary());
     line("", numbers_of(tier));
   }
-  // What render.proto says of Tier.
   line("",
-       "errors: with the default settings, an exposure of at most 1 and no negative components; times: "
-       "where everything blooms");
+       "These errors hold for the default settings, an exposure of at most 1 and no negative components.");
+  line("", "The times are of frames where everything blooms.");
   line("limits", absl::StrFormat("%d pixels per side, %s per frame, %s per band, %s for textures",
                                  limits.max_dimension(), mib(limits.max_frame_bytes()),
                                  mib(limits.max_band_bytes()), mib(limits.memory_budget_bytes())));
