@@ -10,7 +10,8 @@ small frames meanwhile. Expected:
 - new clients are served meanwhile;
 - no process ends or restarts, and health is good afterwards;
 - what must be refused or ended is (attacks.py says what);
-- the memory comes back.
+- the memory stays below its limits, the front's below its own, and comes back;
+- the attack reached the server, with most of the connections that it is about.
 """
 import contextlib
 import json
@@ -101,6 +102,7 @@ def check_all_but_latency(shape, name: str, seconds: float) -> dict:
     expect(not shape.trouble(), f"{name}: {shape.trouble()}")
     expect(came["calls"] > 0 and not came["refused"], f"{name}: new clients are refused: {came}")
     expect(used["at_most"] < LIMIT_MIB, f"{name}: {used['at_most']} MiB were in use, of {LIMIT_MIB}")
+    expect(used["front_at_most"] > 0 or not shape.has_front, f"{name}: the front's memory cannot be read")
     expect(used["front_at_most"] < FRONT_LIMIT_MIB,
            f"{name}: the front used {used['front_at_most']} MiB, of {FRONT_LIMIT_MIB}")
     wait_until(lambda: healthy(shape), f"health is good after {name}", seconds=20)

@@ -32,6 +32,8 @@ def resident_mib(pid: int) -> float:
 class Direct:
     """candelad alone on a TCP port, in the open."""
 
+    has_front = False
+
     def __init__(self, stack: contextlib.ExitStack):
         self.folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="candela-edge-"))
         self.address = self.candelad_listens()
@@ -105,6 +107,8 @@ class Front:
 class Processes(Direct):
     """nginx before candelad on a unix socket, both of this machine."""
 
+    has_front = True
+
     def __init__(self, stack: contextlib.ExitStack, port: int = 0):
         super().__init__(stack)
         self.front = stack.enter_context(Front(self.address, port))
@@ -139,6 +143,8 @@ class Firewalled(Processes):
 
 class AsShipped(Direct):
     """The container, with 2 CPUs and 1 GiB. Each attack comes from another container's network."""
+
+    has_front = True
 
     def __init__(self, stack: contextlib.ExitStack):
         self.stack = stack

@@ -1,5 +1,5 @@
-// A library that is preloaded into candelad and makes its Vulkan device wrong: every dispatch does one column
-// of workgroups less, so the image's right edge is not drawn.
+// A library that is preloaded into candelad and makes its Vulkan device wrong: every dispatch leaves out the
+// last column of workgroups, so the image's right edge is not drawn.
 #include <dlfcn.h>
 #include <vulkan/vulkan_core.h>
 
