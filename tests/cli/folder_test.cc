@@ -23,10 +23,11 @@ class Folder : public ::testing::Test {
   }
   std::string in(const std::string& name) const { return folder_.path("in/" + name); }
   std::string out(const std::string& name) const { return folder_.path("out/new/" + name); }
-  // Pictures that the command replaces.
+  // Pictures that the command may replace.
+  static constexpr const char* kOldPictures[] = {"a.png", "b2.png", "scene.exr"};
   void write_old_pictures() const {
     std::filesystem::create_directories(folder_.path("out/new"));
-    for (const char* name : {"a.png", "b2.png", "scene.exr"}) write_file(out(name), "old");
+    for (const char* name : kOldPictures) write_file(out(name), "old");
   }
   // Each file is whole, or as write_old_pictures() made it. If the command ended with 0, `written` is not.
   void expect_whole_pictures(int code, const std::string& written) const {
@@ -43,7 +44,7 @@ class Folder : public ::testing::Test {
         EXPECT_EQ(bytes.substr(std::max<size_t>(bytes.size(), 8) - 8, 4), "IEND");
       }
     }
-    for (const char* name : {"a.png", "b2.png", "scene.exr"}) {
+    for (const char* name : kOldPictures) {
       EXPECT_TRUE(std::filesystem::exists(out(name))) << name;
     }
   }

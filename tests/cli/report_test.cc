@@ -223,7 +223,7 @@ TEST_F(Report, InfoSaysWhatTheServerIs) {
   EXPECT_EQ(candela_json({"render", in_, out_}).at("device"), info.at("device").at("name"));
 }
 
-// What each tier costs and how wrong it may be. No number in the text is below its bound.
+// Every tier has its times and its error bounds, and the text rounds no bound down.
 TEST_F(Report, InfoHasEachTiersTimesAndErrors) {
   const nlohmann::json info = candela_json({"info"});
   const std::vector<std::string> lines = absl::StrSplit(candela({"info"}).out, '\n');

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "client/call/retry_info.h"
+#include "server/session/client_memory.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
 #include "tests/support/daemon.h"
@@ -20,8 +21,6 @@ constexpr uint64_t kBudget = uint64_t{256} << 20;
 // Far longer than an upload may stall while others wait, and far longer than any test waits.
 constexpr char kLongIdleTimeout[] = "60s";
 constexpr absl::Duration kWithinSeconds = absl::Seconds(15);
-// How long an upload may bring nothing while a frame waits.
-constexpr absl::Duration kStalled = absl::Seconds(2);
 
 // Another build of candelad, to see these tests fail on it.
 const char* candelad_under_test() {
@@ -180,7 +179,7 @@ TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToAFrameThatWaits) {
   StreamResult result;
   ASSERT_TRUE(client.read(result));
   EXPECT_FALSE(result.failed);
-  EXPECT_LT(absl::Now() - begin, kStalled + absl::Seconds(10) * kSlower);
+  EXPECT_LT(absl::Now() - begin, ClientMemory::kStalled + absl::Seconds(10) * kSlower);
   const grpc::Status status = stalled->finish();
   EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
   EXPECT_NE(status.error_message().find("brought no pixels"), std::string::npos) << status.error_message();

@@ -199,7 +199,7 @@ std::pair<double, double> memory_slope(const std::vector<Reading>& readings) {
   return {slope * 3600, std::sqrt(rest / (n - 2) / tt) * 3600};
 }
 
-// Of the slope after 20 minutes, in MiB an hour.
+// The largest standard error of the slope, in MiB an hour, with which a soak of 20 minutes counts.
 constexpr double kMostError = 15;
 
 struct Soak {
