@@ -56,9 +56,10 @@ class Session::Core {
       if (!state_.wait_until_needed()) return absl::OkStatus();
       const SessionServer& server = servers_[schedule_.next()];
       CallEnd end = SessionStream(server, options_, name_, state_).run();
-      if (absl::IsNotFound(end.status)) {
-        const bool again = std::exchange(put_for_nothing_, !end.progress);
-        if (!again && put_panoramas(server, end)) continue;
+      if (end.progress) put_on_ = nullptr;
+      if (absl::IsNotFound(end.status) && put_on_ != &server && put_panoramas(server, end)) {
+        put_on_ = &server;
+        continue;
       }
       if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
       schedule_.failed(end.retry_delay, end.progress);
@@ -119,10 +120,10 @@ class Session::Core {
   const SessionOptions options_;
   const std::string name_;
   const std::vector<SessionServer> servers_;
-  RetrySchedule schedule_;        // this and the next three are the thread's
-  absl::Status refusal_;          // of the last server that was reached and has not opened the session
-  absl::Time open_by_;            // when open() gives up, once a server was reached
-  bool put_for_nothing_ = false;  // the last call had no progress after the panoramas were put
+  RetrySchedule schedule_;  // this and the next three are the thread's
+  absl::Status refusal_;    // of the last server that was reached and has not opened the session
+  absl::Time open_by_;      // when open() gives up, once a server was reached
+  const SessionServer* put_on_ = nullptr;  // got the panoramas last; null once there was progress
   SessionState state_;
   std::thread thread_;  // last, because it uses the others
 };

@@ -358,14 +358,16 @@ TEST_F(EnvironmentService, ASessionThatLosesItsServerGoesOnElsewhereWithTheSameB
   const Shown whole = turn(Session::open({server_->in_process_channel()}, {}), panorama, true);
   ASSERT_TRUE(whole.status.ok()) << whole.status;
 
-  const std::unique_ptr<Server> other = start_server(config);
+  // It moves twice, because the second move must find the panorama missing as the first one did.
+  const std::unique_ptr<Server> second = start_server(config), third = start_server(config);
   SessionOptions options;
-  options.servers = {server_->addresses().front(), other->addresses().front()};
+  options.servers = {server_->addresses().front(), second->addresses().front(), third->addresses().front()};
   const Shown moved = turn(Session::open(options), panorama, true, [&](size_t results) {
-    if (results == 10) server_->drain_and_stop();
+    if (results == 6) server_->drain_and_stop();
+    if (results == 14) second->drain_and_stop();
   });
   ASSERT_TRUE(moved.status.ok()) << moved.status;
-  EXPECT_GE(moved.stats.resumes, 1u);
+  EXPECT_GE(moved.stats.resumes, 2u);
   EXPECT_EQ(moved.images, whole.images);
   EXPECT_EQ(moved.exposures, whole.exposures);
 }
