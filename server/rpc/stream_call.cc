@@ -284,6 +284,7 @@ void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
       [self = self(), entry, image = entry->frame, encoding = start.encoding, quality = start.jpeg_quality] {
         const absl::Time begin = absl::Now();
         absl::StatusOr<std::string> file = encode_image(image->memory, image->settings, encoding, quality);
+        if (file.ok()) image->memory.replace_output(file->size());
         self->on_encoded(entry, std::move(file), absl::Now() - begin);
       });
 }

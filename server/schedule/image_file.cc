@@ -63,6 +63,7 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
     status = encode_png(picture, {alpha, transfer}, append);
   }
   if (!status.ok()) return status;
+  file.shrink_to_fit();  // it may wait for a slow client
   return file;
 }
 

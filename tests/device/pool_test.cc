@@ -1,12 +1,32 @@
 // The texture pool: reuse, budget, counters.
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <limits>
+#include <memory>
 #include <thread>
 
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
 #include "tests/support/device_fixture.h"
+
+namespace {
+
+int allocations_that_fail = 0;
+
+}  // namespace
+
+// Stands before the Vulkan loader's, so that a test can have a device without memory.
+extern "C" VkResult vkAllocateMemory(VkDevice device, const VkMemoryAllocateInfo* info,
+                                     const VkAllocationCallbacks* callbacks, VkDeviceMemory* memory) {
+  if (allocations_that_fail > 0) {
+    --allocations_that_fail;
+    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  }
+  static const auto next = reinterpret_cast<PFN_vkAllocateMemory>(dlsym(RTLD_NEXT, "vkAllocateMemory"));
+  return next(device, info, callbacks, memory);
+}
 
 namespace candela::testing {
 namespace {
@@ -115,6 +135,65 @@ TEST_F(Pool, AFinishedFrameHoldsItsImageOnly) {
   // It is not affected if another frame uses the textures that were given back.
   ASSERT_TRUE(render(flat(200, 100, {1, 2, 3, 1}), {}).ok());
   EXPECT_EQ(image(rendered->memory), before);
+}
+
+// Says how many bytes are counted.
+class Counted final : public MemoryClaim {
+ public:
+  explicit Counted(uint64_t* bytes) : bytes_(bytes) {}
+  ~Counted() override { *bytes_ = 0; }
+  void shrink(uint64_t bytes) override { *bytes_ = bytes; }
+
+ private:
+  uint64_t* const bytes_;
+};
+
+TEST_F(Pool, AFileTakesThePlaceOfItsImage) {
+  constexpr uint64_t kImage = 200u * 100u * 4u;
+  for (const uint64_t file : {uint64_t{1000}, 2 * kImage}) {
+    auto rendered = render(natural(200, 100), {});
+    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    uint64_t counted = 1;
+    rendered->memory.account(std::make_unique<Counted>(&counted));
+    rendered->memory.keep_output_only();
+    EXPECT_EQ(counted, kImage);
+    rendered->memory.replace_output(file);
+    EXPECT_EQ(pool().counters().bytes_in_use, 0u);
+    EXPECT_EQ(counted, std::min(file, kImage));
+    rendered->memory = {};
+    EXPECT_EQ(counted, 0u);
+  }
+}
+
+TEST_F(Pool, ADeviceWithLessMemoryThanTheBudgetGetsThatOfIdleTextures) {
+  TexturePool local(device(), 100 * kBytes);
+  const auto key = [](uint32_t width) { return TextureKey{width, 50, 16, MemoryUse::kDevice}; };
+  for (uint32_t width : {98u, 99u, 100u}) ASSERT_TRUE(local.take(key(width)).ok());
+  allocations_that_fail = 2;
+  const auto lease = local.take(key(97));
+  EXPECT_EQ(allocations_that_fail, 0);
+  ASSERT_TRUE(lease.ok()) << lease.status();
+  EXPECT_EQ(local.counters().bytes_idle, kBytes);  // two had to go, the oldest first
+  EXPECT_TRUE(local.take(key(100)).ok());
+  EXPECT_EQ(local.counters().hits, 1u);
+}
+
+TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
+  TexturePool local(device(), uint64_t{1} << 30);
+  auto renderer = Renderer::create(device(), local);
+  ASSERT_TRUE(renderer.ok());
+  const FrameDesc desc = {100, 100, v1::PIXEL_FORMAT_RGBA16F};
+  allocations_that_fail = std::numeric_limits<int>::max();
+  const absl::Status alone = (*renderer)->allocate(desc, {}).status();
+  allocations_that_fail = 0;
+  EXPECT_TRUE(absl::IsResourceExhausted(alone)) << alone;
+  const auto first = (*renderer)->allocate(desc, {});
+  ASSERT_TRUE(first.ok()) << first.status();
+  allocations_that_fail = std::numeric_limits<int>::max();
+  const absl::Status beside = (*renderer)->allocate(desc, {}).status();
+  allocations_that_fail = 0;
+  EXPECT_TRUE(absl::IsUnavailable(beside)) << beside;
+  EXPECT_NE(std::string(beside.message()).find("texture of"), std::string::npos) << beside;
 }
 
 TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {

@@ -1,5 +1,6 @@
 #include "server/render/device/frame_memory.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -98,9 +99,17 @@ absl::Status check_sizes(const FrameDesc& desc, const std::vector<Wanted>& wante
 
 absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint64_t reference_bytes,
                       FrameTextures& textures) {
+  uint64_t taken = 0;
   for (const Wanted& w : wanted) {
     absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key);
+    if (absl::IsResourceExhausted(lease.status()) && pool.counters().bytes_in_use > taken) {
+      return absl::UnavailableError(absl::StrFormat(
+          "the device has no memory for a %dx%d texture of %d bytes beside the frames in flight; try again "
+          "when they are done, or lower --memory-budget",
+          w.key.width, w.key.height, w.key.bytes()));
+    }
     if (!lease.ok()) return lease.status();
+    taken += lease->bytes();
     *w.lease = *std::move(lease);
   }
   if (reference_bytes == 0) return absl::OkStatus();
@@ -209,6 +218,14 @@ void FrameMemory::keep_output_only() {
   }
   // Only after the pool has the others back: whom the claim lets in must find them there.
   if (all.claim) all.claim->shrink(all.readback.bytes() + all.output.bytes() + all.error_map.bytes());
+}
+
+void FrameMemory::replace_output(uint64_t bytes) {
+  FrameTextures& all = *textures_;
+  const uint64_t image_bytes = all.readback.bytes() + all.output.bytes();
+  all.readback = TexturePool::Lease();
+  all.output = TexturePool::Lease();
+  if (all.claim) all.claim->shrink(std::min(bytes, image_bytes) + all.error_map.bytes());
 }
 
 void FrameMemory::account(std::unique_ptr<MemoryClaim> claim) { textures_->claim = std::move(claim); }

@@ -60,6 +60,9 @@ class FrameMemory {
   // Gives everything but the finished image and its error map back to the pool, so that a slow reader holds
   // only what it still has to read.
   void keep_output_only();
+  // After keep_output_only(): a file of `bytes` was made of the image. Gives the image back to the pool; the
+  // account carries the file instead.
+  void replace_output(uint64_t bytes);
   // Puts the memory on an account, once.
   void account(std::unique_ptr<MemoryClaim> claim);
 

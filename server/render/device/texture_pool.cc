@@ -47,6 +47,10 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
   }
   given_up.clear();
   absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
+  // The device may have less memory than the budget.
+  while (absl::IsResourceExhausted(buffer.status()) && give_up_one()) {
+    buffer = Buffer::create(device_, bytes, key.use);
+  }
   if (!buffer.ok()) {
     const std::lock_guard lock(mutex_);
     counters_.bytes_in_use -= bytes;
@@ -76,6 +80,13 @@ absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
   counters_.bytes_in_use += bytes;
   counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
   return absl::OkStatus();
+}
+
+bool TexturePool::give_up_one() {
+  std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
+  const std::lock_guard lock(mutex_);
+  if (!idle_.empty()) give_up_oldest(&given_up);
+  return !given_up.empty();
 }
 
 void TexturePool::give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up) {

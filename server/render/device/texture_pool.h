@@ -65,6 +65,8 @@ class TexturePool {
  private:
   struct Entry;
   // Moves the oldest idle texture to `given_up`. With mutex_ held.
+  // Frees the oldest idle texture. False if there is none.
+  bool give_up_one();
   void give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up);
   // Counts `bytes` as in use, and moves the idle textures that no longer fit to `given_up`, to be freed
   // outside the lock. `what` is what needs the bytes, for the error message. With mutex_ held.
