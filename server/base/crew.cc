@@ -1,9 +1,14 @@
 #include "server/base/crew.h"
 
+#include <system_error>
+
 namespace candela {
 
 Crew::Crew(uint32_t threads) {
-  for (uint32_t i = 1; i < threads; ++i) threads_.emplace_back([this] { serve(); });
+  try {
+    for (uint32_t i = 1; i < threads; ++i) threads_.emplace_back([this] { serve(); });
+  } catch (const std::system_error&) {  // the system gives no more threads
+  }
 }
 
 Crew::~Crew() {

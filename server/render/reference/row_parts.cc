@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -48,7 +49,13 @@ void for_row_parts(uint32_t width, uint32_t height, uint32_t parts,
     checkpoint();
     std::vector<std::jthread> threads;
     for (uint32_t i = 0; i < parts; ++i) {
-      if (left(spans_left[i])) threads.emplace_back(run, i, slice_end());
+      if (!left(spans_left[i])) continue;
+      try {
+        threads.emplace_back(run, i, slice_end());
+      } catch (const std::system_error&) {  // the system gives no more threads
+        run(i, slice_end());
+        break;  // one part takes the slice
+      }
     }
   }
 }

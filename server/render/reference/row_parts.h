@@ -18,8 +18,8 @@ uint32_t row_parts(uint32_t height);
 
 // Runs work(span, part) for all texels of a width x height image. Each of `parts` parts of the rows is done
 // by one thread at a time, row by row and from left to right; a span has at most some thousand texels. Goes
-// through checkpoints between spans, on the calling thread and with no other thread at work. Returns when all
-// are done.
+// through checkpoints between spans, on the calling thread and with no other thread at work. Where the system
+// gives no thread, the calling thread does the part. Returns when all are done.
 void for_row_parts(uint32_t width, uint32_t height, uint32_t parts,
                    const std::function<void(const RowSpan& span, uint32_t part)>& work);
 
