@@ -77,12 +77,13 @@ class Signals {
                                               : "SIGTERM"}});
     stop_.Notify();
     const absl::Time end = absl::Now() + stop_within_;
+    siginfo_t from{};
     int second = 0;
-    do {  // SIGSTOP and SIGCONT interrupt this call
+    do {  // SIGSTOP and SIGCONT interrupt this call; fail() asks for the drain that is under way
       const timespec left = absl::ToTimespec(std::max(end - absl::Now(), absl::ZeroDuration()));
-      second = sigtimedwait(&set_, nullptr, &left);
-    } while (second < 0 && errno == EINTR);
-    if (finished_.HasBeenNotified()) return;
+      second = sigtimedwait(&set_, &from, &left);
+      if (finished_.HasBeenNotified()) return;
+    } while (second < 0 ? errno == EINTR : from.si_pid == getpid());
     if (second < 0 && nothing_in_flight_) {
       log_event(LogLevel::kWarning, "stopped with an open connection, because its client does not read");
       end_at_once(failed_ ? kFailed : 0);

@@ -91,5 +91,34 @@ TEST(DeviceHang, SessionsGoOnElsewhereWithTheSameBitsAndTheDaemonDrainsAndEndsWi
   EXPECT_NE(hanging.errors().find("stopped"), std::string::npos) << hanging.errors();
 }
 
+TEST(DeviceHang, OneThatShowsDuringADrainDoesNotCutItShort) {
+  Daemon hanging(
+      {"--listen", "127.0.0.1:0", "--pre-drain", "0", "--drain-timeout", "2m", "--passes", "device"},
+      HANGING_CANDELAD);
+  SessionOptions options;
+  options.servers = {hanging.wait_until_listening()};
+  options.resume_limit = absl::ZeroDuration();
+  std::atomic<size_t> results = 0;
+  SessionRun run;
+  std::thread client([&] {
+    run = run_session(Session::open(options), make_film(24, 320, 180),
+                      [&results](size_t count) { results = count; });
+  });
+  // Once frames stop, the device hangs.
+  size_t seen = 0;
+  do {
+    seen = results;
+    absl::SleepFor(absl::Seconds(3));
+  } while (seen == 0 || seen != results);
+  hanging.signal(SIGTERM);
+  client.join();
+  EXPECT_LT(results, 24u);
+  EXPECT_TRUE(absl::IsUnavailable(run.status)) << run.status;
+  EXPECT_EQ(hanging.wait(), 1);
+  EXPECT_NE(hanging.errors().find("the device hangs"), std::string::npos) << hanging.errors();
+  EXPECT_NE(hanging.errors().find("stopped"), std::string::npos) << hanging.errors();
+  EXPECT_EQ(hanging.errors().find("second signal"), std::string::npos) << hanging.errors();
+}
+
 }  // namespace
 }  // namespace candela::testing
