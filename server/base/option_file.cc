@@ -38,7 +38,10 @@ absl::StatusOr<std::string> read_option_file(absl::string_view option, const std
   while (filled < text.size()) {
     const ssize_t count = ::read(file, text.data() + filled, text.size() - filled);
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) break;
+    if (count < 0) {
+      return absl::UnavailableError(absl::StrFormat("%s: cannot read %s: %s", option, path, strerror(errno)));
+    }
+    if (count == 0) break;
     filled += static_cast<size_t>(count);
   }
   text.resize(filled);

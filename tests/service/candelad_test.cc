@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "candela/v1/render.grpc.pb.h"
 #include "client/call/raw_call.h"
@@ -148,6 +149,16 @@ TEST(Candelad, BadOptionsEndWithTwoAndOneLine) {
     const std::string errors = daemon.errors();
     EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
   }
+}
+
+TEST(Candelad, AFileThatCannotBeReadIsNotTakenForAnEmptyOne) {
+  const char* const unreadable = "/sys/class/net/lo/speed";  // reading it fails, because lo has no speed
+  if (access(unreadable, R_OK) != 0) GTEST_SKIP() << "there is no " << unreadable;
+  Daemon daemon({"--config", unreadable});
+  EXPECT_EQ(daemon.wait(), 2);
+  const std::string words =
+      absl::StrFormat("candelad: --config: cannot read %s: Invalid argument", unreadable);
+  EXPECT_EQ(daemon.errors().rfind(words, 0), 0u) << daemon.errors();
 }
 
 TEST(Candelad, KeysThatCannotBeUsedEndWithOneAndOneLine) {
