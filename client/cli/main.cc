@@ -63,7 +63,7 @@ void end_by_signal(int signal) {
 
 // Makes the signals that end the command remove its temporary files first.
 void clean_up_on_signals() {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGABRT}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGABRT, SIGALRM, SIGUSR1, SIGUSR2, SIGXCPU}) {
     struct sigaction before {};
     sigaction(signal, nullptr, &before);
     if (before.sa_handler == SIG_IGN) continue;

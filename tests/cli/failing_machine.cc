@@ -5,9 +5,11 @@
 //   CANDELA_TEST_SIGNAL=N          the process gets signal N twice while it makes its first hidden file. Such
 //                                  files are made slowly, and raise() is slow, too
 //   CANDELA_TEST_FIRST_PROCESS=N   the same, but raise() does nothing, as in process 1 of a container
+//   CANDELA_TEST_NO_THREADS=1      once the first hidden file is there, no thread starts
 //   CANDELA_TEST_DISK_BYTES=N      the files that fdopen opens can hold N bytes together
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -50,12 +52,25 @@ extern "C" int fsync(int) {
   return -1;
 }
 
+namespace {
+
+std::atomic<bool> wrote_hidden_file = false;
+
+}  // namespace
+
+extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*run)(void*),
+                              void* argument) {
+  if (wrote_hidden_file && std::getenv("CANDELA_TEST_NO_THREADS") != nullptr) return EAGAIN;
+  return next<decltype(pthread_create)>("pthread_create")(thread, attributes, run, argument);
+}
+
 extern "C" int open(const char* path, int flags, ...) {
   va_list rest;
   va_start(rest, flags);
   const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
   va_end(rest);
   const int descriptor = next<int(const char*, int, ...)>("open")(path, flags, mode);
+  if (std::strstr(path, ".part") != nullptr) wrote_hidden_file = true;
   static const char* const signal =
       first_process != nullptr ? first_process : std::getenv("CANDELA_TEST_SIGNAL");
   if (signal != nullptr && descriptor >= 0 && std::strstr(path, ".part") != nullptr) {

@@ -94,6 +94,17 @@ TEST_F(Limits, ADiskThatIsFullIsAnErrorAndTheOldFileStays) {
     EXPECT_EQ(folder_.list(), before);
   }
 }
+
+TEST_F(Limits, AStreamThatGetsNoMoreThreadsIsAnError) {
+  const std::string frames = folder_.path("frames");
+  ASSERT_EQ(candela({"sample", "--sequence", frames, "--frames", "12", "--size", "320x180", "-q"}).code, 0);
+  expect_failure(candela_on_failing_machine("CANDELA_TEST_NO_THREADS", "1",
+                                            {"stream", frames, folder_.path("out"), "-q"}),
+                 "cannot start a thread");
+  for (const auto& file : std::filesystem::recursive_directory_iterator(folder_.path("out"))) {
+    EXPECT_EQ(file.path().extension(), ".png") << file.path();
+  }
+}
 #endif
 
 TEST_F(Limits, APictureNeedsAPlainFile) {

@@ -268,6 +268,8 @@ TEST_F(PanoramaView, WrongUseNamesTheOption) {
   EXPECT_NE(refused({"--turn", "3", "--verify"}, 2, "o%d.png").err.find("--verify"), std::string::npos);
   EXPECT_NE(refused({"--error-map", "map.jpg"}, 2).err.find("map.jpg"), std::string::npos);
   EXPECT_NE(refused({}, 2, "o%d.png").err.find("--turn"), std::string::npos);
+  EXPECT_NE(refused({"--turn", "3", "--fps", "20000"}, 2, "o%d.png").err.find("the limit is 100000"),
+            std::string::npos);
   EXPECT_NE(refused({}, 2, "pano.exr").err.find("is the input"), std::string::npos);
 }
 
@@ -288,6 +290,7 @@ TEST_F(PanoramaView, AWrongFileOfObjectsOrKeysNamesItsMember) {
   says("--objects", R"({"objects":[3]})", "objects[0] must be a JSON object");
   says("--path", R"({"keys":[{"time":1},{"time":1}]})", "keys[1].time");
   says("--path", R"({"keys":[{"time":0,"fov":0}]})", "keys[0].fov");
+  says("--path", R"({"keys":[{"time":0},{"time":60000}]})", "the keys' times, which are seconds");
   write_file(file, R"({"objects":[{"centre":[0,0,0],"radius":1}]})");
   EXPECT_NE(refused({"--objects", file}, 1).err.find("--objects[0]"), std::string::npos);
 }

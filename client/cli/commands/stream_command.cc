@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
@@ -150,6 +151,11 @@ class Streaming {
     if (!session.ok()) return in_options(session.status(), options_.settings);
     begin_ = absl::Now();
     feeder.start(*session, options.settings);
+    // The feeder uses the session until its end, which may also come by an exception.
+    const absl::Cleanup stop_feeding = [&] {
+      session->cancel();
+      feeder.join();
+    };
     absl::Status status = take_results(*session, feeder);
     if (!status.ok()) session->cancel();
     // The feeder ends after the last file, or when submit() fails.

@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/cli/environment/panorama_options.h"
+#include "client/cli/environment/view_scene.h"
 #include "client/cli/files/frame_numbers.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/exposure_options.h"
@@ -20,7 +21,7 @@ namespace {
 constexpr char kCamera[] = "Camera";
 constexpr char kMove[] = "Sequence";
 constexpr v1::Range<double> kTurnDeg{-36000, 36000};
-constexpr v1::Range<double> kFrames{1, 100000};
+constexpr v1::Range<double> kFrames{1, kMostViewFrames};
 
 // A view is opaque, so settings about alpha would change nothing.
 bool is_for_views(const v1::SettingField& setting) {

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "absl/strings/str_format.h"
 #include "client/cli/environment/view_objects.h"
+#include "client/cli/files/frame_numbers.h"
+#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
@@ -38,6 +41,13 @@ absl::StatusOr<ViewScene> ViewScene::open(const PanoramaViewOptions& options) {
   scene.frames_ = options.turn_deg ? frames_until(kTurnSeconds, scene.rate()) - 1
                                    : frames_until(scene.path_.end(), scene.rate());
   scene.frames_ = std::max<uint64_t>(1, options.frames.value_or(scene.frames_));
+  if (scene.frames_ > kMostViewFrames) {
+    const std::string words = absl::StrFormat("at %s fps it has %d frames, and the limit is %d; lower --fps",
+                                              to_text(scene.rate()), scene.frames_, kMostViewFrames);
+    if (options.turn_deg) return usage_error("--turn: " + words + ", or give --frames");
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: %s or the keys' times, which are seconds, or give --frames", options.camera_path, words));
+  }
   return scene;
 }
 

@@ -12,9 +12,12 @@
 
 namespace candela {
 
+inline constexpr uint64_t kMostViewFrames = 100000;  // of a sequence
+
 class ViewScene {
  public:
-  // Reads the files of objects and of camera keys that the options name. `options` must outlive this.
+  // Reads the files of objects and of camera keys that the options name. `options` must outlive this. Fails,
+  // too, if the keys ask for more than kMostViewFrames.
   static absl::StatusOr<ViewScene> open(const PanoramaViewOptions& options);
 
   // The frames of a sequence: as many as the user says, 10 seconds of a turn, or those up to the last key.
