@@ -34,8 +34,8 @@ std::array<float, 4> unpack(const std::byte* texel, uint pixels) {
   return c;
 }
 
-// The luminance that decides whether a texel is metered. It is defined in float32, so that both twins meter
-// the same texels.
+// The metered luminance. It is defined in float32: where components of both signs cancel, no other arithmetic
+// gives the same.
 float luminance32(const std::array<float, 4>& c) {
   return std::max(0.0f, (0.2126f * c[0] + 0.7152f * c[1]) + 0.0722f * c[2]);
 }
@@ -117,12 +117,12 @@ Meter meter(const Scene& scene, const MeterParams& params) {
     for (uint32_t x = 0; x < scene.width; ++x) {
       const size_t at = size_t{y} * scene.width + x;
       const auto& c = scene.texels[at];
-      const double l = std::max(0.0, luminance({c[0], c[1], c[2]}));
+      const double l = luminance32(c);
       m.min_luminance = std::min(m.min_luminance, l);
       m.max_luminance = std::max(m.max_luminance, l);
       const bool absent = params.ignore_absent && !scene.absent.empty() && scene.absent[at];
       m.absent += absent;
-      if (absent || luminance32(c) < params.ignore_below) continue;
+      if (absent || l < params.ignore_below) continue;
       const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
       m.weight += weight;
       const double log2_l = std::log2(std::max(l, kMinLuminance));

@@ -146,11 +146,11 @@ TEST_F(Metering, PercentilesAreWithinTheirPartOfABinOfTheSortedDefinition) {
 }
 
 // A few texels whose luminance is a hair below the edge of a bin, and many at the upper end of that bin or of
-// the one above. The device's float luminance is on the other side of the edge than the reference's.
+// the one above. The device's logarithm is on the other side of the edge than the reference's.
 TEST_F(Metering, APercentileIsWithinItsErrorOfTheReferences) {
   const WireFrame frame = make_frame(200, 200, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t) -> Texel {
-    if (x < 3) return {1.890625f, 0.9033203125f, 1.7783203125f, 1};
-    return {1.1884765625f, 1.1884765625f, 1.1884765625f, 1};
+    if (x < 3) return {1.7998046875f, 0.91259765625f, 1.7783203125f, 1};
+    return {1.17578125f, 1.17578125f, 1.17578125f, 1};
   });
   v1::Metering metering;
   metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
@@ -165,6 +165,21 @@ TEST_F(Metering, APercentileIsWithinItsErrorOfTheReferences) {
                               .mean_log2_luminance;
   EXPECT_NEAR(metered, expected, mean_error(metering));
   EXPECT_GT(std::abs(metered - expected), 1.0 / 128) << "the frame shows nothing";
+}
+
+// Luminance is defined in float32, and so is what is left of it where components cancel.
+TEST_F(Metering, LightThatCancelsHasTheReferencesLuminance) {
+  const Texel cancels = {65504.0f, -19472.0f, 3.111328125f, 1};
+  const WireFrame frame = flat(64, 64, cancels);
+  reference::BadCounts bad;
+  const reference::Scene scene =
+      reference::ingest(frame.pixels, frame.desc.row_bytes(), 64, 64, shader::PIXELS_RGBA16F, std::nullopt,
+                        reference::Rounding::kHalf, &bad);
+  const v1::Metering metering;
+  const double expected =
+      reference::meter(scene, {false, 0, 1, static_cast<uint32_t>(metering.weights()), {}})
+          .mean_log2_luminance;
+  EXPECT_NEAR(report(frame, metering).stats.mean_log2_luminance, expected, mean_error(metering));
 }
 
 TEST_F(Metering, PercentilesFollowASlowFadeWithoutSteps) {

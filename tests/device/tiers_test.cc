@@ -167,6 +167,49 @@ TEST_F(Promises, AreKeptWhereBloomIsStrong) {
   keep(frame_of(ordinary(scenes::natural(641, 359)), 641, 359), settings, 2, "gaussian");
 }
 
+// GAUSSIAN's threshold is a multiple of the metered mean, and the reference's mean is another within its
+// error. The light of a square is between the two thresholds.
+TEST_F(Promises, AreKeptWhereOnlyTheReferenceBlooms) {
+  const auto square = [](uint32_t x, uint32_t y) -> Texel {
+    if (x >= 90 && x < 106 && y >= 90 && y < 106) return {936, 936, 936, 1};
+    // These are metered a bin lower by the reference; see
+    // Metering.APercentileIsWithinItsErrorOfTheReferences.
+    if (x < 3) return {1.7998046875f, 0.91259765625f, 1.7783203125f, 1};
+    return {1.17578125f, 1.17578125f, 1.17578125f, 1};
+  };
+  v1::Settings settings;
+  settings.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+  settings.mutable_bloom()->set_threshold(800);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_exposure()->set_manual_ev(-3);
+  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
+  metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+  metering.set_percentile_low(0);
+  metering.set_percentile_high(1);
+  for (const double codes : {0.1, 100.0}) {
+    EXPECT_EQ(keep(frame_of(square, 200, 200), settings, codes, "only the reference blooms"), "reference");
+  }
+}
+
+// A metered mean of light that nearly cancels.
+TEST_F(Promises, AreKeptWhereMeteredLightCancels) {
+  const auto cancels = [](uint32_t x, uint32_t y) -> Texel {
+    if (x < 8 && y < 8) return {65504.0f, -19472.0f, 3.111328125f, 1};
+    return x >= 64 && x < 96 && y >= 16 && y < 48 ? Texel{5, 5, 5, 1} : Texel{0, 0, 0, 1};
+  };
+  v1::Settings settings;
+  settings.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+  settings.mutable_bloom()->set_threshold(10000);
+  settings.mutable_bloom()->set_intensity(10);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_exposure()->set_manual_ev(-8);
+  v1::Metering& metering = *settings.mutable_exposure()->mutable_metering();
+  metering.set_weights(v1::Metering::WEIGHTS_SPOT);
+  metering.mutable_spot()->set_x1(8);
+  metering.mutable_spot()->set_y1(8);
+  for (const double codes : {1.0, 20.0}) keep(frame_of(cancels), settings, codes, "metered light cancels");
+}
+
 TEST_F(Promises, AreKeptByEveryCurveAndTransfer) {
   std::vector<v1::ToneCurve> curves(std::begin(kCurves), std::end(kCurves));
   curves.push_back(v1::TONE_CURVE_ACES_1);

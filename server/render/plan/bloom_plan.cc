@@ -178,6 +178,13 @@ float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats) {
   return static_cast<float>(bloom.threshold() * std::exp2(stats.mean_log2_luminance));
 }
 
+bool may_bloom(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc, double mean_error) {
+  if (bloom.intensity() == 0) return false;
+  float threshold = bright_threshold(bloom, stats);
+  if (bloom.kind() == v1::Bloom::KIND_GAUSSIAN) threshold *= static_cast<float>(std::exp2(-mean_error));
+  return !lit_area(stats.tile_light, desc.width, desc.height, bright_bound(bloom, threshold)).empty();
+}
+
 Area bright_area(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc) {
   return lit_area(stats.tile_light, desc.width, desc.height,
                   bright_bound(bloom, bright_threshold(bloom, stats)));

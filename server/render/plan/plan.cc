@@ -278,7 +278,7 @@ BoundFacts frame_facts(const Metered& metered, const Settings& settings, double 
   const v1::Bloom& bloom = settings->bloom();
   BoundFacts facts;
   facts.threshold = bright_threshold(bloom, metered.stats);
-  facts.blooms = bloom.intensity() > 0 && !bright_area(bloom, metered.stats, desc).empty();
+  facts.blooms = may_bloom(bloom, metered.stats, desc, mean_error(settings->exposure().metering()));
   facts.wide = wide(metered);
   facts.translucent = metered.alpha && settings->alpha() == v1::ALPHA_STRAIGHT;
   facts.exposure = exposure_factor(settings, exposure);

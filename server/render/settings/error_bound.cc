@@ -24,8 +24,9 @@ constexpr double kCancelRoundings = 32;
 // The largest component of a colour of luminance 1.
 constexpr double kPureBlue = 1 / 0.0722;
 constexpr double kLargestScene = 65504;
-// The error of the metered mean in EV: its logarithm and its fixed point.
-constexpr double kMeanError = 4e-6;
+// The error of the metered mean in EV: its logarithm and its fixed point, and the weights of PERCENTILE with
+// CENTER.
+constexpr double kMeanError = 8e-6;
 constexpr double kBin = 1.0 / 64;  // of the histogram, in EV
 // With straight alpha an object has at most this light, and light of its own is a difference from it.
 constexpr double kObjectRoundings = 8 * shader::MAX_OBJECT_LIGHT;
@@ -48,7 +49,7 @@ constexpr double kPositionError = 3e-5;
 CurveError table_error(const ColorTable& table, double step) {
   const double points_per_octave = (table.size - 1) / table_axis_octaves(table.axes, table.end);
   const double knee = table.axes == shader::AXES_AP1 ? shader::TABLE_AXIS_KNEE_AP1 : shader::TABLE_AXIS_KNEE;
-  const double light = kLightToRoot * step;  // to a point
+  const double light = 3 * kLightToRoot * step;  // to the next point of all three axes
   return {.slope = light * points_per_octave * 4 / (3 * knee),
           .relative = light * points_per_octave * 2,
           .encoded = 12.92 * light * points_per_octave * 2,
@@ -152,8 +153,9 @@ double error_bound(const Tier& tier, const Settings& settings, const BoundFacts&
   if (transfer == v1::TRANSFER_SRGB) codes += tier.transfer_codes;
   if (transfer == v1::TRANSFER_GAMMA22) codes += kPowerCodes;
   if (has_table) codes += table_codes(facts.wide ? tier.wide_table_codes : tier.table_codes, transfer);
-  // Over white, the error of alpha counts as well as that of colour.
-  if (facts.translucent) codes *= 2;
+  // Over white, the error of alpha counts as well as that of colour. A table's black need not be 0, and then
+  // light of its own is a difference of two values of the table, in colour and in alpha.
+  if (facts.translucent) codes *= settings->curve() == v1::TONE_CURVE_TABLE ? 4 : 2;
   return std::min(codes, kNoBound);
 }
 
