@@ -302,10 +302,17 @@ HardSpheres below() {
   return c;
 }
 
+// The rays of the tile in the middle go to more than half of all directions.
+HardSpheres in_a_wide_tile() {
+  HardSpheres c{"in a wide tile", turned_view(0, 0, 0, 170), 61, 35, 1, 60};
+  c.view.objects = {sphere_of(1.92, 1.92, -2.94, 0.5)};
+  return c;
+}
+
 TEST_P(EnvironmentViewTest, SpheresThatAreHardToMeetAreTheTwins) {
   Environment environment = ready(natural(256, 128));
-  for (HardSpheres& c :
-       std::vector{behind(), beside(), under_a_pixel(), all_over(0), all_over(0.5), overlapping(), below()}) {
+  for (HardSpheres& c : std::vector{behind(), beside(), under_a_pixel(), all_over(0), all_over(0.5),
+                                    overlapping(), below(), in_a_wide_tile()}) {
     View sky = c.view;
     sky.objects.clear();
     const Picture without = render(environment, sky, c.width, c.height);

@@ -55,10 +55,11 @@ std::vector<SphereCone> sphere_cones(const View& view) {
 struct TileCone {
   explicit TileCone(const Rays& rays) : middle(rays.middle), length(length_of(rays.middle)) {
     constexpr double kMargin = 1e-3;  // far more than the roundings of the shader's rays
-    sine = std::min(1.0, rays.reach / length + kMargin);
-    cosine = std::sqrt(1 - sine * sine);
+    sine = rays.reach / length + kMargin;
+    cosine = std::sqrt(std::max(0.0, 1 - sine * sine));
   }
   bool touches(const SphereCone& sphere) const {
+    if (sine >= 1) return true;  // its rays are on both sides of any plane
     const double along = middle[0] * sphere.axis[0] + middle[1] * sphere.axis[1] + middle[2] * sphere.axis[2];
     return along >= length * (cosine * sphere.cosine - sine * sphere.sine);
   }
