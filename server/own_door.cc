@@ -5,6 +5,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <utility>
 
@@ -44,9 +45,12 @@ void OwnDoor::run() {
   State told;
   absl::Duration deaf_for = absl::ZeroDuration();
   while (!stop_.WaitForNotificationWithTimeout(options_.interval)) {
+    const absl::Time begin = absl::Now();
     bool all = true;
     for (const Address& address : addresses_) all = all && answers(address);
-    deaf_for = all ? absl::ZeroDuration() : deaf_for + options_.interval;
+    const absl::Duration waited =
+        std::min(absl::Now() - begin, options_.interval * static_cast<double>(addresses_.size()));
+    deaf_for = all ? absl::ZeroDuration() : deaf_for + options_.interval + waited;
     const State state{deaf_for < options_.limit, deaf_for < options_.dead_limit};
     if (state != told && !stop_.HasBeenNotified()) report_(told = state);
   }

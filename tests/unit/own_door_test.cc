@@ -63,6 +63,19 @@ TEST(OwnDoor, ASocketThatNobodyAcceptsIsDeafUntilSomebodyAnswers) {
   server.join();
 }
 
+// A check that gets no answer takes twice the interval, and all of that counts.
+TEST(OwnDoor, TheTimeForAnAnswerCountsAsDeaf) {
+  constexpr OwnDoor::Options kSlow{
+      .interval = absl::Milliseconds(250), .limit = absl::Milliseconds(500), .dead_limit = absl::Seconds(1)};
+  const ListeningSocket socket = listen();
+  Reports reports;
+  const absl::Time begin = absl::Now();
+  const OwnDoor door({{socket.local(), false}}, kSlow, [&](OwnDoor::State state) { reports.add(state); });
+  EXPECT_TRUE(reports.becomes(false, false));
+  EXPECT_GE(absl::Now() - begin, kSlow.dead_limit);
+  EXPECT_LT(absl::Now() - begin, 1.8 * kSlow.dead_limit);
+}
+
 TEST(OwnDoor, AnAddressWithoutASocketIsDeaf) {
   std::optional<ListeningSocket> socket(listen());
   const sockaddr_storage at = socket->local();
