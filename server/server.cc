@@ -178,6 +178,7 @@ absl::Status Server::Impl::serve_metrics() {
     return {.queue_frames = loop->waiting(),
             .memory_in_use_bytes = pool.bytes_in_use,
             .memory_idle_bytes = pool.bytes_idle,
+            .memory_frames_bytes = state->sessions.memory->frames_bytes(),
             .memory_budget_bytes = config.memory_budget_bytes,
             .environment_bytes = state->environments.used_bytes(),
             .environment_budget_bytes = config.environment_budget_bytes,

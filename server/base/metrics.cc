@@ -105,12 +105,16 @@ struct Metrics::Impl final : prometheus::Collectable {
                             .Register(registry)
                             .Add({});
   Family<Gauge>& memory =
-      BuildGauge().Name("candela_memory_bytes").Help("Memory of the texture pool").Register(registry);
+      BuildGauge()
+          .Name("candela_memory_bytes")
+          .Help("Memory of the texture pool, and of frames in flight with the files made of them")
+          .Register(registry);
   Gauge& memory_in_use = memory.Add({{"pool", "textures_in_use"}});
   Gauge& memory_idle = memory.Add({{"pool", "textures_idle"}});
+  Gauge& memory_frames = memory.Add({{"pool", "frames"}});
   Gauge& memory_budget = BuildGauge()
                              .Name("candela_memory_budget_bytes")
-                             .Help("Limit of the texture pool")
+                             .Help("Limit of the texture pool, and of frames in flight")
                              .Register(registry)
                              .Add({});
   Gauge& environments = BuildGauge()
@@ -153,6 +157,7 @@ struct Metrics::Impl final : prometheus::Collectable {
       queue_frames.Set(static_cast<double>(sample.queue_frames));
       memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
       memory_idle.Set(static_cast<double>(sample.memory_idle_bytes));
+      memory_frames.Set(static_cast<double>(sample.memory_frames_bytes));
       memory_budget.Set(static_cast<double>(sample.memory_budget_bytes));
       environments.Set(static_cast<double>(sample.environment_bytes));
       environment_budget.Set(static_cast<double>(sample.environment_budget_bytes));

@@ -64,6 +64,7 @@ class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
   // Changes a session's promise from `before` to `bytes`. UNAVAILABLE if there is no room for it now.
   absl::Status promise_lookahead(ClientId client, uint64_t before, uint64_t bytes);
   uint64_t budget_bytes() const { return frames_.budget_bytes(); }
+  uint64_t frames_bytes() const { return frames_.held(); }  // of all clients
 
   // Counts a colour table of `bytes` until the result is destroyed. UNAVAILABLE if there is no room for it.
   absl::StatusOr<std::shared_ptr<const void>> claim_table(ClientId client, uint64_t bytes);

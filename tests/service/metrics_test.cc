@@ -11,6 +11,7 @@
 #include "absl/time/clock.h"
 #include "tests/service/scrape.h"
 #include "tests/service/service_fixture.h"
+#include "tests/service/session_run.h"
 #include "tests/service/stream_client.h"
 
 namespace candela::testing {
@@ -48,6 +49,7 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   EXPECT_GE(after.at("candela_bytes_total{direction=\"out\"}"), 320 * 240 * 4);
   EXPECT_LT(after.at("candela_bytes_total{direction=\"out\"}"), 320 * 240 * 4 + 10000);
   EXPECT_EQ(after.at("candela_memory_bytes{pool=\"textures_in_use\"}"), 0);
+  EXPECT_EQ(after.at("candela_memory_bytes{pool=\"frames\"}"), 0);
   EXPECT_GT(after.at("candela_memory_bytes{pool=\"textures_idle\"}"), 0);
   EXPECT_EQ(after.at("candela_memory_budget_bytes"), with_metrics().memory_budget_bytes);
   EXPECT_EQ(after.at("candela_queue_frames"), 0);
@@ -231,6 +233,29 @@ TEST_F(SessionMetrics, ASessionThatFindsNoMemoryIsCountedByItsReason) {
   EXPECT_EQ(scrape(*server_).at(kMemory) - before.at(kMemory), 1);
   holder.cancel();
   EXPECT_TRUE(wait_until_idle(Connection(channel_)));
+}
+
+// Files that a client does not take count as its memory, though their images are back in the pool.
+TEST_F(SessionMetrics, FilesThatWaitCountAsFrames) {
+  const Film noise = make_film(2, 600, 400);  // noise, so that the files are large
+  StreamClient slow(own_channel(server_->addresses().at(0)), false);
+  v1::StreamOpen open;
+  open.set_session("slow");
+  open.set_encoding(v1::ENCODING_PNG);
+  slow.open(open);
+  for (uint64_t i = 0; i < 2; ++i) slow.send(noise->at(i), i, film_time_ns(i));
+  const uint64_t image = 600 * 400 * 4;
+  std::map<std::string, double> seen;
+  for (int i = 0; i < 1000 && seen["candela_frames_total{result=\"ok\"}"] < 2; ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+    seen = scrape(*server_);
+  }
+  EXPECT_EQ(seen["candela_memory_bytes{pool=\"textures_in_use\"}"], 0);
+  EXPECT_GT(seen["candela_memory_bytes{pool=\"frames\"}"], image / 10);
+  EXPECT_LT(seen["candela_memory_bytes{pool=\"frames\"}"], 2 * image);
+  slow.cancel();
+  EXPECT_TRUE(wait_until_idle(Connection(channel_)));
+  EXPECT_EQ(scrape(*server_).at("candela_memory_bytes{pool=\"frames\"}"), 0);
 }
 
 // A frame that got memory ends once, with the status of what ended it.
