@@ -2,12 +2,16 @@
 
 #include <system_error>
 
+#include "server/base/log.h"
+
 namespace candela {
 
 Crew::Crew(uint32_t threads) {
   try {
     for (uint32_t i = 1; i < threads; ++i) threads_.emplace_back([this] { serve(); });
-  } catch (const std::system_error&) {  // the system gives no more threads
+  } catch (const std::system_error& error) {
+    log_event(LogLevel::kWarning, "no more threads can be started",
+              {{"threads", uint64_t{this->threads()}}, {"of", uint64_t{threads}}, {"error", error.what()}});
   }
 }
 

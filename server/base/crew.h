@@ -15,7 +15,7 @@ namespace candela {
 // Use it for short work that its caller waits for. One caller at a time. Idle threads sleep.
 class Crew {
  public:
-  // `threads` of them with the caller's own; at least 1.
+  // `threads` of them with the caller's own; at least 1. Fewer, with a warning, if the system gives no more.
   explicit Crew(uint32_t threads);
   ~Crew();
 

@@ -37,12 +37,11 @@ absl::Status Renderer::choose(Passes passes, uint32_t threads) {
   }
   Crew* crew = nullptr;
   if (passes != Passes::kDevice && not_on_host.empty()) {
-    if (threads == 0) threads = usable_cpus();
-    passes_ = Passes::kHost;
-    passes_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(), threads,
-                                    threads == 1 ? "" : "s");
-    auto executor = std::make_unique<HostExecutor>(device_, threads);
+    auto executor = std::make_unique<HostExecutor>(device_, threads == 0 ? usable_cpus() : threads);
     crew = &executor->crew();
+    passes_ = Passes::kHost;
+    passes_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(), crew->threads(),
+                                    crew->threads() == 1 ? "" : "s");
     by_passes_ = std::move(executor);
   } else {
     absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device_);

@@ -7,6 +7,7 @@
 #include <memory>
 #include <thread>
 
+#include "server/render/environment/panorama_upload.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
 #include "tests/support/device_fixture.h"
@@ -191,8 +192,10 @@ TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
   ASSERT_TRUE(first.ok()) << first.status();
   allocations_that_fail = std::numeric_limits<int>::max();
   const absl::Status beside = (*renderer)->allocate(desc, {}).status();
+  const absl::Status panorama = PanoramaUpload::take(local, device().summary(), desc).status();
   allocations_that_fail = 0;
   EXPECT_TRUE(absl::IsUnavailable(beside)) << beside;
+  EXPECT_TRUE(absl::IsUnavailable(panorama)) << panorama;
   EXPECT_NE(std::string(beside.message()).find("texture of"), std::string::npos) << beside;
 }
 

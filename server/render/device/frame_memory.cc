@@ -101,13 +101,7 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
                       FrameTextures& textures) {
   uint64_t taken = 0;
   for (const Wanted& w : wanted) {
-    absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key);
-    if (absl::IsResourceExhausted(lease.status()) && pool.counters().bytes_in_use > taken) {
-      return absl::UnavailableError(absl::StrFormat(
-          "the device has no memory for a %dx%d texture of %d bytes beside the frames in flight; try again "
-          "when they are done, or lower --memory-budget",
-          w.key.width, w.key.height, w.key.bytes()));
-    }
+    absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key, taken);
     if (!lease.ok()) return lease.status();
     taken += lease->bytes();
     *w.lease = *std::move(lease);

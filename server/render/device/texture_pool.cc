@@ -25,7 +25,7 @@ TexturePool::TexturePool(Device& device, uint64_t budget_bytes, std::chrono::nan
 
 TexturePool::~TexturePool() = default;
 
-absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
+absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint64_t own_bytes) {
   const uint64_t bytes = key.bytes();
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   {
@@ -54,7 +54,13 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key) {
   if (!buffer.ok()) {
     const std::lock_guard lock(mutex_);
     counters_.bytes_in_use -= bytes;
-    return buffer.status();
+    if (!absl::IsResourceExhausted(buffer.status()) || counters_.bytes_in_use <= own_bytes) {
+      return buffer.status();
+    }
+    return absl::UnavailableError(absl::StrFormat(
+        "the device has no memory for a %dx%d texture of %d bytes beside those in use; try again when frames "
+        "in flight are done, or lower --memory-budget",
+        key.width, key.height, bytes));
   }
   return Lease(this, std::make_unique<Entry>(key, bytes, *std::move(buffer)));
 }

@@ -51,9 +51,9 @@ class TexturePool {
 
   class Lease;
 
-  // UNAVAILABLE if the budget does not hold the texture beside those in use; RESOURCE_EXHAUSTED if the device
-  // has no memory for it.
-  absl::StatusOr<Lease> take(const TextureKey& key);
+  // UNAVAILABLE if the budget or the device does not hold the texture beside those in use. RESOURCE_EXHAUSTED
+  // if the device does not hold it although only the caller's own `own_bytes` are in use.
+  absl::StatusOr<Lease> take(const TextureKey& key, uint64_t own_bytes = 0);
 
   // Reserves a part of the budget for memory that is allocated elsewhere: a lease without a texture. Fails as
   // take() does.
@@ -64,9 +64,9 @@ class TexturePool {
 
  private:
   struct Entry;
-  // Moves the oldest idle texture to `given_up`. With mutex_ held.
   // Frees the oldest idle texture. False if there is none.
   bool give_up_one();
+  // Moves the oldest idle texture to `given_up`. With mutex_ held.
   void give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up);
   // Counts `bytes` as in use, and moves the idle textures that no longer fit to `given_up`, to be freed
   // outside the lock. `what` is what needs the bytes, for the error message. With mutex_ held.

@@ -49,7 +49,8 @@ absl::StatusOr<PanoramaUpload> PanoramaUpload::take(TexturePool& pool, const Dev
                                         device.max_allocation_bytes, pool.budget_bytes());
   if (!fits.ok()) return fits;
   const auto take_one = [&](const TextureKey& key, TexturePool::Lease* lease) {
-    absl::StatusOr<TexturePool::Lease> taken = pool.take(key);
+    absl::StatusOr<TexturePool::Lease> taken =
+        pool.take(key, upload.panorama_.bytes() + upload.wire_.bytes());
     if (taken.ok()) *lease = *std::move(taken);
     return taken.status();
   };
