@@ -115,12 +115,20 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+// Whether an option is given that chooses the frames of a sequence, or is one of a session.
+bool asks_for_sequence(const MeterOptions& options) {
+  const SequenceChoice& sequence = options.sequence;
+  return !sequence.range.empty() || sequence.missing != MissingFrames::kError || !sequence.cuts.empty() ||
+         sequence.rate || options.lookahead > 0 || options.cut_threshold_ev > 0 || options.skip_bad ||
+         options.timeout != absl::InfiniteDuration() || !options.session.empty() || !options.state.empty() ||
+         !options.save_exposures.empty() || !options.plot.empty();
+}
+
 // A sequence is more than one file, or is asked for something that only a sequence has.
 bool is_single_image(const MeterOptions& options) {
   const std::vector<std::string>& inputs = options.sequence.inputs;
   std::error_code ignored;
-  return inputs.size() == 1 && options.state.empty() && options.save_exposures.empty() &&
-         options.plot.empty() && std::filesystem::exists(inputs[0], ignored) &&
+  return inputs.size() == 1 && !asks_for_sequence(options) && std::filesystem::exists(inputs[0], ignored) &&
          !std::filesystem::is_directory(inputs[0], ignored);
 }
 
