@@ -203,6 +203,12 @@ TEST_F(Stream, TheExposurePlotIsDrawn) {
   }
 }
 
+TEST_F(Stream, TheExposurePlotOfOneLateFrameShowsIt) {
+  make_frames(6);
+  stream({"--exposure-plot", folder_.path("plot.svg"), "--range", "5", "--fps", "0.001"});
+  EXPECT_NE(read_file(folder_.path("plot.svg")).find(" 5000<"), std::string::npos) << "no tic at 5000 s";
+}
+
 TEST_F(Stream, WithoutAWorkingGnuplotThePlotIsRefusedBeforeTheWork) {
   make_frames(2);
   const std::string bin = folder_.path("bin"), path = std::getenv("PATH");

@@ -192,7 +192,10 @@ absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::st
                           seconds(point), seconds(point));
   }
   // gnuplot cannot derive a range from a single point.
-  if (curve.size() < 2) script += "set xrange [-1:1]\n";
+  if (curve.size() == 1) {
+    const double t = seconds(curve.front());
+    absl::StrAppendFormat(&script, "set xrange [%.9g-1:%.9g+1]\n", t, t);
+  }
   script +=
       "plot $curve using 1:4 axes x1y2 with steps lw 1.2 lc rgb '#8a8a8a' title 'luminance', "
       "$curve using 1:3 with steps lw 1.4 dt 2 lc rgb '#d9822b' title 'target', "
