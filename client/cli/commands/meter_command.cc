@@ -7,6 +7,7 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/held_exposure.h"
+#include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/stream_report.h"
 #include "client/cli/files/frame_alpha.h"
@@ -102,10 +103,8 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
       {"mean_log2_luminance", statistics.mean_log2_luminance()},
       {"min_luminance", static_cast<double>(statistics.min_luminance())},
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
-      {"bad_values",
-       {{"nan", statistics.nan_components()},
-        {"inf", statistics.infinite_components()},
-        {"negative", statistics.negative_components()}}},
+      {"bad_values", bad_values_json(statistics.nan_components(), statistics.infinite_components(),
+                                     statistics.negative_components())},
       {"absent_pixels", statistics.absent_pixels()},
       {"histogram",
        {{"first_ev", metered.histogram_first_ev()},
