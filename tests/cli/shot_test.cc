@@ -195,6 +195,9 @@ TEST_F(Shot, MeterSaysWhatAShotNeeds) {
   EXPECT_EQ(summary.at("frames"), kFrames);
   EXPECT_EQ(summary.at("locked_exposure"), saved("shot.json").at("locked"));
   EXPECT_NE(read_file(path("plot.svg")).find("<svg"), std::string::npos);
+  const std::string given =
+      run({"stream", in(), path("out"), "--range", "100", "--exposures", path("shot.json")});
+  EXPECT_NE(given.find("24 fps, from the exposure file"), std::string::npos) << given;
 }
 
 TEST_F(Shot, FilesThatDoNotFitAreRefusedBeforeTheWork) {

@@ -277,10 +277,10 @@ ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optiona
 }
 
 std::string to_text(const ChosenRate& rate) {
-  return absl::StrFormat("%s fps, %s", to_text(rate.rate),
-                         rate.from == "--fps"  ? "from --fps"
-                         : rate.from == "file" ? "from the file"
-                                               : "the default");
+  const std::string from = rate.from == "default" ? "the default"
+                           : rate.from == "file"  ? "from the file"
+                                                  : "from " + rate.from;
+  return absl::StrFormat("%s fps, %s", to_text(rate.rate), from);
 }
 
 absl::Status check_media_time(const Sequence& sequence, FrameRate rate) {

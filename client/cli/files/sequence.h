@@ -75,7 +75,7 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice);
 // The frame rate of a sequence, and where it comes from.
 struct ChosenRate {
   FrameRate rate;
-  std::string from;  // "--fps", "file" or "default"
+  std::string from;  // "--fps", "file", "the exposure file" or "default"
 };
 
 // "24000/1001 fps, from the file"
