@@ -88,7 +88,8 @@ TEST_F(Shot, PartsThatRunAtOnceGiveTheImagesOfOneRun) {
   for (int i = 116; i < kFirst + kFrames; ++i) {
     std::filesystem::copy(frame(i), path("some") + absl::StrFormat("/shot.%04d.exr", i));
   }
-  const Options given{"--exposures", path("shot.json")};
+  // The cuts are those of the whole shot.
+  const Options given{"--exposures", path("shot.json"), "--cut-at", "107,119"};
   const auto part = [&](const std::string& range, const std::string& input) {
     Options options = given;
     options.insert(options.end(), {"--range", range});
