@@ -74,8 +74,8 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   write_small_exr(odd_name);
   const std::string panorama = folder.path("pano.exr");
   ASSERT_EQ(candela({"sample", "--panorama", panorama, "--size", "128x64", "-q"}).code, 0);
-  const Outcome outcome = candela(
-      {"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name, "--panoramas", panorama});
+  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name,
+                                   "--panoramas", panorama, "--passes", "auto"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
 
@@ -120,6 +120,8 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
 
   EXPECT_EQ(report.at("format"), "candela report");
+  EXPECT_EQ(report.at("command"), "candela report DIR --quick --megapixels 0.02 --images '" + odd_name +
+                                      "' --panoramas " + panorama + " --passes auto");
   EXPECT_EQ(report.at("version"), 1);
   for (const nlohmann::json& image : report.at("images")) {
     expect_png(at, image.at("file"));
