@@ -135,6 +135,23 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   }
 }
 
+// The largest size of --megapixels is 21333x12000.
+TEST(MeasurementReport, AFrameBeyondTheServersLimitsIsNotMade) {
+  const TemporaryFolder folder;
+  const std::string at = folder.path("report"), image = folder.path("in.exr"),
+                    panorama = folder.path("pano.exr");
+  write_small_exr(image);
+  ASSERT_EQ(candela({"sample", "--panorama", panorama, "--size", "32x16", "-q"}).code, 0);
+  const Outcome outcome = candela(
+      {"report", at, "--quick", "--megapixels", "256", "--images", image, "--panoramas", panorama, "-q"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json report = nlohmann::json::parse(read_file(at + "/report.json"));
+  const nlohmann::json& scenes = report.at("scenes");
+  ASSERT_EQ(scenes.size(), 1u) << scenes;
+  EXPECT_EQ(scenes[0].at("error"), "21333x12000: exceeds this server's limit of 16384 pixels per side");
+  for (const nlohmann::json& row : report.at("times")) EXPECT_TRUE(row.contains("skipped")) << row;
+}
+
 TEST(MeasurementReport, APanoramaThatCannotBeReadIsNamed) {
   const TemporaryFolder folder;
   const std::string missing = folder.path("missing.exr");
