@@ -76,6 +76,15 @@ void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::Tra
   group->appendTransform(builtin);
 }
 
+// The name of the colour space of a role. OpenColorIO loads a configuration whose role names none.
+absl::StatusOr<std::string> space_of_role(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
+                                          const char* role) {
+  const ocio::ConstColorSpaceRcPtr space = config->getColorSpace(role);
+  if (space) return std::string(space->getName());
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s: its role %s names a colour space that it does not have", choice.config, role));
+}
+
 // Appends the transforms from the scene's Rec.709 into the configuration, and sets chosen.input to the
 // resulting colour space.
 absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
@@ -90,9 +99,11 @@ absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice
     return absl::OkStatus();
   }
   if (config->hasRole(ocio::ROLE_INTERCHANGE_SCENE)) {
+    absl::StatusOr<std::string> space = space_of_role(config, choice, ocio::ROLE_INTERCHANGE_SCENE);
+    if (!space.ok()) return space.status();
     append(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_INVERSE);
     append(group, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_FORWARD);
-    chosen.input = config->getColorSpace(ocio::ROLE_INTERCHANGE_SCENE)->getName();
+    chosen.input = *std::move(space);
     return absl::OkStatus();
   }
   for (const char* name : kRec709Names) {
@@ -105,7 +116,9 @@ absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice
     return absl::OkStatus();
   }
   if (config->hasRole(ocio::ROLE_SCENE_LINEAR)) {
-    chosen.input = config->getColorSpace(ocio::ROLE_SCENE_LINEAR)->getName();
+    absl::StatusOr<std::string> space = space_of_role(config, choice, ocio::ROLE_SCENE_LINEAR);
+    if (!space.ok()) return space.status();
+    chosen.input = *std::move(space);
     chosen.notes.push_back(absl::StrFormat(
         "%s does not say what primaries its scene_linear, \"%s\", has: taken to be linear Rec.709; "
         "--ocio-input names another colour space",

@@ -6,6 +6,7 @@
 //                                  files are made slowly, and raise() is slow, too
 //   CANDELA_TEST_FIRST_PROCESS=N   the same, but raise() does nothing, as in process 1 of a container
 //   CANDELA_TEST_NO_THREADS=1      once the first hidden file is there, no thread starts
+//   CANDELA_TEST_STD_THREADS=N     N threads of std::thread start, and no more; those of gRPC are others
 //   CANDELA_TEST_DISK_BYTES=N      the files that fdopen opens can hold N bytes together
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -56,11 +57,25 @@ namespace {
 
 std::atomic<bool> wrote_hidden_file = false;
 
+// Whether std::thread starts it: then the C++ library has the function that the thread begins with.
+bool is_of_std_thread(void* (*run)(void*)) {
+  Dl_info about{};
+  return dladdr(reinterpret_cast<void*>(run), &about) != 0 && about.dli_fname != nullptr &&
+         std::strstr(about.dli_fname, "libstdc++") != nullptr;
+}
+
+bool refuses_thread(void* (*run)(void*)) {
+  if (wrote_hidden_file && std::getenv("CANDELA_TEST_NO_THREADS") != nullptr) return true;
+  static const char* const most = std::getenv("CANDELA_TEST_STD_THREADS");
+  static std::atomic<int> started{0};
+  return most != nullptr && is_of_std_thread(run) && started++ >= std::atoi(most);
+}
+
 }  // namespace
 
 extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*run)(void*),
                               void* argument) {
-  if (wrote_hidden_file && std::getenv("CANDELA_TEST_NO_THREADS") != nullptr) return EAGAIN;
+  if (refuses_thread(run)) return EAGAIN;
   return next<decltype(pthread_create)>("pthread_create")(thread, attributes, run, argument);
 }
 

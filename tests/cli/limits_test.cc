@@ -105,6 +105,19 @@ TEST_F(Limits, AStreamThatGetsNoMoreThreadsIsAnError) {
     EXPECT_EQ(file.path().extension(), ".png") << file.path();
   }
 }
+
+// The session has one thread. The bench has one that submits frames and one that takes results.
+TEST_F(Limits, ABenchThatGetsNoMoreThreadsIsAnError) {
+  const ListeningDaemon daemon;
+  const std::vector<std::string> bench{"bench", "--server", daemon.address(), "--size", "64x64", "--seconds",
+                                       "1",     "-q"};
+  for (const char* threads : {"1", "2"}) {
+    SCOPED_TRACE(threads);
+    expect_failure(candela_on_failing_machine("CANDELA_TEST_STD_THREADS", threads, bench),
+                   "cannot start a thread");
+  }
+  EXPECT_EQ(candela_on_failing_machine("CANDELA_TEST_STD_THREADS", "3", bench).code, 0);
+}
 #endif
 
 TEST_F(Limits, APictureNeedsAPlainFile) {

@@ -74,8 +74,8 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   write_small_exr(odd_name);
   const std::string panorama = folder.path("pano.exr");
   ASSERT_EQ(candela({"sample", "--panorama", panorama, "--size", "128x64", "-q"}).code, 0);
-  const Outcome outcome = candela(
-      {"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name, "--panoramas", panorama});
+  const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name,
+                                   "--panoramas", panorama, "--passes", "auto"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
 
@@ -120,6 +120,8 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
 
   EXPECT_EQ(report.at("format"), "candela report");
+  EXPECT_EQ(report.at("command"), "candela report DIR --quick --megapixels 0.02 --images '" + odd_name +
+                                      "' --panoramas " + panorama + " --passes auto");
   EXPECT_EQ(report.at("version"), 1);
   for (const nlohmann::json& image : report.at("images")) {
     expect_png(at, image.at("file"));
@@ -131,6 +133,23 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   for (const char* table : {"/times.csv", "/hard_cases.csv", "/aces.csv", "/bakes.csv"}) {
     EXPECT_NE(read_file(at + table).find(','), std::string::npos) << table;
   }
+}
+
+// The largest size of --megapixels is 21333x12000.
+TEST(MeasurementReport, AFrameBeyondTheServersLimitsIsNotMade) {
+  const TemporaryFolder folder;
+  const std::string at = folder.path("report"), image = folder.path("in.exr"),
+                    panorama = folder.path("pano.exr");
+  write_small_exr(image);
+  ASSERT_EQ(candela({"sample", "--panorama", panorama, "--size", "32x16", "-q"}).code, 0);
+  const Outcome outcome = candela(
+      {"report", at, "--quick", "--megapixels", "256", "--images", image, "--panoramas", panorama, "-q"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json report = nlohmann::json::parse(read_file(at + "/report.json"));
+  const nlohmann::json& scenes = report.at("scenes");
+  ASSERT_EQ(scenes.size(), 1u) << scenes;
+  EXPECT_EQ(scenes[0].at("error"), "21333x12000: exceeds this server's limit of 16384 pixels per side");
+  for (const nlohmann::json& row : report.at("times")) EXPECT_TRUE(row.contains("skipped")) << row;
 }
 
 TEST(MeasurementReport, APanoramaThatCannotBeReadIsNamed) {

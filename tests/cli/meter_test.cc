@@ -37,6 +37,39 @@ TEST_F(MeterCommand, SaysWhatRenderUses) {
   EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 1);
 }
 
+TEST_F(MeterCommand, AFileWithAnOptionOfSequencesIsASequenceOfOneFrame) {
+  const std::string scene = folder_.path("scene.exr");
+  ASSERT_EQ(candela({"sample", scene, "--size", "64x48", "-q"}).code, 0);
+  const auto meter = [&scene](const std::vector<std::string>& options) {
+    std::vector<std::string> arguments{"meter", scene, "-q", "--json", "-"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return candela(arguments);
+  };
+  for (const std::vector<std::string>& options :
+       std::vector<std::vector<std::string>>{{"--range", "0"},
+                                             {"--missing", "skip"},
+                                             {"--cut-at", "0"},
+                                             {"--fps", "25"},
+                                             {"--lookahead", "2"},
+                                             {"--detect-cuts"},
+                                             {"--frame-timeout", "60"},
+                                             {"--skip-bad"},
+                                             {"--session", "named"},
+                                             {"--save-exposures", folder_.path("shot.json")}}) {
+    const Outcome outcome = meter(options);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_NE(outcome.out.find("{\"summary\":{\"frames\":1,"), std::string::npos)
+        << options.front() << " is not in\n"
+        << outcome.out;
+  }
+  for (const char* option : {"--range", "--cut-at"}) {
+    const Outcome refused = meter({option, "7"});
+    EXPECT_EQ(refused.code, 1) << option;
+    EXPECT_NE(refused.err.find("there is no such frame"), std::string::npos) << refused.err;
+  }
+  EXPECT_EQ(meter({}).out.find("summary"), std::string::npos);
+}
+
 // The bars of a letterbox, in a .pfm: rows of 0 above and below rows of 1 and 4.
 TEST_F(MeterCommand, IgnoresTheBarsOfALetterbox) {
   std::string pfm = "Pf\n8 8\n-1.0\n";

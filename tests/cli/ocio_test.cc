@@ -178,6 +178,15 @@ TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
       "has neither a role aces_interchange nor scene_linear; name its linear Rec.709 with --ocio-input: ");
 }
 
+TEST_F(Ocio, ARoleThatNamesAMissingColourSpaceIsNamed) {
+  const std::string broken = folder_.path("broken.ocio");
+  for (const std::string role : {"aces_interchange", "scene_linear"}) {
+    write_file(broken, config("  " + role + ": Missing\n"));
+    expect_error(candela({"render", in_, folder_.path("out.png"), "--ocio", broken, "-q"}), 1,
+                 broken + ": its role " + role + " names a colour space that it does not have");
+  }
+}
+
 TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
   const auto render = [this](std::vector<std::string> options) {
     options.insert(options.begin(), {"render", in_, folder_.path("out.png"), "-q"});

@@ -116,6 +116,36 @@ TEST_F(Report, JsonGoesToAFileOrADeviceAndTheTextToStdout) {
   EXPECT_EQ(folder_.list(), (std::vector<std::string>{"frame.json", "in.exr", "out.png"}));
 }
 
+TEST_F(Report, JsonToTheFileOfStdoutIsAppendedToItLikeADash) {
+  const std::string log = folder_.path("log");
+  for (const std::string& path : {std::string("/dev/stdout"), log}) {
+    write_file(log, "kept\n");
+    const Outcome outcome = candela_in_shell("exec >>'" + log + "'", {"meter", in_, "--json", path});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    const std::string text = read_file(log);
+    ASSERT_EQ(text.find("kept\n{"), 0u) << text;
+    EXPECT_TRUE(nlohmann::json::parse(text.substr(5), nullptr, false).is_object())
+        << "text beside JSON: " << text;
+  }
+  EXPECT_EQ(folder_.list(), (std::vector<std::string>{"in.exr", "log"}));
+}
+
+TEST_F(Report, JsonToTheFileOfStderrIsRefused) {
+  const std::string log = folder_.path("log");
+  write_file(log, "kept\n");
+  const Outcome outcome = candela_in_shell("exec 2>>'" + log + "'", {"meter", in_, "--json", "/dev/stderr"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(read_file(log),
+            "kept\ncandela: error: --json /dev/stderr: stderr is written to this file; write the JSON to "
+            "another file\n");
+  // A device or a pipe takes both.
+  EXPECT_EQ(candela_in_shell("exec 2>/dev/null", {"meter", in_, "--json", "/dev/null"}).code, 0);
+  EXPECT_EQ(candela_in_shell("exec >&-", {"meter", in_, "--json", "/dev/null"}).code, 0);
+  const Outcome pipe = candela({"meter", in_, "-q", "--json", "/dev/stderr"});
+  EXPECT_EQ(pipe.code, 0);
+  EXPECT_TRUE(nlohmann::json::parse(pipe.err, nullptr, false).is_object()) << pipe.err;
+}
+
 TEST_F(Report, TheTextIsOneLineAndVerboseSaysTheRest) {
   const Outcome line = candela({"render", in_, out_});
   ASSERT_EQ(line.code, 0) << line.err;

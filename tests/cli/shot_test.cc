@@ -88,7 +88,8 @@ TEST_F(Shot, PartsThatRunAtOnceGiveTheImagesOfOneRun) {
   for (int i = 116; i < kFirst + kFrames; ++i) {
     std::filesystem::copy(frame(i), path("some") + absl::StrFormat("/shot.%04d.exr", i));
   }
-  const Options given{"--exposures", path("shot.json")};
+  // The cuts are those of the whole shot.
+  const Options given{"--exposures", path("shot.json"), "--cut-at", "107,119"};
   const auto part = [&](const std::string& range, const std::string& input) {
     Options options = given;
     options.insert(options.end(), {"--range", range});
@@ -195,6 +196,9 @@ TEST_F(Shot, MeterSaysWhatAShotNeeds) {
   EXPECT_EQ(summary.at("frames"), kFrames);
   EXPECT_EQ(summary.at("locked_exposure"), saved("shot.json").at("locked"));
   EXPECT_NE(read_file(path("plot.svg")).find("<svg"), std::string::npos);
+  const std::string given =
+      run({"stream", in(), path("out"), "--range", "100", "--exposures", path("shot.json")});
+  EXPECT_NE(given.find("24 fps, from the exposure file"), std::string::npos) << given;
 }
 
 TEST_F(Shot, FilesThatDoNotFitAreRefusedBeforeTheWork) {

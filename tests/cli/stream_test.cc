@@ -6,7 +6,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <thread>
+#include <tuple>
 
 #include "absl/strings/str_format.h"
 #include "client/image/image.h"
@@ -192,6 +194,36 @@ TEST_F(Stream, AFrameThatTheServerRefusesIsNamed) {
   EXPECT_EQ(lines_of(skipped.out).back().at("summary").at("skipped"), 1);
 }
 
+// The second and the third frame have values that are no light.
+TEST_F(Stream, ValuesThatAreNoNumbersAreCountedAndSaidOnce) {
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  std::filesystem::create_directory(in());
+  for (const auto& [name, red, green] : {std::tuple("/1.pfm", 1.0f, 1.0f), std::tuple("/2.pfm", kNan, kInf),
+                                         std::tuple("/3.pfm", kNan, -1.0f)}) {
+    std::string pfm = "PF\n2 1\n-1.0\n";
+    for (const float value : {red, green, 1.0f, 1.0f, 1.0f, 1.0f}) {
+      pfm.append(reinterpret_cast<const char*>(&value), sizeof value);
+    }
+    write_file(in() + name, pfm);
+  }
+  for (const std::vector<std::string>& command :
+       std::vector<std::vector<std::string>>{{"stream", in(), folder_.path("out")}, {"meter", in()}}) {
+    std::vector<std::string> arguments = command;
+    arguments.insert(arguments.end(), {"--json", "-"});
+    const Outcome outcome = candela(arguments);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    const std::vector<Json> lines = lines_of(outcome.out);
+    ASSERT_EQ(lines.size(), 4u);
+    EXPECT_EQ(lines[0].at("bad_values"), Json({{"nan", 0}, {"inf", 0}, {"negative", 0}}));
+    EXPECT_EQ(lines[1].at("bad_values"), Json({{"nan", 1}, {"inf", 1}, {"negative", 0}}));
+    EXPECT_EQ(lines[2].at("bad_values"), Json({{"nan", 1}, {"inf", 0}, {"negative", 1}}));
+    const std::string note = "note: " + in() + "/2.pfm: 1 NaN and 1 infinite components were taken as 0";
+    EXPECT_NE(outcome.err.find(note), std::string::npos) << outcome.err;
+    EXPECT_EQ(outcome.err.find("were taken as"), outcome.err.rfind("were taken as")) << outcome.err;
+  }
+}
+
 TEST_F(Stream, TheExposurePlotIsDrawn) {
   make_frames(6);
   stream({"--exposure-plot", folder_.path("plot.png"), "--lookahead", "2"});
@@ -201,6 +233,12 @@ TEST_F(Stream, TheExposurePlotIsDrawn) {
   for (const char* word : {"<?xml", "<svg", "xmlns", "exposure", "target", "luminance"}) {
     EXPECT_NE(svg.find(word), std::string::npos) << word;
   }
+}
+
+TEST_F(Stream, TheExposurePlotOfOneLateFrameShowsIt) {
+  make_frames(6);
+  stream({"--exposure-plot", folder_.path("plot.svg"), "--range", "5", "--fps", "0.001"});
+  EXPECT_NE(read_file(folder_.path("plot.svg")).find(" 5000<"), std::string::npos) << "no tic at 5000 s";
 }
 
 TEST_F(Stream, WithoutAWorkingGnuplotThePlotIsRefusedBeforeTheWork) {

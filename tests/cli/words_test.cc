@@ -103,6 +103,34 @@ TEST_F(Words, AnOptionIsNoValue) {
   EXPECT_TRUE(says(read_file(odd), "\"exposure\""));
 }
 
+// A script whose variable is empty must not turn an option off.
+TEST_F(Words, AnEmptyValueIsNone) {
+  for (const std::string name :
+       {"--server", "--tls-ca", "--token-file", "--device", "--json", "--error-map", "--ocio", "--display",
+        "--locked-exposure", "--layer", "--curve", "--exposure", "--key", "--bits", "--resume"}) {
+    const std::string words = name + " is empty; leave it out or give it a value";
+    refuses({name, ""}, words);
+    refuses({name + "=", "-q"}, words);
+  }
+  for (const std::string name : {"--exposure-plot", "--save-exposures", "--session", "--range"}) {
+    const Outcome stream = candela({"stream", in_, folder_.path("out_%d.png"), name, ""});
+    EXPECT_EQ(stream.code, 2);
+    EXPECT_TRUE(says(stream.err, name + " is empty")) << stream.err;
+  }
+  for (const std::string name : {"--objects", "--path"}) {
+    const Outcome view = candela({"view", in_, folder_.path("out.png"), name, ""});
+    EXPECT_EQ(view.code, 2);
+    EXPECT_TRUE(says(view.err, name + " is empty")) << view.err;
+  }
+  // A number of --detect-cuts is optional, and an empty variable is as good as none.
+  EXPECT_EQ(candela({"stream", in_, folder_.path("out_%d.png"), "-q", "--detect-cuts="}).code, 0);
+  const std::vector<const char*> variables = {"CANDELA_SERVER", "CANDELA_CLIENT_TLS_CA",
+                                              "CANDELA_CLIENT_TOKEN_FILE"};
+  for (const char* variable : variables) setenv(variable, "", 1);
+  EXPECT_EQ(notes({}), "");
+  for (const char* variable : variables) unsetenv(variable);
+}
+
 TEST_F(Words, OptionsThatChangeNothingAreNamed) {
   struct Case {
     std::vector<std::string> options;

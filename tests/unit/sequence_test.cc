@@ -329,6 +329,8 @@ TEST_F(SequenceTest, CutsAreNumbersOfTheNames) {
   EXPECT_NE(message(find({"in"}, {.missing = skip, .cuts = {87}}).status())
                 .find("--cut-at 87: there is no such frame; there are frames 10 to 14"),
             std::string::npos);
+  EXPECT_EQ(cuts(find({"in"}, {.missing = skip, .cuts = {5, 14, 87}, .zero = 1})), (Numbers{14}))
+      << "a part of the files of a session that is continued";
 }
 
 TEST_F(SequenceTest, AContinuedSessionSaysWhereItsTimeBegan) {

@@ -36,6 +36,14 @@ class Load {
  public:
   Load(const BenchOptions& options, Session session, std::shared_ptr<const Image> frame)
       : options_(options), session_(std::move(session)), frame_(std::move(frame)) {}
+  // The threads still run if an exception ends the measurement, such as that another thread does not start.
+  ~Load() {
+    if (submitting_.joinable() || taking_.joinable()) session_.cancel();
+    if (submitting_.joinable()) submitting_.join();
+    if (taking_.joinable()) taking_.join();
+  }
+  Load(const Load&) = delete;
+  Load& operator=(const Load&) = delete;
 
   void start(absl::Time begin) {
     submitting_ = std::thread([this, begin] { submit(begin); });

@@ -7,6 +7,7 @@
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/held_exposure.h"
+#include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/stream_report.h"
 #include "client/cli/files/frame_alpha.h"
@@ -102,10 +103,8 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
       {"mean_log2_luminance", statistics.mean_log2_luminance()},
       {"min_luminance", static_cast<double>(statistics.min_luminance())},
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
-      {"bad_values",
-       {{"nan", statistics.nan_components()},
-        {"inf", statistics.infinite_components()},
-        {"negative", statistics.negative_components()}}},
+      {"bad_values", bad_values_json(statistics.nan_components(), statistics.infinite_components(),
+                                     statistics.negative_components())},
       {"absent_pixels", statistics.absent_pixels()},
       {"histogram",
        {{"first_ev", metered.histogram_first_ev()},
@@ -115,12 +114,20 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+// Whether an option is given that chooses the frames of a sequence, or is one of a session.
+bool asks_for_sequence(const MeterOptions& options) {
+  const SequenceChoice& sequence = options.sequence;
+  return !sequence.range.empty() || sequence.missing != MissingFrames::kError || !sequence.cuts.empty() ||
+         sequence.rate || options.lookahead > 0 || options.cut_threshold_ev > 0 || options.skip_bad ||
+         options.timeout != absl::InfiniteDuration() || !options.session.empty() || !options.state.empty() ||
+         !options.save_exposures.empty() || !options.plot.empty();
+}
+
 // A sequence is more than one file, or is asked for something that only a sequence has.
 bool is_single_image(const MeterOptions& options) {
   const std::vector<std::string>& inputs = options.sequence.inputs;
   std::error_code ignored;
-  return inputs.size() == 1 && options.state.empty() && options.save_exposures.empty() &&
-         options.plot.empty() && std::filesystem::exists(inputs[0], ignored) &&
+  return inputs.size() == 1 && !asks_for_sequence(options) && std::filesystem::exists(inputs[0], ignored) &&
          !std::filesystem::is_directory(inputs[0], ignored);
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -56,6 +57,9 @@ std::string to_text(const RenderReport& report, bool verbose);
 
 // Says what became of values that were no numbers; "" if there were none.
 std::string bad_values_note(uint64_t nan, uint64_t infinite);
+
+// {nan, inf, negative}: how many components of a frame or a panorama were such.
+nlohmann::ordered_json bad_values_json(uint64_t nan, uint64_t infinite, uint64_t negative);
 
 // The report's notes, and one about values that were no numbers, if there were any.
 std::vector<std::string> notes_for_user(const RenderReport& report);

@@ -14,6 +14,7 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
+#include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/shot_exposures.h"
 #include "client/cli/commands/stream_images.h"
@@ -208,6 +209,8 @@ class Streaming {
     const auto say_once = [&](bool& said, const std::string& words) {
       if (!words.empty() && !std::exchange(said, true)) summary_.notes.insert(frame.input + ": " + words);
     };
+    const v1::FrameStatistics& statistics = frame.header.statistics();
+    say_once(said_bad_, bad_values_note(statistics.nan_components(), statistics.infinite_components()));
     say_once(said_gamut_, gamut_note(frame.header, settings_).value_or(""));
     if (!options_.exposures.empty() || !options_.locked_exposure.empty()) return;
     say_once(said_held_, held_words(frame.header.target(), frame.header.target_before_limits()));
@@ -283,6 +286,7 @@ class Streaming {
   StreamImages images_;
   absl::Time begin_;
   v1::Settings settings_;  // those of the first frame
+  bool said_bad_ = false;
   bool said_gamut_ = false;
   bool said_held_ = false;
   double exposure_ = 1;

@@ -8,6 +8,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/cli/commands/render_report.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/plot.h"
 #include "client/cli/options/usage.h"
@@ -84,6 +85,8 @@ std::string to_json(const StreamFrame& frame) {
                {"mean_log2_luminance", statistics.mean_log2_luminance()},
                {"min_luminance", static_cast<double>(statistics.min_luminance())},
                {"max_luminance", static_cast<double>(statistics.max_luminance())},
+               {"bad_values", bad_values_json(statistics.nan_components(), statistics.infinite_components(),
+                                              statistics.negative_components())},
                {"absent_pixels", statistics.absent_pixels()},
                {"gamut_cut_components", header.gamut_cut_components()},
                {"cut", header.cut()},
@@ -192,7 +195,10 @@ absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::st
                           seconds(point), seconds(point));
   }
   // gnuplot cannot derive a range from a single point.
-  if (curve.size() < 2) script += "set xrange [-1:1]\n";
+  if (curve.size() == 1) {
+    const double t = seconds(curve.front());
+    absl::StrAppendFormat(&script, "set xrange [%.9g-1:%.9g+1]\n", t, t);
+  }
   script +=
       "plot $curve using 1:4 axes x1y2 with steps lw 1.2 lc rgb '#8a8a8a' title 'luminance', "
       "$curve using 1:3 with steps lw 1.4 dt 2 lc rgb '#d9822b' title 'target', "

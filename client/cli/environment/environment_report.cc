@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/commands/render_report.h"
 #include "proto/candela/v1/rgb9e5.h"
 #include "proto/candela/v1/settings.h"
 
@@ -80,10 +81,8 @@ std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& o
                      {"levels", levels_of(report.bake)},
                      {"tier", report.bake.tier()},
                      {"had_it", panorama.had_it()},
-                     {"bad_values",
-                      {{"nan", panorama.nan_components()},
-                       {"inf", panorama.infinite_components()},
-                       {"negative", panorama.negative_components()}}},
+                     {"bad_values", bad_values_json(panorama.nan_components(), panorama.infinite_components(),
+                                                    panorama.negative_components())},
                      {"losses", losses_of(report.bake)},
                      {"files", report.files},
                      {"stage_ms", stages},

@@ -60,11 +60,7 @@ void add_camera_options(CLI::App& app, PanoramaViewOptions& options) {
       "Spheres to draw: lookdev (chrome, grey, gold, plastic), or those of a file, "
       "{\"objects\":[{\"centre\":[x,y,z],\"radius\":r,\"base_color\":[r,g,b],\"metallic\":m,"
       "\"roughness\":r,\"fixed_to_camera\":true}]}, where +X is right, +Y up and -Z ahead (default: none)",
-      [&options](const std::string& text) {
-        if (text.empty()) return usage_error("--objects is empty; it is lookdev or a file");
-        options.objects = text;
-        return absl::OkStatus();
-      });
+      options.objects);
 }
 
 void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
@@ -81,11 +77,7 @@ void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
   add_text(app, kMove, "--path", "FILE.json",
            "Render a sequence that follows camera keys, {\"keys\":[{\"time\":s,\"yaw\":deg,\"pitch\":deg,"
            "\"roll\":deg,\"fov\":deg}]}; between keys the camera moves smoothly and never beyond them",
-           [&options](const std::string& path) {
-             if (path.empty()) return usage_error("--path is empty; leave it out or name a file");
-             options.camera_path = path;
-             return absl::OkStatus();
-           });
+           options.camera_path);
   add_text(app, kMove, "--frames", "N",
            absl::StrFormat("Number of frames; %s (default: 10 seconds of a turn, or all up to the last key)",
                            format_range(kFrames)),

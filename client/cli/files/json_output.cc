@@ -8,15 +8,22 @@
 #include <cstdio>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
 
-bool is_special(const std::string& path) {
-  struct stat info {};
-  return stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
+bool can_be_written(int descriptor) {
+  const int mode = fcntl(descriptor, F_GETFL);
+  return mode >= 0 && (mode & O_ACCMODE) != O_RDONLY;
+}
+
+bool leads_to(int descriptor, const struct stat& file) {
+  struct stat about {};
+  return fstat(descriptor, &about) == 0 && about.st_dev == file.st_dev && about.st_ino == file.st_ino;
 }
 
 }  // namespace
@@ -25,13 +32,22 @@ absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
   JsonOutput output(path);
   if (path.empty()) return output;
   if (path == "-") {
-    const int mode = fcntl(STDOUT_FILENO, F_GETFL);
-    if (mode < 0 || (mode & O_ACCMODE) == O_RDONLY) return cannot_write("stdout", EBADF);
+    if (!can_be_written(STDOUT_FILENO)) return cannot_write("stdout", EBADF);
     return output;
   }
   struct stat info {};
-  if (stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
-  if (is_special(path)) {
+  const bool exists = stat(path.c_str(), &info) == 0;
+  if (exists && S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
+  // Such as /dev/stdout. A new file in the place of this one would lose what else is written there.
+  if (exists && leads_to(STDOUT_FILENO, info) && can_be_written(STDOUT_FILENO)) {
+    output.path_ = "-";
+    return output;
+  }
+  if (exists && S_ISREG(info.st_mode) && leads_to(STDERR_FILENO, info)) {
+    return usage_error(
+        absl::StrFormat("--json %s: stderr is written to this file; write the JSON to another file", path));
+  }
+  if (exists && !S_ISREG(info.st_mode)) {
     if (access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
     return output;
   }

@@ -15,7 +15,8 @@ namespace candela {
 class JsonOutput {
  public:
   // `path` is a file, "-" for stdout, or "" for nowhere. A file appears whole or not at all; its folder is
-  // made if it is missing. Pipes and devices are written directly. Fails if stdout was closed.
+  // made if it is missing. Pipes and devices are written directly. A path that leads where stdout goes, such
+  // as /dev/stdout, is "-". Fails if stdout was closed, and for the file that stderr goes to.
   static absl::StatusOr<JsonOutput> open(const std::string& path);
 
   bool to_stdout() const { return path_ == "-"; }

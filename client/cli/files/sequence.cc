@@ -209,6 +209,8 @@ absl::Status mark_cuts(const SequenceChoice& choice, const Found& found, uint64_
   const uint64_t first = found.files.begin()->first, last = found.files.rbegin()->first;
   for (const uint64_t cut : choice.cuts) {
     if (cut < first || cut > last) {
+      // Beside an exposure file a machine may have only its own part of the files.
+      if (choice.zero) continue;
       return absl::InvalidArgumentError(absl::StrFormat(
           "--cut-at %d: there is no such frame; there are frames %d to %d", cut, first, last));
     }
@@ -277,10 +279,10 @@ ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optiona
 }
 
 std::string to_text(const ChosenRate& rate) {
-  return absl::StrFormat("%s fps, %s", to_text(rate.rate),
-                         rate.from == "--fps"  ? "from --fps"
-                         : rate.from == "file" ? "from the file"
-                                               : "the default");
+  const std::string from = rate.from == "default" ? "the default"
+                           : rate.from == "file"  ? "from the file"
+                                                  : "from " + rate.from;
+  return absl::StrFormat("%s fps, %s", to_text(rate.rate), from);
 }
 
 absl::Status check_media_time(const Sequence& sequence, FrameRate rate) {

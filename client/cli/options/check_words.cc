@@ -55,7 +55,10 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
     const std::string name = words[at].substr(0, words[at].find('='));
     const CLI::Option* option = command->get_option_no_throw(name);
     if (option != nullptr) {
-      const bool needs_value = option->get_items_expected_min() > 0 && name == words[at];
+      const bool takes_value = option->get_items_expected_min() > 0;
+      // CLI11 would take the next word.
+      if (takes_value && words[at] == name + "=") return empty_value(name);
+      const bool needs_value = takes_value && name == words[at];
       if (!needs_value || at + 1 == words.size()) continue;
       if (absl::Status status = check_value(*command, *option, words[++at]); !status.ok()) return status;
       continue;

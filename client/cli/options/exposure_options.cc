@@ -8,15 +8,6 @@
 namespace candela {
 namespace {
 
-CLI::Option* add_file(CLI::App& app, const std::string& section, const std::string& name,
-                      const std::string& help, std::string& to) {
-  return add_text(app, section, name, "FILE", help, [name, &to](const std::string& path) {
-    if (path.empty()) return usage_error(absl::StrFormat("%s is empty; leave it out or name a file", name));
-    to = path;
-    return absl::OkStatus();
-  });
-}
-
 bool is_manual(const v1::Settings& settings) {
   return settings.exposure().mode() == v1::Exposure::MODE_MANUAL;
 }
@@ -45,14 +36,14 @@ void add_previous_options(CLI::App& app, v1::ExposureState& previous) {
 }
 
 void add_locked_exposure_option(CLI::App& app, std::string& file) {
-  add_file(app, kExposureSection, "--locked-exposure",
+  add_text(app, kExposureSection, "--locked-exposure", "FILE",
            "Expose every frame alike: by the locked exposure of this file, which --save-exposures wrote",
            file);
 }
 
 void add_given_exposure_options(CLI::App& app, StreamOptions& options) {
-  add_file(
-      app, kExposureSection, "--exposures",
+  add_text(
+      app, kExposureSection, "--exposures", "FILE",
       "Give each frame the exposure of its number in this file, which --save-exposures wrote; so parts of "
       "a shot get the images of one run",
       options.exposures);
@@ -60,13 +51,13 @@ void add_given_exposure_options(CLI::App& app, StreamOptions& options) {
 }
 
 void add_state_option(CLI::App& app, const std::string& section, StreamOptions& options) {
-  add_file(app, section, "--state",
+  add_text(app, section, "--state", "FILE",
            "Continue the exposure after the last frame of this file, which --save-exposures wrote",
            options.state);
 }
 
 void add_save_exposures_option(CLI::App& app, StreamOptions& options) {
-  add_file(app, kOutputSection, "--save-exposures",
+  add_text(app, kOutputSection, "--save-exposures", "FILE",
            "Write the frames' exposures, one locked exposure for all of them and the state after the last "
            "frame, as JSON; --exposures, --locked-exposure and --state read it",
            options.save_exposures);

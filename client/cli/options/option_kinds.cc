@@ -14,8 +14,9 @@ namespace candela {
 CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
                       const std::string& placeholder, const std::string& help,
                       std::function<absl::Status(const std::string&)> set) {
-  const auto take = [set = std::move(set)](const std::string& text) {
-    if (absl::Status status = set(text); !status.ok()) throw OptionError{std::move(status)};
+  const auto take = [name, set = std::move(set)](const std::string& text) {
+    absl::Status status = text.empty() ? empty_value(name) : set(text);
+    if (!status.ok()) throw OptionError{std::move(status)};
   };
   return app.add_option_function<std::string>(name, take, help)
       ->option_text(placeholder)

@@ -19,6 +19,10 @@ absl::Status usage_error(const std::string& message) {
 
 bool is_usage_error(const absl::Status& status) { return status.GetPayload(kUsagePayload).has_value(); }
 
+absl::Status empty_value(const std::string& option) {
+  return usage_error(absl::StrFormat("%s is empty; leave it out or give it a value", option));
+}
+
 absl::Status unknown_word(const std::string& what, const std::string& typed,
                           const std::vector<std::string>& words) {
   const std::string meant = v1::did_you_mean(v1::near_words(typed, words));

@@ -10,12 +10,7 @@
 namespace candela {
 void add_view_options(CLI::App& app, ViewChoice& view) {
   const auto add = [&](const char* name, const char* placeholder, const char* help, std::string& to) {
-    add_text(app, kToneSection, name, placeholder, help, [name, &to](const std::string& text) {
-      if (text.empty())
-        return usage_error(absl::StrFormat("%s is empty; leave it out for its default", name));
-      to = text;
-      return absl::OkStatus();
-    });
+    add_text(app, kToneSection, name, placeholder, help, to);
   };
   add("--ocio", "CONFIG", "Instead of a curve: a view of this OpenColorIO configuration", view.config);
   add("--display", "NAME", "Display of --ocio (default: the configuration's)", view.display);

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/server_link.h"
@@ -164,14 +165,29 @@ Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice, 
           {"candela", info.version()}};
 }
 
+// A word as a shell takes it.
+std::string for_shell(const std::string& word) {
+  constexpr char kPlain[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-+:,./%@";
+  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
+  return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
+}
+
 std::string command_of(const ReportOptions& options) {
   std::string command = "candela report DIR";
   if (options.quick) command += " --quick";
   absl::StrAppendFormat(&command, " --megapixels %s", absl::StrJoin(options.megapixels, ","));
-  if (!options.images.empty()) command += " --images " + absl::StrJoin(options.images, " ");
-  if (!options.panoramas.empty()) command += " --panoramas " + absl::StrJoin(options.panoramas, " ");
-  if (!options.server.address.empty()) command += " --server " + options.server.address;
-  if (!options.server.device.empty()) command += " --device " + options.server.device;
+  const auto add = [&command](const char* option, const std::vector<std::string>& values) {
+    if (!values.empty()) absl::StrAppend(&command, " ", option);
+    for (const std::string& value : values) absl::StrAppend(&command, " ", for_shell(value));
+  };
+  const auto add_one = [&add](const char* option, const std::string& value) {
+    if (!value.empty()) add(option, {value});
+  };
+  add("--images", options.images);
+  add("--panoramas", options.panoramas);
+  add_one("--server", options.server.address);
+  add_one("--device", options.server.device);
+  add_one("--passes", options.server.passes);
   return command;
 }
 

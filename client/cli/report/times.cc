@@ -219,12 +219,18 @@ Json measure_scenes(const ReportSession& session, const TimePlan& plan) {
   for (const FrameSize& other : plan.sizes) {
     if (other.megapixels <= kSceneMegapixels) size = other;
   }
+  const auto all_failed = [](const std::string& why) {
+    return Json::array({{{"what", "all"}, {"error", why}}});
+  };
+  if (const std::string why = beyond_limits(session.info().limits(), size); !why.empty()) {
+    return all_failed(absl::StrFormat("%dx%d: %s", size.width, size.height, why));
+  }
   const absl::StatusOr<Image> frame = sample_frame(size.width, size.height);
   constexpr float kDim = 0.25f;  // below the knee of the default threshold
   const absl::StatusOr<Image> dim = sample_frame(size.width, size.height, kDim);
   if (!frame.ok() || !dim.ok()) {
     const absl::Status& status = frame.ok() ? dim.status() : frame.status();
-    return Json::array({{{"what", "all"}, {"error", std::string(status.message())}}});
+    return all_failed(std::string(status.message()));
   }
   const absl::StatusOr<Image> few = with_few_lights(*dim);
   const absl::StatusOr<Image> dirty = with_one_nan(*frame);
