@@ -21,7 +21,7 @@ except ImportError as error:
 
 CANDELAD, VERSION = sys.argv[1:]
 DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "deploy"
-STOP_GRACE_S = 10  # candelad may take this much longer than its pre-drain and drain timeout
+STOP_GRACE_S = 20  # candelad and then the front may take this much longer than pre-drain and drain timeout
 # The package knows Kubernetes 1.22, which has the autoscaling/v2 fields used here as v2beta2.
 GROUPS = {
     "v1": "V1", "apps/v1": "V1", "policy/v1": "V1", "networking.k8s.io/v1": "V1", "autoscaling/v2": "V2beta2",
@@ -177,7 +177,7 @@ check(scaler["minReplicas"] > budget["maxUnavailable"], "a disruption may take e
 
 stop = seconds(settings["data"]["CANDELA_PRE_DRAIN"]) + seconds(settings["data"]["CANDELA_DRAIN_TIMEOUT"])
 grace = pod["terminationGracePeriodSeconds"]
-check(grace > stop + STOP_GRACE_S, f"candelad may take {stop + STOP_GRACE_S:g} s to stop, but is killed after {grace} s")
+check(grace >= stop + STOP_GRACE_S, f"the pod may take {stop + STOP_GRACE_S:g} s to stop, but is killed after {grace} s")
 
 # candelad must accept the settings.
 tried = run_candelad(settings["data"], "--list-devices")
