@@ -7,18 +7,20 @@
 #   device   the tests of the release build, with the device's passes in place of the host's
 #   fuzz     each fuzz target for 30 minutes
 #   soak     20 minutes of mixed traffic with faults
-#   attacks  tests/robustness and every test with the label nightly, on the release build
+#   attacks  tests/robustness and the other long tests of the release build
 #   edge     the attacks on the shipped containers and on processes, and the image for GPUs; needs root and podman
 #
 # Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation
 # only. A part in which a test was skipped is "incomplete": asan and tsan need CANDELA_DATA. A part that ran in a tree with
 # uncommitted changes is "uncommitted", and does not count as passed: two such trees have the same commit. build/nightly
-# keeps each part's result and log. The log holds the figures for docs/robustness.md. CANDELA_FUZZ_SECONDS and
-# CANDELA_SOAK_SECONDS shorten a part.
+# keeps each part's result and log. The log holds the figures for docs/robustness.md. With fewer CANDELA_FUZZ_SECONDS or
+# CANDELA_SOAK_SECONDS than here, that part is "shortened", and does not count as passed either.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 all=(files asan tsan device fuzz soak attacks edge)
+declare -A whole=([fuzz]=1800 [soak]=1200)  # seconds
+declare -A seconds=([fuzz]=${CANDELA_FUZZ_SECONDS:-${whole[fuzz]}} [soak]=${CANDELA_SOAK_SECONDS:-${whole[soak]}})
 results=build/nightly
 commit=$(git rev-parse --short=12 HEAD)
 
@@ -33,10 +35,10 @@ run_device() {
   # The instruction counts are of both kinds of passes, whatever the tests use.
   CANDELA_TEST_PASSES=device ctest --preset release --parallel "$(($(nproc) + 1))" --exclude-regex '^Bench'
 }
-run_fuzz() { CANDELA_FUZZ_SECONDS=${CANDELA_FUZZ_SECONDS:-1800} deploy/test.sh fuzz; }
+run_fuzz() { CANDELA_FUZZ_SECONDS=${seconds[fuzz]} deploy/test.sh fuzz; }
 run_soak() {
   build_with_tests release
-  CANDELA_SOAK_SECONDS=${CANDELA_SOAK_SECONDS:-1200} ctest --preset release --tests-regex '^Soak' --verbose
+  CANDELA_SOAK_SECONDS=${seconds[soak]} ctest --preset release --tests-regex '^Soak' --verbose
 }
 run_attacks() {
   deploy/install-packages.sh deploy
@@ -57,7 +59,7 @@ build_with_tests() {
 # The tree is the commit that this script began with, without changes and new files.
 is_commit() { [ "$(git rev-parse --short=12 HEAD)" = "$commit" ] && [ -z "$(git status --porcelain)" ]; }
 
-# "VERDICT COMMIT DATE SECONDS s" of a part, or nothing. VERDICT is passed, failed, incomplete or uncommitted.
+# "VERDICT COMMIT DATE SECONDS s" of a part, or nothing. VERDICT is passed, failed, incomplete, shortened or uncommitted.
 result() { cat "$results/$1.txt" 2>/dev/null || true; }
 
 passed() {
@@ -73,6 +75,7 @@ run_part() {
   # A new shell, so that a failure inside the function ends it.
   if "$BASH" "$0" --inside "$part" >"$results/$part.log" 2>&1 </dev/null; then verdict=passed; fi
   if [ "$verdict" = passed ] && grep -qE '\*\*\*Skipped' "$results/$part.log"; then verdict=incomplete; fi
+  if [ "$verdict" = passed ] && [ "${seconds[$part]:-0}" -lt "${whole[$part]:-0}" ]; then verdict=shortened; fi
   is_commit || tree=uncommitted  # it was changed meanwhile
   if [ "$verdict" = passed ] && [ $tree = uncommitted ]; then verdict=uncommitted; fi
   echo "$verdict $commit $(date -u +%F) $((SECONDS - start)) s" >"$results/$part.txt"

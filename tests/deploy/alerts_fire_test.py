@@ -3,7 +3,7 @@
   alerts_fire_test.py BIN        # the folder with candelad, candela and losing_candelad
 
 The rules are the shipped ones; only their waits and windows are seconds instead of minutes. No alert may fire before its
-mistake is made. Exits with 77 and a reason if there is no Prometheus.
+mistake is made. Exits with 77 and a reason if there is no Prometheus or no nginx.
 """
 import contextlib
 import json
@@ -11,6 +11,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -24,13 +25,15 @@ sys.path.insert(0, str(ROOT / "tests/robustness"))
 import harness  # noqa: E402
 import http2  # noqa: E402
 from harness import Daemon, expect, report, rpc, skip, v1  # noqa: E402
+from shapes import Front  # noqa: E402
 
 DEPLOY = ROOT / "deploy"
 WITHIN_S = 60
 SECONDS = {"5m": "8s", "10m": "8s", "15m": "30s", "30m": "90s"}  # the windows of the rules
 # What a mistake may set off besides its own alert.
 ALSO = {"CandelaMemoryNearlyFull": {"CandelaTurnsAway"}, "CandelaRestarts": {"CandelaNotReady"},
-        "CandelaDeviceLost": {"CandelaNotReady"}}  # that server ends
+        "CandelaDeviceLost": {"CandelaNotReady"},  # that server ends
+        "CandelaFrontDown": {"CandelaNotReady"}}
 
 
 def short_rules(text: str) -> str:
@@ -237,21 +240,26 @@ def main() -> None:
         (folder / "tokens").write_text("0123456789abcdef0123456789abcdef\n")
         (folder / "tokens").chmod(0o600)
         log, writer = os.pipe()  # it takes 64 KiB before somebody has to read it
-        plain = stack.enter_context(Daemon())
+        plain = stack.enter_context(Daemon(listen=f"unix:{folder}/candelad.sock"))
         tight = stack.enter_context(Daemon("--max-connections", "12", "--idle-timeout", "1s", stderr=writer))
         small = stack.enter_context(Daemon("--memory-budget", "16MiB", "--max-sessions", "40", "--idle-timeout", "10s"))
         guarded = stack.enter_context(Daemon("--token-file", str(folder / "tokens")))
-        targets = [daemon.metrics for daemon in (plain, tight, small, guarded)]
+        front = stack.enter_context(Front(plain.address))
+        targets = [f"127.0.0.1:{front.status}", *(daemon.metrics for daemon in (plain, tight, small, guarded))]
         prometheus = Prometheus(targets)
         stack.callback(prometheus.close)
-        prometheus.wait_for_targets(4)
-        expect(harness.render(plain.address)[0] == "OK", "a render fails")
+        prometheus.wait_for_targets(5)
+        expect(harness.render(front.address)[0] == "OK", "a render fails")
         time.sleep(12)  # longer than the waits and the windows
         prometheus.firing()
         seen = watch(prometheus, names)
         provoke_with_clients(prometheus, plain, tight, guarded, log)
         lose_devices(prometheus, targets)
         provoke_with_load(prometheus, plain, small)
+        prometheus.about_to_provoke("CandelaFrontDown")
+        front.process.send_signal(signal.SIGQUIT)
+        prometheus.wait_for("CandelaFrontDown")
+        prometheus.scrape(targets[1:])  # so that CandelaNotReady can end
         prometheus.about_to_provoke("CandelaRestarts")
         for _ in range(2):
             time.sleep(2)

@@ -36,6 +36,12 @@ def connect(**more) -> http2.Connection:
     return http2.Connection(ADDRESS, source=SOURCE, **more)
 
 
+def open_socket() -> socket.socket:
+    """A connection without HTTP/2."""
+    host, port = ADDRESS.rsplit(":", 1)
+    return socket.create_connection((host, int(port)), 10, (SOURCE, 0) if SOURCE else None)
+
+
 def pump(chunk, first: bytes = b"", unread: bool = False) -> dict:
     """Sends `chunk` for SECONDS. Whenever the server ends the connection, goes on with another one."""
     end, sent, connections, last = time.monotonic() + SECONDS, 0, 0, ""
@@ -226,8 +232,7 @@ def let_through(true: bool, what: str) -> dict:
 
 def answer(sent: bytes, seconds: float = 5) -> str:
     """What the server does about `sent`, the first bytes of a connection: the frame that answers or ends it, or nothing."""
-    host, port = ADDRESS.rsplit(":", 1)
-    with socket.create_connection((host, int(port)), 10, (SOURCE, 0) if SOURCE else None) as wire:
+    with open_socket() as wire:
         wire.settimeout(seconds)
         got = b""
         try:
@@ -250,13 +255,14 @@ def answer(sent: bytes, seconds: float = 5) -> str:
 
 def each_answered(variants: dict[str, bytes], refusals: tuple[str, ...]) -> dict:
     """Sends each of the variants again and again, on connections of their own. The server must do one of `refusals` at once."""
-    end, sent, last = time.monotonic() + SECONDS, 0, {}
+    end, sent, first = time.monotonic() + SECONDS, 0, {}
     for name in itertools.cycle(variants):
         if time.monotonic() > end and sent >= len(variants):
             break
-        last[name], sent = answer(variants[name]), sent + 1
-    bad = {name: what for name, what in last.items() if what not in refusals}
-    return {"connections": sent, "answers": last} | let_through(bool(bad), str(bad))
+        what, sent = answer(variants[name]), sent + 1
+        first.setdefault(name, what)  # later calls may exceed the front's rate, and it answers that they do
+    bad = {name: what for name, what in first.items() if what not in refusals}
+    return {"connections": sent, "answers": first} | let_through(bool(bad), str(bad))
 
 
 def frames_out_of_place() -> dict:
@@ -302,37 +308,36 @@ def settings_changes() -> dict:
     changes = grpc_message(v1.StreamRequest(change=v1.SettingsChange(from_sequence=1))) * 500
     end, sent, connections = time.monotonic() + SECONDS, 0, 0
     while time.monotonic() < end:
-        with contextlib.suppress(OSError, h2.exceptions.H2Error):
+        with contextlib.suppress(OSError, h2.exceptions.H2Error), open_socket() as wire:
             connections += 1
-            for sent_now in within_windows(opening, changes, end):
+            for sent_now in within_windows(wire, opening, changes, end):
                 sent += sent_now
-    return {"connections": connections, "mib": sent >> 20}
+    return {"connections": connections, "sent": sent}
 
 
-def within_windows(first: bytes, again: bytes, end: float):
+def within_windows(wire: socket.socket, first: bytes, again: bytes, end: float):
     """One call that sends `first` and then `again` and again, as fast as the server's windows let it. Yields the bytes."""
-    host, port = ADDRESS.rsplit(":", 1)
     one = h2.connection.H2Connection(h2.config.H2Configuration(header_encoding=None))
     one.initiate_connection()
     one.send_headers(1, [(":method", "POST"), (":scheme", "http"), (":path", STREAM), (":authority", "x"), ("te", "trailers"),
                          ("content-type", "application/grpc")])
     waiting = first
-    with socket.create_connection((host, int(port)), 10, (SOURCE, 0) if SOURCE else None) as wire:
-        wire.settimeout(0.05)
-        while time.monotonic() < end:
-            room = min(one.local_flow_control_window(1), one.max_outbound_frame_size)
-            if room > 0:
-                waiting = waiting or again
-                one.send_data(1, waiting[:room])
-                yield len(waiting[:room])
-                waiting = waiting[room:]
-            wire.sendall(one.data_to_send())
-            if room <= 0:
-                with contextlib.suppress(TimeoutError):
-                    got = wire.recv(1 << 16)
-                    if not got:
-                        return
-                    one.receive_data(got)
+    wire.settimeout(0.05)
+    while time.monotonic() < end:
+        room = min(one.local_flow_control_window(1), one.max_outbound_frame_size)
+        if room > 0:
+            waiting = waiting or again
+            one.send_data(1, waiting[:room])
+        wire.sendall(one.data_to_send())
+        if room > 0:
+            yield len(waiting[:room])
+            waiting = waiting[room:]
+        else:
+            with contextlib.suppress(TimeoutError):
+                got = wire.recv(1 << 16)
+                if not got:
+                    return
+                one.receive_data(got)
 
 
 def empty_data_flood() -> dict:
@@ -370,8 +375,9 @@ def crowd(count: int, whole: bytes, at_once: int, seconds: float, each_second: b
 
 
 def too_few(did: dict, count: int) -> dict:
-    """An attack that tried far fewer connections than `count` says nothing."""
-    return {"wrong": f"only {did['tried']} connections of {count} were tried"} if did["tried"] < 0.9 * count else {}
+    """An attack on far fewer connections than `count` says nothing."""
+    reached = did["connections"]
+    return {"wrong": f"the attack has only {reached} connections of {count}"} if reached < 0.9 * count else {}
 
 
 def slow_headers(connections: int) -> dict:
@@ -412,16 +418,18 @@ def without_a_window(connections: int, sessions: int) -> dict:
     end, kept = time.monotonic() + SECONDS, []
     for number in range(connections):
         with contextlib.suppress(OSError):
-            kept.append(connect(settings=struct.pack(">HI", INITIAL_WINDOW, 0)))
+            one = connect(settings=struct.pack(">HI", INITIAL_WINDOW, 0))
             for stream in range(1, 2 * sessions, 2):
                 parts = frames_of_a_session(f"window-zero-{number}-{stream}")
-                kept[-1].socket.sendall(frame(HEADERS, END_HEADERS, stream, call_headers())
-                                        + b"".join(frame(DATA, 0, stream, part) for part in parts))
+                one.socket.sendall(frame(HEADERS, END_HEADERS, stream, call_headers())
+                                   + b"".join(frame(DATA, 0, stream, part) for part in parts))
+            kept.append(one)
     time.sleep(max(0, end - time.monotonic()))
     ended = sum(one.ended is not None for one in kept)
     for one in kept:
         one.close()
-    return {"connections": len(kept), "ended_by_server": ended}
+    did = {"connections": len(kept), "ended_by_server": ended}
+    return did | too_few(did, connections)
 
 
 def readers_without_a_window() -> dict:

@@ -2,7 +2,7 @@
 
   dashboard_test.py CANDELA CANDELAD
 
-Everything runs on free loopback ports. Exits with 77 and a reason if there is no Prometheus.
+Everything runs on free loopback ports. Exits with 77 and a reason if there is no Prometheus or no nginx.
 """
 
 import contextlib
@@ -29,9 +29,10 @@ MOVING = {"Servers serving", "Sessions", "Frames per second", "Clients refused p
           "Frame time, by stage", "Frames per second, by result", "Refusals per second, by reason",
           "Device busy", "Sessions, by server", "Texture memory", "Traffic", "Versions", "autoscaler"}
 
-if not shutil.which("prometheus"):
-    print("skipped: no prometheus; as root: apt-get install prometheus")
-    sys.exit(77)
+for program in ("prometheus", "nginx"):
+    if not shutil.which(program):
+        print(f"skipped: no {program}; as root: apt-get install {program}")
+        sys.exit(77)
 
 
 def free_port():
@@ -144,8 +145,14 @@ def main(scratch):
         serving = re.compile(r'"address":"([^"]+)".*"metrics":"([^"]+)"')
         server, metrics = wait_for("candelad", lambda: serving.search(daemon_log.read_text())).groups()
 
+        status = f"127.0.0.1:{free_port()}"
+        settings = ["PROXY_INSECURE=true", f"PROXY_LISTEN=127.0.0.1:{free_port()}", f"PROXY_STATUS={status}",
+                    f"PROXY_SERVER=unix:{scratch}/nobody"]
+        stack.enter_context(running(["env", *settings, DEPLOY / "candela-front", "--proxy-only"], scratch / "front"))
+
         config = (DEPLOY / "prometheus.yaml").read_text()
         config = replace_once(config, r"127\.0\.0\.1:9464", metrics)
+        config = replace_once(config, r"127\.0\.0\.1:9465", status)
         config = replace_once(config, r"scrape_interval: 15s", "scrape_interval: 1s")
         config = replace_once(config, r"evaluation_interval: 15s", "evaluation_interval: 1s")
         (scratch / "prometheus.yaml").write_text(config)

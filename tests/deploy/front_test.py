@@ -14,6 +14,7 @@ import socket
 import ssl
 import sys
 import tempfile
+import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "robustness"))
@@ -35,6 +36,7 @@ except ImportError as missing:
 FOLDER = pathlib.Path()
 WIDTH, HEIGHT = 16, 9
 RENDER = "/candela.v1.RenderService/Render"
+FROM_CANDELAD = "3"  # INVALID_ARGUMENT: what candelad says to a call without a body
 
 
 @contextlib.contextmanager
@@ -180,7 +182,7 @@ def a_call_too_many_is_unavailable_until_another_ends() -> None:
         code = render(harness.channel(front.address))
         expect(code == "UNAVAILABLE", f"a third call of an address that may have two ends with {code}")
         other = answer(front.address, source="127.0.1.2")
-        expect(other.get(":status") == "200", f"another address is refused, too: {other}")
+        expect(other.get("grpc-status") == FROM_CANDELAD, f"another address is refused, too: {other}")
         for session in open_ones:
             session.frame(1)
         run(binary("candela"), "sample", FOLDER / "scene.pfm", "--size", "16x9", "-q")
@@ -201,7 +203,7 @@ def calls_that_come_too_fast_are_unavailable() -> None:
             codes = list(pool.map(lambda _: render(harness.channel(front.address)), range(12)))
         expect(set(codes) == {"OK", "UNAVAILABLE"}, f"12 calls, where 3 a second are allowed: {codes}")
         other = answer(front.address, source="127.0.1.2")
-        expect(other.get(":status") == "200", f"another address is refused, too: {other}")
+        expect(other.get("grpc-status") == FROM_CANDELAD, f"another address is refused, too: {other}")
         wait_until(lambda: render(harness.channel(front.address)) == "OK", "calls are taken again", seconds=5)
 
 
@@ -250,13 +252,26 @@ def headers_of_5_kb_do_not_reach_candelad() -> None:
         expect(len(record.seen) == 2, "after large headers, nothing is taken")
 
 
+def a_stop_waits_for_candelad_and_not_for_the_socket_of_a_killed_one() -> None:
+    with fronted() as (front, daemon):
+        front.process.terminate()
+        time.sleep(3)
+        expect(not front.ended(), f"the front does not wait for candelad: {front.words()}")
+        daemon.process.kill()
+        daemon.process.wait()
+        expect(pathlib.Path(daemon.address.removeprefix("unix:")).is_socket(), "the socket is gone, so this shows nothing")
+        wait_until(front.ended, "the front ends after candelad was killed", front.words, 10)
+        expect(front.process.returncode == 0, front.trouble())
+
+
 def wrong_settings_end_it_with_2() -> None:
     certificate = Authority("ours").signs("server")
     for words, settings in (("PROXY_INSECURE", {}), ("PROXY_CLIENT_CA needs", {"PROXY_CLIENT_CA": certificate.path}),
                             ("cannot read", {"PROXY_CERT": FOLDER / "none.crt"}),
                             ("cannot read", {"PROXY_CERT": certificate.path, "PROXY_CLIENT_CA": FOLDER / "none.pem"}),
                             ("PROXY_CALLS", {"PROXY_INSECURE": "true", "PROXY_CALLS": 0}),
-                            ("PROXY_RATE", {"PROXY_INSECURE": "true", "PROXY_RATE": "many"})):
+                            ("PROXY_RATE", {"PROXY_INSECURE": "true", "PROXY_RATE": "many"}),
+                            ("PROXY_SERVER", {"PROXY_INSECURE": "true", "PROXY_SERVER": "127.0.0.1:50051"})):
         done = attempt("env", *(f"{name}={value}" for name, value in settings.items()), HERE.parents[1] / "deploy/candela-front",
                        "--proxy-only", timeout=20)
         lines = done.stderr.splitlines()
@@ -266,7 +281,8 @@ def wrong_settings_end_it_with_2() -> None:
 CLAIMS = {claim.__name__: claim for claim in (
     a_client_needs_tls_and_a_certificate_of_the_named_ca, changed_certificates_are_loaded_and_open_sessions_go_on,
     a_call_too_many_is_unavailable_until_another_ends, calls_that_come_too_fast_are_unavailable, a_forged_address_is_replaced,
-    headers_of_5_kb_do_not_reach_candelad, wrong_settings_end_it_with_2)}
+    headers_of_5_kb_do_not_reach_candelad, a_stop_waits_for_candelad_and_not_for_the_socket_of_a_killed_one,
+    wrong_settings_end_it_with_2)}
 
 
 def main() -> None:

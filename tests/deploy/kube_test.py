@@ -21,7 +21,7 @@ except ImportError as error:
 
 CANDELAD, VERSION = sys.argv[1:]
 DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "deploy"
-STOP_GRACE_S = 10  # candelad may take this much longer than its pre-drain and drain timeout
+STOP_GRACE_S = 20  # candelad and then the front may take this much longer than pre-drain and drain timeout
 # The package knows Kubernetes 1.22, which has the autoscaling/v2 fields used here as v2beta2.
 GROUPS = {
     "v1": "V1", "apps/v1": "V1", "policy/v1": "V1", "networking.k8s.io/v1": "V1", "autoscaling/v2": "V2beta2",
@@ -169,15 +169,15 @@ for where, port, listens in wanted:
     check(port == listens, f"{where}: port {port}, but candelad listens on {listens}")
 lets_in = {next(iter(next(iter(source.values()))["matchLabels"])): {port["port"] for port in rule["ports"]}
            for rule in by_kind["NetworkPolicy"]["spec"]["ingress"] for source in rule["from"]}
-check(lets_in == {"candela-client": {grpc}, "candela-proxy": {grpc, metrics}, "kubernetes.io/metadata.name": {metrics}},
-      f"NetworkPolicy: {lets_in}, but candelad listens on {grpc} and {metrics}; a proxy needs both")
+check(lets_in == {"candela-client": {grpc}, "candela-proxy": {grpc, metrics}, "kubernetes.io/metadata.name": {metrics, status}},
+      f"NetworkPolicy: {lets_in}, but candelad listens on {grpc} and {metrics}, which a proxy needs, and the front on {status}")
 check("replicas" not in deployment["spec"], "an apply would reset the autoscaler's replicas")
 scaler, budget = by_kind["HorizontalPodAutoscaler"]["spec"], by_kind["PodDisruptionBudget"]["spec"]
 check(scaler["minReplicas"] > budget["maxUnavailable"], "a disruption may take every replica of the smallest fleet")
 
 stop = seconds(settings["data"]["CANDELA_PRE_DRAIN"]) + seconds(settings["data"]["CANDELA_DRAIN_TIMEOUT"])
 grace = pod["terminationGracePeriodSeconds"]
-check(grace > stop + STOP_GRACE_S, f"candelad may take {stop + STOP_GRACE_S:g} s to stop, but is killed after {grace} s")
+check(grace >= stop + STOP_GRACE_S, f"the pod may take {stop + STOP_GRACE_S:g} s to stop, but is killed after {grace} s")
 
 # candelad must accept the settings.
 tried = run_candelad(settings["data"], "--list-devices")
@@ -188,6 +188,23 @@ with tempfile.TemporaryDirectory() as scratch:
     keys.write_text(secret["stringData"]["resume-keys"])
     tried = run_candelad({}, "--listen", "127.0.0.1:0", "--resume-keys", str(keys))
     check(tried.returncode != 0 and "resume-keys" in tried.stderr, f"candelad accepts the placeholder as a key: {tried}")
+
+
+def check_pod_monitor(monitor, those):
+    """The PodMonitor finds its ports in `those` containers, and gives its targets the job that the alerts ask for."""
+    spec = monitor["spec"]
+    check(spec["selector"]["matchLabels"].items() <= labels.items(), "the PodMonitor selects other pods")
+    check(labels.get(spec.get("jobLabel")) == "candela", "the PodMonitor's job is not candela")
+    ports = {port["name"]: port["containerPort"] for one in those for port in one.get("ports", [])}
+    asked = [ports.get(end.get("port")) for end in spec["podMetricsEndpoints"]]
+    check(asked == [metrics, status], f"the PodMonitor asks the ports {asked}, not {metrics} and {status}")
+
+
+component = DEPLOY / "kube-podmonitor"
+[patch] = yaml.safe_load((component / "kustomization.yaml").read_text())["patches"]
+patched = yaml.safe_load(patch["patch"])["spec"]["template"]["spec"]["containers"]
+check({one["name"] for one in patched} == set(containers), f"deploy/kube-podmonitor changes the containers {patched}")
+check_pod_monitor(yaml.safe_load((component / "podmonitor.yaml").read_text()), patched)
 
 # The manifest as the cluster gets it. Older versions cannot read the file.
 kubectl, built = shutil.which("kubectl"), None
@@ -210,10 +227,8 @@ if minor and int(minor[1]) >= 21:
         check(set_to["PROXY_INSECURE"] == "false" and set_to["PROXY_SERVER"] == socket, f"with TLS, the proxy has {set_to}")
         check(any(set_to["PROXY_CERT"].startswith(mount["mountPath"] + "/") for mount in front["volumeMounts"]),
               "the certificate is on no volume")
-    if "PodMonitor" in made:
-        spec = made["PodMonitor"]["spec"]
-        check(spec["selector"]["matchLabels"].items() <= labels.items(), "the PodMonitor selects other pods")
-        check([end["targetPort"] for end in spec["podMetricsEndpoints"]] == [metrics], "the PodMonitor asks another port")
+    if {"Deployment", "PodMonitor"} <= set(made):
+        check_pod_monitor(made["PodMonitor"], made["Deployment"]["spec"]["template"]["spec"]["containers"])
 
 if failures:
     sys.exit("\n".join(failures))

@@ -1,5 +1,6 @@
 #!/bin/sh
-# service_unit.sh UNIT CANDELAD: systemd finds nothing to say about the unit, and its exposure is at most 2.0.
+# service_unit.sh UNIT CANDELAD: systemd finds nothing to say about the unit, and its exposure is at most 2.0. Neither for it nor
+# for the front's unit beside it does systemd give up.
 set -eu
 unit=$1 program=$2
 
@@ -34,3 +35,10 @@ if [ "${stop:-0}" -le 40 ]; then
   echo "TimeoutStopSec is ${stop:-not given in seconds}; candelad may take 40 s to drain"
   exit 1
 fi
+
+for file in "$unit" "${unit%/*}/candela-proxy.service"; do
+  if ! sed -n '/^\[Unit\]$/,/^\[Service\]$/p' "$file" | grep -qx StartLimitIntervalSec=0; then
+    echo "$file: systemd gives up after some failures: [Unit] has no StartLimitIntervalSec=0"
+    exit 1
+  fi
+done
