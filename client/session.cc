@@ -56,7 +56,7 @@ class Session::Core {
       if (!state_.wait_until_needed()) return absl::OkStatus();
       const SessionServer& server = servers_[schedule_.next()];
       CallEnd end = SessionStream(server, options_, name_, state_).run();
-      if (end.progress) put_on_ = nullptr;
+      if (end.progress || !absl::IsNotFound(end.status)) put_on_ = nullptr;
       if (absl::IsNotFound(end.status) && put_on_ != &server && put_panoramas(server, end)) {
         put_on_ = &server;
         continue;
@@ -123,7 +123,7 @@ class Session::Core {
   RetrySchedule schedule_;  // this and the next three are the thread's
   absl::Status refusal_;    // of the last server that was reached and has not opened the session
   absl::Time open_by_;      // when open() gives up, once a server was reached
-  const SessionServer* put_on_ = nullptr;  // got the panoramas last; null once there was progress
+  const SessionServer* put_on_ = nullptr;  // got the panoramas, and no call has ended since
   SessionState state_;
   std::thread thread_;  // last, because it uses the others
 };

@@ -38,7 +38,8 @@ class OwnDoor {
   };
 
   // `report` is called on the thread when the state changes from good, or later changes again. Time counts in
-  // checks and in what their answers may take, so that a process that was suspended for a while is not deaf.
+  // checks and the time allowed for their answers, so that a process that was suspended for a while is not
+  // deaf.
   OwnDoor(std::vector<Address> addresses, const Options& options, std::function<void(State)> report);
   ~OwnDoor();
   OwnDoor(const OwnDoor&) = delete;

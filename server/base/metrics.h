@@ -41,9 +41,8 @@ class Metrics {
     uint64_t queue_frames = 0;
     uint64_t memory_in_use_bytes = 0;  // of the texture pool
     uint64_t memory_idle_bytes = 0;
-    uint64_t memory_frames_bytes =
-        0;  // what clients are charged for: frames in flight, and files made of them
-    uint64_t memory_budget_bytes = 0;  // the limit of the first two together, and of the third
+    uint64_t memory_frames_bytes = 0;  // frames in flight, and the files made of them
+    uint64_t memory_budget_bytes = 0;  // of the first two together, and of the third
     uint64_t environment_bytes = 0;    // those that are kept, a part of the memory in use
     uint64_t environment_budget_bytes = 0;
     uint64_t connections = 0;

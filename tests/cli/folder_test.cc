@@ -30,8 +30,8 @@ class Folder : public ::testing::Test {
     for (const char* name : kOldPictures) write_file(out(name), "old");
   }
   // Each file is whole, or as write_old_pictures() made it. If the command ended with 0, `written` is not.
-  void expect_whole_pictures(int code, const std::string& written) const {
-    EXPECT_TRUE(code == 128 + SIGINT || (code == 0 && read_file(written) != "old")) << code;
+  void expect_whole_pictures(int code, const std::string& written, int signal = SIGINT) const {
+    EXPECT_TRUE(code == 128 + signal || (code == 0 && read_file(written) != "old")) << code;
     for (const auto& file : std::filesystem::directory_iterator(folder_.path("out/new"))) {
       SCOPED_TRACE(file.path());
       const std::string bytes = read_file(file.path());
@@ -169,6 +169,14 @@ TEST_F(Folder, ASignalWhileAFileIsMadeLeavesNoPartOfIt) {
       EXPECT_EQ(outcome.err, "");
       expect_whole_pictures(outcome.code, out(arguments[0] == "sample" ? "scene.exr" : "a.png"));
     }
+  }
+  for (const int each : {SIGTERM, SIGHUP, SIGQUIT, SIGABRT, SIGALRM, SIGUSR1, SIGUSR2, SIGXCPU}) {
+    SCOPED_TRACE(each);
+    write_old_pictures();
+    const Outcome outcome = candela_on_failing_machine("CANDELA_TEST_SIGNAL", std::to_string(each).c_str(),
+                                                       {"render", in("a.exr"), out("a.png"), "-q"});
+    EXPECT_EQ(outcome.err, "");
+    expect_whole_pictures(outcome.code, out("a.png"), each);
   }
 }
 #endif

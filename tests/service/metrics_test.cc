@@ -236,9 +236,12 @@ TEST_F(SessionMetrics, ASessionThatFindsNoMemoryIsCountedByItsReason) {
 }
 
 // Files that a client does not take count as its memory, though their images are back in the pool.
-TEST_F(SessionMetrics, FilesThatWaitCountAsFrames) {
+TEST(MetricsPort, FilesThatWaitCountAsFrames) {
+  Config config = with_metrics();
+  config.idle_timeout = absl::Minutes(1);  // the client reads nothing
+  const std::unique_ptr<Server> server = start_server(config);
   const Film noise = make_film(2, 600, 400);  // noise, so that the files are large
-  StreamClient slow(own_channel(server_->addresses().at(0)), false);
+  StreamClient slow(own_channel(server->addresses().at(0)), false);
   v1::StreamOpen open;
   open.set_session("slow");
   open.set_encoding(v1::ENCODING_PNG);
@@ -248,14 +251,15 @@ TEST_F(SessionMetrics, FilesThatWaitCountAsFrames) {
   std::map<std::string, double> seen;
   for (int i = 0; i < 1000 && seen["candela_frames_total{result=\"ok\"}"] < 2; ++i) {
     absl::SleepFor(absl::Milliseconds(10));
-    seen = scrape(*server_);
+    seen = scrape(*server);
   }
+  seen = scrape(*server);  // a scrape reads the gauges before the counters
   EXPECT_EQ(seen["candela_memory_bytes{pool=\"textures_in_use\"}"], 0);
   EXPECT_GT(seen["candela_memory_bytes{pool=\"frames\"}"], image / 10);
   EXPECT_LT(seen["candela_memory_bytes{pool=\"frames\"}"], 2 * image);
   slow.cancel();
-  EXPECT_TRUE(wait_until_idle(Connection(channel_)));
-  EXPECT_EQ(scrape(*server_).at("candela_memory_bytes{pool=\"frames\"}"), 0);
+  EXPECT_TRUE(wait_until_idle(Connection(server->in_process_channel())));
+  EXPECT_EQ(scrape(*server).at("candela_memory_bytes{pool=\"frames\"}"), 0);
 }
 
 // A frame that got memory ends once, with the status of what ended it.

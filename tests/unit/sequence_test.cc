@@ -331,6 +331,9 @@ TEST_F(SequenceTest, CutsAreNumbersOfTheNames) {
             std::string::npos);
   EXPECT_EQ(cuts(find({"in"}, {.missing = skip, .cuts = {5, 14, 87}, .zero = 1})), (Numbers{14}))
       << "a part of the files of a session that is continued";
+  EXPECT_NE(message(find({"in"}, {.missing = skip, .cuts = {5}, .zero = 8}).status()).find("--cut-at 5"),
+            std::string::npos)
+      << "no part of it has this frame";
 }
 
 TEST_F(SequenceTest, AContinuedSessionSaysWhereItsTimeBegan) {

@@ -105,7 +105,7 @@ class Streaming {
     const absl::StatusOr<const Image*> first = feeder.first();
     if (!first.ok()) return first.status();
     summary_.rate = feeder.rate();
-    if (shot_.fixes_rate()) summary_.rate.from = "the exposure file";
+    if (shot_.fixes_rate()) summary_.rate.from = "exposures";
     absl::Status status;
     if (*first != nullptr) {
       status = stream(**first, std::move(session), feeder);

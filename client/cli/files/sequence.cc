@@ -210,7 +210,7 @@ absl::Status mark_cuts(const SequenceChoice& choice, const Found& found, uint64_
   for (const uint64_t cut : choice.cuts) {
     if (cut < first || cut > last) {
       // Beside an exposure file a machine may have only its own part of the files.
-      if (choice.zero) continue;
+      if (choice.zero && cut >= *choice.zero) continue;
       return absl::InvalidArgumentError(absl::StrFormat(
           "--cut-at %d: there is no such frame; there are frames %d to %d", cut, first, last));
     }
@@ -279,10 +279,11 @@ ChosenRate choose_rate(const std::optional<FrameRate>& given, const std::optiona
 }
 
 std::string to_text(const ChosenRate& rate) {
-  const std::string from = rate.from == "default" ? "the default"
-                           : rate.from == "file"  ? "from the file"
-                                                  : "from " + rate.from;
-  return absl::StrFormat("%s fps, %s", to_text(rate.rate), from);
+  return absl::StrFormat("%s fps, %s", to_text(rate.rate),
+                         rate.from == "--fps"       ? "from --fps"
+                         : rate.from == "file"      ? "from the file"
+                         : rate.from == "exposures" ? "from the exposure file"
+                                                    : "the default");
 }
 
 absl::Status check_media_time(const Sequence& sequence, FrameRate rate) {

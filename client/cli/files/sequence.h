@@ -69,13 +69,13 @@ struct Sequence {
 // Finds the files and their numbers. Files whose names have no number in common are frames 0, 1, 2 ... in the
 // natural order of their names, and a note says so. NOT_FOUND if an input matches nothing or a frame is
 // missing that may not be; INVALID_ARGUMENT if two files have the same number, or a frame lies before the
-// choice's zero, or without one a cut outside of the files. Reads no file.
+// choice's zero, or a cut before it, or without one a cut outside of the files. Reads no file.
 absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice);
 
 // The frame rate of a sequence, and where it comes from.
 struct ChosenRate {
   FrameRate rate;
-  std::string from;  // "--fps", "file", "the exposure file" or "default"
+  std::string from;  // "--fps", "file", "exposures" or "default"
 };
 
 // "24000/1001 fps, from the file"

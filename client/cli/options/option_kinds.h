@@ -21,8 +21,8 @@ struct OptionError {
 };
 
 // Adds an option to a section of the help. `set` accepts or refuses its text, which is not empty: a script
-// that gives "" lacks a value, and must not turn the option off unsaid. An empty variable of the environment
-// counts as none. If the option is given twice, the last one counts.
+// that gives "" lacks a value, and must not turn the option off silently. An empty variable of the
+// environment counts as none. If the option is given twice, the last one counts.
 CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
                       const std::string& placeholder, const std::string& help,
                       std::function<absl::Status(const std::string&)> set);

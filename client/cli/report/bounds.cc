@@ -64,7 +64,7 @@ absl::StatusOr<Json> measure_ingest(const ReportSession& session) {
 }
 
 Json judge_stages(const ReportSession& session, const Measured& measured) {
-  Worst stages[] = {{"meter_error_ev", "metering", "EV", 2e-5},
+  Worst stages[] = {{"meter_error_ev", "metering", "EV", 8e-6},
                     {"bloom_error", "bloom, relative to its largest value", "fraction", 0x1p-9},
                     {"max_error_codes", "whole frame, largest error", "codes", 0.5},
                     {"p999_error_codes", "whole frame, 99.9 % of the pixels", "codes", 0.05},

@@ -52,7 +52,8 @@ class TexturePool {
   class Lease;
 
   // UNAVAILABLE if the budget or the device does not hold the texture beside those in use. RESOURCE_EXHAUSTED
-  // if the device does not hold it although only the caller's own `own_bytes` are in use.
+  // if the device does not hold it although only the caller's own `own_bytes` are in use. A caller that names
+  // less than it holds gets UNAVAILABLE then.
   absl::StatusOr<Lease> take(const TextureKey& key, uint64_t own_bytes = 0);
 
   // Reserves a part of the budget for memory that is allocated elsewhere: a lease without a texture. Fails as
