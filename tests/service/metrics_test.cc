@@ -241,7 +241,11 @@ TEST(MetricsPort, FilesThatWaitCountAsFrames) {
   config.idle_timeout = absl::Minutes(1);  // the client reads nothing
   const std::unique_ptr<Server> server = start_server(config);
   const Film noise = make_film(2, 600, 400);  // noise, so that the files are large
-  StreamClient slow(own_channel(server->addresses().at(0)), false);
+  grpc::ChannelArguments small_window;
+  small_window.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  StreamClient slow(
+      grpc::CreateCustomChannel(server->addresses().at(0), grpc::InsecureChannelCredentials(), small_window),
+      false);
   v1::StreamOpen open;
   open.set_session("slow");
   open.set_encoding(v1::ENCODING_PNG);
