@@ -57,7 +57,7 @@ namespace {
 
 std::atomic<bool> wrote_hidden_file = false;
 
-// Whether std::thread starts it: then the C++ library has the function that the thread begins with.
+// True for a thread of std::thread: its first function is in the C++ library.
 bool is_of_std_thread(void* (*run)(void*)) {
   Dl_info about{};
   return dladdr(reinterpret_cast<void*>(run), &about) != 0 && about.dli_fname != nullptr &&

@@ -114,7 +114,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-// Whether an option is given that chooses the frames of a sequence, or is one of a session.
+// True if the user gave an option that only a sequence or a session has.
 bool asks_for_sequence(const MeterOptions& options) {
   const SequenceChoice& sequence = options.sequence;
   return !sequence.range.empty() || sequence.missing != MissingFrames::kError || !sequence.cuts.empty() ||

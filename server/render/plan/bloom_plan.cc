@@ -24,6 +24,11 @@ float bright_bound(const v1::Bloom& bloom, float threshold) {
   return threshold - knee - kRoundings * threshold;
 }
 
+// The parts of the frame with light that may pass the bright pass.
+Area bright_area(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc, float threshold) {
+  return lit_area(stats.tile_light, desc.width, desc.height, bright_bound(bloom, threshold));
+}
+
 uint64_t texels_of(const std::vector<Box>& boxes) {
   uint64_t texels = 0;
   for (const Box& box : boxes) texels += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
@@ -182,12 +187,7 @@ bool may_bloom(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc&
   if (bloom.intensity() == 0) return false;
   float threshold = bright_threshold(bloom, stats);
   if (bloom.kind() == v1::Bloom::KIND_GAUSSIAN) threshold *= static_cast<float>(std::exp2(-mean_error));
-  return !lit_area(stats.tile_light, desc.width, desc.height, bright_bound(bloom, threshold)).empty();
-}
-
-Area bright_area(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc) {
-  return lit_area(stats.tile_light, desc.width, desc.height,
-                  bright_bound(bloom, bright_threshold(bloom, stats)));
+  return !bright_area(bloom, stats, desc, threshold).empty();
 }
 
 void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
@@ -199,7 +199,7 @@ void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::B
   const FrameStats& stats = metered.stats;
   const bool blurs = bloom.kind() == v1::Bloom::KIND_GAUSSIAN;
   const float threshold = bright_threshold(bloom, stats);
-  plan.lit = bright_area(bloom, stats, layout.desc);
+  plan.lit = bright_area(bloom, stats, layout.desc, threshold);
   if (plan.lit.empty()) {
     plan.words.push_back(absl::StrFormat(
         "no bloom: nothing passes the threshold %g%s (the brightest is %g)", threshold,

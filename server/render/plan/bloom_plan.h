@@ -11,12 +11,9 @@ shader::InputParams input_params(const TextureLayout& layout, const std::optiona
 
 // Scene luminance above which there is bloom: the settings' threshold, or kGaussian's multiple of the mean.
 float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats);
-// Whether the frame blooms, or would if its metered mean were lower by `mean_error` EV, as the reference's
-// may be.
+// True if the frame blooms. Also true if it would bloom with a metered mean that is lower by `mean_error` EV:
+// the reference's may be.
 bool may_bloom(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc, double mean_error);
-
-// The parts of the frame with light that may pass the bright pass.
-Area bright_area(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc);
 
 void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
                 const std::optional<reference::Matrix>& matrix, Plan& plan);
