@@ -8,7 +8,8 @@
 #   fuzz     each fuzz target for 30 minutes
 #   soak     20 minutes of mixed traffic with faults
 #   attacks  tests/robustness and the other long tests of the release build
-#   edge     the attacks on the shipped containers and on processes, and the image for GPUs; needs root and podman
+#   edge     the attacks on the shipped containers and on processes, two containers behind HAProxy, a container with little
+#            memory, and the image for GPUs; needs root and podman
 #
 # Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation
 # only. A part in which a test was skipped is "incomplete": asan and tsan need CANDELA_DATA. A part that ran in a tree with
