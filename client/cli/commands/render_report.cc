@@ -169,10 +169,6 @@ std::string bad_values_note(uint64_t nan, uint64_t infinite) {
   return absl::StrFormat("%d NaN and %d infinite components were taken as 0 and +-65504", nan, infinite);
 }
 
-nlohmann::ordered_json bad_values_json(uint64_t nan, uint64_t infinite, uint64_t negative) {
-  return {{"nan", nan}, {"inf", infinite}, {"negative", negative}};
-}
-
 std::vector<std::string> notes_for_user(const RenderReport& report) {
   std::vector<std::string> notes = report.notes;
   const v1::FrameStatistics& statistics = report.header.statistics();
@@ -201,8 +197,7 @@ std::string to_json(const RenderReport& report) {
       {"mean_log2_luminance", statistics.mean_log2_luminance()},
       {"min_luminance", static_cast<double>(statistics.min_luminance())},
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
-      {"bad_values", bad_values_json(statistics.nan_components(), statistics.infinite_components(),
-                                     statistics.negative_components())},
+      {"bad_values", bad_values_json(statistics)},
       {"absent_pixels", statistics.absent_pixels()},
       {"view", to_json(report.view)},
       {"gamut_cut_components", header.gamut_cut_components()},

@@ -58,8 +58,14 @@ std::string to_text(const RenderReport& report, bool verbose);
 // Says what became of values that were no numbers; "" if there were none.
 std::string bad_values_note(uint64_t nan, uint64_t infinite);
 
-// {nan, inf, negative}: how many components of a frame or a panorama were such.
-nlohmann::ordered_json bad_values_json(uint64_t nan, uint64_t infinite, uint64_t negative);
+// {nan, inf, negative}: how many components of a frame or a panorama were such. `counted` is the message that
+// counts them.
+template <typename Message>
+nlohmann::ordered_json bad_values_json(const Message& counted) {
+  return {{"nan", counted.nan_components()},
+          {"inf", counted.infinite_components()},
+          {"negative", counted.negative_components()}};
+}
 
 // The report's notes, and one about values that were no numbers, if there were any.
 std::vector<std::string> notes_for_user(const RenderReport& report);
