@@ -6,6 +6,7 @@ calls with one row come at once and are cancelled after a second, and nothing is
 import itertools
 import json
 import pathlib
+import struct
 import sys
 import threading
 import time
@@ -89,7 +90,19 @@ def attack(daemon: harness.Daemon, rows: int) -> None:
     harness.expect_undisturbed(beside, control, f"{CALLS} promises with {rows} rows each", noise)
 
 
+def compile_shaders(address: str) -> None:
+    """A device compiles the shaders of a curve in one piece, once: docs/robustness.md gives the time."""
+    stub = rpc.RenderServiceStub(harness.channel(address))
+    for curve in CURVES:
+        for tier in ("draft", "standard"):
+            start = v1.RenderStart(settings=v1.Settings(curve=curve, tier=tier), frame=harness.header(0, 64, 64))
+            band = v1.Band(first_row=0, pixels=struct.pack("<4e", 0.5, 0.5, 0.5, 1) * 4095 + struct.pack("<4e", 999, 999, 999, 1))
+            ended = harness.end_of(stub.Render(iter([v1.RenderRequest(start=start), v1.RenderRequest(band=band)]), timeout=60))
+            harness.expect(ended[0] == "OK", f"the curve {curve} in {tier}: {ended}")
+
+
 def cancelled(daemon: harness.Daemon) -> None:
+    compile_shaders(daemon.address)
     control = harness.beside_fair_neighbour(daemon.address)
     bystander = harness.Bystander(daemon.address)
     channels, over = [harness.channel(daemon.address) for _ in range(8)], threading.Event()
