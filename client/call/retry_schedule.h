@@ -10,7 +10,7 @@
 namespace candela {
 
 // The servers are called in turn. The first round over all of them has no pauses; with a single server, its
-// first try again has none. Then the pauses between rounds double, from 0.1 s to 1 s. Pauses and the times
+// first try again has none. Then the pauses between rounds double, up to 1 s. Pauses and the times
 // that servers name get up to half as much again at random, so that clients that one server refused together
 // do not come back together. Used by one thread.
 class RetrySchedule {

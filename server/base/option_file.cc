@@ -30,8 +30,8 @@ absl::StatusOr<std::string> read_option_file(absl::string_view option, const std
         path, about.st_mode & 0777, path));
   }
   if (static_cast<size_t>(about.st_size) > max_bytes) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: %s has %d bytes; the limit is %d: name another file", option, path, about.st_size, max_bytes));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: %s has %d bytes; the limit is %d", option, path, about.st_size, max_bytes));
   }
   std::string text(static_cast<size_t>(about.st_size), '\0');
   size_t filled = 0;

@@ -1,5 +1,5 @@
-// The interface of everything that renders a plan. There is one executor for the Vulkan device and one for
-// the float64 reference; the renderer chooses one for each frame.
+// The interface of everything that renders a plan. There is one executor for the Vulkan device, one for
+// the host's vector instructions and one for the float64 reference; the renderer chooses one for each frame.
 #pragma once
 
 #include <cstdint>

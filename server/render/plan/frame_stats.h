@@ -35,8 +35,8 @@ struct FrameStats {
   }
 };
 
-// The result of phase A. If the tier renders on the host, the mean log2 luminance is the float64 reference's;
-// the other statistics are the device's.
+// The result of phase A. If the float64 reference meters, the mean log2 luminance and the metered weight are
+// the reference's; the other statistics are those of the device's or the host's passes.
 struct Metered {
   FrameStats stats;
   bool scrubbed = false;  // the frame was read once more, with the scrub

@@ -22,9 +22,9 @@ struct TierChoice {
 };
 
 // The part of the choice that max_ms has. With max_ms alone, chooses the most accurate tier within the time.
-// With max_error_codes, too, chooses the most accurate one that choose_by_error may take. FAILED_PRECONDITION
-// names the closest tier if none is within the time, or none of those that are can keep max_error_codes for
-// any frame. `numbers` has every tier, in the order of tiers().
+// With max_error_codes, too, chooses the most accurate tier whose bound may be within that limit.
+// FAILED_PRECONDITION names the closest tier if none is within the time, or none of those that are can keep
+// max_error_codes for any frame. `numbers` has every tier, in the order of tiers().
 absl::StatusOr<TierChoice> choose_by_time(std::span<const TierNumbers> numbers, const Settings& settings);
 
 // Why max_error_codes chose this tier, whose bound for the frame is `bound`.
