@@ -94,12 +94,14 @@ TEST_F(Pool, AReservationIsInUseUntilItIsGivenBackAndNeverIdle) {
   TexturePool local(device(), 2 * kBytes);
   ASSERT_TRUE(local.take(kKey).ok());  // idle now
   {
-    const auto reservation = local.reserve(2 * kBytes);
+    const auto reservation = local.reserve(2 * kBytes, "the bake");
     ASSERT_TRUE(reservation.ok()) << reservation.status();
     EXPECT_EQ(local.counters().bytes_in_use, 2 * kBytes);
     EXPECT_EQ(local.counters().bytes_idle, 0u);
     EXPECT_EQ(local.take(kKey).status().code(), absl::StatusCode::kUnavailable);
-    EXPECT_EQ(local.reserve(1).status().code(), absl::StatusCode::kUnavailable);
+    const absl::Status refused = local.reserve(1, "the bake").status();
+    EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
+    EXPECT_EQ(refused.message().find("the bake needs 1 bytes"), 0u) << refused;
   }
   EXPECT_EQ(local.counters().bytes_in_use, 0u);
   EXPECT_EQ(local.counters().bytes_idle, 0u);

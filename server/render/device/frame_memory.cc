@@ -107,7 +107,8 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
     *w.lease = *std::move(lease);
   }
   if (reference_bytes == 0) return absl::OkStatus();
-  absl::StatusOr<TexturePool::Lease> lease = pool.reserve(reference_bytes);
+  absl::StatusOr<TexturePool::Lease> lease =
+      pool.reserve(reference_bytes, "the float64 reference of the frame");
   if (!lease.ok()) return lease.status();
   textures.reference = *std::move(lease);
   return absl::OkStatus();

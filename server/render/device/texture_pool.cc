@@ -65,10 +65,10 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
   return Lease(this, std::make_unique<Entry>(key, bytes, *std::move(buffer)));
 }
 
-absl::StatusOr<TexturePool::Lease> TexturePool::reserve(uint64_t bytes) {
+absl::StatusOr<TexturePool::Lease> TexturePool::reserve(uint64_t bytes, const std::string& what) {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   const std::lock_guard lock(mutex_);
-  if (absl::Status status = make_room(bytes, "verification", &given_up); !status.ok()) return status;
+  if (absl::Status status = make_room(bytes, what, &given_up); !status.ok()) return status;
   return Lease(this, std::make_unique<Entry>(TextureKey{}, bytes, Buffer()));
 }
 

@@ -57,8 +57,8 @@ class TexturePool {
   absl::StatusOr<Lease> take(const TextureKey& key, uint64_t own_bytes = 0);
 
   // Reserves a part of the budget for memory that is allocated elsewhere: a lease without a texture. Fails as
-  // take() does.
-  absl::StatusOr<Lease> reserve(uint64_t bytes);
+  // take() does; the error names `what`.
+  absl::StatusOr<Lease> reserve(uint64_t bytes, const std::string& what);
 
   PoolCounters counters() const;
   uint64_t budget_bytes() const { return budget_bytes_; }

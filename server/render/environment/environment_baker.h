@@ -37,7 +37,9 @@ class EnvironmentBaker {
   // The memory for a panorama's pixels. Any thread.
   absl::StatusOr<PanoramaUpload> take(const FrameDesc& desc) const;
   // A part of the pool's budget for memory of the host. Any thread.
-  absl::StatusOr<TexturePool::Lease> reserve(uint64_t bytes) const { return pool_.reserve(bytes); }
+  absl::StatusOr<TexturePool::Lease> reserve(uint64_t bytes) const {
+    return pool_.reserve(bytes, "the bake");
+  }
 
   // Ingests the pixels. `matrix` takes the input primaries to Rec.709.
   absl::StatusOr<Environment> finish(PanoramaUpload upload,
