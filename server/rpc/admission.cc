@@ -5,6 +5,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/base/slices.h"
+#include "server/render/settings/tiers.h"
 
 namespace candela {
 namespace {
@@ -38,11 +39,14 @@ absl::Status Admission::expect(Request request) {
   request_ = std::move(request);
   stages_.clear();
   choice_.reset();
-  // The tier that a promise chooses decides what the frame needs.
-  if (request_.choose_tier) return absl::OkStatus();
-  const absl::StatusOr<uint64_t> bytes =
-      rendering_.renderer()->bytes_for(request_.desc, request_.settings, request_.verify);
-  return bytes.ok() ? check_lookahead(*bytes) : bytes.status();
+  if (!request_.choose_tier) return check_memory(request_.settings);
+  // The tier that the promise chooses decides what the frame needs.
+  absl::Status status;
+  for (const Tier& tier : tiers()) {
+    status = check_memory(request_.settings.within(tier.name));
+    if (status.ok()) break;
+  }
+  return status;
 }
 
 void Admission::begin(Done done) {
@@ -185,6 +189,12 @@ absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
   if (memory.ok()) memory->account(*std::move(claim));
   if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(*bytes, absl::Now());
   return memory;
+}
+
+absl::Status Admission::check_memory(const Settings& settings) const {
+  const absl::StatusOr<uint64_t> bytes =
+      rendering_.renderer()->bytes_for(request_.desc, settings, request_.verify);
+  return bytes.ok() ? check_lookahead(*bytes) : bytes.status();
 }
 
 absl::Status Admission::check_lookahead(uint64_t frame_bytes) const {

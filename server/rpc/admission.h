@@ -75,6 +75,8 @@ class Admission {
   void stop_working();
   void allocate();
   absl::StatusOr<FrameMemory> take_memory(Renderer& renderer);
+  // RESOURCE_EXHAUSTED if the frame or its look-ahead can never fit with these settings.
+  absl::Status check_memory(const Settings& settings) const;
   absl::Status check_lookahead(uint64_t frame_bytes) const;
   absl::Status reserve_lookahead(uint64_t frame_bytes);
   bool retry_after(const absl::Status& status);

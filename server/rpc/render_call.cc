@@ -173,7 +173,9 @@ void RenderCall::send_next() {
 
 void RenderCall::count_end(const absl::Status& status) {
   Metrics& metrics = service_.metrics;
-  if (state_ == State::kBands || state_ == State::kQueued) return metrics.frame_ended(status.code());
+  if (state_ == State::kBands || state_ == State::kQueued) {
+    return metrics.frame_ended(client_too_slow_ ? absl::StatusCode::kCancelled : status.code());
+  }
   if (state_ == State::kSending) return;  // it was counted when it was rendered
   if (!inside()) {
     return metrics.rejected(service_.call_gate.closed() ? Rejection::kDraining : Rejection::kCalls);
@@ -204,7 +206,8 @@ void RenderCall::on_idle() {
   const absl::Time now = absl::Now();
   const absl::Duration idle = now - last_progress_;
   if (state_ == State::kBands) {
-    if (absl::Status slow = check_upload_time("the frame", now - admitted_); !slow.ok()) return finish(slow);
+    if (absl::Status slow = check_upload_time("the frame", now - admitted_); !slow.ok())
+      return give_up_on_client(slow);
     const absl::Status yield =
         service_.sessions.memory->check_upload(client_, frame_->memory.bytes(), now - admitted_, idle, now);
     if (!yield.ok()) return finish(yield);
@@ -212,9 +215,14 @@ void RenderCall::on_idle() {
   if (idle < idle_timeout()) return watch_idle(std::min(idle_timeout() - idle, ClientMemory::kLookInterval));
   // A write that nobody reads never ends, and no status could follow it.
   if (state_ == State::kSending) return context_.TryCancel();
-  finish(absl::DeadlineExceededError(
+  give_up_on_client(absl::DeadlineExceededError(
       absl::StrFormat("nothing arrived for %s, this server's idle timeout; send the frame without pauses",
                       absl::FormatDuration(idle_timeout()))));
+}
+
+void RenderCall::give_up_on_client(const absl::Status& status) {
+  client_too_slow_ = true;
+  finish(status);
 }
 
 }  // namespace candela

@@ -52,6 +52,8 @@ class RenderCall final : public ServerCall {
   absl::Status enqueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_rendered(absl::StatusOr<RenderedFrame> rendered) ABSL_LOCKS_EXCLUDED(mutex_);
   void send_next() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The client is too slow. That is no failure of this server, so a frame counts as cancelled.
+  void give_up_on_client(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void count_end(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   ServiceState& service_;
@@ -72,6 +74,7 @@ class RenderCall final : public ServerCall {
   const absl::Time begun_;
   absl::Time admitted_ ABSL_GUARDED_BY(mutex_);
   absl::Time last_progress_ ABSL_GUARDED_BY(mutex_);
+  bool client_too_slow_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace candela

@@ -81,6 +81,9 @@ class StreamCall final : public ServerCall, public SessionCall {
   void end_passed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void take_view() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status idle_for(absl::Duration timeout) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Ends a call whose client is silent or too slow. That is no failure of this server, so its frames count as
+  // cancelled.
+  void give_up_on_client(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_admitted(absl::StatusOr<Admission::Admitted> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_band(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_half_close() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

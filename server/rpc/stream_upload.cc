@@ -60,7 +60,7 @@ void StreamCall::on_idle() {
     const Entry& entry = *open_->frames.newest();
     const absl::Status slow =
         check_upload_time(absl::StrFormat("frame %d", entry.sequence), now - entry.begun);
-    if (!slow.ok()) return finish(slow);
+    if (!slow.ok()) return give_up_on_client(slow);
   }
   if (reading_ == Reading::kBands) {
     const Entry& entry = *open_->frames.newest();
@@ -75,11 +75,14 @@ void StreamCall::on_idle() {
   // If the session is full of frames that wait for later ones, nothing is read, and that is idle too.
   const bool may_arrive = read_pending_ || reading_ == Reading::kBetween;
   if (may_arrive && !busy && now - std::max(last_read_, last_write_) >= timeout) {
-    // A frame that a silent client left incomplete is no failure of this server.
-    if (open_) release(open_->frames.drop_all(), absl::CancelledError());
-    return finish(idle_for(timeout));
+    return give_up_on_client(idle_for(timeout));
   }
   watch_idle(std::min(timeout / 2, ClientMemory::kLookInterval));
+}
+
+void StreamCall::give_up_on_client(const absl::Status& status) {
+  if (open_) release(open_->frames.drop_all(), absl::CancelledError());
+  finish(status);
 }
 
 // A session that paused may go on with its token; a call that never became one has none.

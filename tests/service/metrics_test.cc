@@ -276,6 +276,15 @@ TEST_F(SessionMetrics, AFrameEndsByWhatEndedIt) {
   };
   // A client that goes silent within a frame.
   EXPECT_EQ(session(grpc::UNAVAILABLE, upload), (Counts{{"cancelled", 1}}));
+  // One whose rows come too slowly.
+  EXPECT_EQ(session(grpc::DEADLINE_EXCEEDED,
+                    [&](StreamClient& c) {
+                      upload(c);
+                      const absl::Duration pause = config().idle_timeout / 2;
+                      for (uint32_t y = 4; y < frame_.desc.height && c.send_rows(frame_, y, 1); ++y)
+                        absl::SleepFor(pause);
+                    }),
+            (Counts{{"cancelled", 1}}));
   EXPECT_EQ(session(grpc::CANCELLED,
                     [&](StreamClient& c) {
                       upload(c);
