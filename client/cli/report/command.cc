@@ -186,6 +186,13 @@ std::string command_of(const ReportOptions& options) {
   add("--images", options.images);
   add("--panoramas", options.panoramas);
   add_one("--server", options.server.address);
+  const ClientSecurity& security = options.server.security;
+  if (security.tls) command += " --tls";
+  add_one("--tls-ca", security.ca_file);
+  add_one("--tls-name", security.server_name);
+  add_one("--tls-cert", security.cert_file);
+  add_one("--tls-key", security.key_file);
+  add_one("--token-file", security.token_file);
   add_one("--device", options.server.device);
   add_one("--passes", options.server.passes);
   return command;
