@@ -203,11 +203,12 @@ def end_of(call) -> tuple[str, str]:
         return error.code().name, error.details() or ""
 
 
-def render(address: str, width: int = 64, height: int = 36, settings=None, seconds: float = 20) -> tuple[str, str]:
+def render(address: str, width: int = 64, height: int = 36, settings=None, seconds: float = 20,
+           pixels: bytes | None = None) -> tuple[str, str]:
     """How one Render call on a connection of its own ends."""
     with channel(address) as own:
         stub = rpc.RenderServiceStub(own)
-        return end_of(stub.Render(render_requests(width, height, settings), timeout=seconds))
+        return end_of(stub.Render(render_requests(width, height, settings, pixels), timeout=seconds))
 
 
 class Bystander:

@@ -64,15 +64,14 @@ def main() -> None:
         c.expect("a promise in a call", "FAILED_PRECONDITION", {'reason="promise"': 1}, lambda: c.render(fast))
         c.expect("a promise in a session", "FAILED_PRECONDITION", {'reason="promise"': 1},
                  lambda: c.stream(opened("p", settings=fast), *harness.frame_requests(0, 64, 64)))
-        start = v1.RenderRequest(start=v1.RenderStart(settings=v1.Settings(max_ms=1e6), frame=harness.header(0, 4000, 4000)))
+        start = next(harness.render_requests(4000, 4000, v1.Settings(max_ms=1e6)))
         c.expect("the start of a frame that never fits, with a promise", "RESOURCE_EXHAUSTED", {'reason="size"': 1},
                  lambda: harness.end_of(c.stub.Render(iter([start]), timeout=20))[0])
         memory_is_taken(c)
         half = [opened("h"), v1.StreamRequest(frame=harness.header(0, 64, 64)),
                 v1.StreamRequest(band=v1.Band(first_row=0, pixels=harness.grey(64, 32)))]
         c.expect("half a frame, then silence", "UNAVAILABLE", {'result="cancelled"': 1}, lambda: silence(c.stub.Stream, half))
-        image = list(harness.render_requests(64, 36, None))
-        image[-1].band.pixels = image[-1].band.pixels[:64 * 8]
+        image = [next(harness.render_requests(64, 36)), v1.RenderRequest(band=v1.Band(first_row=0, pixels=harness.grey(64, 1)))]
         c.expect("a row of an image, then silence", "DEADLINE_EXCEEDED", {'result="cancelled"': 1},
                  lambda: silence(c.stub.Render, image))
         c.expect("half a frame, then the end", "INVALID_ARGUMENT", {'result="invalid_argument"': 1}, lambda: c.stream(*half))

@@ -92,12 +92,10 @@ def attack(daemon: harness.Daemon, rows: int) -> None:
 
 def compile_shaders(address: str) -> None:
     """A device compiles the shaders of a curve in one piece, once: docs/robustness.md gives the time."""
-    stub = rpc.RenderServiceStub(harness.channel(address))
+    with_bloom = harness.grey(64, 63) + struct.pack("<4e", 999, 999, 999, 1) * 64
     for curve in CURVES:
         for tier in ("draft", "standard"):
-            start = v1.RenderStart(settings=v1.Settings(curve=curve, tier=tier), frame=harness.header(0, 64, 64))
-            band = v1.Band(first_row=0, pixels=struct.pack("<4e", 0.5, 0.5, 0.5, 1) * 4095 + struct.pack("<4e", 999, 999, 999, 1))
-            ended = harness.end_of(stub.Render(iter([v1.RenderRequest(start=start), v1.RenderRequest(band=band)]), timeout=60))
+            ended = harness.render(address, 64, 64, v1.Settings(curve=curve, tier=tier), seconds=60, pixels=with_bloom)
             harness.expect(ended[0] == "OK", f"the curve {curve} in {tier}: {ended}")
 
 
