@@ -96,6 +96,7 @@ struct Server::Impl {
   // These two run on the render thread.
   absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
+  static absl::Status render_beat(Renderer& renderer, ClientMemory& memory);
   // Cancels calls that still run after `grace`.
   void stop(absl::Duration grace);
 
@@ -236,21 +237,29 @@ absl::StatusOr<FrameReport> Server::Impl::render(const FrameJob& job) {
 
 absl::Status Server::Impl::beat() {
   const std::shared_ptr<Renderer> renderer = devices->renderer();
-  const Settings settings;
-  absl::StatusOr<FrameMemory> memory = renderer->allocate(kBeat, settings);
-  // Uploads that stall must not fail the heartbeat.
-  if (absl::IsUnavailable(memory.status())) state->sessions.memory->found_no_texture(1, absl::Now());
-  if (!memory.ok()) {
-    devices->job_ended(renderer.get(), memory.status());  // the device may be lost
-    return memory.status();
+  const absl::Status status = render_beat(*renderer, *state->sessions.memory);
+  // UNAVAILABLE: frames in flight have all memory, or the device is lost. With any other error, a device that
+  // has rendered nothing for so long is as good as lost, even if its driver does not say so.
+  if (!status.ok() && !absl::IsUnavailable(status) && !health->working()) {
+    log_event(LogLevel::kError, "the device renders nothing and counts as lost",
+              {{"message", std::string(status.message())}});
+    devices->current()->device->lose();
   }
-  for (uint32_t y = 0; y < kBeat.height; ++y) {
-    const std::span<std::byte> row = memory->input_row(y);
-    std::fill(row.begin(), row.end(), std::byte{0});
-  }
-  const absl::Status status = renderer->render(*memory, settings).status();
   devices->job_ended(renderer.get(), status);
   return status;
+}
+
+absl::Status Server::Impl::render_beat(Renderer& renderer, ClientMemory& memory) {
+  const Settings settings;
+  absl::StatusOr<FrameMemory> frame = renderer.allocate(kBeat, settings);
+  // Uploads that stall must not fail the heartbeat.
+  if (absl::IsUnavailable(frame.status())) memory.found_no_texture(1, absl::Now());
+  if (!frame.ok()) return frame.status();
+  for (uint32_t y = 0; y < kBeat.height; ++y) {
+    const std::span<std::byte> row = frame->input_row(y);
+    std::fill(row.begin(), row.end(), std::byte{0});
+  }
+  return renderer.render(*frame, settings).status();
 }
 
 void Server::Impl::stop(absl::Duration grace) {
@@ -328,6 +337,8 @@ uint64_t Server::validation_messages() const {
 }
 
 void Server::lose_device(int times) { impl_->devices->lose(times); }
+
+void Server::refuse_device_memory() { impl_->devices->current()->device->refuse_memory(); }
 
 void Server::hang_device(int submissions) { impl_->devices->current()->device->hang_after(submissions); }
 

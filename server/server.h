@@ -50,6 +50,8 @@ class Server {
 
   // For tests: loses the device and its replacements, `times` devices in all.
   void lose_device(int times = 1);
+  // For tests: the device allocates nothing any more, and its driver does not call it lost.
+  void refuse_device_memory();
   // For tests: the device does `submissions` more pieces of work, and hangs at the next one.
   void hang_device(int submissions = 0);
   // For tests: the render thread calls `work` next, and renders nothing until it returns. UNAVAILABLE if the

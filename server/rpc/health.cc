@@ -41,6 +41,11 @@ void Health::drain() {
   tell();
 }
 
+bool Health::working() const {
+  absl::MutexLock lock(&mutex_);
+  return working_;
+}
+
 bool Health::alive() const {
   absl::MutexLock lock(&mutex_);
   return live();

@@ -20,6 +20,8 @@ class Health {
   // From now on updates `service`, which outlives the last pulse() and drain().
   void begin(grpc::HealthCheckServiceInterface& service);
   void pulse(bool working, bool moving);
+  // Whether good frames are produced.
+  bool working() const;
   // `answers`: connections are answered. `alive`: they were, not too long ago.
   void door(bool answers, bool alive);
   // The server drains, and never becomes ready again.

@@ -48,6 +48,7 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   allocation.pNext = &flags;
   allocation.allocationSize = requirements.size;
   allocation.memoryTypeIndex = *type;
+  if (device.refuses_memory()) return vulkan_status(VK_ERROR_OUT_OF_DEVICE_MEMORY, "vkAllocateMemory");
   CANDELA_VK(vkAllocateMemory(device.handle(), &allocation, nullptr, &b.memory_));
   CANDELA_VK(vkBindBufferMemory(device.handle(), b.buffer_, b.memory_, 0));
   if (use != MemoryUse::kDevice || device.unified_memory()) {

@@ -87,6 +87,9 @@ class Device {
   void hang_after(int submissions) const { until_hang_ = submissions; }
   // Counts a submission. Returns true if it is to hang.
   bool next_hangs() const { return until_hang_ >= 0 && until_hang_-- == 0; }
+  // For tests: every allocation fails, as some drivers' do for good after the process ran out of descriptors.
+  void refuse_memory() const { refuses_memory_ = true; }
+  bool refuses_memory() const { return refuses_memory_; }
 
   // Warnings and errors that the validation layers have reported so far.
   uint64_t validation_messages() const { return validation_messages_; }
@@ -110,6 +113,7 @@ class Device {
   mutable std::atomic<bool> lost_ = false;
   mutable std::atomic<bool> hung_ = false;
   mutable std::atomic<int> until_hang_ = -1;
+  mutable std::atomic<bool> refuses_memory_ = false;
 };
 
 }  // namespace candela

@@ -81,7 +81,6 @@ void run(benchmark::State& state, Renderer& renderer, const testing::WireFrame& 
     times["wall"].push_back(wall);
     times["call"].push_back(call);
     times["cpu"].push_back(cpu);
-    state.SetIterationTime(device * 1e-3);
   }
   for (const auto& [name, values] : times) state.counters[name] = median(values);
   state.counters["x_memcpy"] = median(times["device"]) / median(times["memcpy"]);
@@ -117,8 +116,9 @@ int main_(int argc, char** argv) {
                                  [=](benchmark::State& state) {
                                    run(state, *renderer, scene(width, height), testing::checked(settings));
                                  })
-        ->UseManualTime()
+        ->UseRealTime()
         ->Unit(benchmark::kMillisecond)
+        ->MinWarmUpTime(0.2)  // compiles the shaders
         ->MinTime(1.0);
   };
   for (const auto& [width, height] : kSizes) {

@@ -50,6 +50,10 @@ TEST_P(CallLife, CancelInTheMiddleOfTheBandsGivesTheMemoryBack) {
 
 TEST_P(CallLife, CancelAtAnyMomentLeavesNothingBehind) {
   for (int i = 0; i < 60; ++i) {
+    // In process, a call ends for its client before it ends for the server, which counts it until then.
+    if (i % 4 == 0) {
+      ASSERT_TRUE(wait_until_idle(connection()));
+    }
     OpenCall call(channel());
     std::thread canceller([&call, i] {
       absl::SleepFor(absl::Microseconds(300 * i));

@@ -75,6 +75,26 @@ TEST(DeviceLost, TheHeartbeatFindsOutBeforeAnyFrame) {
   EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
 }
 
+// After a process ran out of descriptors, some drivers allocate nothing until their device is opened again.
+TEST(DeviceLost, ADeviceThatRendersNothingForTooLongIsReplaced) {
+  Config config = test_config();
+  config.heartbeat_interval = absl::Milliseconds(100);
+  config.heartbeat_limit = absl::Seconds(1);
+  config.metrics = "127.0.0.1:0";
+  const std::unique_ptr<Server> server = start_server(config);
+  const Connection connection(server->in_process_channel());
+  server->refuse_device_memory();
+  const absl::Status refused = connection.render({}, view(natural(640, 480))).status();
+  EXPECT_TRUE(absl::IsResourceExhausted(refused)) << refused;
+  const auto rebuilds = [&server] { return scrape(*server).at("candela_device_rebuilds_total"); };
+  const absl::Time end = absl::Now() + absl::Seconds(60);
+  while (rebuilds() < 1 && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
+  while (!connection.health().ok() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
+  EXPECT_TRUE(connection.health().ok());
+  EXPECT_TRUE(connection.render({}, view(natural(640, 480))).ok());
+  EXPECT_EQ(rebuilds(), 1);
+}
+
 TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
   const std::unique_ptr<Server> server = start_server(test_config());
   const auto channel = server->in_process_channel();

@@ -107,7 +107,7 @@ class SessionMetrics : public ::testing::Test {
 
   static Config config() {
     Config config = with_metrics();
-    config.memory_budget_bytes = 11 << 20;  // one frame of 600x600, or one that measures the tiers
+    config.memory_budget_bytes = 16 << 20;  // one frame of 720x720, or one that measures the tiers
     return config;
   }
 
@@ -207,7 +207,7 @@ TEST_F(SessionMetrics, ARefusalAfterTheOpenMessageIsCountedByItsReason) {
 }
 
 TEST_F(SessionMetrics, ASessionThatFindsNoMemoryIsCountedByItsReason) {
-  const WireFrame large = natural(600, 600);
+  const WireFrame large = natural(720, 720);
   std::atomic<bool> done = false;
   StreamClient holder(channel_);
   holder.open("holder");

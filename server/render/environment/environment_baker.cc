@@ -181,7 +181,9 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
         "a smaller size or for fewer levels",
         *size, largest, device_.summary().max_allocation_bytes));
   }
-  bytes += host_bytes;
+  // read_face() and read_panorama() stage what they read while the bake has its textures.
+  const uint64_t face = cube_bytes(*size, 1) / kCubeFaces;
+  bytes += host_bytes + LongPasses::staging_bytes(device_, std::max(face, environment.panorama.bytes()));
   if (bytes > pool_.budget_bytes()) {
     return absl::ResourceExhaustedError(
         absl::StrFormat("a bake of size %d needs %d bytes and the server's memory budget is %d; ask for a "

@@ -48,8 +48,8 @@ class EnvironmentBaker {
   // L_lm, which the environment keeps.
   absl::StatusOr<Harmonics> radiance(Environment& environment);
 
-  // The part of the pool's budget that bake() takes, and `host_bytes`. INVALID_ARGUMENT for a bad size,
-  // RESOURCE_EXHAUSTED if the whole budget is less. Any thread.
+  // The part of the pool's budget that bake() and the reads of its result take, and `host_bytes`.
+  // INVALID_ARGUMENT for a bad size, RESOURCE_EXHAUSTED if the whole budget is less. Any thread.
   absl::StatusOr<uint64_t> bake_bytes(const Environment& environment, const BakeSpec& spec,
                                       uint64_t host_bytes = 0) const;
   absl::StatusOr<BakedCube> bake(const Environment& environment, const BakeSpec& spec);

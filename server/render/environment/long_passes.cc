@@ -127,6 +127,10 @@ absl::Status LongPasses::copy(const Buffer& from, const Buffer& to) {
   return recorder_.submit_and_wait();
 }
 
+uint64_t LongPasses::staging_bytes(const Device& device, uint64_t bytes) {
+  return device.unified_memory() ? 0 : std::min(bytes, kReadBytes);
+}
+
 absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std::byte> to) {
   if (from.mapped() != nullptr) {
     std::memcpy(to.data(), from.mapped() + offset, to.size());
