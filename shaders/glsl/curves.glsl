@@ -43,8 +43,10 @@ vec3 within_axes(vec3 v) {
 // aces-hill's last matrix is that of the colour tables.
 vec3 table(vec3 v) { return rows(TABLE_TO_DISPLAY, look_up(v)); }
 
+// The published difference over one denominator, with A (1 - E/F) = 0.14 and B (C - E/F) = 1/60. Its constant
+// terms cancel, so black is 0 on every device.
 vec3 hable_base(vec3 x) {
-  return (x * (0.15 * x + 0.10 * 0.50) + 0.20 * 0.02) / (x * (0.15 * x + 0.50) + 0.20 * 0.30) - 0.02 / 0.30;
+  return x * (0.14 * x + 1.0 / 60.0) / (x * (0.15 * x + 0.50) + 0.20 * 0.30);
 }
 
 // The linear white is 11.2 and the exposure bias is 2, as published.

@@ -68,7 +68,7 @@ TEST_F(Report, AVerifiedFrameSaysHowFarItIsOff) {
       EXPECT_GT(verify.at("mean_error_codes"), 0) << name;
       EXPECT_LT(verify.at("worst_pixel").at(0), 31) << name;
       EXPECT_LT(verify.at("worst_pixel").at(1), 17) << name;
-      EXPECT_LE(verify.at("differing_components").get<double>(), 5e-3) << name;
+      EXPECT_LE(verify.at("differing_components").get<double>(), 2e-3) << name;
       EXPECT_LE(verify.at("meter_error_ev").get<double>(), 2e-5) << name;
       EXPECT_LE(verify.at("bloom_error").get<double>(), 0x1p-9) << name;
     }

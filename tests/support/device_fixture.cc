@@ -18,11 +18,24 @@ struct Shared {
   std::map<std::pair<Passes, uint32_t>, std::unique_ptr<Renderer>> others;
 };
 
-// Destroyed at exit, after the last test.
-Shared& shared() {
-  static Shared instance;
+std::unique_ptr<Shared>& shared_or_null() {
+  static std::unique_ptr<Shared> instance;
   return instance;
 }
+
+Shared& shared() {
+  std::unique_ptr<Shared>& instance = shared_or_null();
+  if (!instance) instance = std::make_unique<Shared>();
+  return *instance;
+}
+
+// Destroys them after the last test. At the process's exit, some drivers are gone before statics are.
+class CloseShared : public ::testing::Environment {
+ public:
+  void TearDown() override { shared_or_null().reset(); }
+};
+[[maybe_unused]] ::testing::Environment* const close_shared =
+    ::testing::AddGlobalTestEnvironment(new CloseShared);
 
 }  // namespace
 

@@ -66,7 +66,7 @@ CurveError curve_error(const Settings& settings) {
     case v1::TONE_CURVE_REINHARD_EXTENDED:
       return {2 * std::max(1.0, 1 / (white * white)), 2, 1, 0};
     case v1::TONE_CURVE_HABLE:
-      return {1.0, 0.5, 1, 1.5e-7};
+      return {1.0, 0.5, 1, 0};
     case v1::TONE_CURVE_AGX:
       return {2.0, 0.5, 1, 2.5e-7};
     case v1::TONE_CURVE_PBR_NEUTRAL:
