@@ -238,8 +238,9 @@ absl::StatusOr<FrameReport> Server::Impl::render(const FrameJob& job) {
 absl::Status Server::Impl::beat() {
   const std::shared_ptr<Renderer> renderer = devices->renderer();
   const absl::Status status = render_beat(*renderer, *state->sessions.memory);
-  // UNAVAILABLE: frames in flight have all memory, or the device is lost. With any other error, a device that
-  // has rendered nothing for so long is as good as lost, even if its driver does not say so.
+  // UNAVAILABLE says that frames in flight hold all memory, or that the device is lost already. After any
+  // other error, a device without a good frame for heartbeat_limit counts as lost. Some drivers do not report
+  // it.
   if (!status.ok() && !absl::IsUnavailable(status) && !health->working()) {
     log_event(LogLevel::kError, "the device renders nothing and counts as lost",
               {{"message", std::string(status.message())}});

@@ -20,7 +20,7 @@ class Health {
   // From now on updates `service`, which outlives the last pulse() and drain().
   void begin(grpc::HealthCheckServiceInterface& service);
   void pulse(bool working, bool moving);
-  // Whether good frames are produced.
+  // What the last pulse() said: false after heartbeat_limit without a good frame.
   bool working() const;
   // `answers`: connections are answered. `alive`: they were, not too long ago.
   void door(bool answers, bool alive);

@@ -6,6 +6,7 @@
 //
 // Columns: medians in ms; `x_memcpy` is device time over the memcpy of the wire frame, `call` is the
 // time that a program waits for copying the frame's pixels and for render(), and `cpu` is its processor time.
+// `Time` is a whole turn of the loop, with the memcpy.
 // "bright" is a scene with lights and bloom, "dim" is the same with nothing above the threshold. Both run in
 // every tier. "tiles" has light above its threshold in 1 % of the tiles. At 1920x1080 the bright scene is
 // also rendered with one setting changed at a time. More sizes in `standard` show that the time per pixel

@@ -58,27 +58,23 @@ struct Machine {
     return m;
   }
 
-  // Not destroyed at the process's exit, when the validation layers are gone.
+  // Closed after the last test, and not by a destructor.
   static std::array<Machine, 3>& all() {
     static auto* const machines = new std::array<Machine, 3>;
     return *machines;
   }
 };
 
-// Closes the machines after the last test.
-class CloseMachines : public ::testing::Environment {
- public:
-  void TearDown() override {
-    for (Machine& m : Machine::all()) {
-      m.baker.reset();
-      m.crew.reset();
-      m.renderer.reset();
-      m.pool.reset();
-      m.device.reset();
-    }
-  }
-};
-inline ::testing::Environment* const close_machines = ::testing::AddGlobalTestEnvironment(new CloseMachines);
+inline ::testing::Environment* const close_machines =
+    ::testing::AddGlobalTestEnvironment(new CloseAfterTests([] {
+      for (Machine& m : Machine::all()) {
+        m.baker.reset();
+        m.crew.reset();
+        m.renderer.reset();
+        m.pool.reset();
+        m.device.reset();
+      }
+    }));
 
 inline Environment environment_of(EnvironmentBaker& baker, const WireFrame& frame,
                                   const std::optional<std::array<float, 9>>& matrix = std::nullopt) {

@@ -58,41 +58,46 @@ TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
   EXPECT_TRUE(connection.render({}, view(frame)).ok()) << "a frame of the old device lost the new one";
 }
 
-// The server notices without a frame from a client.
-TEST(DeviceLost, TheHeartbeatFindsOutBeforeAnyFrame) {
+double rebuilds(const Server& server) { return scrape(server).at("candela_device_rebuilds_total"); }
+
+// A server with a fast heartbeat and a metrics port.
+std::unique_ptr<Server> start_with_heartbeat(absl::Duration limit) {
   Config config = test_config();
   config.heartbeat_interval = absl::Milliseconds(100);
-  config.heartbeat_limit = absl::Seconds(10);
+  config.heartbeat_limit = limit;
   config.metrics = "127.0.0.1:0";
-  const std::unique_ptr<Server> server = start_server(config);
+  return start_server(config);
+}
+
+// Returns after `most` at the latest.
+void wait_for_rebuild(const Server& server, absl::Duration most) {
+  const absl::Time end = absl::Now() + most;
+  while (rebuilds(server) < 1 && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
+}
+
+// The server notices without a frame from a client.
+TEST(DeviceLost, TheHeartbeatFindsOutBeforeAnyFrame) {
+  const std::unique_ptr<Server> server = start_with_heartbeat(absl::Seconds(10));
   const Connection connection(server->in_process_channel());
   server->lose_device();
-  const absl::Time end = absl::Now() + absl::Seconds(30);
-  while (scrape(*server).at("candela_device_rebuilds_total") < 1 && absl::Now() < end) {
-    absl::SleepFor(absl::Milliseconds(20));
-  }
+  wait_for_rebuild(*server, absl::Seconds(30));
   EXPECT_TRUE(connection.health().ok());
   EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
 }
 
 // After a process ran out of descriptors, some drivers allocate nothing until their device is opened again.
 TEST(DeviceLost, ADeviceThatRendersNothingForTooLongIsReplaced) {
-  Config config = test_config();
-  config.heartbeat_interval = absl::Milliseconds(100);
-  config.heartbeat_limit = absl::Seconds(1);
-  config.metrics = "127.0.0.1:0";
-  const std::unique_ptr<Server> server = start_server(config);
+  const std::unique_ptr<Server> server = start_with_heartbeat(absl::Seconds(1));
   const Connection connection(server->in_process_channel());
   server->refuse_device_memory();
   const absl::Status refused = connection.render({}, view(natural(640, 480))).status();
   EXPECT_TRUE(absl::IsResourceExhausted(refused)) << refused;
-  const auto rebuilds = [&server] { return scrape(*server).at("candela_device_rebuilds_total"); };
+  wait_for_rebuild(*server, absl::Seconds(60));
   const absl::Time end = absl::Now() + absl::Seconds(60);
-  while (rebuilds() < 1 && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
   while (!connection.health().ok() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
   EXPECT_TRUE(connection.health().ok());
   EXPECT_TRUE(connection.render({}, view(natural(640, 480))).ok());
-  EXPECT_EQ(rebuilds(), 1);
+  EXPECT_EQ(rebuilds(*server), 1);
 }
 
 TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
@@ -153,7 +158,7 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
   const std::unique_ptr<Server> server = start_server(config);
   const auto channel = server->in_process_channel();
   const Film film = make_film(24, 320, 180);
-  double rebuilds = 0;
+  double expected_rebuilds = 0;
   for (const uint32_t lookahead : {0u, 2u}) {
     SessionOptions options;
     options.lookahead = lookahead;
@@ -167,7 +172,7 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
     });
     EXPECT_TRUE(lossy.status.ok()) << lossy.status;
     EXPECT_TRUE(lossy.images == whole.images);
-    EXPECT_EQ(scrape(*server).at("candela_device_rebuilds_total"), rebuilds += 3);
+    EXPECT_EQ(rebuilds(*server), expected_rebuilds += 3);
     // Another frame of the session may still wait for the first lost device. Its failure already replaces the
     // second one, and then the session notices one loss.
     EXPECT_GE(lossy.stats.resumes, 2u);

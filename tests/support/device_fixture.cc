@@ -18,24 +18,14 @@ struct Shared {
   std::map<std::pair<Passes, uint32_t>, std::unique_ptr<Renderer>> others;
 };
 
-std::unique_ptr<Shared>& shared_or_null() {
-  static std::unique_ptr<Shared> instance;
-  return instance;
-}
+std::unique_ptr<Shared> g_shared;
+[[maybe_unused]] ::testing::Environment* const close_shared =
+    ::testing::AddGlobalTestEnvironment(new CloseAfterTests([] { g_shared.reset(); }));
 
 Shared& shared() {
-  std::unique_ptr<Shared>& instance = shared_or_null();
-  if (!instance) instance = std::make_unique<Shared>();
-  return *instance;
+  if (!g_shared) g_shared = std::make_unique<Shared>();
+  return *g_shared;
 }
-
-// Destroys them after the last test. At the process's exit, some drivers are gone before statics are.
-class CloseShared : public ::testing::Environment {
- public:
-  void TearDown() override { shared_or_null().reset(); }
-};
-[[maybe_unused]] ::testing::Environment* const close_shared =
-    ::testing::AddGlobalTestEnvironment(new CloseShared);
 
 }  // namespace
 

@@ -181,9 +181,11 @@ absl::StatusOr<uint64_t> EnvironmentBaker::bake_bytes(const Environment& environ
         "a smaller size or for fewer levels",
         *size, largest, device_.summary().max_allocation_bytes));
   }
-  // read_face() and read_panorama() stage what they read while the bake has its textures.
-  const uint64_t face = cube_bytes(*size, 1) / kCubeFaces;
-  bytes += host_bytes + LongPasses::staging_bytes(device_, std::max(face, environment.panorama.bytes()));
+  bytes += host_bytes;
+  if (!device_.unified_memory()) {  // read_face() and read_panorama() copy while the bake has its textures
+    const uint64_t face = cube_bytes(*size, 1) / kCubeFaces;
+    bytes += LongPasses::staging_bytes(std::max(face, environment.panorama.bytes()));
+  }
   if (bytes > pool_.budget_bytes()) {
     return absl::ResourceExhaustedError(
         absl::StrFormat("a bake of size %d needs %d bytes and the server's memory budget is %d; ask for a "

@@ -127,17 +127,14 @@ absl::Status LongPasses::copy(const Buffer& from, const Buffer& to) {
   return recorder_.submit_and_wait();
 }
 
-uint64_t LongPasses::staging_bytes(const Device& device, uint64_t bytes) {
-  return device.unified_memory() ? 0 : std::min(bytes, kReadBytes);
-}
+uint64_t LongPasses::staging_bytes(uint64_t bytes) { return std::min(bytes, kReadBytes); }
 
 absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std::byte> to) {
   if (from.mapped() != nullptr) {
     std::memcpy(to.data(), from.mapped() + offset, to.size());
     return absl::OkStatus();
   }
-  const absl::StatusOr<TexturePool::Lease> staged =
-      take(std::min<uint64_t>(to.size(), kReadBytes), MemoryUse::kReadback);
+  const absl::StatusOr<TexturePool::Lease> staged = take(staging_bytes(to.size()), MemoryUse::kReadback);
   if (!staged.ok()) return staged.status();
   for (uint64_t first = 0; first < to.size(); first += kReadBytes) {
     checkpoint();

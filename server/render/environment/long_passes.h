@@ -55,8 +55,8 @@ class LongPasses {
   absl::StatusOr<TexturePool::Lease> upload(std::span<const std::byte> bytes);
   // Reads bytes of a kDevice buffer, in parts if its memory is not mapped.
   absl::Status read(const Buffer& from, uint64_t offset, std::span<std::byte> to);
-  // What reading so many bytes takes of the pool's budget meanwhile.
-  static uint64_t staging_bytes(const Device& device, uint64_t bytes);
+  // The size of the staging copy that read() takes from the pool for `bytes` that are not mapped.
+  static uint64_t staging_bytes(uint64_t bytes);
   absl::Status copy(const Buffer& from, const Buffer& to);
   absl::StatusOr<TexturePool::Lease> take(uint64_t bytes, MemoryUse use = MemoryUse::kDevice);
 
