@@ -29,7 +29,8 @@ bool is_address(const std::string& address) {
   return v1::is_unix_address(address) || (at && at->port >= 1);
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc::ChannelArguments arguments) {
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, absl::Duration ping_interval,
+                                                         grpc::ChannelArguments arguments) {
   const std::string& address = peer.address;
   if (!is_address(address)) {
     return absl::InvalidArgumentError(
@@ -42,6 +43,14 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, grpc:
   // A server that is started again is soon found.
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSlowestReconnectMs);
+  // Without pings, a call would wait for ever for a server that lost its power, and sometimes for one that
+  // reset the connection right after its last bytes. server/grpc_listener.cc says why gRPC may miss that.
+  const auto ping_ms = static_cast<int>(
+      std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
+  // A call may have nothing to send for a long time.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
   return grpc::CreateCustomChannel(address, *credentials, arguments);
 }
@@ -122,19 +131,15 @@ uint64_t rows_of_band(uint64_t row_bytes) {
   return std::max<uint64_t>(1, v1::kMaxBandBytes / std::max<uint64_t>(1, row_bytes));
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer) { return open_with(peer, {}); }
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer) {
+  return open_with(peer, kPingInterval, {});
+}
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_session_channel(const Peer& peer,
                                                                     absl::Duration ping_interval) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  const auto ping_ms = static_cast<int>(
-      std::clamp<int64_t>(absl::ToInt64Milliseconds(ping_interval), kFastestPingMs, INT_MAX));
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, ping_ms);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, ping_ms);
-  // A session may have nothing to send for a long time.
-  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  return open_with(peer, std::move(arguments));
+  return open_with(peer, ping_interval, std::move(arguments));
 }
 
 absl::Status from_grpc(const grpc::Status& status, const Peer& peer, bool connected) {

@@ -9,7 +9,12 @@
 #include <cstdlib>
 #include <memory>
 #include <thread>
+#include <vector>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/clock.h"
+#include "client/connection.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/service/test_ca.h"
@@ -85,29 +90,41 @@ void speak_http1(int socket) {
   send_text(socket, "HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
 }
 
-// Speaks HTTP/2 and answers stream 1 with this :status, as HPACK writes it.
-void answer_http2(int socket, const std::string& status) {
-  const auto frame = [](char type, char flags, char stream, const std::string& body) {
-    const char head[] = {0, 0, static_cast<char>(body.size()), type, flags, 0, 0, 0, stream};
-    return std::string(head, sizeof head) + body;
-  };
-  send_text(socket, frame(4, 0, 0, "") + frame(4, 1, 0, ""));
+std::string http2_frame(char type, char flags, char stream, const std::string& body) {
+  const char head[] = {0, 0, static_cast<char>(body.size()), type, flags, 0, 0, 0, stream};
+  return std::string(head, sizeof head) + body;
+}
+
+// Speaks HTTP/2 until the first call. Returns its stream, or 0 if the client ends before.
+char accept_http2_call(int socket) {
+  send_text(socket, http2_frame(4, 0, 0, "") + http2_frame(4, 1, 0, ""));
   std::string read;
   char bytes[4096];
   size_t at = 24;  // after the client's preface
   while (true) {
     while (read.size() >= at + 9) {
       const auto byte = [&](size_t i) { return static_cast<unsigned char>(read[at + i]); };
-      if (byte(3) == 1) {
-        send_text(socket, frame(1, 5, static_cast<char>(byte(8)), status));
-        return read_to_end(socket);
-      }
+      if (byte(3) == 1) return static_cast<char>(byte(8));
       at += 9 + (size_t{byte(0)} << 16 | size_t{byte(1)} << 8 | byte(2));
     }
     const ssize_t count = recv(socket, bytes, sizeof bytes, 0);
-    if (count <= 0) return;
+    if (count <= 0) return 0;
     read.append(bytes, static_cast<size_t>(count));
   }
+}
+
+// Speaks HTTP/2 and answers the first call with this :status, as HPACK writes it.
+void answer_http2(int socket, const std::string& status) {
+  const char stream = accept_http2_call(socket);
+  if (stream == 0) return;
+  send_text(socket, http2_frame(1, 5, stream, status));
+  read_to_end(socket);
+}
+
+// Takes the first call, and answers neither it nor a ping.
+void fall_silent(int socket) {
+  accept_http2_call(socket);
+  read_to_end(socket);
 }
 
 TEST(ServerErrors, NothingListens) {
@@ -145,6 +162,14 @@ TEST(ServerErrors, SomethingElseListens) {
   expect_failure(candela({"health", "--server", hangs.address(), "--timeout", "0.3"}), "no answer from");
   const RawServer closes([](int) {});
   expect_failure(candela({"health", "--server", closes.address()}), "it closed the connection at once");
+}
+
+// The rendering calls of the command have no deadline, so a lost server must be noticed without one.
+TEST(ServerErrors, AServerThatFallsSilentIsLost) {
+  const RawServer server(fall_silent);
+  const absl::StatusOr<Connection> connection = Connection::open(server.address());
+  const absl::Status lost = connection->server_info(absl::Now() + absl::Minutes(1)).status();
+  EXPECT_TRUE(absl::IsUnavailable(lost) && says(std::string(lost.message()), "it no longer answers")) << lost;
 }
 
 TEST(ServerErrors, TlsAndNoTlsAreToldApart) {

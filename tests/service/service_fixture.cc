@@ -4,6 +4,8 @@
 #include <grpcpp/security/credentials.h>
 #include <grpcpp/support/channel_arguments.h>
 
+#include <climits>
+
 #include "absl/time/clock.h"
 #include "tests/support/driver.h"
 #include "tests/support/passes.h"
@@ -65,6 +67,11 @@ v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t r
 std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  // gRPC may miss a reset (server/grpc_listener.cc says why). Only a write reveals it, so clients ping. They
+  // need no answer, because some tests read nothing.
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 5000);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, INT_MAX);
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
