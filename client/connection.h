@@ -46,9 +46,9 @@ struct FrameView {
 };
 
 // Any thread may use it, for several calls at once. Movable. Every error message is one line for the user.
-// The codes are the server's, see render.proto, or UNAVAILABLE for a server that cannot be reached, ends, or
-// answers no ping for 10 s (after 10 s of silence). A call that passes its deadline is DEADLINE_EXCEEDED. No
-// call is repeated; retry() in retry.h does that.
+// The codes are the server's, see render.proto, or UNAVAILABLE for a server that cannot be reached or is
+// lost. A server that is silent for 10 s is pinged, and is lost if it does not answer within 10 s. A call
+// that passes its deadline is DEADLINE_EXCEEDED. No call is repeated; retry() in retry.h does that.
 class Connection {
  public:
   // `address` is "HOST:PORT" or "unix:PATH". This does not connect yet. It fails only with INVALID_ARGUMENT,

@@ -20,7 +20,7 @@ class Health {
   // From now on updates `service`, which outlives the last pulse() and drain().
   void begin(grpc::HealthCheckServiceInterface& service);
   void pulse(bool working, bool moving);
-  // What the last pulse() said: false after heartbeat_limit without a good frame.
+  // The `working` of the last pulse(): a frame was rendered within heartbeat_limit.
   bool working() const;
   // `answers`: connections are answered. `alive`: they were, not too long ago.
   void door(bool answers, bool alive);

@@ -1,4 +1,4 @@
-// What tests owe to Vulkan drivers.
+// Helpers for tests that use a Vulkan driver: how long it is kept, and when its devices are closed.
 #pragma once
 
 #include <gtest/gtest.h>
