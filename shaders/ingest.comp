@@ -114,11 +114,20 @@ void clear() {
   first_bad_texel = 0xffffffffu;
 }
 
-void count_bad(vec4 wire, uint counted, uint texel) {
-  [[unroll]] for (uint i = 0u; i < 3u; ++i) {
-    negative_components -= uint(is_nan(wire[i])) & (floatBitsToUint(wire[i]) >> 31) & counted;
-    nan_components += uint(is_nan(wire[i])) & counted;
-    infinite_components += uint(is_infinite(wire[i])) & counted;
+// The sign bits of R, G and B of wire texel i. They come from its words, because a device may drop the sign of
+// a NaN when it converts it.
+uvec3 signs(WireGroup g, uint i) {
+  if (PIXELS == PIXELS_RGBA32F) return g.words[i].rgb >> 31;
+  uvec2 halves = half_words(g, i);
+  return uvec3(halves.x >> 15, halves.x >> 31, halves.y >> 15) & 1u;
+}
+
+void count_bad(WireGroup g, uint i, vec4 wire, uint counted, uint texel) {
+  uvec3 negative = signs(g, i);
+  [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+    negative_components -= uint(is_nan(wire[c])) & negative[c] & counted;
+    nan_components += uint(is_nan(wire[c])) & counted;
+    infinite_components += uint(is_infinite(wire[c])) & counted;
   }
   bool bad = is_nan(wire.r + wire.g + wire.b) || is_infinite(wire.r) || is_infinite(wire.g) || is_infinite(wire.b);
   if (bad && counted != 0u) first_bad_texel = min(first_bad_texel, texel);
@@ -218,7 +227,7 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
     vec4 wire = wire_texel(words, i);
     note(words, i, counted[i], notes);
-    if (SCRUB) count_bad(wire, counted[i], y * p.frame.width + x + i);
+    if (SCRUB) count_bad(words, i, wire, counted[i], y * p.frame.width + x + i);
 
     vec3 scene = ingest(p.frame, wire).rgb;
     if (MATRIX) {

@@ -89,6 +89,16 @@ TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {
   }
 }
 
+// A device may drop the sign of a NaN when it converts it.
+TEST_F(Properties, ANaNWithItsSignBitSetIsNotCountedAsNegative) {
+  const float negative_nan = std::copysign(NAN, -1.0f);
+  for (v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
+    const FrameStats stats = must_render(flat(9, 5, {negative_nan, -1, NAN, 1}, format)).report.stats;
+    EXPECT_EQ(stats.nan_components, 2u * 45);
+    EXPECT_EQ(stats.negative_components, 45u);
+  }
+}
+
 TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
   for (v1::ToneCurve curve : kCurves) {
     v1::Settings settings;
