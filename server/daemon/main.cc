@@ -1,4 +1,5 @@
 // candelad, the daemon: starts a server, handles its signals and stops it.
+#include <grpc/grpc.h>
 #include <malloc.h>
 #include <pthread.h>
 #include <unistd.h>
@@ -157,6 +158,9 @@ int serve(const Invocation& invocation) {
   }
   keep_freed_memory();
   Signals signals(invocation.config.pre_drain + invocation.config.drain_timeout + kStopGrace);
+  // gRPC stays until the process ends. Its own end waits for its threads, and one of them polls for up to
+  // 10 s after a write that had to wait.
+  grpc_init();
   send_grpc_messages_to_log();
   tell_service_manager("STATUS=starting");
   Config config = invocation.config;

@@ -191,6 +191,26 @@ TEST(Candelad, ADeviceThatRendersWronglyIsNotServed) {
   EXPECT_NE(daemon.errors().find("this device or its driver computes wrongly"), std::string::npos)
       << daemon.errors();
 }
+
+// gRPC has a thread that goes on for up to 10 s after a write that had to wait. With many processors it does
+// so nearly always.
+TEST(Candelad, EndsSoonAfterLargeAnswers) {
+  const TemporaryFolder folder;
+  setenv("LD_PRELOAD", MANY_CORES, 1);
+  Daemon daemon({"--listen", "unix:" + folder.path("door")});
+  unsetenv("LD_PRELOAD");
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  {
+    const absl::StatusOr<Connection> connection = Connection::open(address);
+    ASSERT_TRUE(connection.ok());
+    for (int i = 0; i < 3; ++i) EXPECT_TRUE(connection->render({}, view(natural(1500, 900))).ok());
+  }
+  const absl::Time begin = absl::Now();
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
+}
 #endif
 
 TEST(Candelad, AnUnknownDeviceEndsWithOneAndNamesThoseThereAre) {
