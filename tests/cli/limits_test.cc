@@ -220,20 +220,20 @@ TEST_F(Limits, ClosedStreamsAreNotWrittenTo) {
 
 TEST_F(Limits, TooFewOpenFilesAreSaidBeforeTheWork) {
 #ifdef CANDELA_SANITIZED  // UBSan checks a pointer with a pipe, which takes two descriptors
-  const std::vector<const char*> limits = {"-n 6", "-n 10"};
+  const std::vector<const char*> limits = {"-n 6", "-n 10", "-n 47"};
 #else
-  const std::vector<const char*> limits = {"-n 5", "-n 6", "-n 10"};
+  const std::vector<const char*> limits = {"-n 5", "-n 6", "-n 10", "-n 47"};
 #endif
   for (const char* limit : limits) {
     SCOPED_TRACE(limit);
     expect_failure(candela_with_ulimit(limit, {"render", in_, out_, "-q"}),
-                   "ulimit -n allows " + std::string(limit + 3) + " open files and candela needs 16");
+                   "ulimit -n allows " + std::string(limit + 3) + " open files and candela needs 48");
     expect_failure(candela_with_ulimit(limit, {"stream", in_, folder_.path("out"), "-q"}), "ulimit -n");
     expect_failure(candela_with_ulimit(limit, {"health", "--server", "127.0.0.1:1"}), "ulimit -n");
   }
   EXPECT_EQ(folder_.list(), std::vector<std::string>{"in.exr"});
   // A soft limit is raised.
-  for (const char* limit : {"-n 16", "-S -n 10"}) {
+  for (const char* limit : {"-n 48", "-S -n 10"}) {
     const Outcome outcome = candela_with_ulimit(limit, {"render", in_, out_, "-q"});
     EXPECT_EQ(outcome.code, 0) << limit << ": " << outcome.err;
   }
