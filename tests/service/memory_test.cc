@@ -20,7 +20,7 @@ namespace {
 constexpr uint64_t kBudget = uint64_t{256} << 20;
 // Far longer than an upload may stall while others wait, and far longer than any test waits.
 constexpr char kLongIdleTimeout[] = "60s";
-constexpr absl::Duration kWithinSeconds = absl::Seconds(15);
+constexpr absl::Duration kWithinSeconds = absl::Seconds(15 * kSlower);
 
 // Another build of candelad, to see these tests fail on it.
 const char* candelad_under_test() {
