@@ -28,12 +28,12 @@ absl::Status check_view(uint32_t width, uint32_t height, size_t bytes);
 // The number of rows of `row_bytes` bytes in a band; at least 1.
 uint64_t rows_of_band(uint64_t row_bytes);
 
-// How long a single call hears nothing before it pings the server, and then how long it waits for the answer.
+// After this long without a byte from the server, a single call pings it. If no answer comes in the same time
+// again, the server is lost.
 inline constexpr absl::Duration kPingInterval = absl::Seconds(10);
 
-// A channel for single calls. It does not connect yet, and soon tries a lost connection again. A
-// connection whose server does not answer a ping is lost. Returns INVALID_ARGUMENT for a malformed address,
-// and fails like channel_credentials().
+// A channel for single calls. It does not connect yet, and soon tries a lost connection again. Returns
+// INVALID_ARGUMENT for a malformed address, and fails like channel_credentials().
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const Peer& peer);
 
 // The same for a session, with an interval of its own (at least 1 s) in place of kPingInterval. It shares its

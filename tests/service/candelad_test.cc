@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "candela/v1/render.grpc.pb.h"
@@ -182,10 +183,14 @@ TEST(Candelad, ADeviceThatIsLostAgainAndAgainEndsItWithOne) {
 }
 
 #ifndef CANDELA_SANITIZED  // a sanitizer wants to be loaded first
+Daemon daemon_with(const char* preloaded, const std::vector<std::string>& arguments) {
+  setenv("LD_PRELOAD", preloaded, 1);
+  const absl::Cleanup unset = [] { unsetenv("LD_PRELOAD"); };
+  return Daemon(arguments);
+}
+
 TEST(Candelad, ADeviceThatRendersWronglyIsNotServed) {
-  setenv("LD_PRELOAD", WRONG_DRIVER, 1);
-  Daemon daemon({"--listen", "127.0.0.1:0", "--passes", "device"});
-  unsetenv("LD_PRELOAD");
+  Daemon daemon = daemon_with(WRONG_DRIVER, {"--listen", "127.0.0.1:0", "--passes", "device"});
   ASSERT_EQ(daemon.wait_until_listening(), "");
   EXPECT_EQ(daemon.wait(), 1);
   EXPECT_NE(daemon.errors().find("this device or its driver computes wrongly"), std::string::npos)
@@ -196,9 +201,7 @@ TEST(Candelad, ADeviceThatRendersWronglyIsNotServed) {
 // so nearly always.
 TEST(Candelad, EndsSoonAfterLargeAnswers) {
   const TemporaryFolder folder;
-  setenv("LD_PRELOAD", MANY_CORES, 1);
-  Daemon daemon({"--listen", "unix:" + folder.path("door")});
-  unsetenv("LD_PRELOAD");
+  Daemon daemon = daemon_with(MANY_CORES, {"--listen", "unix:" + folder.path("door")});
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
   {
