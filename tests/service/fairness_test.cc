@@ -161,7 +161,7 @@ class SlowReader {
 // control is a session that reads fast: it takes its share of the device, and the same bound must see that.
 // If the noise of the machine hides the control, the test measures again.
 TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
-  constexpr int kRounds = 10, kFrames = 60, kMeasurements = 4;
+  constexpr int kRounds = 10, kFrames = 60 / kSlower, kMeasurements = 4;
   enum Reader { kNone, kSlow, kFast, kReaders };
   const Config config = large_config();
   const std::unique_ptr<Server> server = start_server(config);
