@@ -131,16 +131,22 @@ TEST_P(CallLife, AClientThatDoesNotReadItsResultIsCutOffToo) {
   EXPECT_FALSE(call.finish().ok());
 }
 
-TEST_P(CallLife, CallsBeyondTheMostAtOnceAreToldToTryAgain) {
+TEST(CallLimit, CallsBeyondTheMostAtOnceAreToldToTryAgain) {
+  Config config = test_config();
+  config.idle_timeout =
+      absl::Minutes(1);  // the calls stay open, even if the machine stands still for a second
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = own_channel(server->addresses().at(0));
+  const Connection connection(channel);
   std::vector<std::unique_ptr<OpenCall>> calls;
-  for (int i = 0; i < 8; ++i) {
-    calls.push_back(std::make_unique<OpenCall>(channel()));
+  for (uint32_t i = 0; i < config.max_calls; ++i) {
+    calls.push_back(std::make_unique<OpenCall>(channel));
     calls.back()->stream->Write(start_of(natural(1, 1)));
   }
-  // The eight calls reach the server at different times.
+  // The calls reach the server at different times.
   absl::Status status;
   const absl::Time give_up = absl::Now() + absl::Seconds(10);
-  while (status.ok() && absl::Now() < give_up) status = connection().render({}, view(natural(4, 4))).status();
+  while (status.ok() && absl::Now() < give_up) status = connection.render({}, view(natural(4, 4))).status();
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   EXPECT_NE(std::string(status.message()).find("8 calls"), std::string::npos) << status;
   EXPECT_GT(noted_retry_delay(status).value_or(absl::ZeroDuration()), absl::ZeroDuration());
