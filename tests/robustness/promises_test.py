@@ -90,10 +90,10 @@ def attack(daemon: harness.Daemon, rows: int) -> None:
 
 
 def compile_shaders(address: str) -> None:
-    """Measures what the attack may measure, with other weights of the metering, which are measured by themselves.
+    """Measures the settings of the attack, so that their shaders are compiled for the sizes that measuring uses.
 
-    A device compiles a shader in one piece, and lavapipe does so anew for frames of some sizes: docs/robustness.md. The host's
-    passes compile nothing.
+    The weights of the metering differ, so that the attack's own settings are still to be measured. While a shader compiles,
+    others wait: docs/performance.md. The host's passes compile nothing.
     """
     weights = v1.Settings(exposure=v1.Exposure(metering=v1.Metering(weights=v1.Metering.WEIGHTS_CENTER)))
     for number in range(CANCELLED):

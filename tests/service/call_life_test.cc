@@ -133,8 +133,7 @@ TEST_P(CallLife, AClientThatDoesNotReadItsResultIsCutOffToo) {
 
 TEST(CallLimit, CallsBeyondTheMostAtOnceAreToldToTryAgain) {
   Config config = test_config();
-  config.idle_timeout =
-      absl::Minutes(1);  // the calls stay open, even if the machine stands still for a second
+  config.idle_timeout = absl::Minutes(1);  // the calls stay open, even on a machine that stands still
   const std::unique_ptr<Server> server = start_server(config);
   const auto channel = own_channel(server->addresses().at(0));
   const Connection connection(channel);
