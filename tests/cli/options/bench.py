@@ -120,7 +120,6 @@ class Bench:
         self("sample --panorama pano.exr --size 128x64 -q")
         (self.folder / "keys.json").write_text('{"keys": [{"time": 0}, {"time": 1, "yaw": 90}]}')
         self("sample --sequence film --size 48x32 --frames 6 -q")
-        self("sample --sequence large --size 320x180 --frames 6 -q")
         write_pfm(self.folder / "nan.pfm", 4, 4, [NAN] + [0.25 * i for i in range(47)])
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}
         red = {"R": lambda x, y: 2.0, "G": lambda x, y: 0.1, "B": lambda x, y: 0.1}
