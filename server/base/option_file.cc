@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 
 #include "absl/cleanup/cleanup.h"
@@ -29,13 +30,15 @@ absl::StatusOr<std::string> read_option_file(absl::string_view option, const std
         "%s: %s holds a secret, but other users may read or change it (mode %03o); run: chmod 600 %s", option,
         path, about.st_mode & 0777, path));
   }
-  if (static_cast<size_t>(about.st_size) > max_bytes) {
+  const auto too_large = [&](int64_t bytes) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: %s has %d bytes; the limit is %d", option, path, about.st_size, max_bytes));
-  }
-  std::string text(static_cast<size_t>(about.st_size), '\0');
+        absl::StrFormat("%s: %s has %d bytes; the limit is %d", option, path, bytes, max_bytes));
+  };
+  if (static_cast<size_t>(about.st_size) > max_bytes) return too_large(about.st_size);
+  // Reads to the end, whatever the size: a file of /proc says that it has 0 bytes.
+  std::string text(static_cast<size_t>(about.st_size) + 1, '\0');
   size_t filled = 0;
-  while (filled < text.size()) {
+  while (true) {
     const ssize_t count = ::read(file, text.data() + filled, text.size() - filled);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) {
@@ -43,6 +46,8 @@ absl::StatusOr<std::string> read_option_file(absl::string_view option, const std
     }
     if (count == 0) break;
     filled += static_cast<size_t>(count);
+    if (filled > max_bytes) return too_large(static_cast<int64_t>(filled));
+    if (filled == text.size()) text.resize(2 * filled);
   }
   text.resize(filled);
   return text;
