@@ -23,6 +23,7 @@ all=(files asan tsan device fuzz soak attacks edge)
 declare -A whole=([fuzz]=1800 [soak]=1200)  # seconds
 declare -A seconds=([fuzz]=${CANDELA_FUZZ_SECONDS:-${whole[fuzz]}} [soak]=${CANDELA_SOAK_SECONDS:-${whole[soak]}})
 results=build/nightly
+deploy/install-packages.sh ci
 commit=$(git rev-parse --short=12 HEAD)
 
 run_files() {
