@@ -13,3 +13,4 @@ if ! { cmake --preset "$preset" "$@" && cmake --build --preset "$preset"; } >"$l
   echo "the build failed; see $log" >&2
   exit 1
 fi
+echo "built $preset in $SECONDS s"

@@ -23,7 +23,7 @@ deploy/install-packages.sh "${lists[@]}"
 
 # Runs the tests of a preset.
 run_tests() {
-  local preset=$1 failures="build/$1/Testing/Temporary/LastTestsFailed.log"
+  local preset=$1 failures="build/${1/deploy/release}/Testing/Temporary/LastTestsFailed.log"
   rm -f "$failures"
   # One more than the cores, because some tests wait.
   ctest --preset "$preset" --parallel "$(($(nproc) + 1))" && return
@@ -40,7 +40,9 @@ for preset in "${presets[@]}"; do
   # The other tests are still useful without podman.
   [ "$preset" != deploy ] || deploy/install-packages.sh deploy || echo "tests that need these packages are skipped"
   deploy/build.sh "$preset" -DCANDELA_TESTS=ON
+  start=$SECONDS
   run_tests "$preset"
+  echo "tested $preset in $((SECONDS - start)) s"
 done
-echo "passed: ${presets[*]}"
+echo "passed in $SECONDS s: ${presets[*]}"
 [ ${#passed_alone[@]} -eq 0 ] || printf 'failed beside others and passed alone, in %s\n' "${passed_alone[@]}"
