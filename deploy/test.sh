@@ -35,6 +35,13 @@ run_tests() {
   passed_alone+=("$preset: $names")
 }
 
+# The suites whose tests took the most seconds, of which several pass at once.
+slowest() {
+  awk 'NF == 3 { sub(/\..*/, "", $1); sum[$1] += $3 } END { for (name in sum) printf "%.0f %s\n", sum[name], name }' \
+    "build/${1/deploy/release}/Testing/Temporary/CTestCostData.txt" | sort -rn | head -n 8 |
+    awk '{ printf "%s%s %d s", (NR > 1 ? ", " : ""), $2, $1 }'
+}
+
 passed_alone=()
 for preset in "${presets[@]}"; do
   # The other tests are still useful without podman.
@@ -42,7 +49,7 @@ for preset in "${presets[@]}"; do
   deploy/build.sh "$preset" -DCANDELA_TESTS=ON
   start=$SECONDS
   run_tests "$preset"
-  echo "tested $preset in $((SECONDS - start)) s"
+  echo "tested $preset in $((SECONDS - start)) s; the tests took, several at once: $(slowest "$preset")"
 done
 echo "passed in $SECONDS s: ${presets[*]}"
 [ ${#passed_alone[@]} -eq 0 ] || printf 'failed beside others and passed alone, in %s\n' "${passed_alone[@]}"
