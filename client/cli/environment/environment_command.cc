@@ -118,8 +118,7 @@ class EnvironmentJob {
     if (!status.ok()) return name_file(in_options(status, options_.settings), options_.panorama);
     panorama_.reset();
     report_.bake = bake->header;
-    const std::string bad =
-        bad_values_note(report_.panorama.nan_components(), report_.panorama.infinite_components());
+    const std::string bad = bad_values_note(report_.panorama);
     if (!bad.empty()) report_.notes.push_back(bad);
     const std::string losses = losses_note(report_.bake);
     if (!losses.empty()) report_.notes.push_back(losses);
