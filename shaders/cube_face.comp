@@ -10,6 +10,7 @@
 #include "glsl/environment.glsl"
 
 layout(local_size_x = ENVIRONMENT_GROUP) in;
+layout(constant_id = 0) const bool FLOATS = false;
 layout(set = 0, binding = 0) uniform utextureBuffer panorama;
 layout(push_constant) uniform Push { CubeFaceParams p; };
 
@@ -29,7 +30,7 @@ uvec4 texel_mean(CubeTexel texel) {
     float t = float(first_t + 2 * int(b)) * scale;
     for (uint a = 0u; a < p.samples; ++a) {
       float s = float(first_s + 2 * int(a)) * scale;
-      vec3 c = panorama_at(panorama, p.panorama, face_direction(texel.face, s, t));
+      vec3 c = panorama_at(panorama, FLOATS, p.panorama, face_direction(texel.face, s, t));
       float size_of_c = abs(c.r) + abs(c.g) + abs(c.b);
       row += c;
       row_light += size_of_c;

@@ -6,8 +6,9 @@
 // from left to right, and adds its sums to each tile's record once. It reads neighbours in memory one after
 // the other, so that processors prefetch them. All sums are of integers, so the order of execution does not
 // change the result.
-// A frame is first read without SCRUB and ALPHA. Only if that finds bad values is it read again with SCRUB,
-// which counts them, and only if it finds an alpha other than 1, with ALPHA, which finds absent texels.
+// A frame is first read without SCRUB and ALPHA. Only if that finds bad values or light beyond the largest half
+// is it read again with SCRUB, which counts them, and only if it finds an alpha other than 1, with ALPHA, which
+// finds absent texels and weighs by alpha.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -22,9 +23,13 @@ layout(constant_id = 4) const uint WEIGHTS = WEIGHTS_AVERAGE;
 layout(constant_id = 5) const bool HISTOGRAM = false;
 layout(constant_id = 6) const bool WHOLE = false;  // the width is a multiple of GROUP_TEXELS
 layout(constant_id = 7) const bool IGNORE = false;  // texels darker than p.ignore_below have no weight
-layout(constant_id = 8) const bool ALPHA = false;   // absent texels are counted and have no weight
+layout(constant_id = 8) const uint ALPHA = METER_OPAQUE;
+const bool TRANSLUCENT = ALPHA != METER_OPAQUE;  // absent texels are counted and have no weight
 // The sum of the weights is not just the number of texels.
-const bool SUM_WEIGHTS = WEIGHTS != WEIGHTS_AVERAGE || IGNORE || ALPHA;
+const bool SUM_WEIGHTS = WEIGHTS != WEIGHTS_AVERAGE || IGNORE || TRANSLUCENT;
+// The sums of weighted fixed-point values take more than 32 bits.
+const bool SPLIT = WEIGHTS == WEIGHTS_CENTER || ALPHA == METER_COVERAGE || SCRUB;
+const uint BINS = SCRUB ? HISTOGRAM_SCRUB_BINS : HISTOGRAM_BINS;
 
 layout(push_constant) uniform Push { IngestParams p; };
 #include "glsl/input.glsl"
@@ -79,21 +84,24 @@ uint weight_of(uint x, uint y) {
 }
 
 // One invocation's sums over a tile; clear() resets them.
-uint log2_sum;       // weighted; with WEIGHTS_CENTER only the sum of the low 16 bits
-uint log2_sum_high;  // with WEIGHTS_CENTER the sum of the higher bits
+uint log2_sum;       // weighted; with SPLIT only the sum of the low 16 bits
+uint log2_sum_high;  // with SPLIT the sum of the higher bits
 uint weight_sum;
 // Luminance as bits, ordered as integers like in at_least(), so that a NaN in padding does no harm.
 int max_luminance;
 int min_luminance;
 uint max_magnitude;  // as notes; see note_row()
+uint max_scene_magnitude;  // of R, G and B after the matrix
 uint other_alphas;   // not 0 after an alpha other than 1; only with SCRUB and without ALPHA
 uint absent_texels;
+uint coverage;  // as in TileRecord
 uint negative_halves;  // two counts of 16 bits
 uint negative_components;
 uint negative_scene_components;
 int max_light;
 uint nan_components;
 uint infinite_components;
+uint clamped_components;
 uint first_bad_texel;
 
 void clear() {
@@ -103,14 +111,17 @@ void clear() {
   max_luminance = 0;
   min_luminance = 0x7fffffff;
   max_magnitude = 0u;
+  max_scene_magnitude = 0u;
   other_alphas = 0u;
   absent_texels = 0u;
+  coverage = 0u;
   negative_halves = 0u;
   negative_components = 0u;
   negative_scene_components = 0u;
   max_light = 0;
   nan_components = 0u;
   infinite_components = 0u;
+  clamped_components = 0u;
   first_bad_texel = 0xffffffffu;
 }
 
@@ -118,24 +129,47 @@ void clear() {
 // a NaN when it converts it.
 uvec3 signs(WireGroup g, uint i) {
   if (PIXELS == PIXELS_RGBA32F) return g.words[i].rgb >> 31;
+  if (PIXELS == PIXELS_RGB9E5) return uvec3(0u);
   uvec2 halves = half_words(g, i);
   return uvec3(halves.x >> 15, halves.x >> 31, halves.y >> 15) & 1u;
 }
 
 void count_bad(WireGroup g, uint i, vec4 wire, uint counted, uint texel) {
   uvec3 negative = signs(g, i);
+  vec3 scene = ingest_unclamped(p.frame, wire).rgb;
+  uint bad = 0u;
   [[unroll]] for (uint c = 0u; c < 3u; ++c) {
-    negative_components -= uint(is_nan(wire[c])) & negative[c] & counted;
-    nan_components += uint(is_nan(wire[c])) & counted;
-    infinite_components += uint(is_infinite(wire[c])) & counted;
+    uint nan = uint(is_nan(wire[c]));
+    uint infinite = uint(is_infinite(wire[c]));
+    uint clamped = uint(abs(wire[c]) > MAX_LIGHT) & ~infinite;
+    if (MATRIX) clamped += uint(abs(scene[c]) > MAX_LIGHT);
+    negative_components -= nan & negative[c] & counted;
+    nan_components += nan & counted;
+    infinite_components += infinite & counted;
+    clamped_components += clamped & counted;
+    bad |= nan | infinite | clamped;
   }
-  bool bad = is_nan(wire.r + wire.g + wire.b) || is_infinite(wire.r) || is_infinite(wire.g) || is_infinite(wire.b);
-  if (bad && counted != 0u) first_bad_texel = min(first_bad_texel, texel);
+  if ((bad & counted) != 0u) first_bad_texel = min(first_bad_texel, texel);
+}
+
+// The weight of a texel that alpha covers in part. Without WEIGHTS_CENTER a weight of 1 stands as 255.
+uint covered_weight(uint weight, float alpha) {
+  precise float scaled = at_most(at_least(alpha, 0.0), 1.0) * 255.0 + 0.5;
+  uint code = uint(scaled);
+  coverage |= uint(code != 0u) | (uint(code - 1u < 254u) << 1);
+  if (WEIGHTS != WEIGHTS_CENTER) return code * weight;
+  uint product = code * weight + 127u;
+  return (product + 1u + (product >> 8)) >> 8;  // product / 255, for products below 65535
+}
+
+uint weighted_offset(uint offset, uint weight) {
+  if (WEIGHTS == WEIGHTS_CENTER) return (offset * weight + 128u) >> 8;
+  return ALPHA == METER_COVERAGE ? (offset * weight + 127u) / 255u : offset;
 }
 
 // Adds one texel's metered value. `copies` is the copy of the histogram that this tile uses.
 void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
-  if (WEIGHTS == WEIGHTS_CENTER) {
+  if (SPLIT) {
     log2_sum += (fixed_point & 0xffffu) * weight;
     log2_sum_high += (fixed_point >> 16) * weight;
   } else {
@@ -143,15 +177,15 @@ void add_to_meter(uint fixed_point, uint weight, Histogram copies) {
   }
   if (SUM_WEIGHTS) weight_sum += weight;
   if (HISTOGRAM && weight != 0u) {
-    uint bin = min(fixed_point >> HISTOGRAM_SHIFT, HISTOGRAM_BINS - 1u);
+    uint bin = min(fixed_point >> HISTOGRAM_SHIFT, BINS - 1u);
     uint offset = fixed_point - (bin << HISTOGRAM_SHIFT);
     atomicAdd(copies[bin].v.weight, weight);
-    atomicAdd(copies[bin].v.offset_sum, WEIGHTS == WEIGHTS_CENTER ? (offset * weight + 128u) >> 8 : offset);
+    atomicAdd(copies[bin].v.offset_sum, weighted_offset(offset, weight));
   }
 }
 
-const uint ALPHA_MASK = ALPHA ? 0x7fff7fffu : 0xffff7fffu;
-const uint ALPHA_ADDEND = ALPHA ? 0x04000400u : 0xc4000400u;
+const uint ALPHA_MASK = TRANSLUCENT ? 0x7fff7fffu : 0xffff7fffu;
+const uint ALPHA_ADDEND = TRANSLUCENT ? 0x04000400u : 0xc4000400u;
 
 // What a row of a group shows of its components' magnitudes and of its alphas. For halves both are sums of two
 // components each, of which some bits count.
@@ -160,7 +194,7 @@ struct Notes {
   uint second;  // halves: B and alpha; floats: not 0 after an alpha other than 1
 };
 
-// Records whether a component of the wire texel is beyond MAX_SCENE_VALUE, whether alpha is 1 and how many of
+// Records whether a component of the wire texel is beyond MAX_HALF, whether alpha is 1 and how many of
 // R, G and B are negative. `counted` is all ones, or 0 for a texel outside the frame.
 void note_halves(uvec2 words, uint counted, inout Notes notes) {
   uvec2 magnitudes = words & uvec2(0x7fff7fffu, ALPHA_MASK);
@@ -176,7 +210,7 @@ void note_halves(uvec2 words, uint counted, inout Notes notes) {
 void note_floats(uvec4 words, uint counted, inout Notes notes) {
   uvec4 magnitudes = words & 0x7fffffffu;
   uint largest = max(max(magnitudes.r, magnitudes.g), magnitudes.b);
-  if (ALPHA) {
+  if (TRANSLUCENT) {
     largest = max(largest, magnitudes.a);
   } else {
     notes.second |= (words.a ^ floatBitsToUint(1.0)) & counted;
@@ -192,7 +226,7 @@ void note(WireGroup wire, uint i, uint counted, inout Notes notes) {
   if (PIXELS == PIXELS_RGBA32F) note_floats(wire.words[i], counted, notes);
 }
 
-// Without ALPHA, and for halves without SCRUB, the frame's magnitudes and alphas share max_magnitude, so that
+// Without TRANSLUCENT, and for halves without SCRUB, the frame's magnitudes and alphas share max_magnitude, so that
 // a frame without alpha pays for no other register. All in all, looking at alpha costs 2.5 % of the pass's
 // instructions. For halves, bits 16 to 30 are those of alphas other than 1 and -1, and bits 15 and 31 say that
 // a component is too large; if there are such alphas or -1, bit 31 may say so falsely, and a second read finds
@@ -200,7 +234,7 @@ void note(WireGroup wire, uint i, uint counted, inout Notes notes) {
 void note_row(Notes notes) {
   const uint beyond = 0x80008000u;
   if (PIXELS == PIXELS_RGBA16F) {
-    if (SCRUB && !ALPHA) {
+    if (SCRUB && !TRANSLUCENT) {
       max_magnitude |= (notes.first & beyond) | (notes.second & 0x8000u);
       other_alphas |= notes.second >> 16;
     } else {
@@ -208,7 +242,7 @@ void note_row(Notes notes) {
     }
   } else if (PIXELS == PIXELS_RGBA32F) {
     max_magnitude = (max_magnitude & 0x80000000u) | max(max_magnitude & 0x7fffffffu, notes.first);
-    if (!ALPHA) max_magnitude |= notes.second != 0u ? 0x80000000u : 0u;
+    if (!TRANSLUCENT) max_magnitude |= notes.second != 0u ? 0x80000000u : 0u;
   }
 }
 
@@ -229,24 +263,29 @@ void meter_row(uint x, uint y, uvec4 counted, Histogram copies) {
     note(words, i, counted[i], notes);
     if (SCRUB) count_bad(words, i, wire, counted[i], y * p.frame.width + x + i);
 
-    vec3 scene = ingest(p.frame, wire).rgb;
+    vec4 texel = ingest(p.frame, wire);
+    vec3 scene = texel.rgb;
     if (MATRIX) {
+      uvec3 magnitudes = floatBitsToUint(ingest_unrounded(p.frame, wire).rgb) & 0x7fffffffu;
+      max_scene_magnitude = max(max_scene_magnitude, max(max(magnitudes.r, magnitudes.g), magnitudes.b) & counted[i]);
       uvec3 negative = uvec3(lessThan(scene, vec3(0.0)));
       negative_scene_components += (negative.r + negative.g + negative.b) & counted[i];
     }
     float l = luminance(scene);
     // As integers, like in at_least(). A negative luminance is below every limit.
     uint metered = IGNORE && floatBitsToInt(l) < floatBitsToInt(p.ignore_below) ? 0u : counted[i];
-    if (ALPHA) {
+    if (TRANSLUCENT) {
       uint missing = absent(wire);
       metered &= ~missing;
       absent_texels += missing & counted[i] & 1u;
     }
-    if (WEIGHTS == WEIGHTS_AVERAGE && !HISTOGRAM) {
+    if (WEIGHTS == WEIGHTS_AVERAGE && !HISTOGRAM && !SPLIT) {
       log2_sum += fixed_log2(l) & metered;
       if (SUM_WEIGHTS) weight_sum += metered & 1u;
     } else {
-      add_to_meter(fixed_log2(l), weight_of(x + i, y) & metered, copies);
+      uint weight = weight_of(x + i, y);
+      if (ALPHA == METER_COVERAGE) weight = covered_weight(weight, counted[i] != 0u ? texel.a : 0.0);
+      add_to_meter(fixed_log2(l), weight & metered, copies);
     }
     int order = floatBitsToInt(l) & int(counted[i]);
     max_luminance = max(max_luminance, order);
@@ -266,10 +305,7 @@ void walk_down(uint x, uint first_row, Histogram copies) {
 
 // Adds the work group's sums over a tile to the tile's record.
 void add_to_tile(uint tile) {
-  // Nothing overflows. An invocation's sum is below 2^25 * 128 texels = 2^32; with weights up to 255 its two
-  // sums are below 2^31 and 2^24. The 32 invocations of a tile add up to less than 2^21 in the low half and
-  // 2^30 in the high one. The host adds the tiles in 64 bits: 2^28 texels with 25 bits each and 8 bits of
-  // weight.
+  // Nothing overflows; docs/pipeline.md section 2 has the proof.
   Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
   uint low = subgroupAdd(log2_sum & 0xffffu);
   uint high = subgroupAdd((log2_sum >> 16) + log2_sum_high);
@@ -277,19 +313,20 @@ void add_to_tile(uint tile) {
   uint brightest = uint(subgroupMax(max_luminance));
   uint darkest = ~uint(max(subgroupMin(min_luminance), 0));
   if (PIXELS == PIXELS_RGBA16F) {
-    if (!SCRUB && !ALPHA) other_alphas = max_magnitude & 0x7fff0000u;
+    if (!SCRUB && !TRANSLUCENT) other_alphas = max_magnitude & 0x7fff0000u;
     max_magnitude = (max_magnitude & 0x80008000u) != 0u ? 0x7f800000u : 0u;
     negative_components += (negative_halves & 0xffffu) + (negative_halves >> 16);
   }
-  if (PIXELS == PIXELS_RGBA32F && !ALPHA) {
+  if (PIXELS == PIXELS_RGBA32F && !TRANSLUCENT) {
     other_alphas = max_magnitude >> 31;
     max_magnitude &= 0x7fffffffu;
   }
-  uint magnitude = subgroupMax(max_magnitude);
+  uint magnitude = subgroupMax(MATRIX ? max(max_magnitude, max_scene_magnitude) : max_magnitude);
   uint negative = subgroupAdd(negative_components);
   uint negative_scene = MATRIX ? subgroupAdd(negative_scene_components) : 0u;
   uint light = LIGHT ? uint(subgroupMax(max_light)) : 0u;
-  uint alphas = ALPHA ? subgroupAdd(absent_texels) : subgroupOr(other_alphas);
+  uint alphas = TRANSLUCENT ? subgroupAdd(absent_texels) : subgroupOr(other_alphas);
+  uint covered = ALPHA == METER_COVERAGE ? subgroupOr(coverage) : 0u;
   if (subgroupElect()) {
     atomicAdd(tiles[tile].v.log2_sum_low, low);
     atomicAdd(tiles[tile].v.log2_sum_high, high);
@@ -299,13 +336,15 @@ void add_to_tile(uint tile) {
     if (negative != 0u) atomicAdd(tiles[tile].v.negative_components, negative);
     if (negative_scene != 0u) atomicAdd(tiles[tile].v.negative_scene_components, negative_scene);
     if (LIGHT) atomicMax(tiles[tile].v.max_light_bits, light);
-    if (ALPHA) atomicAdd(tiles[tile].v.absent_texels, alphas);
-    if (!ALPHA && alphas != 0u) atomicOr(tiles[tile].v.alpha_differs, alphas);
+    if (TRANSLUCENT) atomicAdd(tiles[tile].v.absent_texels, alphas);
+    if (ALPHA == METER_COVERAGE) atomicOr(tiles[tile].v.coverage, covered);
+    if (!TRANSLUCENT && alphas != 0u) atomicOr(tiles[tile].v.alpha_differs, alphas);
     if (SUM_WEIGHTS) atomicAdd(tiles[tile].v.weight_sum, weight);
   }
   if (SCRUB) {
     atomicAdd(tiles[tile].v.nan_components, nan_components);
     atomicAdd(tiles[tile].v.infinite_components, infinite_components);
+    atomicAdd(tiles[tile].v.clamped_components, clamped_components);
     atomicMax(tiles[tile].v.first_bad_texel_inverted, ~first_bad_texel);
   }
 }
@@ -316,7 +355,7 @@ void main() {
   for (uint tile_x = gl_WorkGroupID.x * INGEST_TILES; tile_x < tiles_end; ++tile_x) {
     uint tile = gl_WorkGroupID.y * p.tiles_x + tile_x;
     Histogram copies = Histogram(uvec2(p.histogram_lo, p.histogram_hi));
-    if (HISTOGRAM) copies = copies[tile / HISTOGRAM_TILES * HISTOGRAM_BINS];
+    if (HISTOGRAM) copies = copies[tile / HISTOGRAM_TILES * BINS];
     clear();
     uint x = tile_x * TILE_TEXELS + gl_LocalInvocationID.x * GROUP_TEXELS;
     uint x_end = min((tile_x + 1u) * TILE_TEXELS, p.frame.width);

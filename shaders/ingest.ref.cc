@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <map>
 
 #include "shaders/reference.h"
@@ -40,10 +41,38 @@ float luminance32(const std::array<float, 4>& c) {
   return std::max(0.0f, (0.2126f * c[0] + 0.7152f * c[1]) + 0.0722f * c[2]);
 }
 
-float scrub(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -kHalfMax, kHalfMax); }
+float scrub_alpha(float x) { return std::isnan(x) ? 0.0f : std::clamp(x, -kHalfMax, kHalfMax); }
+float clamp_light(float x) { return std::clamp(x, -shader::MAX_LIGHT, shader::MAX_LIGHT); }
+float scrub_light(float x) { return std::isfinite(x) ? clamp_light(x) : scrub_alpha(x); }
 
-// The nearest half. Input within +-65504 stays finite.
-float to_half(float x) { return imath_half_to_float(imath_float_to_half(x)); }
+// The nearest half. What is beyond the largest one stays.
+float to_half(float x) { return std::fabs(x) > kHalfMax ? x : imath_half_to_float(imath_float_to_half(x)); }
+
+// Alpha in 255 steps.
+uint32_t alpha_code(const std::array<float, 4>& texel) {
+  return static_cast<uint32_t>(std::lround(255.0 * std::clamp<double>(texel[3], 0.0, 1.0)));
+}
+
+// How a scene's alphas weigh.
+struct Coverage {
+  bool any = false;    // some code is above 0; without one they do not count
+  bool parts = false;  // some code is between 0 and 255; then a weight of 1 stands as 255
+
+  Coverage(const Scene& scene, const MeterParams& params) {
+    if (!params.ignore_absent) return;
+    for (const auto& texel : scene.texels) {
+      const uint32_t code = alpha_code(texel);
+      any |= code > 0;
+      parts |= code > 0 && code < 255;
+    }
+  }
+
+  uint32_t weight(uint32_t whole, uint weights, uint32_t code) const {
+    if (!any) return whole;
+    if (weights != shader::WEIGHTS_CENTER) return whole * (parts ? code : code / 255);
+    return static_cast<uint32_t>(std::lround(whole * code / 255.0));
+  }
+};
 
 }  // namespace
 
@@ -60,9 +89,12 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
       if (std::isnan(c[k])) ++counts->nan;
       if (std::isinf(c[k])) ++counts->infinite;
       if (c[k] < 0.0f) ++counts->negative;
-      if (!std::isfinite(c[k]) && !counts->first_bad_texel) counts->first_bad_texel = i;
+      const bool clamped = std::isfinite(c[k]) && std::fabs(c[k]) > shader::MAX_LIGHT;
+      counts->clamped += clamped;
+      if ((clamped || !std::isfinite(c[k])) && !counts->first_bad_texel) counts->first_bad_texel = i;
     }
-    for (float& v : c) v = scrub(v);
+    for (int k = 0; k < 3; ++k) c[k] = scrub_light(c[k]);
+    c[3] = scrub_alpha(c[3]);
     if (c[0] == 0.0f && c[1] == 0.0f && c[2] == 0.0f && c[3] <= 0.0f) {
       scene.absent.resize(texels);
       scene.absent[i] = true;
@@ -72,8 +104,10 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
       const Matrix& m = *matrix;
       const std::array<float, 3> in = {c[0], c[1], c[2]};
       for (int k = 0; k < 3; ++k) {
-        c[k] =
-            std::clamp((m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2], -kHalfMax, kHalfMax);
+        const float v = (m[3 * k] * in[0] + m[3 * k + 1] * in[1]) + m[3 * k + 2] * in[2];
+        c[k] = clamp_light(v);
+        counts->clamped += c[k] != v;
+        if (c[k] != v && !counts->first_bad_texel) counts->first_bad_texel = i;
       }
     }
     const bool negative = c[0] < 0.0f || c[1] < 0.0f || c[2] < 0.0f;
@@ -110,7 +144,8 @@ Meter meter(const Scene& scene, const MeterParams& params) {
     double sum = 0.0;
   };
   std::map<int, Bin> bins;  // by ascending luminance
-  Meter m{0.0, kHalfMax, 0.0, 0, 0};
+  Meter m{0.0, std::numeric_limits<double>::infinity(), 0.0, 0, 0};
+  const Coverage coverage(scene, params);
   double sum = 0.0;
   double lost = 0.0;  // Kahan summation, because the reference must not depend on 2^28 roundings
   for (uint32_t y = 0; y < scene.height; ++y) {
@@ -123,7 +158,8 @@ Meter meter(const Scene& scene, const MeterParams& params) {
       const bool absent = params.ignore_absent && !scene.absent.empty() && scene.absent[at];
       m.absent += absent;
       if (absent || l < params.ignore_below) continue;
-      const uint32_t weight = meter_weight(x, y, scene.width, scene.height, params);
+      const uint32_t whole = meter_weight(x, y, scene.width, scene.height, params);
+      const uint32_t weight = coverage.weight(whole, params.weights, alpha_code(c));
       m.weight += weight;
       const double log2_l = std::log2(std::max(l, kMinLuminance));
       const double term = weight * log2_l - lost;

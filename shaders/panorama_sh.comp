@@ -11,15 +11,18 @@
 #include "glsl/environment.glsl"
 
 layout(local_size_x = ENVIRONMENT_GROUP) in;
+layout(constant_id = 0) const bool FLOATS = false;
 layout(set = 0, binding = 0) uniform utextureBuffer panorama;
 layout(set = 0, binding = 1) uniform utextureBuffer columns;
 layout(push_constant) uniform Push { PanoramaShParams p; };
 
 vec3 sums[5];
 
-void add(uvec2 halves, uint x) {
-  // Texels beyond the width are 0.
-  vec3 texel = vec3(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y).x);
+vec3 of_halves(uvec2 words) { return vec3(unpackHalf2x16(words.x), unpackHalf2x16(words.y).x); }
+vec3 of_floats(uint at) { return uintBitsToFloat(texelFetch(panorama, int(at)).rgb); }
+
+// Texels beyond the width are 0.
+void add(vec3 texel, uint x) {
   vec4 factors = uintBitsToFloat(texelFetch(columns, int(min(x, p.panorama.width - 1u))));
   sums[0] += texel;
   [[unroll]] for (uint i = 0u; i < 4u; ++i) sums[i + 1u] += texel * factors[i];
@@ -32,9 +35,14 @@ void main() {
   uint row = index / SH_PARTS * p.panorama.pitch;
   [[unroll]] for (uint i = 0u; i < 5u; ++i) sums[i] = vec3(0.0);
   for (uint x = 2u * (index % SH_PARTS); x < p.panorama.width; x += 2u * SH_PARTS) {
-    uvec4 words = texelFetch(panorama, int((row + x) / 2u));
-    add(words.xy, x);
-    add(words.zw, x + 1u);
+    if (FLOATS) {
+      add(of_floats(row + x), x);
+      add(of_floats(row + x + 1u), x + 1u);
+    } else {
+      uvec4 words = texelFetch(panorama, int((row + x) / 2u));
+      add(of_halves(words.xy), x);
+      add(of_halves(words.zw), x + 1u);
+    }
   }
   written[4u * at] = pack64(floatBitsToUint(vec4(sums[0], sums[1].r)));
   written[4u * at + 1u] = pack64(floatBitsToUint(vec4(sums[1].gb, sums[2].rg)));

@@ -46,6 +46,10 @@ CANDELA_CONST(uint) ALPHA_ASSOCIATED = 1u;
 CANDELA_CONST(uint) ALPHA_STRAIGHT = 2u;
 CANDELA_CONST(uint) ALPHA_OVER = 3u;
 CANDELA_CONST(uint) ALPHA_IGNORE = 4u;
+// How ingest meters alpha. Not on the wire.
+CANDELA_CONST(uint) METER_OPAQUE = 0u;    // every alpha is 1, or taken as 1
+CANDELA_CONST(uint) METER_COVERAGE = 1u;  // a texel counts by its alpha
+CANDELA_CONST(uint) METER_ALIKE = 2u;  // no texel has an alpha above 0: those that are not absent count alike
 
 // An invocation of a full-size pass handles GROUP_TEXELS texels of a row at a time; input and output rows are
 // padded to whole groups.
@@ -73,19 +77,23 @@ CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
 
 // The smallest luminance that is metered, and the smallest divisor in bloom. Darker texels count as this.
 CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
-// Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, never negative.
+// Metered log2 luminance is (log2 L + LOG2_BIAS) * 2^LOG2_FRACTION_BITS, rounded: 25 bits, or 26 with the
+// constant `scrub`, and never negative.
 CANDELA_CONST(uint) LOG2_BIAS = 14u;
 CANDELA_CONST(uint) LOG2_FRACTION_BITS = 20u;
 // The histogram of percentile metering: 64 bins an octave of the metered fixed-point value, above
 // 2^-LOG2_BIAS. One copy serves HISTOGRAM_TILES tiles, so that 2^18 texels of weight 255, or of 14 bits below
-// a bin, fit into 32 bits.
+// a bin, fit into 32 bits. With the constant `scrub` luminance is up to 2^30, and there are more bins.
 CANDELA_CONST(uint) HISTOGRAM_SHIFT = 14u;
 CANDELA_CONST(uint) HISTOGRAM_BINS = 1920u;
+CANDELA_CONST(uint) HISTOGRAM_SCRUB_BINS = 2880u;
 CANDELA_CONST(uint) HISTOGRAM_TILES = 64u;
 // CENTER weights come in 256 steps of the squared distance, each at most 255.
 CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
-// The largest scene value, which is the largest finite half.
-CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
+// The largest finite half. Scene components within it are rounded to half; those beyond are floats.
+CANDELA_CONST(float) MAX_HALF = 65504.0f;
+// The largest scene value.
+CANDELA_CONST(float) MAX_LIGHT = 1073741824.0f;  // 2^30
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 // With straight alpha, the most exposed light that a pixel's object has where it is nearly transparent; the
@@ -159,13 +167,13 @@ inline constexpr uint GAUSSIAN_REACH = 6u;
 struct IngestConstants {
   uint pixels;     // PIXELS_*
   uint matrix;     // the input's primaries are not the scene's
-  uint scrub;      // some components are not finite or beyond +-MAX_SCENE_VALUE
+  uint scrub;      // some components are not finite or beyond +-MAX_HALF, on the wire or in the scene
   uint light;      // bloom needs max_light_bits
   uint weights;    // WEIGHTS_*
   uint histogram;  // also fill the histogram
   uint whole;      // the frame's width is a multiple of GROUP_TEXELS
   uint ignore;     // texels darker than IngestParams.ignore_below have no weight
-  uint alpha;      // some alpha is not 1: absent texels are counted and have no weight
+  uint alpha;      // METER_*; unless METER_OPAQUE, absent texels are counted and have no weight
 };
 
 struct BrightPassConstants {
@@ -206,6 +214,12 @@ struct ResolveConstants {
 struct PanoramaConstants {
   uint pixels;  // PIXELS_*
   uint matrix;
+  uint floats;  // of the texels that it writes
+};
+
+// Of cube_face and panorama_sh.
+struct PanoramaReadConstants {
+  uint floats;  // the panorama's texels are floats
 };
 
 struct ViewConstants {
@@ -214,6 +228,7 @@ struct ViewConstants {
   uint sharp;      // reads the chain; used with objects
   uint rough;      // reads specular levels; used with objects
   uint samples;    // the view has more than one sample; used with objects
+  uint floats;     // it writes floats
 };
 #endif
 
@@ -278,7 +293,7 @@ struct PassRange {
   uint count;
 };
 
-// A panorama as the shaders read it: RGBA halves.
+// A panorama as the shaders read it: RGBA halves, or floats if it has light that no half holds.
 struct PanoramaLayout {
   uint width, height;
   uint pitch;           // texels from row to row, a multiple of GROUP_TEXELS
@@ -369,7 +384,9 @@ struct PanoramaCounts {
   uint nan_components;
   uint infinite_components;
   uint negative_components;
+  uint clamped_components;        // as in TileRecord
   uint first_bad_texel_inverted;  // as in TileRecord
+  uint max_scene_bits;            // the largest magnitude of R, G and B in the scene
 };
 
 // The statistics of one tile of the frame. All zeros is the empty record: a minimum is stored as the maximum
@@ -381,16 +398,19 @@ struct TileRecord {
   uint weight_sum;  // left 0 with WEIGHTS_AVERAGE, unless dark or absent texels have no weight
   uint max_luminance_bits;
   uint min_luminance_bits_inverted;
-  // The largest magnitude of R, G and B on the wire, and of alpha with the constant `alpha`. If it is larger
-  // than MAX_SCENE_VALUE, the frame needs the scrub. For halves it is either 0 or infinity; without the
-  // constants `alpha` and `scrub` it may be infinity because of an alpha other than 1.
+  // The largest magnitude of R, G and B on the wire and, with the constant `matrix`, in the scene, and of
+  // alpha with the constant `alpha`. If it is larger than MAX_HALF, the frame needs the scrub. For halves on
+  // the wire it is either 0 or infinity; without the constants `alpha` and `scrub` it may be infinity because
+  // of an alpha other than 1.
   uint max_magnitude_bits;
   uint negative_components;
   uint max_light_bits;  // the largest luminance with negative components cut to 0; only if LIGHT is set
-  // These three are counted only with the scrub.
+  // These four are counted only with the scrub.
   uint nan_components;
   uint infinite_components;
-  uint first_bad_texel_inverted;   // ~(y * width + x) of the first texel with a NaN or an Inf in R, G or B
+  uint clamped_components;  // finite and beyond +-MAX_LIGHT, on the wire or after the matrix
+  // ~(y * width + x) of the first texel with a component in R, G or B that is one of these
+  uint first_bad_texel_inverted;
   uint negative_scene_components;  // of R, G and B; counted only if the constant `matrix` is set
   // The components of the whole frame that the curve cut. Only in the first record, and only after resolve.
   uint gamut_cut_components;
@@ -401,12 +421,15 @@ struct TileRecord {
   // constant `scrub`, -1 counts only as infinite.
   uint alpha_differs;
   uint absent_texels;  // counted only with the constant `alpha`
+  // With METER_COVERAGE: 1 if some texel has an alpha above 0, plus 2 if some texel has one between 0 and 1,
+  // all rounded to 255 steps.
+  uint coverage;
 };
 
 struct HistogramBin {
   uint weight;
   uint offset_sum;  // the texels' offsets within the bin, in 2^-LOG2_FRACTION_BITS; for WEIGHTS_CENTER times
-                    // the weight / 256
+                    // the weight / 256, else with METER_COVERAGE times the weight / 255
 };
 
 #ifdef __cplusplus

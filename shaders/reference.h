@@ -54,9 +54,10 @@ struct Level {
 struct BadCounts {
   uint64_t nan = 0;
   uint64_t infinite = 0;
+  uint64_t clamped = 0;  // finite and beyond +-MAX_LIGHT, on the wire or after the matrix
   uint64_t negative = 0;
   uint64_t negative_scene = 0;  // of the scene; without a matrix the same as `negative`
-  // y * width + x of the first texel with a NaN or an Inf in R, G or B.
+  // y * width + x of the first texel with a NaN, an Inf or such a component in R, G or B.
   std::optional<uint64_t> first_bad_texel;
 };
 
@@ -67,7 +68,7 @@ struct MeterParams {
   uint weights = shader::WEIGHTS_AVERAGE;
   std::array<uint32_t, 4> spot{};  // for WEIGHTS_SPOT: x0, y0, x1, y1 in texels, ends excluded
   float ignore_below = 0.0f;       // texels of less luminance have no weight
-  bool ignore_absent = true;       // absent texels have no weight
+  bool ignore_absent = true;  // alpha counts: texels have their alpha's part of the weight, absent ones none
 };
 
 struct Meter {
@@ -109,8 +110,8 @@ struct ResolveParams {
   std::function<Rgb(const Rgb&)> look;
 };
 
-// Whether ingest() rounds the scene's texels to halves, as the pipeline does for metering and bloom, leaves
-// colours with a negative component as they are, as resolve does, or leaves all of them.
+// Whether ingest() rounds the scene's components within +-65504 to halves, as the pipeline does for metering
+// and bloom, leaves colours with a negative component as they are, as resolve does, or leaves all of them.
 enum class Rounding { kHalf, kHalfUnlessNegative, kNone };
 
 // Luminance is metered no darker than this, and bloom divides by no less.
@@ -127,7 +128,8 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
              uint pixels, const std::optional<Matrix>& matrix, Rounding rounding, BadCounts* counts);
 
 Meter meter(const Scene& scene, const MeterParams& params = {});
-// The metering weight of texel (x, y) in a width x height frame, 0 .. 255, if its luminance is not ignored.
+// The metering weight of texel (x, y) in a width x height frame, 0 .. 255, if its luminance is not ignored
+// and its alpha is 1.
 uint32_t meter_weight(uint32_t x, uint32_t y, uint32_t width, uint32_t height, const MeterParams& params);
 
 // D_0 of the mip kinds. Negative components of the scene count as 0.

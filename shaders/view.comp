@@ -1,7 +1,7 @@
 // A view of an environment: the sky, and spheres in front of it.
 //
-// In: the chain, the specular levels, and the scene: a ViewLight and ViewObjects. Out: rows of RGBA halves,
-// as they would arrive on the wire.
+// In: the chain, the specular levels, and the scene: a ViewLight and ViewObjects. Out: rows of RGBA halves, or
+// with FLOATS floats, as they would arrive on the wire.
 // Method: docs/environments.md section 6, in camera axes. Only directions that are looked up are turned into
 // the axes of the environment. The sky is drawn everywhere. After it, OBJECTS draws the pixels of objects, in
 // tiles that they may touch. Loops test at their end: the software device runs the body of a loop that tests
@@ -17,6 +17,7 @@ layout(constant_id = 1) const bool MAGNIFIED = false;
 layout(constant_id = 2) const bool SHARP = true;
 layout(constant_id = 3) const bool ROUGH = true;
 layout(constant_id = 4) const bool SAMPLES = true;
+layout(constant_id = 5) const bool FLOATS = false;
 layout(set = 0, binding = 0) uniform utextureBuffer chain;
 layout(set = 0, binding = 1) uniform utextureBuffer specular;
 layout(set = 0, binding = 2) uniform utextureBuffer scene;
@@ -102,6 +103,8 @@ vec3 grid_ray(float x, float y, uint k, uint side) {
   return ray(x + (float(k % side) + 0.5) * step_, y + (float(k / side) + 0.5) * step_);
 }
 
+u64vec2 float_words(vec3 c) { return pack64(floatBitsToUint(vec4(c, 1.0))); }
+
 // Draws the pixel, unless it shows the sky alone.
 void draw_object(uint column, uint row) {
   float x = float(column);
@@ -128,7 +131,11 @@ void draw_object(uint column, uint row) {
   }
   if (column >= p.width || row >= p.height || (centre == SKY && !mixed)) return;
   uint at = (row - p.first_row) * p.pitch + column;
-  written[at / 2u][at & 1u] = pack_halves(clamp(c, -MAX_SCENE_VALUE, MAX_SCENE_VALUE));
+  if (FLOATS) {
+    written[at] = float_words(clamp(c, -MAX_LIGHT, MAX_LIGHT));
+  } else {
+    written[at / 2u][at & 1u] = pack_halves(clamp(c, -MAX_HALF, MAX_HALF));
+  }
 }
 
 // The sky along a row, from `x` to `x_end`, two pixels at a time. A mean of texels needs no clamp.
@@ -147,9 +154,13 @@ void draw_sky(uint x, uint x_end, uint y) {
       } else {
         c = chain_at(chain, p.chain_size, p.chain_last, place, max(0.0, lod_of(place.size)));
       }
-      texels[i] = pack_halves(c);
+      if (FLOATS) {
+        if (x < x_end) written[start + x + i] = float_words(c);
+      } else {
+        texels[i] = pack_halves(c);
+      }
     }
-    if (x < x_end) written[(start + x) / 2u] = u64vec2(texels[0], texels[1]);
+    if (!FLOATS && x < x_end) written[(start + x) / 2u] = u64vec2(texels[0], texels[1]);
     x += 2u * VIEW_TILE;
   } while (x < x_end);
 }

@@ -1,12 +1,11 @@
 #include "client/environment/baked_environment.h"
 
-#include <half.h>
-
 #include <cmath>
 #include <cstring>
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/environment/cube_faces.h"
 #include "proto/candela/v1/rgb9e5.h"
 
 namespace candela {
@@ -32,20 +31,19 @@ absl::Status check_level(const BakedEnvironment& environment, size_t index) {
   return absl::OkStatus();
 }
 
-// Packs the halves of one texel.
-uint32_t pack(const std::byte* halves, Rgb9e5Losses& losses) {
-  uint16_t half[3];
-  std::memcpy(half, halves, sizeof half);
-  std::array<float, 3> rgb;
-  for (size_t c = 0; c < 3; ++c) {
-    rgb[c] = imath_half_to_float(half[c]);
-    losses.negative += !(rgb[c] >= 0);
-    losses.clamped += rgb[c] > v1::kMaxRgb9e5;
+uint32_t pack(const std::array<float, 3>& rgb, Rgb9e5Losses& losses) {
+  for (const float component : rgb) {
+    losses.negative += !(component >= 0);
+    losses.clamped += component > v1::kMaxRgb9e5;
   }
   return v1::pack_rgb9e5(rgb);
 }
 
 }  // namespace
+
+const char* name(CubeFormat format) {
+  return format == CubeFormat::kRgba32f ? "rgba32f" : format == CubeFormat::kRgba16f ? "rgba16f" : "rgb9e5";
+}
 
 const char* name(Handedness handedness) { return handedness == Handedness::kLeft ? "left" : "right"; }
 
@@ -75,13 +73,16 @@ absl::StatusOr<Rgb9e5Losses> convert_to_rgb9e5(BakedEnvironment& environment) {
   if (environment.format == CubeFormat::kRgb9e5) return losses;
   std::vector<PixelBuffer> packed;
   for (const BakedLevel& level : environment.levels) {
-    PixelBuffer& words = packed.emplace_back(level.texels.size() / 2);
+    const uint32_t texel_bytes = bytes_per_texel(environment.format);
+    const size_t bytes = level.texels.size() / texel_bytes * 4;
+    PixelBuffer& words = packed.emplace_back(bytes);
     if (words.empty()) {
       return absl::ResourceExhaustedError(
-          absl::StrFormat("not enough memory for the %d bytes of an RGB9E5 level", level.texels.size() / 2));
+          absl::StrFormat("not enough memory for the %d bytes of an RGB9E5 level", bytes));
     }
     for (size_t i = 0; i < words.size() / 4; ++i) {
-      const uint32_t word = pack(level.texels.data() + 8 * i, losses);
+      const uint32_t word =
+          pack(texel_rgb(level.texels.data() + texel_bytes * i, environment.format), losses);
       std::memcpy(words.data() + 4 * i, &word, 4);
     }
   }

@@ -14,10 +14,15 @@
 
 namespace candela {
 
-// A texel of a cube map: four halves (R, G, B and an alpha of 1), or one RGB9E5 word. Little endian.
-enum class CubeFormat { kRgba16f, kRgb9e5 };
+// A texel of a cube map: four halves or floats (R, G, B and an alpha of 1), or one RGB9E5 word. Little
+// endian.
+enum class CubeFormat { kRgba16f, kRgb9e5, kRgba32f };
 
-constexpr uint32_t bytes_per_texel(CubeFormat format) { return format == CubeFormat::kRgba16f ? 8 : 4; }
+constexpr uint32_t bytes_per_texel(CubeFormat format) {
+  return format == CubeFormat::kRgba32f ? 16 : format == CubeFormat::kRgba16f ? 8 : 4;
+}
+
+const char* name(CubeFormat format);  // "rgba16f"
 
 // How a cube map in a file is to be sampled for the world's direction d. Texels in memory are always those of
 // kRight.

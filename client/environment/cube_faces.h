@@ -27,13 +27,22 @@ constexpr FileFace file_face(uint32_t face, Handedness handedness) {
   return {face < 2 ? 1 - face : face, true};
 }
 
+// R, G and B of a texel.
+std::array<float, 3> texel_rgb(const std::byte* texel, CubeFormat format);
+
+// The format of pictures of an environment: kRgba32f if its texels are floats, else kRgba16f, which holds
+// both other formats exactly.
+ImageFormat picture_format(const BakedEnvironment& environment);
+// Writes a pixel of that format, with an alpha of 1.
+void write_pixel(const std::array<float, 3>& rgb, ImageFormat format, std::byte* out);
+
 // Row `j` of a world's face of level `level`, with its columns reversed if `mirrored`. The texels are in the
-// environment's format, or halves with an alpha of 1, which hold both formats exactly.
+// environment's format, or in that of its pictures.
 void copy_row(const BakedEnvironment& environment, size_t level, FileFace face, uint32_t j, std::byte* out);
-void copy_row_as_halves(const BakedEnvironment& environment, size_t level, FileFace face, uint32_t j,
+void copy_row_as_pixels(const BakedEnvironment& environment, size_t level, FileFace face, uint32_t j,
                         std::byte* out);
 
-// `face` as it is in a file of the environment's handedness; kRgba16f. Fails like make_image().
+// `face` as it is in a file of the environment's handedness. Fails like make_image().
 absl::StatusOr<Image> face_picture(const BakedEnvironment& environment, size_t level, uint32_t face);
 
 }  // namespace candela

@@ -1,14 +1,10 @@
 #include "client/environment/cube_lookup.h"
 
-#include <half.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 
 #include "client/environment/cube_faces.h"
-#include "proto/candela/v1/rgb9e5.h"
 
 namespace candela {
 namespace {
@@ -31,15 +27,7 @@ uint32_t face_of(const std::array<T, 3>& v) {
 CubeLookup::Rgb CubeLookup::texel(uint32_t face, int i, int j) const {
   const auto size = static_cast<size_t>(level_.size);
   const size_t index = (face * size + static_cast<size_t>(j)) * size + static_cast<size_t>(i);
-  const std::byte* at = level_.texels.data() + index * bytes_per_texel(format_);
-  if (format_ == CubeFormat::kRgb9e5) {
-    uint32_t word = 0;
-    std::memcpy(&word, at, 4);
-    return v1::unpack_rgb9e5(word);
-  }
-  uint16_t half[3];
-  std::memcpy(half, at, sizeof half);
-  return {imath_half_to_float(half[0]), imath_half_to_float(half[1]), imath_half_to_float(half[2])};
+  return texel_rgb(level_.texels.data() + index * bytes_per_texel(format_), format_);
 }
 
 CubeLookup::Rgb CubeLookup::beyond_edge(uint32_t face, int i, int j) const {

@@ -21,7 +21,8 @@ namespace candela {
 // Every text ends with a NUL. ktx-parse, which three.js uses, gives the last three as bytes, with that NUL.
 absl::Status write_ktx2(const std::string& path, const BakedEnvironment& environment);
 
-// The same faces as OpenEXR files of halves: FOLDER/px.exr nx py ny pz nz for level 0, FOLDER/level1/px.exr
+// The same faces as OpenEXR files of halves, or floats if the texels are: FOLDER/px.exr nx py ny pz nz for
+// level 0, FOLDER/level1/px.exr
 // ... for the next ones. Creates FOLDER and its folders; FOLDER's own folder must exist. After a failure the
 // files that were already written stay.
 absl::Status write_face_files(const std::string& folder, const BakedEnvironment& environment);

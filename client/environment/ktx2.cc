@@ -38,10 +38,11 @@ constexpr uint32_t kExponent = 0x20, kSigned = 0x40, kFloat = 0x80;
 
 std::vector<Sample> samples_of(CubeFormat format) {
   std::vector<Sample> samples;
-  if (format == CubeFormat::kRgba16f) {
+  if (format != CubeFormat::kRgb9e5) {
+    const uint32_t bits = format == CubeFormat::kRgba32f ? 32 : 16;
     const uint32_t channels[] = {0, 1, 2, 15};  // R, G, B, alpha
     for (uint32_t c = 0; c < 4; ++c) {
-      samples.push_back({16 * c, 16, channels[c] | kSigned | kFloat, std::bit_cast<uint32_t>(-1.0f),
+      samples.push_back({bits * c, bits, channels[c] | kSigned | kFloat, std::bit_cast<uint32_t>(-1.0f),
                          std::bit_cast<uint32_t>(1.0f)});
     }
     return samples;
@@ -53,6 +54,16 @@ std::vector<Sample> samples_of(CubeFormat format) {
     samples.push_back({27, 5, c | kExponent, 15, 31});
   }
   return samples;
+}
+
+// The format as Vulkan numbers it, and the size of what it is made of.
+struct VulkanFormat {
+  uint32_t number, type_bytes;
+};
+VulkanFormat vulkan_format(CubeFormat format) {
+  if (format == CubeFormat::kRgba32f) return {109, 4};
+  if (format == CubeFormat::kRgba16f) return {97, 2};
+  return {123, 4};
 }
 
 // The data format descriptor: one basic block.
@@ -104,7 +115,7 @@ std::string key_values(const BakedEnvironment& environment) {
 
 // Everything before the first level's data, which is the smallest level's.
 std::string head(const BakedEnvironment& environment) {
-  const bool halves = environment.format == CubeFormat::kRgba16f;
+  const auto [number, type_bytes] = vulkan_format(environment.format);
   const auto levels = static_cast<uint32_t>(environment.levels.size());
   const std::string format = descriptor(environment.format), keys = key_values(environment);
   const auto format_at = kHeaderBytes + levels * kLevelIndexBytes;
@@ -115,8 +126,7 @@ std::string head(const BakedEnvironment& environment) {
   const uint32_t size = environment.levels[0].size;
   // vkFormat, typeSize, pixelWidth, pixelHeight, pixelDepth, layerCount, faceCount, levelCount,
   // supercompressionScheme
-  for (const uint32_t value :
-       {halves ? 97u : 123u, halves ? 2u : 4u, size, size, 0u, 0u, kCubeFaces, levels, 0u}) {
+  for (const uint32_t value : {number, type_bytes, size, size, 0u, 0u, kCubeFaces, levels, 0u}) {
     append_u32(bytes, value);
   }
   for (const uint32_t value :

@@ -1,7 +1,5 @@
 #include "client/environment/pictures.h"
 
-#include <half.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -64,12 +62,12 @@ std::byte* pixel_at(Image& image, uint32_t x, uint32_t y) {
 absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t level) {
   if (absl::Status status = check_has_level(environment, level); !status.ok()) return status;
   const uint32_t size = environment.levels[level].size;
-  absl::StatusOr<Image> image = black_image(4 * size, 3 * size, ImageFormat::kRgba16f);
+  absl::StatusOr<Image> image = black_image(4 * size, 3 * size, picture_format(environment));
   if (!image.ok()) return image;
   for (const Cell& cell : kCross) {
     for (uint32_t j = 0; j < size; ++j) {
       const uint32_t y = cell.row * size + (cell.upside_down ? size - 1 - j : j);
-      copy_row_as_halves(environment, level, {cell.face, cell.mirrored}, j,
+      copy_row_as_pixels(environment, level, {cell.face, cell.mirrored}, j,
                          pixel_at(*image, cell.column * size, y));
     }
   }
@@ -79,7 +77,7 @@ absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t 
 absl::StatusOr<Image> equirectangular_picture(const BakedEnvironment& environment, size_t level) {
   if (absl::Status status = check_has_level(environment, level); !status.ok()) return status;
   const uint32_t size = environment.levels[level].size, width = 4 * size, height = 2 * size;
-  absl::StatusOr<Image> image = make_image(width, height, ImageFormat::kRgba16f);
+  absl::StatusOr<Image> image = make_image(width, height, picture_format(environment));
   if (!image.ok()) return image;
   constexpr double kPi = std::numbers::pi;
   std::vector<std::array<double, 2>> longitudes(width);  // sine and cosine
@@ -95,9 +93,7 @@ absl::StatusOr<Image> equirectangular_picture(const BakedEnvironment& environmen
       const auto [sine, cosine] = longitudes[x];
       const std::array<float, 3> rgb = lookup.at(
           {static_cast<float>(sine * out), static_cast<float>(up), static_cast<float>(-cosine * out)});
-      const uint16_t half[4] = {imath_float_to_half(rgb[0]), imath_float_to_half(rgb[1]),
-                                imath_float_to_half(rgb[2]), 0x3c00};
-      std::memcpy(pixel_at(*image, x, y), half, sizeof half);
+      write_pixel(rgb, image->format, pixel_at(*image, x, y));
     }
   }
   return image;

@@ -13,8 +13,8 @@ namespace candela {
 
 // The six faces of level `level` as a cross of 4N x 3N pixels, as one sees them from inside, unmirrored: from
 // left to right left, ahead, right and behind; up above ahead, and down below it. The rest is black.
-// kRgba16f, without alpha, whatever the environment's handedness. Fails like check_environment() and
-// make_image(), and with OUT_OF_RANGE if there is no such level.
+// In picture_format(), without alpha, whatever the environment's handedness. Fails like check_environment()
+// and make_image(), and with OUT_OF_RANGE if there is no such level.
 absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t level);
 
 // The level as a panorama of 4N x 2N pixels in the projection of docs/environments.md section 1, each pixel

@@ -41,6 +41,7 @@ absl::Status hold_to_reference(FrameMemory& memory, const FrameReport& report) {
   const FrameStats& truth = verification.truth;
   const bool counts = report.stats.nan_components == truth.nan_components &&
                       report.stats.infinite_components == truth.infinite_components &&
+                      report.stats.clamped_components == truth.clamped_components &&
                       report.stats.negative_components == truth.negative_components;
   if (error.meter_error_ev <= kMaxEv && error.max_codes <= kMaxCodes && counts) return absl::OkStatus();
   return absl::InternalError(

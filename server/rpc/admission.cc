@@ -32,6 +32,7 @@ absl::Status use_view(const v1::View& message, const EnvironmentUse& held, Servi
   if (!environment.ok()) return environment.status();
   request.view = *std::move(view);
   request.environment = *std::move(environment);
+  request.desc.format = EnvironmentBaker::view_format(request.environment->environment);
   return absl::OkStatus();
 }
 

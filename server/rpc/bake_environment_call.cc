@@ -22,13 +22,19 @@
 namespace candela {
 namespace {
 
-// Counts in `header` what RGB9E5 does not hold of the components.
-void count_losses(const std::vector<float>& rgb, v1::BakeHeader& header) {
-  const auto negative = std::count_if(rgb.begin(), rgb.end(), [](float c) { return c < 0; });
-  const auto clamped = std::count_if(rgb.begin(), rgb.end(), [](float c) { return c > v1::kMaxRgb9e5; });
+// Counts in `header` what the format does not hold of the components.
+void count_losses(const std::vector<float>& rgb, v1::PixelFormat format, v1::BakeHeader& header) {
+  if (format == v1::PIXEL_FORMAT_RGBA32F) return;
+  const bool rgb9e5 = format == v1::PIXEL_FORMAT_RGB9E5;
+  const float most = rgb9e5 ? v1::kMaxRgb9e5 : shader::MAX_HALF;
+  const auto negative = std::count_if(rgb.begin(), rgb.end(), [=](float c) { return rgb9e5 && c < 0; });
+  const auto clamped =
+      std::count_if(rgb.begin(), rgb.end(), [=](float c) { return c > most || (!rgb9e5 && c < -most); });
   header.set_negative_components(header.negative_components() + static_cast<uint64_t>(negative));
   header.set_clamped_components(header.clamped_components() + static_cast<uint64_t>(clamped));
 }
+
+Imath::half to_half(float c) { return Imath::half(std::clamp(c, -shader::MAX_HALF, shader::MAX_HALF)); }
 
 // A face's texels on the wire.
 std::vector<std::byte> to_wire(const std::vector<float>& rgb, v1::PixelFormat format) {
@@ -39,8 +45,11 @@ std::vector<std::byte> to_wire(const std::vector<float>& rgb, v1::PixelFormat fo
     if (format == v1::PIXEL_FORMAT_RGB9E5) {
       const uint32_t word = v1::pack_rgb9e5(texel);
       std::memcpy(&bytes[i * sizeof word], &word, sizeof word);
+    } else if (format == v1::PIXEL_FORMAT_RGBA32F) {
+      const std::array<float, 4> floats{texel[0], texel[1], texel[2], 1.0f};
+      std::memcpy(&bytes[i * sizeof floats], floats.data(), sizeof floats);
     } else {
-      const std::array<Imath::half, 4> halves{texel[0], texel[1], texel[2], 1.0f};
+      const std::array<Imath::half, 4> halves{to_half(texel[0]), to_half(texel[1]), to_half(texel[2]), 1.0f};
       std::memcpy(&bytes[i * sizeof halves], halves.data(), sizeof halves);
     }
   }
@@ -68,12 +77,12 @@ struct BakeEnvironmentCall::Work {
   std::optional<reference::Scene> panorama;  // if errors are measured
 };
 
-// The faces on the wire; for errors also the floats of a level, and the panorama as halves and as floats.
+// The faces on the wire; for errors also the floats of a level, and the panorama.
 uint64_t BakeEnvironmentCall::Work::host_memory() const {
   if (!start.verify) return face_bytes();
   const uint64_t level = uint64_t{size} * size * kCubeFaces * 3 * sizeof(float);
   const uint64_t texels = uint64_t{environment->facts.width()} * environment->facts.height();
-  return face_bytes() + level + texels * (4 * sizeof(uint16_t) + 4 * sizeof(float));
+  return face_bytes() + level + texels * EnvironmentBaker::kReadTexelBytes;
 }
 
 // The bytes of all faces on the wire.
@@ -96,9 +105,10 @@ absl::Status BakeEnvironmentCall::Work::bake() {
     if (!cube.ok()) return cube.status();
   }
   if (start.verify) {
-    const absl::StatusOr<std::vector<uint16_t>> halves = baker.read_panorama(environment->environment);
-    if (!halves.ok()) return halves.status();
-    panorama = panorama_scene(*halves, environment->facts.width(), environment->facts.height());
+    absl::StatusOr<std::vector<std::array<float, 4>>> texels = baker.read_panorama(environment->environment);
+    if (!texels.ok()) return texels.status();
+    panorama.emplace(
+        reference::Scene{environment->facts.width(), environment->facts.height(), *std::move(texels), {}});
   }
   {
     const HostStage stage(start.verify ? "verify" : "download", &stages);
@@ -116,7 +126,7 @@ absl::Status BakeEnvironmentCall::Work::download(const BakedCube& cube) {
       absl::StatusOr<std::vector<float>> rgb = level == 0 ? baker.read_face(cube.chain, cube.first, face)
                                                           : baker.read_face(cube.specular, level - 1, face);
       if (!rgb.ok()) return rgb.status();
-      if (start.format == v1::PIXEL_FORMAT_RGB9E5) count_losses(*rgb, header);
+      count_losses(*rgb, start.format, header);
       faces.push_back(to_wire(*rgb, start.format));
       if (start.verify) read.push_back(*std::move(rgb));
       checkpoint();

@@ -23,10 +23,13 @@ struct PutEnvironmentCall::Work {
   v1::Environment facts;
   EnvironmentUse environment;
   std::vector<StageTime> stages;
+  EnvironmentStore* store = nullptr;
 
   // On the render thread.
   absl::Status run();
   absl::StatusOr<EnvironmentUse> ingest();
+  // Room for a panorama of `bytes`, instead of what there is.
+  absl::Status grow(uint64_t bytes);
 };
 
 absl::Status PutEnvironmentCall::Work::run() {
@@ -37,21 +40,35 @@ absl::Status PutEnvironmentCall::Work::run() {
   return made.status();
 }
 
+absl::Status PutEnvironmentCall::Work::grow(uint64_t bytes) {
+  const uint64_t wanted = environment_bytes(facts.width(), bytes);
+  if (absl::Status fits = store->check_size(wanted); !fits.ok()) return fits;
+  absl::StatusOr<EnvironmentRoom> more = store->make_room(wanted - room.bytes());
+  if (!more.ok()) return more.status();
+  room.add(*std::move(more));
+  facts.set_memory_bytes(room.bytes());
+  return absl::OkStatus();
+}
+
 absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
   EnvironmentBaker& baker = renderer->baker();
   auto kept = std::make_shared<KeptEnvironment>();
   {
     const HostStage stage("panorama", &stages);
-    absl::StatusOr<Environment> finished = baker.finish(*std::move(upload), start.to_scene);
+    absl::StatusOr<Environment> finished = baker.finish(
+        *std::move(upload), start.to_scene, [this](uint64_t bytes) { return grow(bytes); },
+        [this] { return store->free_one(); });
     if (!finished.ok()) return finished.status();
     kept->environment = *std::move(finished);
   }
   const PanoramaBadValues& bad = kept->environment.bad;
   if (start.reject_bad && bad.first_bad_texel) {
     const uint32_t width = kept->environment.width;
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "pixel (%d, %d) of the panorama is NaN or Inf, and bad_values is REJECT; use SCRUB or mend the file",
-        *bad.first_bad_texel % width, *bad.first_bad_texel / width));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("pixel (%d, %d) of the panorama is NaN, Inf or beyond 2^30, and bad_values is "
+                        "REJECT; use SCRUB or mend "
+                        "the file",
+                        *bad.first_bad_texel % width, *bad.first_bad_texel / width));
   }
   {
     const HostStage stage("panorama_sh", &stages);
@@ -64,6 +81,7 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
   facts.set_nan_components(bad.nan);
   facts.set_infinite_components(bad.infinite);
   facts.set_negative_components(bad.negative);
+  facts.set_clamped_components(bad.clamped);
   kept->facts = facts;
   kept->room = std::move(room);
   kept->renderer = renderer;
@@ -112,6 +130,7 @@ absl::Status PutEnvironmentCall::take_memory() {
   auto work = std::make_shared<Work>();
   work->renderer = state_.rendering.renderer();
   work->start = *start_;
+  work->store = &state_.environments;
   absl::StatusOr<PanoramaUpload> upload = work->renderer->baker().take(desc);
   while (absl::IsUnavailable(upload.status()) && state_.environments.free_one()) {
     upload = work->renderer->baker().take(desc);

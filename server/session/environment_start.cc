@@ -124,9 +124,9 @@ BakeQuality view_quality() { return quality_of(*find_tier("standard")); }
 
 absl::StatusOr<BakeStart> bake_start_from(const v1::BakeEnvironmentRequest& request) {
   BakeStart start{.spec = {}, .format = request.format(), .verify = request.verify()};
-  if (start.format != v1::PIXEL_FORMAT_RGBA16F && start.format != v1::PIXEL_FORMAT_RGB9E5) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("format is %d; a bake is RGBA16F (1) or RGB9E5 (3)", static_cast<int>(start.format)));
+  if (start.format == v1::PIXEL_FORMAT_UNSPECIFIED || !v1::PixelFormat_IsValid(start.format)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "format is %d; a bake is RGBA16F (1), RGBA32F (2) or RGB9E5 (3)", static_cast<int>(start.format)));
   }
   const auto [min, max] = v1::kRotationDeg;
   if (absl::Status status = check_range("rotation_deg", request.rotation_deg(), min, max); !status.ok()) {

@@ -22,6 +22,11 @@ EnvironmentRoom& EnvironmentRoom::operator=(EnvironmentRoom&& other) noexcept {
   return *this;
 }
 
+void EnvironmentRoom::add(EnvironmentRoom other) {
+  bytes_ += std::exchange(other.bytes_, 0);
+  if (used_ == nullptr) used_ = std::move(other.used_);
+}
+
 EnvironmentRoom::~EnvironmentRoom() {
   if (used_ != nullptr) *used_ -= bytes_;
 }

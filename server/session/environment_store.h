@@ -27,6 +27,8 @@ class EnvironmentRoom {
   ~EnvironmentRoom();
 
   uint64_t bytes() const { return bytes_; }
+  // Adds the other's to it.
+  void add(EnvironmentRoom other);
 
  private:
   std::shared_ptr<std::atomic<uint64_t>> used_;

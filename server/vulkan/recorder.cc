@@ -111,8 +111,8 @@ void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<
   }
 }
 
-void Recorder::fill_zero(const Buffer& buffer) {
-  vkCmdFillBuffer(commands_, buffer.handle(), 0, VK_WHOLE_SIZE, 0);
+void Recorder::fill_zero(const Buffer& buffer, uint64_t bytes) {
+  vkCmdFillBuffer(commands_, buffer.handle(), 0, bytes, 0);
 }
 
 void Recorder::update(const Buffer& buffer, const void* data, uint64_t bytes) {

@@ -42,7 +42,9 @@ class Recorder {
   void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
                 const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
                 std::span<const Box> groups);
-  void fill_zero(const Buffer& buffer);
+  void fill_zero(const Buffer& buffer) { fill_zero(buffer, buffer.bytes()); }
+  // Its first `bytes`, a multiple of 4.
+  void fill_zero(const Buffer& buffer, uint64_t bytes);
   // Copies `bytes` from `data` now, and into the buffer when the commands run. A multiple of 4, at most
   // 65536.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);

@@ -79,5 +79,6 @@ uint64_t pack_halves(vec4 c) {
 bool is_nan(float x) { return (floatBitsToUint(x) & 0x7fffffffu) > 0x7f800000u; }
 bool is_infinite(float x) { return (floatBitsToUint(x) & 0x7fffffffu) == 0x7f800000u; }
 
-float scrub(float x) { return is_nan(x) ? 0.0 : clamp(x, -MAX_SCENE_VALUE, MAX_SCENE_VALUE); }
-vec4 scrub(vec4 c) { return vec4(scrub(c.r), scrub(c.g), scrub(c.b), scrub(c.a)); }
+float scrub_alpha(float x) { return is_nan(x) ? 0.0 : clamp(x, -MAX_HALF, MAX_HALF); }
+float scrub_light(float x) { return is_infinite(x) ? scrub_alpha(x) : is_nan(x) ? 0.0 : clamp(x, -MAX_LIGHT, MAX_LIGHT); }
+vec4 scrub(vec4 c) { return vec4(scrub_light(c.r), scrub_light(c.g), scrub_light(c.b), scrub_alpha(c.a)); }

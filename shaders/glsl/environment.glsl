@@ -64,14 +64,15 @@ PanoramaPlace panorama_place(PanoramaLayout panorama, vec3 d) {
   return place;
 }
 
-vec3 panorama_texel(utextureBuffer texels, uint at) {
+vec3 panorama_texel(utextureBuffer texels, bool floats, uint at) {
+  if (floats) return uintBitsToFloat(texelFetch(texels, int(at)).rgb);
   uvec4 words = texelFetch(texels, int(at / 2u));
   uvec2 halves = (at & 1u) == 0u ? words.xy : words.zw;
   return vec3(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y).x);
 }
 
 // Row y at the place's column. Beyond the first and the last row it is that row, half a turn further.
-vec3 panorama_row(utextureBuffer texels, PanoramaLayout panorama, PanoramaPlace place, int y) {
+vec3 panorama_row(utextureBuffer texels, bool floats, PanoramaLayout panorama, PanoramaPlace place, int y) {
   int x = place.x;
   float f = place.fx;
   bool beyond = y < 0 || y >= int(panorama.height);
@@ -83,14 +84,14 @@ vec3 panorama_row(utextureBuffer texels, PanoramaLayout panorama, PanoramaPlace 
   f = beyond ? across - float(carry) : f;
   uint row = uint(clamp(y, 0, int(panorama.height) - 1)) * panorama.pitch;
   uint next = uint(x) + 1u == panorama.width ? 0u : uint(x) + 1u;
-  return mix(panorama_texel(texels, row + uint(x)), panorama_texel(texels, row + next), f);
+  return mix(panorama_texel(texels, floats, row + uint(x)), panorama_texel(texels, floats, row + next), f);
 }
 
-// P(d). The length of d does not matter.
-vec3 panorama_at(utextureBuffer texels, PanoramaLayout panorama, vec3 d) {
+// P(d). The length of d does not matter. `floats`: the texels are not halves.
+vec3 panorama_at(utextureBuffer texels, bool floats, PanoramaLayout panorama, vec3 d) {
   PanoramaPlace place = panorama_place(panorama, d);
-  vec3 above = panorama_row(texels, panorama, place, place.y);
-  vec3 below = panorama_row(texels, panorama, place, place.y + 1);
+  vec3 above = panorama_row(texels, floats, panorama, place, place.y);
+  vec3 below = panorama_row(texels, floats, panorama, place, place.y + 1);
   return mix(above, below, place.fy);
 }
 

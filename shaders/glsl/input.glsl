@@ -1,8 +1,9 @@
 // Ingest: the wire's pixels to scene pixels (docs/pipeline.md section 1). The scene is not stored. Each pass
 // that reads the frame ingests it texel by texel, with arithmetic that gives the same bits every time.
 //
-// The including shader declares the constants PIXELS, MATRIX and SCRUB. SCRUB may be false only if every
-// component is known to be finite and within +-65504.
+// The including shader declares the constants PIXELS, MATRIX and SCRUB. Without SCRUB a texel is right only if
+// its components are finite and within +-65504, on the wire and in the scene. Frames are all of one kind:
+// ingest finds out which.
 
 // The frame's bytes, four words per element whatever the pixel format.
 layout(set = 0, binding = 0) uniform utextureBuffer wire_words;
@@ -48,16 +49,26 @@ vec4 wire_texel(WireGroup g, uint i) {
   return unpack_rgb9e5(g.words[0][i]);
 }
 
-// A scene texel from a wire texel before it is rounded: scrub, primaries, clamp.
-vec4 ingest_unrounded(InputParams frame, vec4 wire) {
+// A scene texel from a wire texel before it is clamped and rounded: scrub, primaries.
+vec4 ingest_unclamped(InputParams frame, vec4 wire) {
   vec4 c = SCRUB ? scrub(wire) : wire;
-  if (MATRIX) {
-    precise float r = (frame.m00 * c.r + frame.m01 * c.g) + frame.m02 * c.b;
-    precise float g = (frame.m10 * c.r + frame.m11 * c.g) + frame.m12 * c.b;
-    precise float b = (frame.m20 * c.r + frame.m21 * c.g) + frame.m22 * c.b;
-    c = clamp(vec4(r, g, b, c.a), -MAX_SCENE_VALUE, MAX_SCENE_VALUE);
-  }
-  return c;
+  if (!MATRIX) return c;
+  precise float r = (frame.m00 * c.r + frame.m01 * c.g) + frame.m02 * c.b;
+  precise float g = (frame.m10 * c.r + frame.m11 * c.g) + frame.m12 * c.b;
+  precise float b = (frame.m20 * c.r + frame.m21 * c.g) + frame.m22 * c.b;
+  return vec4(r, g, b, c.a);
+}
+
+// The same before it is rounded.
+vec4 ingest_unrounded(InputParams frame, vec4 wire) {
+  vec4 c = ingest_unclamped(frame, wire);
+  return SCRUB && MATRIX ? clamp(c, -MAX_LIGHT, MAX_LIGHT) : c;
+}
+
+// Rounds components to half. Those beyond the largest half stay as they are.
+vec4 rounded(vec4 c) {
+  vec4 halves = round_to_half(c);
+  return SCRUB ? mix(halves, c, greaterThan(abs(c), vec4(MAX_HALF))) : halves;
 }
 
 // Whether the scene's texels are rounded to half.
@@ -67,11 +78,11 @@ const bool ROUNDS = PIXELS == PIXELS_RGBA32F || MATRIX;
 vec4 ingest_wide(InputParams frame, vec4 wire) {
   vec4 c = ingest_unrounded(frame, wire);
   bool negative = min(min(c.r, c.g), c.b) < 0.0;
-  return ROUNDS && !negative ? round_to_half(c) : c;
+  return ROUNDS && !negative ? rounded(c) : c;
 }
 
 // A scene texel from a wire texel.
 vec4 ingest(InputParams frame, vec4 wire) {
   vec4 c = ingest_unrounded(frame, wire);
-  return ROUNDS ? round_to_half(c) : c;
+  return ROUNDS ? rounded(c) : c;
 }

@@ -66,7 +66,7 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {render({"--key", "0.18x"}), "\"0.18x\", which is not a number"},
            {render({"--min-exposure", "100"}), "--min-exposure 100 is above --max-exposure 64"},
            {render({"--bloom-intensity", "10.1"}), "it must be 0 .. 10"},
-           {render({"--bloom-threshold", "65505"}), "it must be 0 .. 65504"},
+           {render({"--bloom-threshold", "1.1e9"}), "it must be 0 .. 2^30"},
            {render({"--bloom-softness", "-0.1"}), "it must be 0 .. 1"},
            {render({"--bloom-levels", "2.5"}), "a whole number, 1 .. 16"},
            {render({"--bloom-levels", "17"}), "1 .. 16"},

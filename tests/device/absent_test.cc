@@ -92,7 +92,8 @@ TEST_F(Absent, IsDecidedOnTheWireAfterTheScrub) {
       });
       const FrameStats stats = report(frame, metering_settings(kStatistics[0], kWeights[0])).stats;
       EXPECT_EQ(stats.absent_pixels, c.absent ? 1u : 0u) << c.texel[0] << " " << c.texel[3];
-      EXPECT_EQ(stats.metered_weight, c.absent ? 14u : 15u) << c.texel[0] << " " << c.texel[3];
+      EXPECT_EQ(stats.metered_weight, c.texel[3] < 0.5f || c.absent ? 14u : 15u)
+          << c.texel[0] << " " << c.texel[3];
       expect_as_reference(frame, metering_settings(kStatistics[0], kWeights[0]));
     }
   }
@@ -127,6 +128,68 @@ TEST_F(Absent, AnObjectOnNothingMetersAsTheObjectAlone) {
       EXPECT_EQ(a.stats.metered_weight, b.stats.metered_weight);
       EXPECT_EQ(b.stats.absent_pixels, uint64_t{placed.desc.width} * placed.desc.height - kWidth * kHeight);
       EXPECT_EQ(b.stats.min_luminance, 0.0f);
+    }
+  }
+}
+
+// A pixel counts by its alpha in 255 steps.
+TEST_F(Absent, CoverageIsTheWeight) {
+  const auto mean = [](const WireFrame& frame, v1::Metering::Weights weights = kWeights[0]) {
+    return report(frame, metering_settings(kStatistics[0], weights)).stats.mean_log2_luminance;
+  };
+  // Light of 16 beside light of 1 with the alphas a and b.
+  const auto pair = [](float a, float b) {
+    return make_frame(128, 64, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t) -> Texel {
+      return x % 2 == 0 ? Texel{16, 16, 16, a} : Texel{1, 1, 1, b};
+    });
+  };
+  EXPECT_NEAR(mean(pair(0.5f, 1)), 4.0 * 128 / (128 + 255), 2e-5);
+  EXPECT_NEAR(mean(pair(1, 0.25f)), 4.0 * 255 / (255 + 64), 2e-5);
+  EXPECT_NEAR(mean(pair(7, 0.25f)), 4.0 * 255 / (255 + 64), 2e-5);  // cut to 1
+  EXPECT_NEAR(mean(pair(0, 0.25f)), 0.0, 2e-5);                     // a flame covers nothing
+  EXPECT_NEAR(mean(pair(-3, 0.001f)), 2.0, 2e-5);                   // none is above 0 in 255 steps
+  EXPECT_NEAR(mean(pair(0, 0)), 2.0, 2e-5);
+  EXPECT_NEAR(mean(pair(NAN, 1)), 0.0, 2e-5);
+  // Whatever is metered, light stays as it stands in the file.
+  for (const auto weights : kWeights) {
+    EXPECT_NEAR(mean(flat(97, 65, {0.5f, 0.5f, 0.5f, 0.125f}), weights), -1.0, 2e-5);
+    EXPECT_NEAR(mean(flat(97, 65, {0.5f, 0.5f, 0.5f, 0}), weights), -1.0, 2e-5);
+  }
+}
+
+TEST_F(Absent, CoverageIsAsTheReferenceHasItAndIgnoredIfAlphaIs) {
+  for (const auto format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
+    for (const auto& [scale, least] : {std::pair{1.0f, 0.0f}, {4.0f, 0.0f}, {0.004f, 0.0f}, {1.0f, -0.9f}}) {
+      const WireFrame frame =
+          make_frame(331, 207, format, [&, scale = scale, least = least](uint32_t x, uint32_t y) -> Texel {
+            const float a = std::max(0.0f, least + scale * noise(x, y, 3));
+            const float v = std::exp2(12 * noise(x, y, 0) - 9);
+            return {v, v * noise(x, y, 1), noise(x, y, 2) < 0.1f ? 3e5f * v : v, a};
+          });
+      for (const auto statistic : kStatistics) {
+        for (const auto weights : kWeights) {
+          expect_as_reference(frame, metering_settings(statistic, weights));
+          expect_as_reference(frame, metering_settings(statistic, weights, 0.05f));
+        }
+      }
+      v1::Settings settings = metering_settings(kStatistics[0], kWeights[0]);
+      settings.set_alpha(v1::ALPHA_IGNORE);
+      EXPECT_EQ(report(frame, settings).stats.metered_weight, 331u * 207u);
+    }
+  }
+}
+
+TEST_F(Absent, OverflowsNoSumWithTheLargestWeights) {
+  for (const float alpha : {1.0f, 0.998f}) {
+    const WireFrame frame =
+        make_frame(512, 512, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t) -> Texel {
+          return {0x1p30f, 0x1p30f, 0x1p30f, x == 0 ? 0.5f : alpha};
+        });
+    for (const auto statistic : kStatistics) {
+      for (const auto weights : kWeights) {
+        const FrameStats stats = report(frame, metering_settings(statistic, weights)).stats;
+        EXPECT_NEAR(stats.mean_log2_luminance, 30.0, 8e-6) << alpha;
+      }
     }
   }
 }

@@ -83,18 +83,19 @@ TEST_P(EnvironmentTest, TheStoredPanoramaIsTheIngestedFrameBitForBit) {
         reference::BadCounts counts;
         const reference::Scene scene = scene_of(frame, matrix, &counts);
         const Environment environment = environment_of(baker(), frame, matrix);
-        const absl::StatusOr<std::vector<uint16_t>> stored = baker().read_panorama(environment);
+        const absl::StatusOr<std::vector<std::array<float, 4>>> stored = baker().read_panorama(environment);
         ASSERT_TRUE(stored.ok()) << stored.status();
-        ASSERT_EQ(stored->size(), 4 * scene.texels.size());
+        ASSERT_EQ(stored->size(), scene.texels.size());
         for (size_t i = 0; i < scene.texels.size(); ++i) {
           for (size_t k = 0; k < 3; ++k) {
-            ASSERT_EQ(imath_half_to_float((*stored)[4 * i + k]), scene.texels[i][k])
+            ASSERT_EQ((*stored)[i][k], scene.texels[i][k])
                 << size.width << "x" << size.height << " format " << format << " texel " << i;
           }
         }
         EXPECT_EQ(environment.bad.nan, counts.nan);
         EXPECT_EQ(environment.bad.infinite, counts.infinite);
         EXPECT_EQ(environment.bad.negative, counts.negative);
+        EXPECT_EQ(environment.bad.clamped, counts.clamped);
         EXPECT_EQ(environment.bad.first_bad_texel, counts.first_bad_texel);
       }
     }

@@ -35,6 +35,7 @@ void expect_same_stats(const FrameStats& a, const FrameStats& b, const std::stri
   EXPECT_EQ(a.metered_weight, b.metered_weight) << what;
   EXPECT_EQ(a.nan_components, b.nan_components) << what;
   EXPECT_EQ(a.infinite_components, b.infinite_components) << what;
+  EXPECT_EQ(a.clamped_components, b.clamped_components) << what;
   EXPECT_EQ(a.negative_components, b.negative_components) << what;
   EXPECT_EQ(a.negative_scene_components, b.negative_scene_components) << what;
   EXPECT_EQ(a.absent_pixels, b.absent_pixels) << what;

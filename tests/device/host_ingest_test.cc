@@ -11,7 +11,7 @@ namespace candela::testing {
 namespace {
 
 // What may be in a frame besides light.
-enum Content : uint32_t { kOrdinary, kNegative, kTranslucent, kBad, kEverything, kContents };
+enum Content : uint32_t { kOrdinary, kNegative, kTranslucent, kBright, kBad, kEverything, kContents };
 
 Texel texel_of(Content content, uint32_t x, uint32_t y) {
   const float light = std::exp2(20.0f * noise(x, y, 0) - 10.0f);
@@ -23,6 +23,10 @@ Texel texel_of(Content content, uint32_t x, uint32_t y) {
   }
   if (content == kTranslucent || content == kEverything) {
     c[3] = kind < 0.2f ? 0.0f : kind < 0.25f ? -1.0f : kind < 0.9f ? kind : 1.0f;
+  }
+  if ((content == kBright || content == kEverything) && noise(x, y, 6) < 0.2f) {
+    const float sun = std::exp2(15.0f + 15.5f * noise(x, y, 7));  // some is beyond 2^30
+    c = {sun, noise(x, y, 8) < 0.5f ? c[1] : -0.7f * sun, 0.5f * sun, c[3]};
   }
   if (content < kBad || kind > 0.995f || kind < 0.97f) return c;
   constexpr float kInf = std::numeric_limits<float>::infinity();

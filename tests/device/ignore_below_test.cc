@@ -28,15 +28,17 @@ reference::Scene scene_of(const WireFrame& frame) {
                            &bad);
 }
 
-// The plain definition, without the reference's meter().
+// The plain definition, without the reference's meter(). natural()'s alpha is above 0, and in part below 1.
 uint64_t weight_of(const reference::Scene& scene, const reference::MeterParams& params) {
+  const bool center = params.weights == shader::WEIGHTS_CENTER;
   uint64_t weight = 0;
   for (uint32_t y = 0; y < scene.height; ++y) {
     for (uint32_t x = 0; x < scene.width; ++x) {
       const auto& c = scene.at(x, y);
       const float l = (0.2126f * c[0] + 0.7152f * c[1]) + 0.0722f * c[2];
-      if (l >= params.ignore_below)
-        weight += reference::meter_weight(x, y, scene.width, scene.height, params);
+      if (l < params.ignore_below) continue;
+      const uint32_t whole = reference::meter_weight(x, y, scene.width, scene.height, params);
+      weight += std::lround((center ? 1.0 : 255.0) * whole * std::lround(255.0 * c[3]) / 255.0);
     }
   }
   return weight;
@@ -247,7 +249,7 @@ TEST_F(IgnoreBelow, VerifiesAndSaysSo) {
 
 TEST_F(IgnoreBelow, RefusesWhatIsNoLuminance) {
   const WireFrame frame = flat(4, 4, {1, 1, 1, 1});
-  for (const float limit : {-1.0f, 65505.0f, NAN}) {
+  for (const float limit : {-1.0f, 1.1e9f, NAN}) {
     const auto refused = render(frame, metering_settings(kStatistics[0], kWeights[0], limit));
     EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument);
     EXPECT_NE(refused.status().message().find("exposure.metering.ignore_below"), std::string::npos)

@@ -24,11 +24,11 @@ def settings_refused(v1) -> dict:
     for name, values in {"manual_ev": (41, -41, nan), "compensation_ev": (41, nan), "key": (0, 2e6, nan),
                          "min_exposure": (0, 2e12), "max_exposure": (0, 2e12, 0.001), "mode": (99,)}.items():
         out |= {f"{name} {value}": v1.Settings(exposure=exposure(**{name: value})) for value in values}
-    for name, values in {"intensity": (-1, 10.5, nan), "threshold": (-1, 65505), "softness": (-0.1, 1.1),
+    for name, values in {"intensity": (-1, 10.5, nan), "threshold": (-1, 2e9), "softness": (-0.1, 1.1),
                          "levels": (0, 17), "kind": (99,)}.items():
         out |= {f"bloom {name} {value}": v1.Settings(bloom=bloom(**{name: value})) for value in values}
     for name, values in {"curve": (99,), "prescale": (0, 2e12, nan), "transfer": (99,), "output_format": (99,),
-                         "bad_values": (99,), "tier": ("fast",), "curve_white": (0, 65505, nan),
+                         "bad_values": (99,), "tier": ("fast",), "curve_white": (0, 2e9, nan),
                          "input_primaries": (99,), "max_error_codes": (-1, 256), "max_ms": (0, 2e9)}.items():
         out |= {f"{name} {value}": v1.Settings(**{name: value}) for value in values}
     out |= {"conserve above 1": v1.Settings(bloom=bloom(kind=bloom.KIND_CONSERVE, intensity=1.5)),

@@ -540,8 +540,7 @@ TEST_F(EnvironmentService, ABadBakeIsRefused) {
   refused([](auto& r) { r.set_size(48); }, "size is 48; it must be a power of two between 16 and 4096");
   refused([](auto& r) { r.set_size(8192); }, "size is 8192; it must be a power of two between 16 and 4096");
   refused([](auto& r) { r.set_levels(9); }, "levels is 9; a cube of ");
-  refused([](auto& r) { r.set_format(v1::PIXEL_FORMAT_RGBA32F); },
-          "format is 2; a bake is RGBA16F (1) or RGB9E5 (3)");
+  refused([](auto& r) { r.clear_format(); }, "format is 0; a bake is RGBA16F (1), RGBA32F (2) or RGB9E5 (3)");
   refused([](auto& r) { r.set_tier("best"); }, "tier is 'best'");
   refused([](auto& r) { r.set_rotation_deg(NAN); }, "rotation_deg is nan; it must be between -360 and 360");
   refused([](auto& r) { r.set_id("x"); }, "id");

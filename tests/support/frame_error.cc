@@ -39,6 +39,7 @@ void FrameErrorTest::check(const WireFrame& frame, const v1::Settings& settings,
   const FrameStats& truth = rendered->report.verification->truth;
   EXPECT_EQ(stats.nan_components, truth.nan_components) << what;
   EXPECT_EQ(stats.infinite_components, truth.infinite_components) << what;
+  EXPECT_EQ(stats.clamped_components, truth.clamped_components) << what;
   EXPECT_EQ(stats.negative_components, truth.negative_components) << what;
   EXPECT_EQ(stats.negative_scene_components, truth.negative_scene_components) << what;
   EXPECT_NEAR(stats.max_luminance, truth.max_luminance, 1e-6 * truth.max_luminance) << what;

@@ -55,6 +55,20 @@ BakedEnvironment environment_of(const std::vector<uint32_t>& sizes, const WorldF
   return environment;
 }
 
+void convert_to_floats(BakedEnvironment& environment) {
+  for (BakedLevel& level : environment.levels) {
+    PixelBuffer floats(2 * level.texels.size());
+    for (size_t i = 0; i < level.texels.size() / 2; ++i) {
+      uint16_t half;
+      std::memcpy(&half, level.texels.data() + 2 * i, sizeof half);
+      const float value = imath_half_to_float(half);
+      std::memcpy(floats.data() + 4 * i, &value, sizeof value);
+    }
+    level.texels = std::move(floats);
+  }
+  environment.format = CubeFormat::kRgba32f;
+}
+
 Vector telling(size_t level, const Vector& point) {
   Vector value;
   for (size_t c = 0; c < 3; ++c) value[c] = std::ldexp(2 + point[c], static_cast<int>(level));
@@ -182,6 +196,10 @@ Vector Ktx2::texel(size_t level, uint32_t face, uint32_t i, uint32_t j) const {
   }
   Vector value;
   for (size_t c = 0; c < 3; ++c) {
+    if (header[0] == 109) {
+      value[c] = read<float>(file, levels[level].offset + 16 * index + 4 * c);
+      continue;
+    }
     value[c] = imath_half_to_float(read<uint16_t>(file, levels[level].offset + 8 * index + 2 * c));
   }
   return value;

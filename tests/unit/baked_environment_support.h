@@ -24,6 +24,9 @@ Vector cube_point(uint32_t face, uint32_t i, uint32_t j, uint32_t size);
 using WorldFunction = std::function<Vector(size_t level, const Vector& point)>;
 BakedEnvironment environment_of(const std::vector<uint32_t>& sizes, const WorldFunction& texel);
 
+// From halves.
+void convert_to_floats(BakedEnvironment& environment);
+
 // (2 + point) 2^level: exact in halves and in RGB9E5 for sizes up to 64, and different in every texel.
 Vector telling(size_t level, const Vector& point);
 

@@ -18,7 +18,7 @@ namespace candela {
 namespace {
 
 constexpr Handedness kHandednesses[] = {Handedness::kLeft, Handedness::kRight};
-constexpr CubeFormat kFormats[] = {CubeFormat::kRgba16f, CubeFormat::kRgb9e5};
+constexpr CubeFormat kFormats[] = {CubeFormat::kRgba16f, CubeFormat::kRgb9e5, CubeFormat::kRgba32f};
 
 class EnvironmentFiles : public ::testing::Test {
  protected:
@@ -31,6 +31,7 @@ class EnvironmentFiles : public ::testing::Test {
     if (format == CubeFormat::kRgb9e5) {
       EXPECT_TRUE(convert_to_rgb9e5(environment).ok());
     }
+    if (format == CubeFormat::kRgba32f) convert_to_floats(environment);
     const absl::Status status = write_ktx2(folder_.path("a.ktx2"), environment);
     EXPECT_TRUE(status.ok()) << status;
     return parse_ktx2(folder_.path("a.ktx2"));
@@ -42,9 +43,11 @@ TEST_F(EnvironmentFiles, TheHeaderSaysThatItIsACubeMapWithItsSpecularLevels) {
             (std::array<uint32_t, 9>{97, 2, 64, 64, 0, 0, 6, 3, 0}));
   EXPECT_EQ(ktx2(environment_of({16}, telling), Handedness::kRight, CubeFormat::kRgb9e5).header,
             (std::array<uint32_t, 9>{123, 4, 16, 16, 0, 0, 6, 1, 0}));
+  EXPECT_EQ(ktx2(environment_of({16}, telling), Handedness::kRight, CubeFormat::kRgba32f).header,
+            (std::array<uint32_t, 9>{109, 4, 16, 16, 0, 0, 6, 1, 0}));
 }
 
-// The words that Khronos' dfdutils make for VK_FORMAT_R16G16B16A16_SFLOAT and
+// The words that Khronos' dfdutils make for VK_FORMAT_R16G16B16A16_SFLOAT, VK_FORMAT_R32G32B32A32_SFLOAT and
 // VK_FORMAT_E5B9G9R9_UFLOAT_PACK32.
 TEST_F(EnvironmentFiles, TheDataFormatDescriptorIsKhronosOwnWordForWord) {
   const std::vector<uint32_t> halves = {
@@ -54,6 +57,13 @@ TEST_F(EnvironmentFiles, TheDataFormatDescriptorIsKhronosOwnWordForWord) {
       0xc20f0020, 0, 0xbf800000, 0x3f800000,           // blue
       0xcf0f0030, 0, 0xbf800000, 0x3f800000,           // alpha
   };
+  const std::vector<uint32_t> floats = {
+      0x5c,       0, 0x580002,   0x10101,    0, 16, 0,  //
+      0xc01f0000, 0, 0xbf800000, 0x3f800000,            // red
+      0xc11f0020, 0, 0xbf800000, 0x3f800000,            // green
+      0xc21f0040, 0, 0xbf800000, 0x3f800000,            // blue
+      0xcf1f0060, 0, 0xbf800000, 0x3f800000,            // alpha
+  };
   const std::vector<uint32_t> words = {
       0x7c,       0, 0x780002, 0x10101, 0,          4, 0,       //
       0x00080000, 0, 0,        8448,    0x2004001b, 0, 15, 31,  // red
@@ -61,6 +71,7 @@ TEST_F(EnvironmentFiles, TheDataFormatDescriptorIsKhronosOwnWordForWord) {
       0x02080012, 0, 0,        8448,    0x2204001b, 0, 15, 31,  // blue
   };
   EXPECT_EQ(ktx2(environment_of({16}, telling)).descriptor, halves);
+  EXPECT_EQ(ktx2(environment_of({16}, telling), Handedness::kLeft, CubeFormat::kRgba32f).descriptor, floats);
   EXPECT_EQ(ktx2(environment_of({16}, telling), Handedness::kLeft, CubeFormat::kRgb9e5).descriptor, words);
 }
 
@@ -163,6 +174,7 @@ TEST_F(EnvironmentFiles, FacesInAFolderAreThoseOfTheCubeMap) {
       if (format == CubeFormat::kRgb9e5) {
         ASSERT_TRUE(convert_to_rgb9e5(environment).ok());
       }
+      if (format == CubeFormat::kRgba32f) convert_to_floats(environment);
       ASSERT_TRUE(write_face_files(folder_.path("cube"), environment).ok());
       const Ktx2 file = ktx2(environment_of({32, 16}, telling), handedness, format);
       for (size_t level = 0; level < 2; ++level) {
@@ -173,7 +185,8 @@ TEST_F(EnvironmentFiles, FacesInAFolderAreThoseOfTheCubeMap) {
           const uint32_t size = 32u >> level;
           ASSERT_EQ(picture->width, size);
           ASSERT_EQ(picture->height, size);
-          ASSERT_EQ(picture->format, ImageFormat::kRgba16f);
+          ASSERT_EQ(picture->format,
+                    format == CubeFormat::kRgba32f ? ImageFormat::kRgba32f : ImageFormat::kRgba16f);
           for (uint32_t n = 0; n < size * size; ++n) {
             const Vector texel = file.texel(level, face, n % size, n / size);
             for (int c = 0; c < 3; ++c) ASSERT_EQ(component(*picture, n % size, n / size, c), texel[c]);

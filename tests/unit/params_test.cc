@@ -135,6 +135,7 @@ TEST(Params, ConstantsHaveTheIdsOfTheirPlaces) {
   EXPECT_CONSTANT(ingest, IngestConstants, histogram, "HISTOGRAM");
   EXPECT_CONSTANT(ingest, IngestConstants, whole, "WHOLE");
   EXPECT_CONSTANT(ingest, IngestConstants, ignore, "IGNORE");
+  EXPECT_CONSTANT(ingest, IngestConstants, alpha, "ALPHA");
 
   auto bright = constant_ids(k_bright_pass_spirv);
   EXPECT_EQ(bright.size() * 4, sizeof(shader::BrightPassConstants));

@@ -79,6 +79,10 @@ std::string to_text(const std::string& path, const Image& image, const Primaries
          absl::StrFormat("%d NaN, %d infinite, %d negative components", statistics.nan_components(),
                          statistics.infinite_components(), statistics.negative_components()));
   }
+  if (statistics.clamped_components() > 0) {
+    line("clamped", absl::StrFormat("%d components are beyond 2^30 and were cut to that",
+                                    statistics.clamped_components()));
+  }
   if (statistics.absent_pixels() > 0) {
     line("absent", absl::StrFormat("%d pixels have alpha 0 and no light; they are not metered",
                                    statistics.absent_pixels()));
@@ -104,6 +108,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
       {"min_luminance", static_cast<double>(statistics.min_luminance())},
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
       {"bad_values", bad_values_json(statistics)},
+      {"clamped_components", statistics.clamped_components()},
       {"absent_pixels", statistics.absent_pixels()},
       {"histogram",
        {{"first_ev", metered.histogram_first_ev()},

@@ -34,6 +34,7 @@ std::string bad_value_words(const v1::FrameStatistics& statistics) {
   add(statistics.nan_components(), "NaN");
   add(statistics.infinite_components(), "infinite");
   add(statistics.negative_components(), "negative");
+  add(statistics.clamped_components(), "too large");
   return absl::StrJoin(words, ", ");
 }
 
@@ -164,15 +165,23 @@ std::string to_text(const RenderReport& report, bool verbose) {
   return text;
 }
 
-std::string bad_values_note(uint64_t nan, uint64_t infinite) {
-  if (nan + infinite == 0) return "";
-  return absl::StrFormat("%d NaN and %d infinite components were taken as 0 and +-65504", nan, infinite);
+std::string bad_values_note(uint64_t nan, uint64_t infinite, uint64_t clamped) {
+  std::vector<std::string> words;
+  if (nan + infinite > 0) {
+    words.push_back(
+        absl::StrFormat("%d NaN and %d infinite components were taken as 0 and +-65504", nan, infinite));
+  }
+  if (clamped > 0) {
+    words.push_back(absl::StrFormat("%d component%s beyond 2^30, the most that is rendered, %s cut to that",
+                                    clamped, clamped == 1 ? "" : "s", clamped == 1 ? "was" : "were"));
+  }
+  return absl::StrJoin(words, "; ");
 }
 
 std::vector<std::string> notes_for_user(const RenderReport& report) {
   std::vector<std::string> notes = report.notes;
   const v1::FrameStatistics& statistics = report.header.statistics();
-  const std::string bad = bad_values_note(statistics.nan_components(), statistics.infinite_components());
+  const std::string bad = bad_values_note(statistics);
   if (!bad.empty()) notes.push_back(bad);
   return notes;
 }
@@ -198,6 +207,7 @@ std::string to_json(const RenderReport& report) {
       {"min_luminance", static_cast<double>(statistics.min_luminance())},
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
       {"bad_values", bad_values_json(statistics)},
+      {"clamped_components", statistics.clamped_components()},
       {"absent_pixels", statistics.absent_pixels()},
       {"view", to_json(report.view)},
       {"gamut_cut_components", header.gamut_cut_components()},

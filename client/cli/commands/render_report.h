@@ -55,8 +55,14 @@ std::string curve_word(v1::Settings settings);
 // about it in several lines.
 std::string to_text(const RenderReport& report, bool verbose);
 
-// Says what became of values that were no numbers; "" if there were none.
-std::string bad_values_note(uint64_t nan, uint64_t infinite);
+// Says what became of values that were no numbers or beyond 2^30; "" if there were none.
+std::string bad_values_note(uint64_t nan, uint64_t infinite, uint64_t clamped);
+// The same of a frame or a panorama. `counted` is the message that counts them.
+template <typename Message>
+std::string bad_values_note(const Message& counted) {
+  return bad_values_note(counted.nan_components(), counted.infinite_components(),
+                         counted.clamped_components());
+}
 
 // {nan, inf, negative}: how many components of a frame or a panorama were such. `counted` is the message that
 // counts them.
@@ -73,13 +79,14 @@ std::vector<std::string> notes_for_user(const RenderReport& report);
 // One object on one line, with the keys input, output, environment (only of a view), size {width, height},
 // primaries {name, xy, from} (name null if they have none; from is assumed, file or option), curve, device,
 // tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
-// max_luminance, bad_values {nan, inf, negative}, absent_pixels, view {display, view, input, table_size,
-// table_end, max_codes, p999_codes, mean_codes} (null without --ocio), gamut_cut_components, plan, stage_ms,
-// total_ms, notes. A verified frame also has verify and verify_unrounded {against, max_error_codes,
-// p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components, meter_error_ev, bloom_error},
-// with --ocio also verify_view {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x,
-// y], opaque_pixels}, and with --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers
-// read back to the same bits. An infinite number becomes null.
+// max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, view {display,
+// view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
+// gamut_cut_components, plan, stage_ms, total_ms, notes. A verified frame also has verify and
+// verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y],
+// differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes,
+// p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map it has
+// error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An infinite number
+// becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

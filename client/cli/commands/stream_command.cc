@@ -210,7 +210,7 @@ class Streaming {
       if (!words.empty() && !std::exchange(said, true)) summary_.notes.insert(frame.input + ": " + words);
     };
     const v1::FrameStatistics& statistics = frame.header.statistics();
-    say_once(said_bad_, bad_values_note(statistics.nan_components(), statistics.infinite_components()));
+    say_once(said_bad_, bad_values_note(statistics));
     say_once(said_gamut_, gamut_note(frame.header, settings_).value_or(""));
     if (!options_.exposures.empty() || !options_.locked_exposure.empty()) return;
     say_once(said_held_, held_words(frame.header.target(), frame.header.target_before_limits()));

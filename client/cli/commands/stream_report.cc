@@ -86,6 +86,7 @@ std::string to_json(const StreamFrame& frame) {
                {"min_luminance", static_cast<double>(statistics.min_luminance())},
                {"max_luminance", static_cast<double>(statistics.max_luminance())},
                {"bad_values", bad_values_json(statistics)},
+               {"clamped_components", statistics.clamped_components()},
                {"absent_pixels", statistics.absent_pixels()},
                {"gamut_cut_components", header.gamut_cut_components()},
                {"cut", header.cut()},

@@ -50,8 +50,8 @@ struct StreamSummary {
 
 // One line with the keys frame (its number), input, output, media_time_ns, and either error, or held (true),
 // or primaries {name, xy, from}, width, height, exposure, exposure_before, target, target_before_limits,
-// mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, absent_pixels,
-// gamut_cut_components, cut, tier, stage_ms, latency_ms.
+// mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, clamped_components,
+// absent_pixels, gamut_cut_components, cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 
 // One line with the key summary {frames, first, last, missing, fps, fps_from, written, held, skipped,

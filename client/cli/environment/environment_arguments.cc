@@ -111,7 +111,10 @@ void add_cube_options(CLI::App& app, EnvironmentArguments& arguments) {
            });
   add_rotation_option(app, kCube, options.rotation_deg);
   add_words<CubeFormat>(app, "--format", "Texel format",
-                        {{"rgba16f", CubeFormat::kRgba16f}, {"rgb9e5", CubeFormat::kRgb9e5}}, options.format);
+                        {{name(CubeFormat::kRgba16f), CubeFormat::kRgba16f},
+                         {name(CubeFormat::kRgb9e5), CubeFormat::kRgb9e5},
+                         {name(CubeFormat::kRgba32f), CubeFormat::kRgba32f}},
+                        options.format);
 }
 
 void add_files(CLI::App& app, EnvironmentOptions& options) {

@@ -118,10 +118,9 @@ class EnvironmentJob {
     if (!status.ok()) return name_file(in_options(status, options_.settings), options_.panorama);
     panorama_.reset();
     report_.bake = bake->header;
-    const std::string bad =
-        bad_values_note(report_.panorama.nan_components(), report_.panorama.infinite_components());
+    const std::string bad = bad_values_note(report_.panorama);
     if (!bad.empty()) report_.notes.push_back(bad);
-    const std::string losses = losses_note(report_.bake);
+    const std::string losses = losses_note(report_.bake, options_.format);
     if (!losses.empty()) report_.notes.push_back(losses);
     absl::StatusOr<BakedEnvironment> environment = environment_from(*bake, options_.handedness);
     if (!environment.ok()) return environment.status();
@@ -153,8 +152,9 @@ class EnvironmentJob {
     request.set_levels(options_.levels.value_or(0));
     request.set_roughness_mapping(options_.roughness_mapping);
     request.set_rotation_deg(options_.rotation_deg);
-    request.set_format(options_.format == CubeFormat::kRgb9e5 ? v1::PIXEL_FORMAT_RGB9E5
-                                                              : v1::PIXEL_FORMAT_RGBA16F);
+    request.set_format(options_.format == CubeFormat::kRgb9e5    ? v1::PIXEL_FORMAT_RGB9E5
+                       : options_.format == CubeFormat::kRgba32f ? v1::PIXEL_FORMAT_RGBA32F
+                                                                 : v1::PIXEL_FORMAT_RGBA16F);
     request.set_tier(options_.settings.tier());
     request.set_verify(options_.verify);
     return request;

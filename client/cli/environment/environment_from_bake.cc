@@ -8,7 +8,9 @@ namespace candela {
 
 absl::StatusOr<BakedEnvironment> environment_from(const EnvironmentBake& bake, Handedness handedness) {
   BakedEnvironment environment;
-  environment.format = bake.format == v1::PIXEL_FORMAT_RGB9E5 ? CubeFormat::kRgb9e5 : CubeFormat::kRgba16f;
+  environment.format = bake.format == v1::PIXEL_FORMAT_RGB9E5    ? CubeFormat::kRgb9e5
+                       : bake.format == v1::PIXEL_FORMAT_RGBA32F ? CubeFormat::kRgba32f
+                                                                 : CubeFormat::kRgba16f;
   environment.handedness = handedness;
   for (size_t i = 0; i < bake.levels.size(); ++i) {
     const v1::BakedLevel& level = bake.header.levels(static_cast<int>(i));

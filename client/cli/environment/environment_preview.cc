@@ -1,11 +1,10 @@
 #include "client/cli/environment/environment_preview.h"
 
-#include <half.h>
-
-#include <cstring>
+#include <array>
 #include <utility>
 #include <vector>
 
+#include "client/environment/cube_faces.h"
 #include "client/environment/pictures.h"
 
 namespace candela {
@@ -16,19 +15,20 @@ constexpr uint32_t kMargin = 16;        // pixels
 
 constexpr double kLeastMetered = 1e-6;  // luminance
 
-// The mean of the n x n pixels from column x and row y on.
-std::array<half, 4> mean(const Image& image, uint32_t x, uint32_t y, uint32_t n) {
-  std::array<float, 4> sum{};
+// The mean of the n x n opaque pixels from column x and row y on.
+std::array<float, 3> mean(const Image& image, uint32_t x, uint32_t y, uint32_t n) {
+  const CubeFormat format =
+      image.format == ImageFormat::kRgba32f ? CubeFormat::kRgba32f : CubeFormat::kRgba16f;
+  std::array<float, 3> sum{};
   for (uint32_t j = 0; j < n; ++j) {
     for (uint32_t i = 0; i < n; ++i) {
-      std::array<half, 4> pixel;
-      const size_t at = (y + j) * image.row_bytes() + (x + i) * sizeof pixel;
-      std::memcpy(pixel.data(), image.pixels.data() + at, sizeof pixel);
+      const size_t at = (y + j) * image.row_bytes() + (x + i) * bytes_per_pixel(image.format);
+      const std::array<float, 3> pixel = texel_rgb(image.pixels.data() + at, format);
       for (size_t c = 0; c < sum.size(); ++c) sum[c] += pixel[c];
     }
   }
   const float share = 1.0f / static_cast<float>(n * n);
-  return {half(sum[0] * share), half(sum[1] * share), half(sum[2] * share), half(sum[3] * share)};
+  return {sum[0] * share, sum[1] * share, sum[2] * share};
 }
 
 absl::StatusOr<Image> reduced(const Image& image, uint32_t n) {
@@ -37,9 +37,8 @@ absl::StatusOr<Image> reduced(const Image& image, uint32_t n) {
   std::byte* out = small->pixels.data();
   for (uint32_t y = 0; y < small->height; ++y) {
     for (uint32_t x = 0; x < small->width; ++x) {
-      const std::array<half, 4> pixel = mean(image, x * n, y * n, n);
-      std::memcpy(out, pixel.data(), sizeof pixel);
-      out += sizeof pixel;
+      write_pixel(mean(image, x * n, y * n, n), image.format, out);
+      out += bytes_per_pixel(image.format);
     }
   }
   return small;

@@ -18,8 +18,6 @@ const char* word_of(EnvironmentLayout layout) {
                                                : "equirectangular";
 }
 
-const char* word_of(CubeFormat format) { return format == CubeFormat::kRgba16f ? "rgba16f" : "rgb9e5"; }
-
 Json levels_of(const v1::BakeHeader& bake) {
   Json levels = Json::array();
   for (const v1::BakedLevel& level : bake.levels()) {
@@ -45,8 +43,13 @@ std::string errors_of(const v1::BakeHeader& bake) {
 
 }  // namespace
 
-std::string losses_note(const v1::BakeHeader& bake) {
+std::string losses_note(const v1::BakeHeader& bake, CubeFormat format) {
   if (bake.negative_components() + bake.clamped_components() == 0) return "";
+  if (format == CubeFormat::kRgba16f) {
+    return absl::StrFormat(
+        "rgba16f holds up to 65504: %d component%s beyond that became that; --format rgba32f keeps them",
+        bake.clamped_components(), bake.clamped_components() == 1 ? "" : "s");
+  }
   return absl::StrFormat(
       "rgb9e5 holds 0 .. %.0f: %d negative components became 0, and %d larger ones became that largest value",
       v1::kMaxRgb9e5, bake.negative_components(), bake.clamped_components());
@@ -57,7 +60,7 @@ std::string to_text(const EnvironmentReport& report, const EnvironmentOptions& o
   const bool faces = options.layout == EnvironmentLayout::kFaces;
   return absl::StrFormat("%s -> %s: %dx%d, %d level%s, %s, %s%s%s; %s; %.2f s\n", options.panorama,
                          options.output, report.bake.size(), report.bake.size(), levels,
-                         levels == 1 ? "" : "s", word_of(options.layout), word_of(options.format),
+                         levels == 1 ? "" : "s", word_of(options.layout), name(options.format),
                          faces ? absl::StrFormat(", %s-handed", name(options.handedness)) : "",
                          errors_of(report.bake), words_of(report.primaries), report.total_ms / 1000);
 }
@@ -73,7 +76,7 @@ std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& o
                      {"panorama", {{"width", panorama.width()}, {"height", panorama.height()}}},
                      {"primaries", to_json(report.primaries)},
                      {"layout", word_of(options.layout)},
-                     {"format", word_of(options.format)},
+                     {"format", name(options.format)},
                      {"handedness", handedness},
                      {"rotation_deg", options.rotation_deg},
                      {"roughness_mapping", v1::word_of(options.roughness_mapping)},
@@ -82,6 +85,7 @@ std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& o
                      {"tier", report.bake.tier()},
                      {"had_it", panorama.had_it()},
                      {"bad_values", bad_values_json(panorama)},
+                     {"clamped_components", panorama.clamped_components()},
                      {"losses", losses_of(report.bake)},
                      {"files", report.files},
                      {"stage_ms", stages},

@@ -24,17 +24,17 @@ struct EnvironmentReport {
   std::vector<std::string> notes;
 };
 
-// A note that counts the components that RGB9E5 cannot hold; empty if there are none.
-std::string losses_note(const v1::BakeHeader& bake);
+// A note that counts the components that the format cannot hold; empty if there are none.
+std::string losses_note(const v1::BakeHeader& bake, CubeFormat format);
 
 // One line, with a line end.
 std::string to_text(const EnvironmentReport& report, const EnvironmentOptions& options);
 
 // One object on one line, with the keys input, output, id, panorama {width, height}, primaries {name, xy,
 // from}, layout, format, handedness (null without faces), rotation_deg, roughness_mapping, size, levels
-// [{size, roughness, error}], tier, had_it (the server had the panorama), bad_values {nan, inf, negative} of
-// the panorama, losses {negative, clamped} of the faces as RGB9E5, files (all that were written, a folder for
-// its faces), stage_ms, total_ms, notes.
+// [{size, roughness, error}], tier, had_it (the server had the panorama), bad_values {nan, inf, negative} and
+// clamped_components of the panorama, losses {negative, clamped} of the faces in their format, files (all
+// that were written, a folder for its faces), stage_ms, total_ms, notes.
 std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& options);
 
 }  // namespace candela

@@ -136,7 +136,7 @@ class OneView {
     const absl::StatusOr<v1::Environment> environment = server.put_environment(*panorama_, deadline);
     if (!environment.ok()) return environment.status();
     report_.environment = environment->id();
-    bad_values_ = bad_values_note(environment->nan_components(), environment->infinite_components());
+    bad_values_ = bad_values_note(*environment);
     const double put_ms = ms_since(begin);
     progress_.show(
         absl::StrFormat("rendering %s; the first view of a panorama takes longer", options_.output));

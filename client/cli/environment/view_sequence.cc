@@ -94,8 +94,7 @@ class ViewSequence {
     });
     if (!status.ok()) return named(status);
     environment_ = environment->id();
-    const std::string bad =
-        bad_values_note(environment->nan_components(), environment->infinite_components());
+    const std::string bad = bad_values_note(*environment);
     if (!bad.empty()) summary_.notes.insert(bad);
     return absl::OkStatus();
   }

@@ -56,7 +56,9 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   }
   recorder_.mark(name(Pass::kIngest));
   recorder_.fill_zero(textures.tiles.buffer());
-  if (textures.histogram) recorder_.fill_zero(textures.histogram.buffer());
+  if (textures.histogram) {
+    recorder_.fill_zero(textures.histogram.buffer(), textures.layout.histogram_bytes(read.scrub));
+  }
   if (textures.center_weights) {
     const std::vector<uint32_t> weights = center_weights();
     recorder_.update(textures.center_weights.buffer(), weights.data(), weights.size() * sizeof weights[0]);

@@ -48,7 +48,7 @@ void want_for_rendering(const DeviceSummary& device, FrameTextures& t, std::vect
     wanted->push_back({&t.center_weights, {1u << shader::CENTER_STEPS_LOG2, 1, sizeof(uint32_t)}});
   }
   if (layout.histogram_copies > 0) {
-    want({shader::HISTOGRAM_BINS, layout.histogram_copies, sizeof(shader::HistogramBin)}, &t.histogram,
+    want({shader::HISTOGRAM_SCRUB_BINS, layout.histogram_copies, sizeof(shader::HistogramBin)}, &t.histogram,
          &t.histogram_readback, MemoryUse::kReadback, device, wanted);
   }
   t.levels.resize(layout.level_sizes.size());

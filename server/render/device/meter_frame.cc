@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
 namespace candela {
@@ -9,12 +10,21 @@ namespace candela {
 namespace {
 
 absl::Status bad_pixel(const TileSums& sums, const FrameDesc& desc) {
-  return absl::InvalidArgumentError(
-      absl::StrFormat("the pixel at x %d, y %d is not finite (%d NaN and %d infinite components in all); "
-                      "repair the frame or use "
-                      "bad_values SCRUB",
-                      sums.first_bad_texel % desc.width, sums.first_bad_texel / desc.width,
-                      sums.stats.nan_components, sums.stats.infinite_components));
+  const FrameStats& stats = sums.stats;
+  const bool all_finite = stats.nan_components + stats.infinite_components == 0;
+  const std::string beyond = absl::StrFormat("%d component%s beyond 2^30", stats.clamped_components,
+                                             stats.clamped_components == 1 ? "" : "s");
+  const std::string counts =
+      absl::StrFormat("%d NaN and %d infinite components", stats.nan_components, stats.infinite_components);
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "the pixel at x %d, y %d is not %s (%s in all); repair the frame or use bad_values SCRUB",
+      sums.first_bad_texel % desc.width, sums.first_bad_texel / desc.width,
+      stats.clamped_components == 0 ? "finite"
+      : all_finite                  ? "within 2^30"
+                                    : "finite and within 2^30",
+      all_finite                      ? beyond
+      : stats.clamped_components == 0 ? counts
+                                      : absl::StrCat(counts, ", ", beyond)));
 }
 
 }  // namespace
@@ -25,10 +35,13 @@ absl::StatusOr<Metered> meter_frame(const IngestPlan& plan, const FrameDesc& des
   absl::StatusOr<TileSums> sums = read_frame(read, /*again=*/false, &metered.stages);
   while (sums.ok()) {
     metered.alpha |= sums->alpha_differs;
-    if (metered.alpha && !plan.ignores_alpha && !read.alpha) {
-      read.alpha = true;
+    if (metered.alpha && !plan.ignores_alpha && read.alpha == shader::METER_OPAQUE) {
+      read.alpha = shader::METER_COVERAGE;
     } else if (sums->needs_scrub && !read.scrub) {
       read.scrub = true;
+    } else if (sums->uncovered) {
+      read.alpha = shader::METER_ALIKE;
+      metered.uncovered = true;
     } else {
       break;
     }

@@ -14,14 +14,28 @@ namespace {
 
 constexpr double kFixedPointPerEv = 1u << shader::LOG2_FRACTION_BITS;
 
-std::vector<MeterBin> bins_of(const FrameTextures& textures, bool center_weighted) {
-  const double offset_ev = (center_weighted ? 256.0 : 1.0) / kFixedPointPerEv;
-  std::vector<MeterBin> bins(shader::HISTOGRAM_BINS);
-  for (size_t i = 0; i < size_t{textures.layout.histogram_copies} * shader::HISTOGRAM_BINS; ++i) {
+// What a sum is to be divided or multiplied by. If every alpha is 0 or 1, the weights are multiples of 255.
+struct Units {
+  uint64_t sums = 1;        // of the tiles and of the histogram's weights
+  double offset_scale = 1;  // of the histogram's offsets
+};
+
+Units units_of(const IngestRead& read, bool center_weighted, uint32_t coverage) {
+  if (center_weighted) return {1, 256.0};
+  if (read.alpha != shader::METER_COVERAGE) return {};
+  const bool parts = (coverage & 2) != 0;
+  return {parts ? 1u : 255u, parts ? 255.0 : 1.0};
+}
+
+std::vector<MeterBin> bins_of(const FrameTextures& textures, const IngestRead& read, const Units& units) {
+  const double offset_ev = units.offset_scale / kFixedPointPerEv;
+  const size_t count = histogram_bins(read.scrub);
+  std::vector<MeterBin> bins(count);
+  for (size_t i = 0; i < textures.layout.histogram_copies * count; ++i) {
     shader::HistogramBin bin;
     std::memcpy(&bin, textures.host_histogram().mapped() + i * sizeof bin, sizeof bin);
-    bins[i % shader::HISTOGRAM_BINS].weight += bin.weight;
-    bins[i % shader::HISTOGRAM_BINS].above_ev += bin.offset_sum * offset_ev;
+    bins[i % count].weight += bin.weight / units.sums;
+    bins[i % count].above_ev += bin.offset_sum * offset_ev;
   }
   return bins;
 }
@@ -42,7 +56,7 @@ double log2_of(uint64_t fixed_log2, uint64_t weight) {
 }
 
 // The coarse picture of the frame. A cell takes at least one tile each way.
-ScenePrint print_of(const FrameTextures& textures, bool weighted) {
+ScenePrint print_of(const FrameTextures& textures, bool weighted, const Units& units) {
   constexpr uint32_t kCells = 8;
   const TextureLayout& layout = textures.layout;
   ScenePrint print;
@@ -64,20 +78,22 @@ ScenePrint print_of(const FrameTextures& textures, bool weighted) {
                            : uint64_t{texels(x, layout.desc.width)} * texels(y, layout.desc.height);
       }
     }
-    print[cell] = weight == 0 ? NAN : static_cast<float>(log2_of(fixed_log2, weight));
+    print[cell] =
+        weight == 0 ? NAN : static_cast<float>(log2_of(fixed_log2 / units.sums, weight / units.sums));
   }
   return print;
 }
 
 // The sums of all tiles, in the shader's own numbers.
 struct Totals {
-  // At 16384 x 16384: 2^28 texels of 25 bits, and with weights of 8 bits, 2^61 at most.
+  // At 16384 x 16384: 2^28 texels of 26 bits, and with weights of 8 bits, 2^62 at most.
   uint64_t fixed_log2 = 0;
   uint64_t weight = 0;
   uint32_t darkest_inverted = 0;
   uint32_t brightest = 0;
   uint32_t magnitude = 0;
   uint32_t alpha_differs = 0;
+  uint32_t coverage = 0;
 };
 
 Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
@@ -92,9 +108,11 @@ Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
     totals.darkest_inverted = std::max(totals.darkest_inverted, tile.min_luminance_bits_inverted);
     totals.magnitude = std::max(totals.magnitude, tile.max_magnitude_bits);
     totals.alpha_differs |= tile.alpha_differs;
+    totals.coverage |= tile.coverage;
     stats.absent_pixels += tile.absent_texels;
     stats.nan_components += tile.nan_components;
     stats.infinite_components += tile.infinite_components;
+    stats.clamped_components += tile.clamped_components;
     stats.negative_components += tile.negative_components;
     stats.negative_scene_components += tile.negative_scene_components;
     if (!layout.level_sizes.empty()) stats.tile_light.push_back(std::bit_cast<float>(tile.max_light_bits));
@@ -103,9 +121,13 @@ Totals add_tiles(const FrameTextures& textures, TileSums& sums) {
   return totals;
 }
 
-void read_histogram(const FrameTextures& textures, const IngestPlan& plan, FrameStats& stats) {
+void read_histogram(const FrameTextures& textures, const IngestPlan& plan, const IngestRead& read,
+                    const Units& units, FrameStats& stats) {
   if (textures.layout.histogram_copies == 0) return;
-  const std::vector<MeterBin> bins = bins_of(textures, textures.layout.center_weights);
+  std::vector<MeterBin> bins = bins_of(textures, read, units);
+  const auto lit = [](const MeterBin& bin) { return bin.weight != 0; };
+  if (std::none_of(bins.begin() + shader::HISTOGRAM_BINS, bins.end(), lit))
+    bins.resize(shader::HISTOGRAM_BINS);
   if (plan.percentiles && stats.metered_weight > 0) {
     const auto [low, high] = *plan.percentiles;
     stats.mean_log2_luminance = percentile_mean(bins, low, high);
@@ -123,16 +145,22 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const 
   const Totals totals = add_tiles(textures, sums);
   const shader::IngestConstants& constants = plan.inputs.constants;
   if (constants.matrix == 0) stats.negative_scene_components = stats.negative_components;
-  const bool weighted = constants.weights != shader::WEIGHTS_AVERAGE || constants.ignore != 0 || read.alpha;
-  stats.metered_weight = weighted ? totals.weight : uint64_t{desc.width} * desc.height;
-  stats.mean_log2_luminance =
-      stats.metered_weight > 0 ? log2_of(totals.fixed_log2, stats.metered_weight) : kNothingMetered;
-  read_histogram(textures, plan, stats);
-  stats.print = print_of(textures, weighted);
+  const bool weighted = constants.weights != shader::WEIGHTS_AVERAGE || constants.ignore != 0 ||
+                        read.alpha != shader::METER_OPAQUE;
+  const uint64_t pixels = uint64_t{desc.width} * desc.height;
+  const Units units = units_of(read, constants.weights == shader::WEIGHTS_CENTER, totals.coverage);
+  stats.metered_weight = weighted ? totals.weight / units.sums : pixels;
+  stats.mean_log2_luminance = stats.metered_weight > 0
+                                  ? log2_of(totals.fixed_log2 / units.sums, stats.metered_weight)
+                                  : kNothingMetered;
+  read_histogram(textures, plan, read, units, stats);
+  stats.print = print_of(textures, weighted, units);
   stats.max_luminance = std::bit_cast<float>(totals.brightest);
   stats.min_luminance = std::bit_cast<float>(~totals.darkest_inverted);
-  sums.needs_scrub = totals.magnitude > std::bit_cast<uint32_t>(shader::MAX_SCENE_VALUE);
+  sums.needs_scrub = totals.magnitude > std::bit_cast<uint32_t>(shader::MAX_HALF);
   sums.alpha_differs = totals.alpha_differs != 0;
+  sums.uncovered =
+      read.alpha == shader::METER_COVERAGE && totals.coverage == 0 && stats.absent_pixels < pixels;
   return sums;
 }
 

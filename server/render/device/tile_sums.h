@@ -11,10 +11,11 @@ namespace candela {
 
 struct TileSums {
   FrameStats stats;
-  // A component on the wire is not finite or beyond +-MAX_SCENE_VALUE. The first read may say so falsely if
-  // an alpha is not 1.
+  // A component on the wire or in the scene is not finite or beyond +-MAX_HALF. The first read may say so
+  // falsely if an alpha is not 1.
   bool needs_scrub = false;
-  bool alpha_differs = false;             // an alpha is not 1; only without IngestRead::alpha
+  bool alpha_differs = false;             // an alpha is not 1; only with METER_OPAQUE
+  bool uncovered = false;                 // no alpha is above 0, and something is there; with METER_COVERAGE
   uint32_t first_bad_texel = UINT32_MAX;  // y * width + x; UINT32_MAX: none
 };
 

@@ -35,7 +35,8 @@ struct PanoramaBadValues {
   uint64_t nan = 0;
   uint64_t infinite = 0;
   uint64_t negative = 0;
-  std::optional<uint64_t> first_bad_texel;  // y * width + x of the first with a NaN or an Inf
+  uint64_t clamped = 0;                     // finite and beyond +-2^30, on the wire or after the matrix
+  std::optional<uint64_t> first_bad_texel;  // y * width + x of the first with a NaN, an Inf or one of these
 };
 
 // A chain and its specular levels. Movable.
@@ -54,7 +55,8 @@ struct Environment {
   uint32_t height = 0;
   uint32_t pitch = 0;  // texels from row to row
   PanoramaBadValues bad;
-  TexturePool::Lease panorama;        // RGBA halves
+  TexturePool::Lease panorama;        // RGBA halves, or floats
+  bool floats = false;                // some component is beyond the largest half
   std::optional<Harmonics> radiance;  // L_lm, once somebody has asked for it
   BakedCube view;                     // what views read, once there was one; the mapping is perceptual
 

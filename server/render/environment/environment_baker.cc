@@ -1,5 +1,7 @@
 #include "server/render/environment/environment_baker.h"
 
+#include <half.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -100,14 +102,50 @@ absl::StatusOr<PanoramaUpload> EnvironmentBaker::take(const FrameDesc& desc) con
 }
 
 absl::StatusOr<Environment> EnvironmentBaker::finish(PanoramaUpload upload,
-                                                     const std::optional<std::array<float, 9>>& matrix) {
-  const shader::PanoramaCounts none{};
-  absl::StatusOr<TexturePool::Lease> counts = passes_.upload(std::as_bytes(std::span(&none, 1)));
-  if (!counts.ok()) return counts.status();
+                                                     const std::optional<std::array<float, 9>>& matrix,
+                                                     absl::FunctionRef<absl::Status(uint64_t)> grow,
+                                                     absl::FunctionRef<bool()> free_one) {
   if (upload.staged_) {
     absl::Status status = passes_.copy(upload.staged_.buffer(), upload.wire_.buffer());
     if (!status.ok()) return status;
   }
+  const absl::StatusOr<shader::PanoramaCounts> found = run_panorama(upload, matrix, /*floats=*/false);
+  if (!found.ok()) return found.status();
+  const bool floats = found->max_scene_bits > std::bit_cast<uint32_t>(shader::MAX_HALF);
+  if (floats) {
+    const TextureKey key = {upload.pitch_, upload.desc_.height, 4 * sizeof(float)};
+    if (absl::Status grown = grow(key.bytes()); !grown.ok()) return grown;
+    upload.panorama_ = TexturePool::Lease();
+    absl::StatusOr<TexturePool::Lease> larger = pool_.take(key, upload.wire_.bytes());
+    while (absl::IsUnavailable(larger.status()) && free_one()) {
+      larger = pool_.take(key, upload.wire_.bytes());
+    }
+    if (!larger.ok()) return larger.status();
+    upload.panorama_ = *std::move(larger);
+    const absl::Status status = run_panorama(upload, matrix, floats).status();
+    if (!status.ok()) return status;
+  }
+  Environment environment;
+  environment.width = upload.desc_.width;
+  environment.height = upload.desc_.height;
+  environment.pitch = upload.pitch_;
+  environment.bad = {found->nan_components,
+                     found->infinite_components,
+                     found->negative_components,
+                     found->clamped_components,
+                     {}};
+  if (found->first_bad_texel_inverted != 0)
+    environment.bad.first_bad_texel = ~found->first_bad_texel_inverted;
+  environment.panorama = std::move(upload.panorama_);
+  environment.floats = floats;
+  return environment;
+}
+
+absl::StatusOr<shader::PanoramaCounts> EnvironmentBaker::run_panorama(
+    const PanoramaUpload& upload, const std::optional<std::array<float, 9>>& matrix, bool floats) {
+  const shader::PanoramaCounts none{};
+  absl::StatusOr<TexturePool::Lease> counts = passes_.upload(std::as_bytes(std::span(&none, 1)));
+  if (!counts.ok()) return counts.status();
   const FrameDesc& desc = upload.desc_;
   shader::PanoramaParams params{};
   params.frame.width = desc.width;
@@ -116,27 +154,21 @@ absl::StatusOr<Environment> EnvironmentBaker::finish(PanoramaUpload upload,
   if (matrix) std::memcpy(&params.frame.m00, matrix->data(), sizeof *matrix);
   params.counts_lo = low(counts->buffer().address());
   params.counts_hi = high(counts->buffer().address());
-  const LongPass pass = {.spirv = k_panorama_spirv,
-                         .constants = {static_cast<uint32_t>(desc.format), matrix ? 1u : 0u},
-                         .reads = {upload.wire_.buffer().view()},
-                         .target = &upload.panorama_.buffer(),
-                         .invocations = uint64_t{upload.pitch_} / shader::GROUP_TEXELS * desc.height,
-                         .invocation_bytes = shader::GROUP_TEXELS * 8,
-                         .cost = kPanoramaCost};
+  const LongPass pass = {
+      .spirv = k_panorama_spirv,
+      .constants = {static_cast<uint32_t>(desc.format), matrix ? 1u : 0u, floats ? 1u : 0u},
+      .reads = {upload.wire_.buffer().view()},
+      .target = &upload.panorama_.buffer(),
+      .invocations = uint64_t{upload.pitch_} / shader::GROUP_TEXELS * desc.height,
+      .invocation_bytes = shader::GROUP_TEXELS * (floats ? 16u : 8u),
+      .cost = kPanoramaCost};
   if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
   shader::PanoramaCounts found{};
   if (absl::Status status = passes_.read(counts->buffer(), 0, std::as_writable_bytes(std::span(&found, 1)));
       !status.ok()) {
     return status;
   }
-  Environment environment;
-  environment.width = desc.width;
-  environment.height = desc.height;
-  environment.pitch = upload.pitch_;
-  environment.bad = {found.nan_components, found.infinite_components, found.negative_components, {}};
-  if (found.first_bad_texel_inverted != 0) environment.bad.first_bad_texel = ~found.first_bad_texel_inverted;
-  environment.panorama = std::move(upload.panorama_);
-  return environment;
+  return found;
 }
 
 absl::StatusOr<Harmonics> EnvironmentBaker::radiance(Environment& environment) {
@@ -148,7 +180,7 @@ absl::StatusOr<Harmonics> EnvironmentBaker::radiance(Environment& environment) {
   const absl::StatusOr<TexturePool::Lease> parts = passes_.take(sums.size() * sizeof(float));
   if (!parts.ok()) return parts.status();
   const LongPass pass = {.spirv = k_panorama_sh_spirv,
-                         .constants = {},
+                         .constants = {environment.floats},
                          .reads = {environment.panorama.buffer().view(), columns->buffer().view()},
                          .target = &parts->buffer(),
                          .invocations = uint64_t{environment.height} * shader::SH_PARTS,
@@ -222,8 +254,9 @@ absl::Status EnvironmentBaker::make_level_0(const Environment& environment, cons
   params.size = chain.size;
   params.samples = cube_samples(environment.width, chain.size, spec.quality.cube_samples);
   const double cost = static_cast<double>(params.samples) * params.samples;
-  return passes_.run(level_pass(k_cube_face_spirv, {environment.panorama.buffer().view()}, chain, 0, cost),
-                     params);
+  LongPass pass = level_pass(k_cube_face_spirv, {environment.panorama.buffer().view()}, chain, 0, cost);
+  pass.constants = {environment.floats};
+  return passes_.run(pass, params);
 }
 
 absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
@@ -300,17 +333,28 @@ absl::StatusOr<std::vector<float>> EnvironmentBaker::read_face(const CubeLevels&
   return rgb;
 }
 
-absl::StatusOr<std::vector<uint16_t>> EnvironmentBaker::read_panorama(const Environment& environment) {
-  std::vector<uint16_t> rows(size_t{4} * environment.pitch * environment.height);
-  absl::Status status =
-      passes_.read(environment.panorama.buffer(), 0, std::as_writable_bytes(std::span(rows)));
-  if (!status.ok()) return status;
-  std::vector<uint16_t> tight;
+absl::StatusOr<std::vector<std::array<float, 4>>> EnvironmentBaker::read_panorama(
+    const Environment& environment) {
+  const uint64_t row_texels = environment.pitch;
+  const uint64_t texel_bytes = environment.floats ? 16 : 8;
+  std::vector<std::byte> row(row_texels * texel_bytes);
+  std::vector<std::array<float, 4>> texels;
+  texels.reserve(size_t{environment.width} * environment.height);
   for (uint32_t y = 0; y < environment.height; ++y) {
-    const auto row = rows.begin() + size_t{4} * environment.pitch * y;
-    tight.insert(tight.end(), row, row + size_t{4} * environment.width);
+    absl::Status status = passes_.read(environment.panorama.buffer(), y * row.size(), row);
+    if (!status.ok()) return status;
+    for (uint32_t x = 0; x < environment.width; ++x) {
+      std::array<float, 4>& texel = texels.emplace_back();
+      if (environment.floats) {
+        std::memcpy(texel.data(), &row[x * texel_bytes], sizeof texel);
+        continue;
+      }
+      std::array<uint16_t, 4> halves;
+      std::memcpy(halves.data(), &row[x * texel_bytes], sizeof halves);
+      for (size_t c = 0; c < 4; ++c) texel[c] = imath_half_to_float(halves[c]);
+    }
   }
-  return tight;
+  return texels;
 }
 
 }  // namespace candela

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "server/base/crew.h"
 #include "server/render/device/frame_memory.h"
@@ -41,9 +42,13 @@ class EnvironmentBaker {
     return pool_.reserve(bytes, "the bake");
   }
 
-  // Ingests the pixels. `matrix` takes the input primaries to Rec.709.
-  absl::StatusOr<Environment> finish(PanoramaUpload upload,
-                                     const std::optional<std::array<float, 9>>& matrix);
+  // Ingests the pixels. `matrix` takes the input primaries to Rec.709. With light that no half holds, the
+  // panorama takes a texture of twice the size: then `grow` is called with its bytes first, and may refuse.
+  // While the pool has no room for it, `free_one` may free something; false: there is nothing more.
+  absl::StatusOr<Environment> finish(
+      PanoramaUpload upload, const std::optional<std::array<float, 9>>& matrix,
+      absl::FunctionRef<absl::Status(uint64_t bytes)> grow = [](uint64_t) { return absl::OkStatus(); },
+      absl::FunctionRef<bool()> free_one = [] { return false; });
 
   // L_lm, which the environment keeps.
   absl::StatusOr<Harmonics> radiance(Environment& environment);
@@ -57,19 +62,29 @@ class EnvironmentBaker {
   // Makes what views read, unless the environment has it in this quality. Views without objects read no
   // specular levels.
   absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects = true);
-  // Renders a view into the input of a frame of RGBA16F, in place of the wire's pixels. FAILED_PRECONDITION
-  // without prepare_view(); otherwise fails as check_view() does.
+  // The format of the frames that views are drawn into: halves, or floats for an environment of floats.
+  static v1::PixelFormat view_format(const Environment& environment) {
+    return environment.floats ? v1::PIXEL_FORMAT_RGBA32F : v1::PIXEL_FORMAT_RGBA16F;
+  }
+  // Renders a view into the input of a frame of view_format(), in place of the wire's pixels.
+  // FAILED_PRECONDITION without prepare_view(); otherwise fails as check_view() does.
   absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory);
 
   // R, G and B of a face's texels, row by row, without the border.
   absl::StatusOr<std::vector<float>> read_face(const CubeLevels& levels, uint32_t level, uint32_t face);
   // Scale and bias of the BRDF table as halves, row by row, which the baker keeps.
   absl::StatusOr<std::span<const uint16_t>> brdf_table();
-  // R, G and B of the stored panorama as halves, with alpha, row by row without padding.
-  absl::StatusOr<std::vector<uint16_t>> read_panorama(const Environment& environment);
+  // The stored panorama's texels, row by row without padding.
+  absl::StatusOr<std::vector<std::array<float, 4>>> read_panorama(const Environment& environment);
+  // The memory of the host that this takes for each texel.
+  static constexpr uint64_t kReadTexelBytes = 8 + 4 * sizeof(float);
 
  private:
   EnvironmentBaker(Device& device, TexturePool& pool, Crew* crew, LongPasses passes);
+  // Writes upload.panorama_, of floats or of halves, and counts what it finds.
+  absl::StatusOr<shader::PanoramaCounts> run_panorama(const PanoramaUpload& upload,
+                                                      const std::optional<std::array<float, 9>>& matrix,
+                                                      bool floats);
   absl::Status make_level_0(const Environment& environment, const BakeSpec& spec, CubeLevels& chain);
   absl::Status make_chain(CubeLevels& chain);
   // Empty if `spec`, which has its size, has no specular levels behind level 0.

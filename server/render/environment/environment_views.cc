@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "proto/candela/v1/settings.h"
 #include "server/base/slices.h"
 #include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
@@ -68,8 +69,9 @@ absl::Status EnvironmentBaker::render_view(Environment& environment, const View&
   if (!environment.view.chain || (with_objects && environment.view.spec.quality.specular_detail == 0.0)) {
     return absl::FailedPreconditionError("the environment has no levels for this view");
   }
-  if (memory.desc().format != v1::PIXEL_FORMAT_RGBA16F) {
-    return absl::InvalidArgumentError("a view is a frame of RGBA16F");
+  if (const v1::PixelFormat format = view_format(environment); memory.desc().format != format) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a view of this environment is a frame of ", v1::word_of(format)));
   }
   const absl::StatusOr<Harmonics> light = radiance(environment);
   if (!light.ok()) return light.status();
@@ -106,7 +108,7 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
   const ViewTiles tiles(view, params, objects);
   std::vector<std::vector<ViewRun>> rows;
   for (uint32_t y = 0; y < tiles.rows(); ++y) rows.push_back(tiles.row(y));
-  const uint64_t row_bytes = uint64_t{layout.pitch} * 8;
+  const uint64_t row_bytes = uint64_t{layout.pitch} * bytes_per_pixel(layout.desc.format);
   const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
     params.first_row = begin * shader::VIEW_TILE;
     const uint32_t last = std::min(end * shader::VIEW_TILE, layout.desc.height);
@@ -115,7 +117,7 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
     bool over_sky = false;
     for (const auto& [kind, boxes] : boxes_of(std::span(rows).subspan(begin, end - begin), begin)) {
       const absl::StatusOr<VkPipeline> pipeline =
-          passes_.pipelines().get(k_view_spirv, constants_of(kind, view));
+          passes_.pipelines().get(k_view_spirv, constants_of(kind, view, environment.floats));
       if (!pipeline.ok()) return pipeline.status();
       if (kind.objects && !std::exchange(over_sky, true)) passes_.recorder().barrier();
       params.first_object = kind.first_object;
@@ -148,7 +150,8 @@ absl::Status EnvironmentBaker::draw_on_host(const Environment& environment, cons
       .specular = texels_of(cube.specular),
       .light = light,
       .objects = objects,
-      .pixels = memory.textures().input.buffer().mapped()};
+      .pixels = memory.textures().input.buffer().mapped(),
+      .floats = environment.floats};
   const ViewTiles tiles(view, job.params, objects);
   const auto draw_row = [&](uint32_t y) {
     const uint32_t y0 = y * shader::VIEW_TILE;

@@ -77,8 +77,8 @@ void add(std::vector<ViewRun>& row, const ViewKind& kind, uint32_t x) {
 
 }  // namespace
 
-Constants constants_of(const ViewKind& kind, const View& view) {
-  return {kind.objects, kind.magnified, kind.sharp, kind.rough, kind.objects && view.samples > 1};
+Constants constants_of(const ViewKind& kind, const View& view, bool floats) {
+  return {kind.objects, kind.magnified, kind.sharp, kind.rough, kind.objects && view.samples > 1, floats};
 }
 
 ViewTiles::ViewTiles(const View& view, const shader::ViewParams& params,

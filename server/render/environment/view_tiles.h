@@ -26,7 +26,8 @@ struct ViewKind {
 
   auto operator<=>(const ViewKind&) const = default;
 };
-Constants constants_of(const ViewKind& kind, const View& view);
+// `floats`: the view is drawn as floats.
+Constants constants_of(const ViewKind& kind, const View& view, bool floats);
 
 // Work groups x0 to x1 - 1 of a row.
 struct ViewRun {

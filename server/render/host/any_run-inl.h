@@ -20,7 +20,18 @@ namespace candela::host::HWY_NAMESPACE {
 
 // A histogram of one copy's part of a row of tiles. A bin's sums share a word, the weight in the upper half:
 // neither reaches 2^32.
-using Bins = std::array<uint64_t, shader::HISTOGRAM_BINS>;
+class Bins {
+ public:
+  explicit Bins(uint32_t count) : count_(count) { std::fill_n(sums_.begin(), count, 0); }
+
+  uint32_t count() const { return count_; }
+  uint64_t operator[](size_t i) const { return sums_[i]; }
+  uint64_t& operator[](size_t i) { return sums_[i]; }
+
+ private:
+  const uint32_t count_;
+  std::array<uint64_t, shader::HISTOGRAM_SCRUB_BINS> sums_;
+};
 
 // Sums over a run, whatever it holds and whatever is asked.
 template <uint32_t kPixels>
@@ -51,9 +62,13 @@ struct AnyRun {
     const Pixels wire = load_pixels<kPixels>(at);
     note_wire(wire, x, here);
     const Pixels scene = ingest(input, wire);
-    if (input.matrix) sums.negative_scene_components += negatives(scene, here);
+    if (input.matrix) {
+      sums.negative_scene_components += negatives(scene, here);
+      sums.max_magnitude = hn::Max(sums.max_magnitude, magnitude(ingest_unrounded(input, wire)));
+    }
     const VF l = luminance(scene.r, scene.g, scene.b);
-    add_metered(hn::Sub(fixed_log2(l), hn::Set(kUints, kLog2Offset)), x, metered(wire, l, here));
+    add_metered(hn::Sub(fixed_log2(l), hn::Set(kUints, kLog2Offset)), weights(x, scene.a, here),
+                metered(wire, l, here));
     sums.max_luminance = hn::Max(sums.max_luminance, bits(l));
     sums.min_luminance = hn::Min(sums.min_luminance, bits(l));
     const VF light =
@@ -71,27 +86,42 @@ struct AnyRun {
 
   HWY_INLINE void note_wire(const Pixels& wire, uint32_t x, MF here) {
     sums.negative_components += negatives(wire, here);
-    const auto size = [](VF c) HWY_ATTR { return hn::And(bits(c), hn::Set(kInts, 0x7fffffff)); };
-    VI magnitude = hn::Max(hn::Max(size(wire.r), size(wire.g)), size(wire.b));
-    if (work.constants.scrub != 0 && !hn::AllTrue(kInts, hn::Lt(magnitude, hn::Set(kInts, kInfinity)))) {
-      count_bad(wire, x, here);
-    }
-    if (work.constants.alpha != 0) {
-      magnitude = hn::Max(magnitude, size(wire.a));
+    VI largest = magnitude(wire);
+    if (work.constants.scrub != 0) count_bad(wire, x, here);
+    if (work.constants.alpha != shader::METER_OPAQUE) {
+      largest = hn::Max(largest, size(wire.a));
     } else {
       sums.alpha_differs |= !hn::AllTrue(kInts, hn::Eq(bits(wire.a), bits(set(1.0f))));
     }
-    sums.max_magnitude = hn::Max(sums.max_magnitude, magnitude);
+    sums.max_magnitude = hn::Max(sums.max_magnitude, largest);
+  }
+
+  static HWY_INLINE VI size(VF c) { return hn::And(bits(c), hn::Set(kInts, 0x7fffffff)); }
+  static HWY_INLINE VI magnitude(const Pixels& c) {
+    return hn::Max(hn::Max(size(c.r), size(c.g)), size(c.b));
   }
 
   void count_bad(const Pixels& wire, uint32_t x, MF here) {
+    const VI most = bits(set(shader::MAX_LIGHT));
+    const Pixels scene = ingest_unclamped(input, wire);
+    if (hn::AllFalse(kInts, hn::Gt(hn::Max(magnitude(wire), magnitude(scene)), most))) return;
     MF bad = hn::Xor(here, here);
+    const auto count_clamped = [&](VF c) HWY_ATTR {
+      const auto beyond = hn::And(hn::Gt(size(c), most), hn::Lt(size(c), hn::Set(kInts, kInfinity)));
+      const MF clamped = hn::And(here, hn::RebindMask(kFloats, beyond));
+      sums.clamped_components += count_of(clamped);
+      bad = hn::Or(bad, clamped);
+    };
     for (const VF c : {wire.r, wire.g, wire.b}) {
       const MF nan = hn::And(here, hn::IsNaN(c));
-      const MF infinite = hn::And(here, hn::Eq(hn::Abs(c), floats(hn::Set(kInts, kInfinity))));
+      const MF infinite = hn::And(here, is_infinite(c));
       sums.nan_components += count_of(nan);
       sums.infinite_components += count_of(infinite);
       bad = hn::Or(bad, hn::Or(nan, infinite));
+      count_clamped(c);
+    }
+    if (input.matrix) {
+      for (const VF c : {scene.r, scene.g, scene.b}) count_clamped(c);
     }
     if (hn::AllFalse(kFloats, bad)) return;
     const VU pixel = hn::LoadU(kUints, kPixelOfLane.data());
@@ -107,7 +137,7 @@ struct AnyRun {
       const auto dark = hn::Lt(bits(l), bits(set(work.params.ignore_below)));  // a negative one is, too
       mask = hn::AndNot(hn::RebindMask(kFloats, dark), mask);
     }
-    if (work.constants.alpha != 0) {
+    if (work.constants.alpha != shader::METER_OPAQUE) {
       const Pixels c = input.scrub ? scrub(wire) : wire;
       const VI light = hn::Or(hn::Or(bits(c.r), bits(c.g)), bits(c.b));
       const auto missing =
@@ -119,12 +149,33 @@ struct AnyRun {
     return mask;
   }
 
-  HWY_INLINE void add_metered(VU fixed, uint32_t x, MF mask) {
-    const VU weight = hn::IfThenElseZero(hn::RebindMask(kUints, mask), weights(x));
+  HWY_INLINE void add_metered(VU fixed, VU whole_weight, MF mask) {
+    const VU weight = hn::IfThenElseZero(hn::RebindMask(kUints, mask), whole_weight);
     log2_low = hn::Add(log2_low, hn::Mul(hn::And(fixed, hn::Set(kUints, 0xffff)), weight));
     log2_high = hn::Add(log2_high, hn::Mul(hn::ShiftRight<16>(fixed), weight));
     sums.weight_sum = hn::Add(sums.weight_sum, weight);
     if (bins != nullptr) add_to_bins(fixed, weight);
+  }
+
+  HWY_INLINE VU weights(uint32_t x, VF alpha, MF here) {
+    const VU weight = weights(x);
+    return work.constants.alpha == shader::METER_COVERAGE ? covered(weight, alpha, here) : weight;
+  }
+
+  // Of texels that alpha covers in part. Without WEIGHTS_CENTER a weight of 1 stands as 255.
+  HWY_INLINE VU covered(VU weight, VF alpha, MF here) {
+    const VF part = floats(hn::Min(hn::Max(bits(alpha), hn::Zero(kInts)), bits(set(1.0f))));
+    const VI code = truncate_small(hn::Add(hn::Mul(part, set(255.0f)), set(0.5f)));
+    const VI seen = hn::IfThenElseZero(hn::RebindMask(kInts, here), code);
+    if (!hn::AllTrue(kInts, hn::Eq(seen, hn::Zero(kInts)))) sums.coverage |= 1;
+    if (!hn::AllTrue(kInts, hn::Or(hn::Eq(seen, hn::Zero(kInts)), hn::Eq(seen, hn::Set(kInts, 255))))) {
+      sums.coverage |= 2;
+    }
+    const VU product = hn::Mul(hn::BitCast(kUints, code), weight);
+    if (work.constants.weights != shader::WEIGHTS_CENTER) return product;
+    // product / 255, rounded, for products below 65535 - 127
+    const VU shifted = hn::Add(product, hn::Set(kUints, 127));
+    return hn::ShiftRight<8>(hn::Add(hn::Add(shifted, hn::Set(kUints, 1)), hn::ShiftRight<8>(shifted)));
   }
 
   HWY_INLINE VU weights(uint32_t x) const {
@@ -169,11 +220,14 @@ struct AnyRun {
     hn::Store(fixed, kUints, values.data());
     hn::Store(weight, kUints, weights_of.data());
     const bool centered = work.constants.weights == shader::WEIGHTS_CENTER;
+    const bool covers = work.constants.alpha == shader::METER_COVERAGE;
     for (size_t i = 0; i < kLanes; ++i) {
       if (weights_of[i] == 0) continue;
-      const uint32_t bin = std::min(values[i] >> shader::HISTOGRAM_SHIFT, shader::HISTOGRAM_BINS - 1);
+      const uint32_t bin = std::min(values[i] >> shader::HISTOGRAM_SHIFT, bins->count() - 1);
       const uint32_t above = values[i] - (bin << shader::HISTOGRAM_SHIFT);
-      const uint32_t offset = centered ? (above * weights_of[i] + 128) >> 8 : above;
+      const uint32_t offset = centered ? (above * weights_of[i] + 128) >> 8
+                              : covers ? (above * weights_of[i] + 127) / 255
+                                       : above;
       (*bins)[bin] += uint64_t{weights_of[i]} << 32 | offset;
     }
   }

@@ -88,7 +88,7 @@ HWY_INLINE Rgb plain_mean(const Blocks& p) {
 }
 
 // The mean with weights 1 / (1 + L). Each weight is multiplied by all four (1 + L), which cancels out and
-// leaves one division instead of five. At most 65505^3 * 65504: far from overflow.
+// leaves one division instead of five. At most 2^30 to the fourth: no overflow.
 HWY_INLINE Rgb firefly_mean(const Blocks& p) {
   const VF one = set(1.0f);
   const VF a = hn::Add(one, fused_luminance(p.a));

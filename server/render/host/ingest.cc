@@ -15,7 +15,7 @@ IngestWork ingest_work(const IngestPlan& plan, const IngestRead& read, const Fra
   if (work.constants.weights == shader::WEIGHTS_CENTER) work.center_weights = center_weights();
   if (textures.histogram) {
     std::byte* bins = textures.histogram.buffer().mapped();
-    std::memset(bins, 0, textures.histogram.buffer().bytes());
+    std::memset(bins, 0, textures.layout.histogram_bytes(read.scrub));
     work.histogram = reinterpret_cast<shader::HistogramBin*>(bins);
   }
   return work;

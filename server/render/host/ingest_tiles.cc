@@ -17,6 +17,7 @@
 #include "server/render/host/any_run-inl.h"
 #include "server/render/host/ingest_tiles.h"
 #include "server/render/host/tile_sums-inl.h"
+#include "server/render/plan/metering.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace candela::host::HWY_NAMESPACE {
@@ -46,16 +47,18 @@ shader::TileRecord record_of(const TileSums& sums, const shader::IngestConstants
   if (constants.light != 0) record.max_light_bits = largest(sums.max_light);
   record.nan_components = sums.nan_components;
   record.infinite_components = sums.infinite_components;
+  record.clamped_components = sums.clamped_components;
   record.first_bad_texel_inverted = ~sums.first_bad_texel;
   record.negative_scene_components = sums.negative_scene_components;
   record.alpha_differs = sums.alpha_differs;
   record.absent_texels = sums.absent_texels;
+  record.coverage = sums.coverage;
   return record;
 }
 
 // Copies serve several rows of tiles, so other threads add to them, too.
 void add_bins(const Bins& bins, shader::HistogramBin* copy) {
-  for (size_t i = 0; i < bins.size(); ++i) {
+  for (size_t i = 0; i < bins.count(); ++i) {
     if (bins[i] == 0) continue;
     std::atomic_ref(copy[i].weight)
         .fetch_add(static_cast<uint32_t>(bins[i] >> 32), std::memory_order_relaxed);
@@ -100,9 +103,9 @@ void meter_row(const IngestWork& work, uint32_t tile_row) {
     if (work.histogram == nullptr) {
       meter_tiles<kPixels>(work, tile_row, tile, last, nullptr);
     } else {
-      Bins bins{};
+      Bins bins(histogram_bins(work.constants.scrub != 0));
       meter_tiles<kPixels>(work, tile_row, tile, last, &bins);
-      add_bins(bins, work.histogram + size_t{index / shader::HISTOGRAM_TILES} * shader::HISTOGRAM_BINS);
+      add_bins(bins, work.histogram + size_t{index / shader::HISTOGRAM_TILES} * bins.count());
     }
     tile = last;
   }

@@ -193,15 +193,20 @@ HWY_INLINE VF round_to_half(VF x) {
   return hn::PromoteTo(kFloats, hn::DemoteTo(halves, x));
 }
 
-HWY_INLINE VF clamp_to_scene(VF x) {
-  return hn::Min(hn::Max(x, set(-shader::MAX_SCENE_VALUE)), set(shader::MAX_SCENE_VALUE));
+HWY_INLINE VF clamp_to(float most, VF x) { return hn::Min(hn::Max(x, set(-most)), set(most)); }
+HWY_INLINE VF clamp_to_half(VF x) { return clamp_to(shader::MAX_HALF, x); }
+HWY_INLINE MF is_infinite(VF x) { return hn::Eq(hn::Abs(x), floats(hn::Set(kInts, 0x7f800000))); }
+HWY_INLINE VF scrub_alpha(VF x) { return hn::IfThenZeroElse(hn::IsNaN(x), clamp_to_half(x)); }
+HWY_INLINE VF scrub_light(VF x) {
+  const VF finite = hn::IfThenZeroElse(hn::IsNaN(x), clamp_to(shader::MAX_LIGHT, x));
+  return hn::IfThenElse(is_infinite(x), clamp_to_half(x), finite);
 }
-HWY_INLINE VF scrub(VF x) { return hn::IfThenZeroElse(hn::IsNaN(x), clamp_to_scene(x)); }
-HWY_INLINE Pixels scrub(const Pixels& c) { return {scrub(c.r), scrub(c.g), scrub(c.b), scrub(c.a)}; }
+HWY_INLINE Pixels scrub(const Pixels& c) {
+  return {scrub_light(c.r), scrub_light(c.g), scrub_light(c.b), scrub_alpha(c.a)};
+}
 
-// How the scene is made of the wire's pixels. `scrub` may be false only if every component is finite and
-// within
-// +-MAX_SCENE_VALUE.
+// How the scene is made of the wire's pixels. Without `scrub` pixels are right only if every component is
+// finite and within +-MAX_HALF, on the wire and in the scene.
 struct Input {
   const shader::InputParams& frame;
   uint32_t pixels;  // PIXELS_*
@@ -211,39 +216,57 @@ struct Input {
   bool rounds() const { return pixels == shader::PIXELS_RGBA32F || matrix; }
 };
 
-// Primaries and clamp, in the order that docs/pipeline.md section 1 fixes.
+// Primaries, in the order that docs/pipeline.md section 1 fixes.
 HWY_INLINE Pixels to_scene_primaries(const shader::InputParams& m, const Pixels& c) {
   const auto row = [&](float x, float y, float z) HWY_ATTR {
     const VF xy = hn::Add(hn::Mul(set(x), c.r), hn::Mul(set(y), c.g));
-    return clamp_to_scene(hn::Add(xy, hn::Mul(set(z), c.b)));
+    return hn::Add(xy, hn::Mul(set(z), c.b));
   };
-  return {row(m.m00, m.m01, m.m02), row(m.m10, m.m11, m.m12), row(m.m20, m.m21, m.m22), clamp_to_scene(c.a)};
+  return {row(m.m00, m.m01, m.m02), row(m.m10, m.m11, m.m12), row(m.m20, m.m21, m.m22), c.a};
 }
 
 HWY_INLINE Pixels round_to_half(const Pixels& c) {
   return {round_to_half(c.r), round_to_half(c.g), round_to_half(c.b), round_to_half(c.a)};
 }
 
-// Scene pixels before they are rounded.
-HWY_INLINE Pixels ingest_unrounded(const Input& input, const Pixels& wire) {
+// Scene pixels before they are clamped and rounded.
+HWY_INLINE Pixels ingest_unclamped(const Input& input, const Pixels& wire) {
   const Pixels c = input.scrub ? scrub(wire) : wire;
   return input.matrix ? to_scene_primaries(input.frame, c) : c;
+}
+
+// Scene pixels before they are rounded.
+HWY_INLINE Pixels ingest_unrounded(const Input& input, const Pixels& wire) {
+  const Pixels c = ingest_unclamped(input, wire);
+  if (!input.scrub || !input.matrix) return c;
+  constexpr float kMost = shader::MAX_LIGHT;
+  return {clamp_to(kMost, c.r), clamp_to(kMost, c.g), clamp_to(kMost, c.b), c.a};
+}
+
+// Components within the largest half rounded to half, the others as they are.
+HWY_INLINE Pixels rounded(const Input& input, const Pixels& c) {
+  const Pixels halves = round_to_half(c);
+  if (!input.scrub) return halves;
+  const VF most = set(shader::MAX_HALF);
+  return {hn::IfThenElse(hn::Gt(hn::Abs(c.r), most), c.r, halves.r),
+          hn::IfThenElse(hn::Gt(hn::Abs(c.g), most), c.g, halves.g),
+          hn::IfThenElse(hn::Gt(hn::Abs(c.b), most), c.b, halves.b), halves.a};
 }
 
 // Scene pixels.
 HWY_INLINE Pixels ingest(const Input& input, const Pixels& wire) {
   const Pixels c = ingest_unrounded(input, wire);
-  return input.rounds() ? round_to_half(c) : c;
+  return input.rounds() ? rounded(input, c) : c;
 }
 
 // Scene pixels for a curve that cuts: a colour with a negative component is not rounded.
 HWY_INLINE Pixels ingest_wide(const Input& input, const Pixels& wire) {
   const Pixels c = ingest_unrounded(input, wire);
   if (!input.rounds()) return c;
-  const Pixels rounded = round_to_half(c);
+  const Pixels round = rounded(input, c);
   const MF negative = hn::Lt(hn::Min(hn::Min(c.r, c.g), c.b), hn::Zero(kFloats));
-  return {hn::IfThenElse(negative, c.r, rounded.r), hn::IfThenElse(negative, c.g, rounded.g),
-          hn::IfThenElse(negative, c.b, rounded.b), hn::IfThenElse(negative, c.a, rounded.a)};
+  return {hn::IfThenElse(negative, c.r, round.r), hn::IfThenElse(negative, c.g, round.g),
+          hn::IfThenElse(negative, c.b, round.b), hn::IfThenElse(negative, c.a, round.a)};
 }
 
 #endif  // CANDELA_HOST_TARGET

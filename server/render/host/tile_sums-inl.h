@@ -65,8 +65,10 @@ struct TileSums {
   uint32_t negative_scene_components = 0;
   uint32_t nan_components = 0;
   uint32_t infinite_components = 0;
+  uint32_t clamped_components = 0;
   uint32_t first_bad_texel = UINT32_MAX;
   uint32_t absent_texels = 0;
+  uint32_t coverage = 0;  // as in TileRecord
   bool alpha_differs = false;
 
   TileSums() {}  // not an implicit one, which would be for the baseline's processors
@@ -129,7 +131,7 @@ struct PlainNotes<shader::PIXELS_RGBA32F> {
   }
   HWY_INLINE bool plain(VI) const {
     return hn::AllFalse(kInts, hn::Lt(any, hn::Zero(kInts))) &&
-           hn::AllFalse(kInts, hn::Gt(largest, bits(set(shader::MAX_SCENE_VALUE))));
+           hn::AllFalse(kInts, hn::Gt(largest, bits(set(shader::MAX_HALF))));
   }
   HWY_INLINE bool opaque() const { return hn::AllTrue(kInts, hn::Eq(alpha, hn::Zero(kInts))); }
 };

@@ -17,16 +17,20 @@ struct FrameStats {
   float max_luminance = 0.0f;
   uint64_t nan_components = 0;
   uint64_t infinite_components = 0;
+  uint64_t clamped_components = 0;  // finite and beyond +-2^30, on the wire or after the matrix
   uint64_t negative_components = 0;
   uint64_t negative_scene_components = 0;  // in Rec.709; without a matrix the same as on the wire
-  uint64_t absent_pixels = 0;   // see docs/pipeline.md section 1; 0 if they are metered
-  uint64_t metered_weight = 0;  // the sum of all texels' metering weights; 0 if nothing is metered
+  uint64_t absent_pixels = 0;              // see docs/pipeline.md section 1; 0 if they are metered
+  // The sum of all texels' metering weights; 0 if nothing is metered. If some alpha is neither 0 nor 1, a
+  // weight of 1 counts as 255, except with CENTER.
+  uint64_t metered_weight = 0;
   // The largest luminance of each tile of shader::TILE_TEXELS squared, row by row, with negative components
   // cut to 0. No mean that bloom makes of the tile's texels is brighter. Empty if the settings ask for no
   // bloom.
   std::vector<float> tile_light;
   ScenePrint print{};
-  // Weights by log2 luminance, 64 bins an octave from 2^-14 on. Empty unless the settings ask for it.
+  // Weights by log2 luminance, 64 bins an octave from 2^-14 on: 30 octaves, or 45 if there is light in the
+  // higher ones. Empty unless the settings ask for it.
   std::vector<uint64_t> histogram;
 
   // The mean from which exposure follows; absent if nothing is metered.
@@ -39,8 +43,9 @@ struct FrameStats {
 // the reference's; the other statistics are those of the device's or the host's passes.
 struct Metered {
   FrameStats stats;
-  bool scrubbed = false;  // the frame was read once more, with the scrub
-  bool alpha = false;     // some alpha is not 1
+  bool scrubbed = false;   // the frame was read once more, with the scrub
+  bool alpha = false;      // some alpha is not 1
+  bool uncovered = false;  // no alpha is above 0, and something is not absent
   std::vector<StageTime> stages{};
 };
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "proto/candela/v1/limits.h"
+#include "shaders/params.h"
 
 namespace candela {
 
@@ -19,6 +20,11 @@ struct MeterBin {
   uint64_t weight = 0;
   double above_ev = 0.0;
 };
+
+// The number of bins. With the scrub luminance is up to 2^30.
+constexpr uint32_t histogram_bins(bool scrub) {
+  return scrub ? shader::HISTOGRAM_SCRUB_BINS : shader::HISTOGRAM_BINS;
+}
 
 inline constexpr double kHistogramFirstEv = -14.0;
 inline constexpr uint32_t kHistogramBinsPerEv = 64;

@@ -64,6 +64,13 @@ double exposure_factor(const Settings& settings, double exposure) {
   return std::min<double>(exposure * settings->prescale(), shader::MAX_EXPOSURE);
 }
 
+// A bound of the scene's components, from their luminance.
+double largest_light(const FrameStats& stats) {
+  const auto brightest = std::max_element(stats.tile_light.begin(), stats.tile_light.end());
+  const double most = brightest == stats.tile_light.end() ? 0.0 : *brightest / 0.0722;
+  return std::clamp<double>(most, shader::MAX_HALF, shader::MAX_LIGHT);
+}
+
 // Whether there is light outside of Rec.709, of which a curve may cut a part.
 bool wide(const Metered& metered) { return metered.stats.negative_scene_components > 0; }
 
@@ -213,7 +220,7 @@ IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {
                            .histogram = layout.histogram_copies > 0,
                            .whole = layout.desc.width % shader::GROUP_TEXELS == 0,
                            .ignore = metering.ignore_below() > 0,
-                           .alpha = false};
+                           .alpha = shader::METER_OPAQUE};
   plan.inputs.params.frame = input_params(layout, plan.matrix);
   plan.inputs.params.tiles_x = layout.tiles_x;
   plan.inputs.params.spot_x0 = metering.spot().x0();
@@ -245,7 +252,8 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   }
   if (metered.alpha && !ignores_alpha(settings)) {
     plan.words.push_back(
-        absl::StrFormat("ingest again with alpha: it is not 1 everywhere; %d of %d pixels are absent",
+        absl::StrFormat("ingest again with alpha: it is %s; %d of %d pixels are absent",
+                        metered.uncovered ? "0 everywhere, so all pixels count alike" : "not 1 everywhere",
                         metered.stats.absent_pixels, uint64_t{desc.width} * desc.height));
   }
   plan_bloom(layout, metered, settings->bloom(), matrix, plan);
@@ -282,6 +290,7 @@ BoundFacts frame_facts(const Metered& metered, const Settings& settings, double 
   facts.wide = wide(metered);
   facts.translucent = metered.alpha && settings->alpha() == v1::ALPHA_STRAIGHT;
   facts.exposure = exposure_factor(settings, exposure);
+  if (metered.scrubbed) facts.largest = largest_light(metered.stats);
   return facts;
 }
 

@@ -50,8 +50,8 @@ struct IngestPlan {
 
 // How ingest reads a frame. The first read is without either.
 struct IngestRead {
-  bool scrub = false;  // a component is not finite or too large
-  bool alpha = false;  // an alpha is not 1, and absent texels may be among them
+  bool scrub = false;                     // a component is not finite or beyond the largest half
+  uint32_t alpha = shader::METER_OPAQUE;  // another METER_* if an alpha is not 1
 };
 
 // One pass of the bloom. It writes level `level`: for kBrightPass 0, for kBloomDown n+1, for kBloomUp n, for

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "server/render/plan/metering.h"
 #include "server/render/settings/frame.h"
 #include "server/render/settings/settings.h"
 
@@ -43,6 +44,11 @@ struct TextureLayout {
 
   bool first_level_twice = false;  // level 0 also stands for a finer level that was left out
   uint32_t summed_levels = 0;      // in the end, level 0 holds the sum of this many levels' light
+
+  // The part of the histogram that a read uses; with the scrub all of it.
+  uint64_t histogram_bytes(bool scrub) const {
+    return uint64_t{histogram_copies} * histogram_bins(scrub) * sizeof(shader::HistogramBin);
+  }
 };
 
 // Pure. If max_error_codes has still to choose a tier, the layout is that of the costliest tier on the device

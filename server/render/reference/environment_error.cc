@@ -1,7 +1,5 @@
 #include "server/render/reference/environment_error.h"
 
-#include <Imath/half.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -47,19 +45,6 @@ uint32_t texel_of(double s, uint32_t size) {
 }
 
 }  // namespace
-
-reference::Scene panorama_scene(std::span<const uint16_t> halves, uint32_t width, uint32_t height) {
-  reference::Scene scene{width, height, std::vector<std::array<float, 4>>(size_t{width} * height), {}};
-  for (size_t i = 0; i < scene.texels.size(); ++i) {
-    for (size_t c = 0; c < 3; ++c) {
-      Imath::half component;
-      component.setBits(halves[4 * i + c]);
-      scene.texels[i][c] = component;
-    }
-    scene.texels[i][3] = 1.0f;
-  }
-  return scene;
-}
 
 double level_error(const reference::Scene& panorama, const BakedFaces& level, double rotation_deg) {
   double error = 0.0;

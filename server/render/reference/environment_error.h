@@ -16,9 +16,6 @@ struct BakedFaces {
   std::span<const std::vector<float>> faces;
 };
 
-// The panorama as the twins read it, from RGBA halves without padding.
-reference::Scene panorama_scene(std::span<const uint16_t> halves, uint32_t width, uint32_t height);
-
 // sum |level - exact| / sum |exact| over R, G and B at the texels nearest to 64 directions that are spread
 // over the sphere; 0 for a black panorama. `rotation_deg` is the environment's. Level 0 is compared with the
 // mean over the tier reference's sub-texels. Takes up to a second, and goes through checkpoint().

@@ -18,6 +18,7 @@ FrameStats stats_of(const MeteredScene& metered) {
   stats.max_luminance = static_cast<float>(metered.meter.max_luminance);
   stats.nan_components = metered.bad.nan;
   stats.infinite_components = metered.bad.infinite;
+  stats.clamped_components = metered.bad.clamped;
   stats.negative_components = metered.bad.negative;
   stats.negative_scene_components = metered.bad.negative_scene;
   stats.absent_pixels = metered.meter.absent;

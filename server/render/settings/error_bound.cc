@@ -23,7 +23,6 @@ constexpr double kLuminanceRoundings = 24;
 constexpr double kCancelRoundings = 32;
 // The largest component of a colour of luminance 1.
 constexpr double kPureBlue = 1 / 0.0722;
-constexpr double kLargestScene = 65504;
 // The error of the metered mean in EV: its logarithm and its fixed point, and the weights of PERCENTILE with
 // CENTER.
 constexpr double kMeanError = 8e-6;
@@ -86,14 +85,14 @@ double bloom_rounding(const Settings& settings) {
 }
 
 // The error of bloom's light where the bright pass subtracts its threshold, in the scene's units.
-double bright_pass_error(const Settings& settings, double threshold) {
+double bright_pass_error(const Settings& settings, double threshold, double largest) {
   const v1::Bloom& bloom = settings->bloom();
   if (bloom.kind() == v1::Bloom::KIND_CONSERVE) return 0;
   const double luminance = kLuminanceRoundings * kRounding;
   if (bloom.kind() == v1::Bloom::KIND_MIP) return kPureBlue * 3 * threshold * luminance;
   // GAUSSIAN: of Q, which shows the bright pass's error up to a luminance of 1 above the threshold.
   const double mean = std::exp2(mean_error(settings->exposure().metering())) - 1;
-  return std::min(kLargestScene, kPureBlue * (threshold + 1)) *
+  return std::min(largest, kPureBlue * (threshold + 1)) *
          (threshold * (mean + 2 * kRounding) + (threshold + 1) * luminance);
 }
 
@@ -102,7 +101,8 @@ double light_error(const Settings& settings, const BoundFacts& facts) {
   double error = 0;
   double rounding = kCancelRoundings * kRounding;
   if (facts.blooms) {
-    error += facts.exposure * settings->bloom().intensity() * bright_pass_error(settings, facts.threshold);
+    error += facts.exposure * settings->bloom().intensity() *
+             bright_pass_error(settings, facts.threshold, facts.largest);
     rounding += bloom_rounding(settings);
   }
   if (facts.wide) error += 2 * rounding * facts.negative_light;
@@ -168,7 +168,7 @@ BoundFacts hardest_facts(const FrameDesc& desc, const Settings& settings) {
   facts.wide = !unsigned_pixels || settings.to_scene();
   facts.translucent = !unsigned_pixels && settings->alpha() == v1::ALPHA_STRAIGHT;
   facts.exposure = shader::MAX_EXPOSURE;
-  facts.threshold = kLargestScene;
+  facts.threshold = shader::MAX_HALF;  // beyond it components may be negative, too
   facts.negative_light = std::numeric_limits<double>::infinity();
   return facts;
 }

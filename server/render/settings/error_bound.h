@@ -7,6 +7,7 @@
 
 #include "server/render/settings/settings.h"
 #include "server/render/settings/tiers.h"
+#include "shaders/params.h"
 
 namespace candela {
 
@@ -15,11 +16,12 @@ inline constexpr double kNoBound = 255.0;
 
 // What a bound depends on besides the settings.
 struct BoundFacts {
-  bool blooms = false;       // some light may pass the bright pass
-  bool wide = false;         // the scene has negative components
-  bool translucent = false;  // some alpha is not 1
-  double exposure = 0.0;     // the factor E * prescale
-  double threshold = 0.0;    // of the bright pass, in scene luminance
+  bool blooms = false;                // some light may pass the bright pass
+  bool wide = false;                  // the scene has negative components
+  bool translucent = false;           // some alpha is not 1
+  double exposure = 0.0;              // the factor E * prescale
+  double threshold = 0.0;             // of the bright pass, in scene luminance
+  double largest = shader::MAX_HALF;  // no component of the scene is above
   // Of wide frames, known after they are drawn: see Drawn::negative_light.
   double negative_light = 0.0;
 };

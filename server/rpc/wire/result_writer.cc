@@ -41,6 +41,7 @@ v1::FrameStatistics statistics(const FrameStats& stats) {
   message.set_max_luminance(stats.max_luminance);
   message.set_nan_components(stats.nan_components);
   message.set_infinite_components(stats.infinite_components);
+  message.set_clamped_components(stats.clamped_components);
   message.set_negative_components(stats.negative_components);
   message.set_absent_pixels(stats.absent_pixels);
   return message;

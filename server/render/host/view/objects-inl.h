@@ -37,7 +37,8 @@ class Objects {
     if ((is_mixed | is_whole) == 0) return;
     vec3 c = light(middle, centre, is_whole);
     if (is_mixed != 0) c = mix(c, grid_light(corner, is_mixed), glsl::bvec3(mixed, mixed, mixed));
-    store(c, is_mixed | is_whole, job_.pixels + (size_t{y} * job_.params.pitch + x) * kHalvesBytes);
+    std::byte* const to = job_.pixels + (size_t{y} * job_.params.pitch + x) * pixel_bytes(job_.floats);
+    job_.floats ? store_floats(c, is_mixed | is_whole, to) : store_halves(c, is_mixed | is_whole, to);
   }
 
  private:
@@ -171,16 +172,25 @@ class Objects {
   }
 
   // Stores the lanes `drawn`.
-  static HWY_INLINE void store(const vec3& c, uint32_t drawn, std::byte* to) {
+  static HWY_INLINE void store_floats(const vec3& c, uint32_t drawn, std::byte* to) {
+    const auto cut = [](F x) HWY_ATTR { return clamp_to(shader::MAX_LIGHT, x.v); };
+    HWY_ALIGN float pixels[4 * kLanes];
+    hn::StoreInterleaved4(cut(c.r), cut(c.g), cut(c.b), set(1.0f), kFloats, pixels);
+    copy_drawn(drawn, reinterpret_cast<const std::byte*>(pixels), pixel_bytes(true), to);
+  }
+  static HWY_INLINE void store_halves(const vec3& c, uint32_t drawn, std::byte* to) {
     const hn::Rebind<hwy::float16_t, DF> halves;
     const hn::Rebind<uint16_t, DF> bits;
     const auto half = [&](F x)
-                          HWY_ATTR { return hn::BitCast(bits, hn::DemoteTo(halves, clamp_to_scene(x.v))); };
+                          HWY_ATTR { return hn::BitCast(bits, hn::DemoteTo(halves, clamp_to_half(x.v))); };
     HWY_ALIGN uint16_t pixels[4 * kLanes];
     hn::StoreInterleaved4(half(c.r), half(c.g), half(c.b), half(1.0f), bits, pixels);
+    copy_drawn(drawn, reinterpret_cast<const std::byte*>(pixels), pixel_bytes(false), to);
+  }
+  static HWY_INLINE void copy_drawn(uint32_t drawn, const std::byte* pixels, size_t bytes, std::byte* to) {
     for (; drawn != 0; drawn &= drawn - 1) {
       const size_t i = hwy::Num0BitsBelowLS1Bit_Nonzero32(drawn);
-      std::memcpy(to + i * kHalvesBytes, pixels + 4 * i, kHalvesBytes);
+      std::memcpy(to + i * bytes, pixels + i * bytes, bytes);
     }
   }
 

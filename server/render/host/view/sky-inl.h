@@ -16,7 +16,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace candela::host::HWY_NAMESPACE {
 
-constexpr size_t kHalvesBytes = 8;  // of a pixel
+constexpr size_t pixel_bytes(bool floats) { return floats ? 16 : 8; }
 
 // 0, 1, 2 ...: the columns of the lanes.
 HWY_INLINE F lane_columns() { return hn::Iota(kFloats, 0); }
@@ -58,19 +58,24 @@ HWY_INLINE void store_two(D d, VTexel a, VTexel b, std::byte* to) {
     store_as_halves(d, hn::Combine(d, b, a), to);
   } else {
     store_as_halves(d, a, to);
-    store_as_halves(d, b, to + kHalvesBytes);
+    store_as_halves(d, b, to + pixel_bytes(false));
   }
 }
 
 // Stores texel(i) for first <= i < last.
-template <typename Texel>
+template <bool kToFloats, typename Texel>
 HWY_INLINE void store_texels(uint32_t first, uint32_t last, std::byte* to, const Texel& texel) {
+  constexpr size_t kBytes = pixel_bytes(kToFloats);
   uint32_t i = first;
-  for (; i + 4 <= last; i += 4) {
-    store_two(kTexels, texel(i), texel(i + 1), to + i * kHalvesBytes);
-    store_two(kTexels, texel(i + 2), texel(i + 3), to + (i + 2) * kHalvesBytes);
+  if constexpr (kToFloats) {
+    for (; i < last; ++i) hn::StoreU(texel(i), kTexel, reinterpret_cast<float*>(to + i * kBytes));
+  } else {
+    for (; i + 4 <= last; i += 4) {
+      store_two(kTexels, texel(i), texel(i + 1), to + i * kBytes);
+      store_two(kTexels, texel(i + 2), texel(i + 3), to + (i + 2) * kBytes);
+    }
+    for (; i < last; ++i) store_as_halves(kTexel, texel(i), to + i * kBytes);
   }
-  for (; i < last; ++i) store_as_halves(kTexel, texel(i), to + i * kHalvesBytes);
 }
 
 // A sky that is level 0 alone.
@@ -82,11 +87,12 @@ HWY_NOINLINE HWY_FLATTEN inline void find_magnified(const ViewJob& job, uint32_t
   for (uint32_t i = 0; i < count; i += kLanes) spots.set(i, chain.spot(0, Cube().cube_place(rays.at(x + i))));
 }
 
-HWY_NOINLINE HWY_FLATTEN inline void draw_magnified(const ViewJob& job, const Spots<kSkyChunk>& spots,
-                                                    uint32_t count, std::byte* to) {
+template <bool kToFloats>
+HWY_NOINLINE HWY_FLATTEN void draw_magnified(const ViewJob& job, const Spots<kSkyChunk>& spots,
+                                             uint32_t count, std::byte* to) {
   const float* const chain = job.chain;
   const size_t pitch = size_t{4} * (job.params.chain_size + 2);
-  store_texels(0, count, to, [&](uint32_t i) HWY_ATTR { return spots.texel(chain, i, pitch); });
+  store_texels<kToFloats>(0, count, to, [&](uint32_t i) HWY_ATTR { return spots.texel(chain, i, pitch); });
 }
 
 // A sky between levels. `one_level` is for each register of pixels.
@@ -106,31 +112,35 @@ HWY_NOINLINE HWY_FLATTEN inline void find_between(const ViewJob& job, uint32_t x
   }
 }
 
-HWY_NOINLINE HWY_FLATTEN inline void draw_between(const ViewJob& job, const SkySpots& sky, uint32_t count,
-                                                  std::byte* to) {
+template <bool kToFloats>
+HWY_NOINLINE HWY_FLATTEN void draw_between(const ViewJob& job, const SkySpots& sky, uint32_t count,
+                                           std::byte* to) {
   const float* const chain = job.chain;
   for (uint32_t i = 0; i < count; i += kLanes) {
     const uint32_t end = std::min<uint32_t>(count, i + kLanes);
     if (sky.one_level[i / kLanes]) {
-      store_texels(i, end, to, [&](uint32_t k) HWY_ATTR { return sky.spots.near.texel(chain, k); });
+      store_texels<kToFloats>(i, end, to,
+                              [&](uint32_t k) HWY_ATTR { return sky.spots.near.texel(chain, k); });
     } else {
-      store_texels(i, end, to, [&](uint32_t k) HWY_ATTR { return sky.spots.texel(chain, k); });
+      store_texels<kToFloats>(i, end, to, [&](uint32_t k) HWY_ATTR { return sky.spots.texel(chain, k); });
     }
   }
 }
 
 // Columns x0 to x1 - 1 of row y. A mean of texels needs no clamp.
-inline void draw_sky(const ViewJob& job, const ViewPart& part, uint32_t x1, uint32_t y) {
-  std::byte* const row = job.pixels + size_t{y} * job.params.pitch * kHalvesBytes;
+template <bool kToFloats>
+void draw_sky(const ViewJob& job, const ViewPart& part, uint32_t x1, uint32_t y) {
+  constexpr size_t kBytes = pixel_bytes(kToFloats);
+  std::byte* const row = job.pixels + size_t{y} * job.params.pitch * kBytes;
   SkySpots sky;
   for (uint32_t x = part.x0; x < x1; x += kSkyChunk) {
     const uint32_t count = std::min(x1 - x, kSkyChunk);
     if (part.magnified) {
       find_magnified(job, x, count, y, sky.spots.near);
-      draw_magnified(job, sky.spots.near, count, row + x * kHalvesBytes);
+      draw_magnified<kToFloats>(job, sky.spots.near, count, row + x * kBytes);
     } else {
       find_between(job, x, count, y, sky);
-      draw_between(job, sky, count, row + x * kHalvesBytes);
+      draw_between<kToFloats>(job, sky, count, row + x * kBytes);
     }
   }
 }

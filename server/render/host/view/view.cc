@@ -16,7 +16,7 @@ namespace candela::host::HWY_NAMESPACE {
 
 void draw_part(const ViewJob& job, const ViewPart& part, uint32_t y) {
   const uint32_t x1 = std::min(part.x1, job.params.width);
-  if (!part.objects) return draw_sky(job, part, x1, y);
+  if (!part.objects) return job.floats ? draw_sky<true>(job, part, x1, y) : draw_sky<false>(job, part, x1, y);
   Objects objects(job, part);
   for (uint32_t x = part.x0; x < x1; x += kLanes) objects.draw(x, y, std::min<uint32_t>(x1 - x, kLanes));
 }

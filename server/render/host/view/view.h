@@ -18,7 +18,8 @@ struct ViewJob {
   const float* specular = nullptr;  // the same; null without specular levels
   shader::ViewLight light{};
   std::span<const shader::ViewObject> objects{};
-  std::byte* pixels = nullptr;  // RGBA halves, rows params.pitch apart
+  std::byte* pixels = nullptr;  // RGBA halves or floats, rows params.pitch apart
+  bool floats = false;
 };
 
 // What is drawn in the columns x0 <= x < x1 of some rows: objects, or the sky.
