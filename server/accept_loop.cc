@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <optional>
 #include <string>
@@ -26,30 +27,43 @@ const char* word(ConnectionRefusal reason) {
   return reason == ConnectionRefusal::kLimit ? "max-connections are open" : "no file descriptor is left";
 }
 
-std::string peer_of(int descriptor) {
-  sockaddr_storage peer{};
-  socklen_t size = sizeof peer;
-  // A client that has reset the connection has no address any more.
-  if (getpeername(descriptor, reinterpret_cast<sockaddr*>(&peer), &size) != 0) return "unknown";
-  return client_address(peer);
-}
-
 }  // namespace
 
-void OpenConnections::add(int descriptor) {
+void OpenConnections::add(int descriptor, std::string client) {
   struct stat about {};
   if (fstat(descriptor, &about) != 0) return;
   const absl::MutexLock lock(&mutex_);
-  known_.push_back({descriptor, about.st_ino});
+  if (known_.size() >= look_at_) {
+    forget_closed();
+    look_at_ = std::max(look_at_, 2 * known_.size());
+  }
+  known_.push_back({descriptor, about.st_ino, std::move(client)});
 }
 
 size_t OpenConnections::count() {
   const absl::MutexLock lock(&mutex_);
+  forget_closed();
+  return known_.size();
+}
+
+bool OpenConnections::has(const std::string& client) const {
+  const absl::MutexLock lock(&mutex_);
+  return std::any_of(known_.begin(), known_.end(), [&](const Known& known) { return known.client == client; });
+}
+
+std::set<std::string> OpenConnections::clients() {
+  const absl::MutexLock lock(&mutex_);
+  forget_closed();
+  std::set<std::string> clients;
+  for (const Known& known : known_) clients.insert(known.client);
+  return clients;
+}
+
+void OpenConnections::forget_closed() {
   std::erase_if(known_, [](const Known& known) {
     struct stat about {};
     return fstat(known.descriptor, &about) != 0 || about.st_ino != known.inode || !S_ISSOCK(about.st_mode);
   });
-  return known_.size();
 }
 
 AcceptLoop::AcceptLoop(std::vector<Door> doors, size_t max_connections, OpenConnections& connections,
@@ -120,7 +134,7 @@ void AcceptLoop::refuse(int descriptor, ConnectionRefusal reason) {
   if (const std::optional<uint64_t> connections = lines_.pass()) {
     log_event(LogLevel::kWarning, "connection refused",
               {{"reason", word(reason)},
-               {"peer", peer_of(descriptor)},
+               {"peer", client_of(descriptor)},
                {"connections", *connections},
                {"max_connections", uint64_t{max_connections_}}});
   }

@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <set>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -23,17 +25,25 @@ namespace candela {
 // is gone. Any thread.
 class OpenConnections {
  public:
-  void add(int descriptor);
+  void add(int descriptor, std::string client = {});
   // Forgets those that are gone, and returns the number of the others.
   size_t count();
+  // Whether one of `client`'s was added and not forgotten.
+  bool has(const std::string& client) const;
+  // Forgets those that are gone. Each client of the others once, in ascending order.
+  std::set<std::string> clients();
 
  private:
   struct Known {
     int descriptor;
     ino_t inode;
+    std::string client;
   };
-  absl::Mutex mutex_;
+  void forget_closed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  mutable absl::Mutex mutex_;
   std::vector<Known> known_ ABSL_GUARDED_BY(mutex_);
+  size_t look_at_ = 64;  // known ones, before the next look for those that are gone
 };
 
 // One thread accepts. Beyond `max_connections`, or without a descriptor, the newest connection is closed at

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "proto/candela/v1/address.h"
+#include "server/access/client_identity.h"
 #include "server/base/listening_socket.h"
 #include "server/memory_budget.h"
 
@@ -65,26 +66,69 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
                                  std::clamp(config.idle_timeout, kHandshake.min, kHandshake.max))));
 }
 
+// gRPC does not tell the check of a token who calls over TCP, only at which of its ports. So such an address
+// has so many of them, and all connections of a client use the same. While no more clients than this are
+// connected, each has one for itself.
+constexpr size_t kPortsForTokens = 64;
+
+// The ports of gRPC behind one listening address. One thread at a time.
+class Ports {
+ public:
+  Ports(grpc::ServerBuilder& builder, const Config& config, const std::string& address, Access& access,
+        Metrics& metrics) {
+    const bool by_client = !config.token_file.empty() && !v1::is_unix_address(address);
+    ports_.resize(by_client ? kPortsForTokens : 1);
+    for (Port& port : ports_) {
+      port.acceptor = builder.experimental().AddExternalConnectionAcceptor(
+          grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
+          access.credentials(address, metrics, [open = port.open] { return open->clients(); }));
+    }
+  }
+
+  // Hands over a connection that `listening` accepted.
+  void take(int listening, int descriptor) {
+    const Port& port = ports_.size() == 1 ? ports_.front() : choose(descriptor);
+    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+    connection.listener_fd = listening;
+    connection.fd = descriptor;
+    port.acceptor->HandleNewConnection(&connection);
+  }
+
+ private:
+  struct Port {
+    std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor;
+    std::shared_ptr<OpenConnections> open = std::make_shared<OpenConnections>();
+  };
+
+  const Port& choose(int descriptor) {
+    std::string client = client_of(descriptor);
+    auto port = std::find_if(ports_.begin(), ports_.end(), [&](const Port& p) { return p.open->has(client); });
+    if (port == ports_.end()) {
+      std::vector<size_t> open;
+      for (const Port& p : ports_) open.push_back(p.open->count());
+      port = ports_.begin() + (std::min_element(open.begin(), open.end()) - open.begin());
+    }
+    port->open->add(descriptor, std::move(client));
+    return *port;
+  }
+
+  std::vector<Port> ports_;
+};
+
 // Listens at `address` and hands what is accepted there to `builder`'s server, once that has started.
 absl::Status open_doors(const Config& config, const std::string& address, grpc::ServerBuilder& builder,
-                        const std::shared_ptr<grpc::ServerCredentials>& credentials, GrpcListener& listener,
+                        Access& access, Metrics& metrics, GrpcListener& listener,
                         std::vector<AcceptLoop::Door>& doors) {
   absl::StatusOr<std::vector<ListeningSocket>> sockets = ListeningSocket::listen("listen", address);
   if (!sockets.ok()) return sockets.status();
   listener.addresses.push_back(sockets->front().address());
-  const std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
-      builder.experimental().AddExternalConnectionAcceptor(
-          grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  const auto ports = std::make_shared<Ports>(builder, config, address, access, metrics);
   const bool tls = !config.tls_cert.empty() && !v1::is_unix_address(address);
   for (ListeningSocket& socket : *sockets) {
     listener.own_doors.push_back({socket.local(), tls});
     const int listening = socket.descriptor();
-    doors.push_back({std::move(socket), [acceptor, listening](int descriptor) {
-                       grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
-                       connection.listener_fd = listening;
-                       connection.fd = descriptor;
-                       acceptor->HandleNewConnection(&connection);
-                     }});
+    doors.push_back({std::move(socket),
+                     [ports, listening](int descriptor) { ports->take(listening, descriptor); }});
   }
   return absl::OkStatus();
 }
@@ -103,7 +147,7 @@ absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_conne
   std::vector<AcceptLoop::Door> doors;
   for (const std::string& address : config.listen) {
     if (absl::Status status =
-            open_doors(config, address, builder, access.credentials(address, metrics), listener, doors);
+            open_doors(config, address, builder, access, metrics, listener, doors);
         !status.ok()) {
       return status;
     }

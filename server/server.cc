@@ -183,7 +183,8 @@ absl::Status Server::Impl::serve_metrics() {
             .memory_budget_bytes = config.memory_budget_bytes,
             .environment_bytes = state->environments.used_bytes(),
             .environment_budget_bytes = config.environment_budget_bytes,
-            .connections = connections.count()};
+            .connections = connections.count(),
+            .certificate_expires = access->certificate_expires()};
   });
   absl::StatusOr<std::unique_ptr<MetricsServer>> started =
       MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections);

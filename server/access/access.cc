@@ -4,10 +4,13 @@
 #include <grpc/grpc_security.h>
 #include <grpc/slice.h>
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/match.h"
-#include "absl/strings/str_format.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "proto/candela/v1/address.h"
 #include "server/access/client_identity.h"
@@ -23,6 +26,17 @@ constexpr char kWhatToDo[] =
     "this server requires a token: send the metadata authorization: Bearer TOKEN, or pass --token-file FILE "
     "to candela; ask the operator of the server for a token";
 
+// One of these, in words.
+std::string one_of(const std::set<std::string>& clients) {
+  constexpr size_t kNamed = 4;
+  if (clients.empty()) return "unknown";  // it has gone meanwhile
+  if (clients.size() == 1) return *clients.begin();
+  const auto end = std::next(clients.begin(), static_cast<ptrdiff_t>(std::min(clients.size(), kNamed)));
+  std::string words = absl::StrCat("one of ", absl::StrJoin(clients.begin(), end, ", "));
+  if (clients.size() > kNamed) absl::StrAppend(&words, " and ", clients.size() - kNamed, " more");
+  return words;
+}
+
 absl::string_view view_of(const grpc_slice& slice) {
   return {reinterpret_cast<const char*>(GRPC_SLICE_START_PTR(slice)), GRPC_SLICE_LENGTH(slice)};
 }
@@ -34,8 +48,12 @@ absl::string_view view_of(const grpc_slice& slice) {
 // handshake and keeps what it has.
 class Access::Port final : public grpc::ServerCredentials {
  public:
-  Port(Access& access, Metrics& metrics, const std::string& address)
-      : access_(access), metrics_(metrics), local_(v1::is_unix_address(address)) {
+  Port(Access& access, Metrics& metrics, const std::string& address,
+       std::function<std::set<std::string>()> clients)
+      : access_(access),
+        metrics_(metrics),
+        local_(v1::is_unix_address(address)),
+        clients_(std::move(clients)) {
     if (access.tls() && !local_) {
       const auto request = access.files_.client_ca.empty()
                                ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
@@ -90,19 +108,19 @@ class Access::Port final : public grpc::ServerCredentials {
     } else {
       port.metrics_.rejected(Rejection::kAccess);
       port.access_.refusals_.add(shown.empty() ? Refusal::kNoToken : Refusal::kUnknownToken,
-                                 port.peer(forwarded_for));
+                                 [&] { return port.peer(forwarded_for); });
       done(call, nullptr, 0, nullptr, 0, GRPC_STATUS_UNAUTHENTICATED, kWhatToDo);
     }
   }
 
-  // gRPC does not say here who calls over TCP.
   std::string peer(absl::string_view forwarded_for) const {
-    return local_ ? client_address("unix:", forwarded_for) : "unknown";
+    return local_ ? client_address("unix:", forwarded_for) : one_of(clients_());
   }
 
   Access& access_;
   Metrics& metrics_;
   const bool local_;  // a unix: socket
+  const std::function<std::set<std::string>()> clients_;
   grpc_server_credentials* credentials_ = nullptr;
   std::shared_ptr<const Certificates> fetched_;
 };
@@ -161,15 +179,21 @@ void Access::read_again() {
             {{"because", status.message()}});
 }
 
-std::shared_ptr<grpc::ServerCredentials> Access::credentials(const std::string& address, Metrics& metrics) {
+std::shared_ptr<grpc::ServerCredentials> Access::credentials(const std::string& address, Metrics& metrics,
+                                                             std::function<std::set<std::string>()> clients) {
   const bool with_tls = tls() && !v1::is_unix_address(address);
   if (!with_tls && token_file_.empty()) return grpc::InsecureServerCredentials();
-  return ports_.emplace_back(std::make_shared<Port>(*this, metrics, address));
+  return ports_.emplace_back(std::make_shared<Port>(*this, metrics, address, std::move(clients)));
 }
 
 std::shared_ptr<const Certificates> Access::certificates() const {
   absl::MutexLock lock(&mutex_);
   return certificates_;
+}
+
+std::optional<absl::Time> Access::certificate_expires() const {
+  const std::shared_ptr<const Certificates> now = certificates();
+  return now == nullptr ? std::nullopt : std::optional(now->expires);
 }
 
 bool Access::allow(absl::string_view path, absl::string_view authorization) const {

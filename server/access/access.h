@@ -4,14 +4,17 @@
 
 #include <grpcpp/security/server_credentials.h>
 
+#include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
 #include "server/access/bearer_tokens.h"
 #include "server/access/certificates.h"
 #include "server/access/refusal_log.h"
@@ -32,9 +35,14 @@ class Access {
 
   // The credentials for one listening address of one server: TLS for TCP if there are certificates, and no
   // TLS for "unix:PATH". If there are tokens, every method needs one, except those of the standard health
-  // service. `metrics` counts calls without a valid token, and the log says whether they had one. This object
-  // and `metrics` outlive the server.
-  std::shared_ptr<grpc::ServerCredentials> credentials(const std::string& address, Metrics& metrics);
+  // service. `metrics` counts calls without a valid token, and the log says whether they had one and who sent
+  // them. gRPC does not say here who calls over TCP, so `clients` tells whose connections are open there; on
+  // a unix: socket it is not called. This object and `metrics` outlive the server.
+  std::shared_ptr<grpc::ServerCredentials> credentials(const std::string& address, Metrics& metrics,
+                                                       std::function<std::set<std::string>()> clients);
+
+  // When the certificate that new connections get expires; absent without TLS.
+  std::optional<absl::Time> certificate_expires() const;
 
  private:
   class Port;

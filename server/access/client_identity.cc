@@ -92,6 +92,13 @@ std::string client_address(const sockaddr_storage& peer) {
   return "local";
 }
 
+std::string client_of(int descriptor) {
+  sockaddr_storage peer{};
+  socklen_t size = sizeof peer;
+  if (getpeername(descriptor, reinterpret_cast<sockaddr*>(&peer), &size) != 0) return "unknown";
+  return client_address(peer);
+}
+
 std::string client_identity(const grpc::ServerContextBase& context, bool tokens) {
   std::string identity = client_address(context);
   if (tokens) absl::StrAppend(&identity, " token ", hash_of(last_header(context, "authorization")));

@@ -19,6 +19,9 @@ std::string client_address(absl::string_view peer, absl::string_view forwarded_f
 std::string client_address(const grpc::ServerContextBase& context);
 // The same for the other end of a connection; "local" if it is no IP address.
 std::string client_address(const sockaddr_storage& peer);
+// The same for the other end of a connected socket. "unknown" if the client has reset the connection, because
+// then it has no address any more.
+std::string client_of(int descriptor);
 
 // Identifies the client of a call by its address together with its client certificate, if it has one, and
 // with its bearer token if `tokens`, which says that the server checks them. None of these can be made up. It

@@ -11,7 +11,7 @@ const char* word(Refusal refusal) { return refusal == Refusal::kNoToken ? "no to
 
 }  // namespace
 
-void RefusalLog::add(Refusal refusal, absl::string_view peer) {
+void RefusalLog::add(Refusal refusal, absl::FunctionRef<std::string()> peer) {
   std::optional<uint64_t> calls;
   {
     const absl::MutexLock lock(&mutex_);
@@ -19,7 +19,7 @@ void RefusalLog::add(Refusal refusal, absl::string_view peer) {
   }
   if (!calls) return;
   log_event(LogLevel::kWarning, "call refused",
-            {{"reason", word(refusal)}, {"peer", peer}, {"calls", *calls}});
+            {{"reason", word(refusal)}, {"peer", peer()}, {"calls", *calls}});
 }
 
 }  // namespace candela

@@ -4,9 +4,10 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 
 #include "absl/base/thread_annotations.h"
-#include "absl/strings/string_view.h"
+#include "absl/functional/function_ref.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/rate_limit.h"
 
@@ -18,7 +19,8 @@ enum class Refusal { kNoToken, kUnknownToken };
 // of the last of them. Any thread.
 class RefusalLog {
  public:
-  void add(Refusal refusal, absl::string_view peer);
+  // `peer` is called only if there is a line.
+  void add(Refusal refusal, absl::FunctionRef<std::string()> peer);
 
  private:
   absl::Mutex mutex_;

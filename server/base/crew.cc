@@ -3,6 +3,7 @@
 #include <system_error>
 
 #include "server/base/log.h"
+#include "server/base/slices.h"
 
 namespace candela {
 
@@ -25,7 +26,15 @@ Crew::~Crew() {
 
 void Crew::run(uint32_t units, absl::FunctionRef<void(uint32_t unit)> work) {
   Job job = {work, units};
-  if (threads_.empty() || units <= 1) return take_units(job);
+  while (job.next < units) {
+    checkpoint();
+    job.end = slice_end();
+    run_slice(job);
+  }
+}
+
+void Crew::run_slice(Job& job) {
+  if (threads_.empty() || job.units - job.next <= 1) return take_units(job);
   {
     absl::MutexLock lock(&mutex_);
     job_ = &job;
@@ -39,7 +48,12 @@ void Crew::run(uint32_t units, absl::FunctionRef<void(uint32_t unit)> work) {
 }
 
 void Crew::take_units(Job& job) {
-  for (uint32_t unit = job.next++; unit < job.units; unit = job.next++) job.work(unit);
+  using Clock = std::chrono::steady_clock;
+  const bool in_slices = job.end != Clock::time_point::max();
+  for (uint32_t unit = job.next++; unit < job.units; unit = job.next++) {
+    job.work(unit);
+    if (in_slices && Clock::now() >= job.end) return;
+  }
 }
 
 void Crew::serve() {
@@ -53,7 +67,8 @@ void Crew::serve() {
     mutex_.Unlock();
     take_units(*job);
     mutex_.Lock();
-    // All units are taken. Without this the threads would take the job again until its caller notices.
+    // All units are taken, or the slice is over. Without this the threads would take the job again until its
+    // caller notices.
     if (job_ == job) job_ = nullptr;
     --helping_;
   }

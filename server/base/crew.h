@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <thread>
 #include <vector>
@@ -22,7 +23,9 @@ class Crew {
   uint32_t threads() const { return static_cast<uint32_t>(threads_.size()) + 1; }
 
   // Calls work(i) for every i below `units`, in ascending order but at the same time. Returns when all calls
-  // have returned; what they wrote is visible then. `work` must not throw.
+  // have returned; what they wrote is visible then. `work` must not throw. If the calling thread runs in
+  // slices (slices.h), a slice ends between units, and checkpoint() is called there; so a unit should take a
+  // few milliseconds at most.
   void run(uint32_t units, absl::FunctionRef<void(uint32_t unit)> work);
 
  private:
@@ -30,9 +33,12 @@ class Crew {
     absl::FunctionRef<void(uint32_t)> work;
     uint32_t units;
     std::atomic<uint32_t> next = 0;
+    std::chrono::steady_clock::time_point end = std::chrono::steady_clock::time_point::max();  // of the slice
   };
 
+  // Takes units until none is left or the slice ends; at least one.
   static void take_units(Job& job);
+  void run_slice(Job& job);
   void serve();
 
   absl::Mutex mutex_;

@@ -14,6 +14,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/time/clock.h"
 #include "server/base/log.h"
+#include "server/base/process_metrics.h"
 
 namespace candela {
 namespace {
@@ -143,6 +144,12 @@ struct Metrics::Impl final : prometheus::Collectable {
           .Register(registry)
           .Add({});
 
+  Family<Gauge>& certificate_expiry =
+      BuildGauge()
+          .Name("candela_certificate_expiry_timestamp_seconds")
+          .Help("When the server's TLS certificate expires, in seconds since 1970; absent without one")
+          .Register(registry);
+
   // At the start the server is alive but not ready.
   std::atomic<bool> ready = false;
   std::atomic<bool> live = true;
@@ -163,8 +170,13 @@ struct Metrics::Impl final : prometheus::Collectable {
       environment_budget.Set(static_cast<double>(sample.environment_budget_bytes));
       connections.Set(static_cast<double>(sample.connections));
       log_lines_lost.Increment(static_cast<double>(candela::log_lines_lost()) - log_lines_lost.Value());
+      if (sample.certificate_expires) {
+        certificate_expiry.Add({}).Set(absl::ToDoubleSeconds(*sample.certificate_expires - absl::UnixEpoch()));
+      }
     }
-    return registry.Collect();
+    std::vector<prometheus::MetricFamily> all = registry.Collect();
+    for (prometheus::MetricFamily& family : process_metrics()) all.push_back(std::move(family));
+    return all;
   }
 };
 

@@ -1,9 +1,10 @@
-// Metrics for Prometheus, in base units. Clients cannot choose labels.
+// Metrics for Prometheus, in base units: candela_* and process_*. Clients cannot choose labels.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/status.h"
@@ -46,6 +47,7 @@ class Metrics {
     uint64_t environment_bytes = 0;    // those that are kept, a part of the memory in use
     uint64_t environment_budget_bytes = 0;
     uint64_t connections = 0;
+    std::optional<absl::Time> certificate_expires = std::nullopt;  // of the server's own; absent: no TLS
   };
 
   // The arguments become labels of candela_build_info.

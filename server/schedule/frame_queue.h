@@ -56,8 +56,8 @@ struct FrameJob {
   // that belongs to the render thread, which waits meanwhile; at a checkpoint other jobs use them. Its error
   // is the job's.
   std::function<absl::Status()> task = nullptr;
-  // A frame that takes long: it is rendered in slices. The render loop adds the frames that the reference
-  // renders or verifies, and those with a long source.
+  // A frame that takes long: it is rendered in slices. The render loop adds those of which their memory says
+  // so, and those with a long source.
   bool in_slices = false;
   // The flow's later jobs wait for the end of this one, as frames of a session do. Otherwise those of its
   // jobs that run in slices alternate with the rest. A task is never ordered.

@@ -10,7 +10,7 @@ namespace candela {
 namespace {
 
 bool takes_long(const FrameJob& job) {
-  return job.task != nullptr || job.frame->long_source || job.frame->memory.needs_reference();
+  return job.task != nullptr || job.frame->long_source || job.frame->memory.takes_long();
 }
 
 }  // namespace

@@ -111,15 +111,22 @@ void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<
   }
 }
 
-void Recorder::fill_zero(const Buffer& buffer, uint64_t bytes) {
-  vkCmdFillBuffer(commands_, buffer.handle(), 0, bytes, 0);
+void Recorder::fill_zero(const Buffer& buffer) { fill_zero(buffer, 0, buffer.bytes()); }
+
+void Recorder::fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes) {
+  vkCmdFillBuffer(commands_, buffer.handle(), offset, bytes, 0);
 }
 
 void Recorder::update(const Buffer& buffer, const void* data, uint64_t bytes) {
   vkCmdUpdateBuffer(commands_, buffer.handle(), 0, bytes, data);
 }
 
-void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) { copy_from(from, 0, to, bytes); }
+void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) { copy_part(from, to, 0, bytes); }
+
+void Recorder::copy_part(const Buffer& from, const Buffer& to, uint64_t offset, uint64_t bytes) {
+  const VkBufferCopy region{offset, offset, bytes};
+  vkCmdCopyBuffer(commands_, from.handle(), to.handle(), 1, &region);
+}
 
 void Recorder::copy_from(const Buffer& from, uint64_t offset, const Buffer& to, uint64_t bytes) {
   const VkBufferCopy region{offset, 0, bytes};

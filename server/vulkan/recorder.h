@@ -42,14 +42,16 @@ class Recorder {
   void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
                 const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
                 std::span<const Box> groups);
-  void fill_zero(const Buffer& buffer) { fill_zero(buffer, buffer.bytes()); }
-  // Its first `bytes`, a multiple of 4.
-  void fill_zero(const Buffer& buffer, uint64_t bytes);
+  void fill_zero(const Buffer& buffer);
+  // The same for `bytes` from `offset` on; multiples of 4.
+  void fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes);
   // Copies `bytes` from `data` now, and into the buffer when the commands run. A multiple of 4, at most
   // 65536.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
-  // The same from the byte `offset` of `from` on.
+  // The same from the byte `offset` on, in both.
+  void copy_part(const Buffer& from, const Buffer& to, uint64_t offset, uint64_t bytes);
+  // The same from the byte `offset` of `from` to the beginning of `to`.
   void copy_from(const Buffer& from, uint64_t offset, const Buffer& to, uint64_t bytes);
 
   // Everything recorded before is finished and visible, on the device, to everything recorded after. Only a

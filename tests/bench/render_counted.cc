@@ -51,15 +51,21 @@ class DeviceRunner final : public Runner {
   absl::Status use_table(const std::shared_ptr<const ColorTable>& table) override {
     table_ = nullptr;
     if (!table) return absl::OkStatus();
-    const absl::StatusOr<const Buffer*> points = tables_.get(table, recorder_);
+    const absl::StatusOr<std::shared_ptr<const Buffer>> points = tables_.get(table, recorder_);
     if (points.ok()) table_ = *points;
     return points.status();
   }
   absl::Status bloom(const BloomStep& step, const FrameTextures& textures) override {
-    return submit([&] { return record_bloom(step, textures, pipelines_, recorder_); });
+    return submit([&] {
+      if (step.clear_first) {
+        recorder_.fill_zero(textures.levels[step.level].buffer());
+        recorder_.barrier();
+      }
+      return record_bloom(step, textures, pipelines_, recorder_);
+    });
   }
   absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) override {
-    return submit([&] { return record_resolve(step, table_, textures, pipelines_, recorder_); });
+    return submit([&] { return record_resolve(step, table_.get(), textures, pipelines_, recorder_); });
   }
 
  private:
@@ -73,7 +79,7 @@ class DeviceRunner final : public Runner {
   PipelineCache pipelines_;
   Recorder recorder_;
   TableCache tables_;
-  const Buffer* table_ = nullptr;
+  std::shared_ptr<const Buffer> table_;
 };
 
 class HostRunner final : public Runner {

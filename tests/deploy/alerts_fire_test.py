@@ -221,6 +221,14 @@ def provoke_with_load(prometheus: Prometheus, plain: Daemon, small: Daemon) -> N
         prometheus.wait_for("CandelaQueueWaits")
 
 
+def certify(folder: pathlib.Path, days: int) -> None:
+    """A certificate for so many days, in server.crt and server.key; both are replaced."""
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", str(days),
+                    "-subj", "/CN=candelad", "-keyout", folder / "new.key", "-out", folder / "new.crt"], check=True, capture_output=True)
+    for ending in (".key", ".crt"):
+        (folder / f"new{ending}").rename(folder / f"server{ending}")
+
+
 def restarted(daemon: Daemon, *options: str) -> Daemon:
     """Another process at the addresses of one that was killed."""
     daemon.process.kill()
@@ -244,11 +252,13 @@ def main() -> None:
         tight = stack.enter_context(Daemon("--max-connections", "12", "--idle-timeout", "1s", stderr=writer))
         small = stack.enter_context(Daemon("--memory-budget", "16MiB", "--max-sessions", "40", "--idle-timeout", "10s"))
         guarded = stack.enter_context(Daemon("--token-file", str(folder / "tokens")))
+        certify(folder, days=60)
+        secure = stack.enter_context(Daemon("--tls-cert", str(folder / "server.crt"), "--tls-key", str(folder / "server.key")))
         front = stack.enter_context(Front(plain.address))
-        targets = [f"127.0.0.1:{front.status}", *(daemon.metrics for daemon in (plain, tight, small, guarded))]
+        targets = [f"127.0.0.1:{front.status}", *(daemon.metrics for daemon in (plain, tight, small, guarded, secure))]
         prometheus = Prometheus(targets)
         stack.callback(prometheus.close)
-        prometheus.wait_for_targets(5)
+        prometheus.wait_for_targets(6)
         expect(harness.render(front.address)[0] == "OK", "a render fails")
         time.sleep(12)  # longer than the waits and the windows
         prometheus.firing()
@@ -256,6 +266,9 @@ def main() -> None:
         provoke_with_clients(prometheus, plain, tight, guarded, log)
         lose_devices(prometheus, targets)
         provoke_with_load(prometheus, plain, small)
+        prometheus.about_to_provoke("CandelaCertificateExpires")
+        certify(folder, days=3)
+        prometheus.wait_for("CandelaCertificateExpires")
         prometheus.about_to_provoke("CandelaFrontDown")
         front.process.send_signal(signal.SIGQUIT)
         prometheus.wait_for("CandelaFrontDown")
@@ -269,7 +282,7 @@ def main() -> None:
         tight.process.kill()
         prometheus.wait_for("CandelaNotReady")
         prometheus.about_to_provoke("CandelaDown")
-        for daemon in (plain, small, guarded):
+        for daemon in (plain, small, guarded, secure):
             daemon.process.kill()
         prometheus.wait_for("CandelaDown")
         missing = set(names) - seen()

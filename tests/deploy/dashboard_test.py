@@ -146,7 +146,11 @@ def main(scratch):
         server, metrics = wait_for("candelad", lambda: serving.search(daemon_log.read_text())).groups()
 
         status = f"127.0.0.1:{free_port()}"
-        settings = ["PROXY_INSECURE=true", f"PROXY_LISTEN=127.0.0.1:{free_port()}", f"PROXY_STATUS={status}",
+        scratch.chmod(0o755)  # nginx's workers have a user of their own if root starts it
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes",
+                        "-subj", "/CN=front", "-days", "60", "-keyout", scratch / "front.key", "-out", scratch / "front.crt"],
+                       check=True, capture_output=True)
+        settings = [f"PROXY_CERT={scratch}/front.crt", f"PROXY_LISTEN=127.0.0.1:{free_port()}", f"PROXY_STATUS={status}",
                     f"PROXY_SERVER=unix:{scratch}/nobody"]
         stack.enter_context(running(["env", *settings, DEPLOY / "candela-front", "--proxy-only"], scratch / "front"))
 

@@ -10,8 +10,11 @@ import os
 import pathlib
 import queue
 import re
+import shutil
+import signal
 import socket
 import ssl
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,7 +25,7 @@ os.environ["CANDELA_BIN"] = sys.argv[2] if len(sys.argv) > 2 else ""
 
 import harness  # noqa: E402
 from harness import Daemon, binary, end_of, expect, grpc, rpc, v1  # noqa: E402
-from podman import attempt, run, wait_until  # noqa: E402
+from podman import attempt, get, run, wait_until  # noqa: E402
 from shapes import Front  # noqa: E402
 
 try:
@@ -53,12 +56,12 @@ class Authority:
         self.path, self.key = FOLDER / f"{name}.pem", FOLDER / f"{name}-ca.key"
         run("openssl", "req", "-x509", *NEW_KEY, "-days", "2", "-subj", f"/CN={name}", "-keyout", self.key, "-out", self.path)
 
-    def signs(self, name: str) -> "Certificate":
+    def signs(self, name: str, days: int = 2) -> "Certificate":
         """A new certificate of 127.0.0.1 in NAME.crt and NAME.key. Both files are replaced, one after the other."""
         certificate, new, request, names = (Certificate(name), *(FOLDER / f"unready{end}" for end in ("", ".csr", ".ext")))
         names.write_text("subjectAltName=IP:127.0.0.1\n")
         run("openssl", "req", *NEW_KEY, "-subj", f"/CN={name}", "-keyout", f"{new}.key", "-out", request)
-        run("openssl", "x509", "-req", "-days", "2", "-CA", self.path, "-CAkey", self.key, "-CAcreateserial", "-extfile", names,
+        run("openssl", "x509", "-req", "-days", days, "-CA", self.path, "-CAkey", self.key, "-CAcreateserial", "-extfile", names,
             "-in", request, "-out", f"{new}.crt")
         for ending in (".key", ".crt"):
             pathlib.Path(f"{new}{ending}").rename(f"{FOLDER / name}{ending}")
@@ -278,11 +281,110 @@ def wrong_settings_end_it_with_2() -> None:
         expect(done.returncode == 2 and len(lines) == 1 and words in lines[0], f"{settings}: {done.returncode}, {lines}")
 
 
+def whole(folder: pathlib.Path, *options: str, conf: pathlib.Path | None = None, **settings: object) -> subprocess.Popen:
+    """The front with its own candelad, whose socket is in `folder`. Its stderr is a pipe."""
+    path = f"{pathlib.Path(binary('candelad')).parent}:{os.environ['PATH']}"
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PROXY_", "CANDELA_LISTEN"))}
+    given = {"PATH": path, "PROXY_INSECURE": "true", "PROXY_LISTEN": f"127.0.0.1:{harness.free_port()}",
+             "PROXY_STATUS": f"127.0.0.1:{harness.free_port()}", "PROXY_SERVER": f"unix:{folder}/candelad.sock"} | settings
+    if conf:
+        given["PROXY_CONF"] = conf
+    return subprocess.Popen([HERE.parents[1] / "deploy/candela-front", *options], stdin=subprocess.DEVNULL, text=True,
+                            stderr=subprocess.PIPE, env=clean | {name: str(value) for name, value in given.items()})
+
+
+def needs_nginx() -> None:
+    if not shutil.which("nginx"):
+        harness.skip("nginx is not installed; run deploy/install-packages.sh deploy")
+
+
+def candelad_listens_on_the_socket_of_its_front() -> None:
+    """Without an option, and when an option names more addresses."""
+    needs_nginx()
+    conf = FOLDER / "own.conf"  # nginx's workers run as whoever runs this
+    conf.write_text("user root;\n" * (os.geteuid() == 0) + (HERE.parents[1] / "deploy/nginx.conf").read_text())
+    for number, options in enumerate(((), ("--listen", f"127.0.0.1:{harness.free_port()},unix:{FOLDER}/candelad.sock"))):
+        listen = f"127.0.0.1:{harness.free_port()}"
+        front = whole(FOLDER, *options, conf=conf, PROXY_LISTEN=listen)
+        try:
+            wait_until(lambda: front.poll() is not None or render(harness.channel(listen)) == "OK", f"a call comes through ({number})",
+                       seconds=60)
+            expect(front.poll() is None, f"the front ended: {front.poll() is not None and front.stderr.read()}")
+        finally:
+            front.terminate()
+            front.wait()
+        expect(front.returncode == 0, f"a stop ends it with {front.returncode}: {front.stderr.read()}")
+
+
+def another_socket_than_candelads_ends_it_with_2() -> None:
+    needs_nginx()
+    for options, settings, named in ((("--listen", "127.0.0.1:0"), {}, "--listen is '127.0.0.1:0'"),
+                                     (("--listen=unix:/nowhere",), {}, "--listen is 'unix:/nowhere'"),
+                                     ((), {"CANDELA_LISTEN": "127.0.0.1:0,unix:/x"}, "CANDELA_LISTEN is '127.0.0.1:0,unix:/x'")):
+        front = whole(FOLDER, *options, **settings)
+        words = front.communicate(timeout=20)[1].splitlines()
+        expect(front.returncode == 2 and len(words) == 1 and named in words[0] and f"unix:{FOLDER}/candelad.sock" in words[0],
+               f"{options}, {settings}: {front.returncode}, {words}")
+
+
+def it_does_not_run_workers_that_cannot_reach_candelad() -> None:
+    """A folder that they may not enter, and a socket that they may not write; with a candelad of its own and without."""
+    needs_nginx()
+    closed = FOLDER / "closed"
+    closed.mkdir()
+    with Daemon(listen=f"unix:{closed}/candelad.sock", metrics=False):
+        socket_file = closed / "candelad.sock"
+        socket_file.chmod(0o600 if os.geteuid() == 0 else 0o000)
+        FOLDER.chmod(0o755)
+        for mode, named in ((0o755, f"the socket {socket_file}"), (0o700 if os.geteuid() == 0 else 0o000, f"the folder {closed}")):
+            closed.chmod(mode)
+            front = whole(closed, "--proxy-only")
+            words = front.communicate(timeout=20)[1].splitlines()
+            expect(front.returncode == 2 and len(words) == 1 and f"cannot reach {named}" in words[0],
+                   f"{mode:o}: {front.returncode}, {words}")
+        closed.chmod(0o755)
+        socket_file.chmod(0o777)
+        front = whole(closed, "--proxy-only", PROXY_STATUS=f"127.0.0.1:{(port := harness.free_port())}")
+        try:
+            wait_until(lambda: get(port, "/livez")[0] == 200, "nginx answers", seconds=20)
+        finally:
+            front.send_signal(signal.SIGQUIT)
+            front.communicate()
+    if os.geteuid() == 0:  # candelad's socket is root's, and nginx's workers are somebody else
+        front = whole(FOLDER)
+        words = front.communicate(timeout=60)[1]
+        expect(front.returncode == 2 and f"cannot reach the socket {FOLDER}/candelad.sock" in words, f"{front.returncode}, {words}")
+        expect(not (FOLDER / "candelad.sock").exists(), "candelad goes on")
+
+
+def its_metrics_say_when_its_certificate_expires() -> None:
+    """Also after another one was loaded; some years have two digits in a certificate, and others four."""
+    ours = Authority("ours")
+    server = ours.signs("server")
+
+    def said(front: Front) -> float:
+        found = re.search(r"^candela_certificate_expiry_timestamp_seconds (\d+)$", get(front.status, "/metrics")[1], re.M)
+        return float(found.group(1)) if found else 0
+
+    def should() -> float:
+        text = run("openssl", "x509", "-in", server.path, "-noout", "-enddate").removeprefix("notAfter=")
+        return ssl.cert_time_to_seconds(text)
+
+    with fronted(PROXY_CERT=server.path) as (front, _):
+        expect(said(front) == should() > 0, f"it says {said(front)}, not {should()}")
+        ours.signs("server", days=20_000)
+        expect(should() > 2_524_608_000, "the new one expires before 2050")
+        wait_until(lambda: said(front) == should(), "the new certificate's end is shown", front.words, 15)
+    with fronted() as (front, _):
+        expect(said(front) == 0, "without a certificate it says when that expires")
+
+
 CLAIMS = {claim.__name__: claim for claim in (
     a_client_needs_tls_and_a_certificate_of_the_named_ca, changed_certificates_are_loaded_and_open_sessions_go_on,
     a_call_too_many_is_unavailable_until_another_ends, calls_that_come_too_fast_are_unavailable, a_forged_address_is_replaced,
     headers_of_5_kb_do_not_reach_candelad, a_stop_waits_for_candelad_and_not_for_the_socket_of_a_killed_one,
-    wrong_settings_end_it_with_2)}
+    wrong_settings_end_it_with_2, candelad_listens_on_the_socket_of_its_front, another_socket_than_candelads_ends_it_with_2,
+    it_does_not_run_workers_that_cannot_reach_candelad, its_metrics_say_when_its_certificate_expires)}
 
 
 def main() -> None:

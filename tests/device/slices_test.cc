@@ -1,10 +1,16 @@
-// The reference in slices: as many as it has rows, and the same bits.
+// Frames in slices: many, with the same bits, and others in between.
 #include "server/base/slices.h"
 
+#include <cmath>
 #include <cstring>
+#include <functional>
 #include <optional>
+#include <string>
 
+#include "absl/synchronization/blocking_counter.h"
 #include "absl/time/clock.h"
+#include "server/render/settings/settings.h"
+#include "server/schedule/render_loop.h"
 #include "tests/support/device_fixture.h"
 
 namespace candela::testing {
@@ -69,6 +75,143 @@ TEST_F(Slices, TheReferenceCanPauseAtEveryRowAndItsResultsAreTheSame) {
       EXPECT_EQ(std::memcmp(is.data(), should.data(), is.size_bytes()), 0) << "row " << y;
     }
   }
+}
+
+// What the passes of a large frame have to get through: bloom, a colour table, a histogram, dither, long rows.
+std::vector<Case> large_frames() {
+  std::vector<Case> all(5);
+  all[0] = {"bright", 2304, 1024, {}};
+  all[1] = {"aces-1", 2304, 1024, {}};
+  all[1].settings.set_curve(v1::TONE_CURVE_ACES_1);
+  all[2] = {"gaussian bloom", 2304, 1024, {}};
+  all[2].settings.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+  all[3] = {"draft, percentiles, dither", 2304, 1024, {}};
+  all[3].settings.set_tier("draft");
+  all[3].settings.set_dither(true);
+  all[3].settings.mutable_exposure()->mutable_metering()->set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+  all[4] = {"rows of 16384", 16384, 130, {}};
+  return all;
+}
+
+// A table of two points a side that no other number has.
+v1::Settings with_table(int number) {
+  v1::Settings settings;
+  settings.set_curve(v1::TONE_CURVE_TABLE);
+  settings.mutable_table()->set_size(2);
+  settings.mutable_table()->set_values(std::string(48, static_cast<char>(number)));
+  return settings;
+}
+
+// Not all of it is lit, and some of it is absent, negative or not finite.
+WireFrame trying(uint32_t width, uint32_t height) {
+  return make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) {
+    Texel t = scenes::natural(width, height)(x, y);
+    if (x % 700 < 300 && y % 400 < 200) {
+      for (size_t k = 0; k < 3; ++k) t[k] = std::min(t[k], 0.2f);
+    }
+    if (x % 97 == 5) t[3] = 0.5f;
+    if (x % 501 == 7) t[0] = -0.25f;
+    if (x == 11 && y % 50 == 3) t[1] = NAN;
+    return t;
+  });
+}
+
+TEST_F(Slices, ALargeFramePausesInEveryPassAndOthersInBetweenChangeNoneOfItsBits) {
+  const WireFrame other = natural(200, 120);
+  for (const Passes passes : {Passes::kDevice, Passes::kHost}) {
+    if (passes == Passes::kHost && renderer().passes() != Passes::kHost) continue;
+    Renderer& by = renderer_with(passes);
+    for (const Case& c : large_frames()) {
+      SCOPED_TRACE(::testing::Message() << passes_word(passes) << ", " << c.name);
+      const WireFrame frame = trying(c.width, c.height);
+      const auto render_it = [&] { return render_on(by, frame, c.settings, {.sequence = 3, .previous = {}}); };
+      const absl::StatusOr<Rendered> whole = render_it();
+      std::optional<absl::StatusOr<Rendered>> sliced;
+      SlicedWork work([&] { sliced = render_it(); });
+      int slices = 1;
+      for (; !work.run(absl::ZeroDuration()); ++slices) {
+        if (slices % 8 != 0) continue;
+        // Others use the recorder and the crew, and their tables push the frame's out.
+        for (int i = 0; i < 5; ++i) ASSERT_TRUE(render_on(by, other, with_table(slices + i)).ok());
+      }
+      ASSERT_TRUE(whole.ok() && (*sliced).ok()) << whole.status() << (*sliced).status();
+      std::cout << passes_word(passes) << ", " << c.name << ": " << slices << " slices\n";
+      EXPECT_GE(slices, 20);
+      EXPECT_EQ(image(whole->memory), image((*sliced)->memory));
+      EXPECT_EQ(whole->report.exposure, (*sliced)->report.exposure);
+      EXPECT_EQ(whole->report.stats.metered_mean(), (*sliced)->report.stats.metered_mean());
+      EXPECT_EQ(whole->report.stats.negative_components, (*sliced)->report.stats.negative_components);
+      EXPECT_EQ(whole->report.gamut_cut_components, (*sliced)->report.gamut_cut_components);
+    }
+  }
+}
+
+Exposed one() {
+  Exposed exposed;
+  exposed.exposure = 1.0;
+  return exposed;
+}
+
+// The order in which a large frame and a small one end, of two flows. The small one is submitted between the
+// two phases of the large one, which by then is on its way.
+std::vector<std::string> order_of_two(const std::function<std::shared_ptr<Frame>(Size)>& make,
+                                      absl::Duration slice) {
+  absl::Mutex mutex;
+  std::vector<std::string> order;
+  absl::BlockingCounter ended(2);
+  RenderLoop loop(run_job, 4, slice);
+  const auto job = [&](std::string name, Size size, Flow flow) {
+    FrameJob made;
+    made.frame = make(size);
+    made.flow = flow;
+    made.decide = [](const FrameStats&) { return one(); };
+    made.done = [&, name](const absl::StatusOr<RenderedFrame>& rendered) {
+      EXPECT_TRUE(rendered.ok()) << rendered.status();
+      const absl::MutexLock lock(&mutex);
+      order.push_back(name);
+      ended.DecrementCount();
+    };
+    return made;
+  };
+  FrameJob large = job("large", {2304, 1024}, 1);
+  FrameJob small = job("small", {64, 64}, 2);
+  large.decide = [&](const FrameStats&) {
+    EXPECT_TRUE(loop.submit(std::move(small)).ok());
+    return one();
+  };
+  EXPECT_TRUE(loop.submit(std::move(large)).ok());
+  ended.Wait();
+  return order;
+}
+
+TEST_F(Slices, ASmallFrameDoesNotWaitForAnOrdinaryLargeOneOnTheDeviceNorOnTheHost) {
+  for (const Passes passes : {Passes::kDevice, Passes::kHost}) {
+    if (passes == Passes::kHost && renderer().passes() != Passes::kHost) continue;
+    Renderer& by = renderer_with(passes);
+    const auto make = [&](Size size) {
+      const Settings settings = Settings::from({}).value();
+      FrameMemory memory = by.allocate({size.width, size.height, v1::PIXEL_FORMAT_RGBA16F}, settings).value();
+      for (uint32_t y = 0; y < size.height; ++y) {
+        std::fill(memory.input_row(y).begin(), memory.input_row(y).end(), std::byte{0x38});
+      }
+      return std::make_shared<Frame>(Frame{{&by, [](Renderer*) {}}, std::move(memory), settings});
+    };
+    EXPECT_EQ(order_of_two(make, absl::ZeroDuration()), (std::vector<std::string>{"small", "large"}));
+    // Without slices it does.
+    EXPECT_EQ(order_of_two(make, absl::InfiniteDuration()), (std::vector<std::string>{"large", "small"}));
+  }
+}
+
+TEST_F(Slices, AFrameOfMoreThanTwoMegapixelsTakesLong) {
+  const Settings settings = Settings::from({}).value();
+  const auto takes_long = [&](uint32_t width, uint32_t height) {
+    return renderer().allocate({width, height, v1::PIXEL_FORMAT_RGB9E5}, settings)->takes_long();
+  };
+  EXPECT_FALSE(takes_long(1920, 1080));
+  EXPECT_FALSE(takes_long(2048, 1024));
+  EXPECT_TRUE(takes_long(2049, 1024));
+  EXPECT_TRUE(takes_long(16384, 129));
+  EXPECT_FALSE(FrameMemory().takes_long());
 }
 
 }  // namespace

@@ -1,7 +1,10 @@
 // TLS, client certificates and bearer tokens, between a real candelad and the client library.
+#include <arpa/inet.h>
 #include <grpcpp/create_channel.h>
+#include <netinet/in.h>
 #include <openssl/ssl.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -194,7 +197,7 @@ TEST_F(Tokens, EveryMethodButHealthAsksForOne) {
 TEST_F(Tokens, TheLogNamesTheClientOfACallThatIsRefused) {
   const std::string socket = "unix:" + folder_.path("socket");
   for (const auto& [listen, peer] : std::vector<std::pair<std::string, std::string>>{
-           {socket, "peer=203.0.113.9"}, {"127.0.0.1:0", "peer=unknown"}}) {
+           {socket, "peer=203.0.113.9"}, {"127.0.0.1:0", "peer=127.0.0.1 "}, {"[::1]:0", "peer=::/64 "}}) {
     Daemon daemon({"--listen", listen, "--token-file", folder_.path("tokens")});
     const std::string address = daemon.wait_until_listening();
     ASSERT_NE(address, "") << daemon.errors();
@@ -204,6 +207,45 @@ TEST_F(Tokens, TheLogNamesTheClientOfACallThatIsRefused) {
     EXPECT_TRUE(absl::StrContains(daemon.errors(), "call refused")) << daemon.errors();
     EXPECT_TRUE(absl::StrContains(daemon.errors(), peer)) << daemon.errors();
   }
+}
+
+TEST_F(Tokens, TheLogNamesTheClientOfACallThatIsRefusedOverTls) {
+  Daemon daemon(tls({"--token-file", folder_.path("tokens")}));
+  const std::string address = daemon.wait_until_listening();
+  expect_says(render(address, trusting()), kUnauthenticated, "--token-file");
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "peer=127.0.0.1 ")) << daemon.errors();
+}
+
+// A socket at 127.0.0.1's `port` from another of this machine's addresses, which stays open and silent.
+int connect_from(const std::string& source, int port) {
+  const int descriptor = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  inet_pton(AF_INET, source.c_str(), &address.sin_addr);
+  EXPECT_EQ(bind(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  inet_pton(AF_INET, "127.0.0.1", &address.sin_addr);
+  address.sin_port = htons(static_cast<uint16_t>(port));
+  EXPECT_EQ(connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  return descriptor;
+}
+
+// gRPC does not say who called. See `Ports` in grpc_listener.cc.
+TEST_F(Tokens, TheLogNamesTheRefusedClientAmongOthersAndTheCandidatesBeyondSixtyFour) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--token-file", folder_.path("tokens")});
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  const int port = std::stoi(address.substr(address.rfind(':') + 1));
+  const std::string method = "/candela.v1.RenderService/GetServerInfo";
+  std::vector<int> others;
+  for (int i = 2; i < 50; ++i) others.push_back(connect_from(absl::StrCat("127.0.1.", i), port));
+  call(address, method, "").IgnoreError();
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "peer=127.0.0.1 ")) << daemon.errors();
+  for (int i = 50; i < 150; ++i) others.push_back(connect_from(absl::StrCat("127.0.1.", i), port));
+  call(address, method, "Bearer of nothing").IgnoreError();
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "one of 127.0.0.1, 127.0.1.")) << daemon.errors();
+  for (const int descriptor : others) close(descriptor);
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0);
 }
 
 TEST_F(Tokens, GoOverTlsToo) {

@@ -1,5 +1,6 @@
 #include "server/render/device/device_executor.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "server/render/device/meter_frame.h"
@@ -13,8 +14,18 @@ namespace {
 // Each takes 2 to 3 MB on the software device; clients choose the settings that they are made for.
 constexpr size_t kMaxPipelines = 64;
 
-void add_timings(const Recorder& recorder, std::vector<StageTime>* stages) {
-  for (const Recorder::Timing& timing : recorder.timings()) add_time({timing.name, timing.ns}, stages);
+// Before the pace of a pass is known, a texel counts as this slow. The software device takes 2 to 10 ns.
+constexpr double kFirstPace = 20e-9;
+
+GroupRows rows_of(uint64_t first, uint64_t last) {
+  return {static_cast<uint32_t>(first), static_cast<uint32_t>(std::min<uint64_t>(last, UINT32_MAX))};
+}
+
+// The groups of resolve, with bloom and without.
+std::vector<Box> groups_of(const ResolveStep& step) {
+  std::vector<Box> groups = step.bloom_groups;
+  groups.insert(groups.end(), step.plain_groups.begin(), step.plain_groups.end());
+  return groups;
 }
 
 // Nothing on a device with unified memory, which has no copy to read.
@@ -25,7 +36,7 @@ void read_back(const TexturePool::Lease& from, const TexturePool::Lease& to, Rec
 }  // namespace
 
 DeviceExecutor::DeviceExecutor(Device& device, PipelineCache pipelines, Recorder recorder)
-    : pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), tables_(device) {}
+    : pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), pace_(kFirstPace), tables_(device) {}
 
 absl::StatusOr<std::unique_ptr<DeviceExecutor>> DeviceExecutor::create(Device& device) {
   absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(device);
@@ -49,32 +60,40 @@ absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestP
 absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, const IngestPlan& plan,
                                                 const IngestRead& read, bool upload,
                                                 std::vector<StageTime>* stages) {
-  if (absl::Status status = recorder_.begin(); !status.ok()) return status;
+  Submissions submissions(recorder_, pace_, stages);
+  absl::Status status = submissions.begin();
+  if (!status.ok()) return status;
   if (upload && textures.upload) {
-    recorder_.mark("upload");
-    recorder_.copy(textures.upload.buffer(), textures.input.buffer(), textures.input.buffer().bytes());
+    const Buffer& to = textures.input.buffer();
+    status = submissions.copy("upload", to.bytes(), [&](uint64_t first, uint64_t last) {
+      recorder_.copy_part(textures.upload.buffer(), to, first, last - first);
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return status;
   }
   recorder_.mark(name(Pass::kIngest));
   recorder_.fill_zero(textures.tiles.buffer());
   if (textures.histogram) {
-    recorder_.fill_zero(textures.histogram.buffer(), textures.layout.histogram_bytes(read.scrub));
+    recorder_.fill_zero(textures.histogram.buffer(), 0, textures.layout.histogram_bytes(read.scrub));
   }
   if (textures.center_weights) {
     const std::vector<uint32_t> weights = center_weights();
     recorder_.update(textures.center_weights.buffer(), weights.data(), weights.size() * sizeof weights[0]);
   }
   recorder_.barrier();
-  if (absl::Status status = record_ingest(plan, read, textures, pipelines_, recorder_); !status.ok()) {
-    return status;
-  }
+  const Box groups = ingest_groups(textures.layout);
+  status = submissions.pass(name(Pass::kIngest), {&groups, 1}, kIngestGroupTexels,
+                            [&](uint64_t first, uint64_t last) {
+                              return record_ingest(plan, read, textures, pipelines_, recorder_,
+                                                   rows_of(first, last));
+                            });
+  if (!status.ok()) return status;
   if (textures.tiles_readback) {
     recorder_.barrier();
     read_back(textures.tiles, textures.tiles_readback, recorder_);
     read_back(textures.histogram, textures.histogram_readback, recorder_);
   }
-  recorder_.barrier_to_host();
-  if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
-  add_timings(recorder_, stages);
+  if (absl::Status ended = submissions.end(); !ended.ok()) return ended;
   return sum_tiles(textures, plan, read);
 }
 
@@ -83,52 +102,72 @@ absl::StatusOr<Drawn> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan
   if (absl::Status status = recorder_.usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
-  const Buffer* table = nullptr;
+  std::shared_ptr<const Buffer> table;
   if (plan.table) {
-    absl::StatusOr<const Buffer*> points = tables_.get(plan.table, recorder_);
+    absl::StatusOr<std::shared_ptr<const Buffer>> points = tables_.get(plan.table, recorder_);
     if (!points.ok()) return points.status();
-    table = *points;
+    table = *std::move(points);
   }
-  if (absl::Status status = recorder_.begin(); !status.ok()) return status;
-  absl::Status status = record_passes(textures, plan, table);
-  if (status.ok() && textures.exact) status = record_verification(textures, plan, table);
+  Submissions submissions(recorder_, pace_, stages);
+  absl::Status status = submissions.begin();
+  if (status.ok()) status = record_passes(textures, plan, table.get(), submissions);
+  if (status.ok() && textures.exact) status = record_verification(textures, plan, table.get(), submissions);
+  if (status.ok()) status = submissions.end();
   if (!status.ok()) return status;
-  recorder_.barrier_to_host();
-  if (absl::Status done = recorder_.submit_and_wait(); !done.ok()) return done;
-  add_timings(recorder_, stages);
   return plan.resolve.inputs.constants.wide != 0 ? drawn_from_tiles(textures) : Drawn{};
 }
 
 absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const Plan& plan,
-                                           const Buffer* table) {
+                                           const Buffer* table, Submissions& submissions) {
   if (plan.resolve.inputs.constants.wide != 0) {  // what metering found is read; resolve counts from 0
     recorder_.fill_zero(textures.tiles.buffer());
     recorder_.barrier();
   }
   for (const BloomStep& step : plan.bloom_steps) {
-    recorder_.mark(name(step.pass));
-    if (absl::Status status = record_bloom(step, textures, pipelines_, recorder_); !status.ok())
-      return status;
+    if (absl::Status status = record_bloom_step(step, textures, submissions); !status.ok()) return status;
     recorder_.barrier();
   }
-  recorder_.mark(name(Pass::kResolve));
-  absl::Status status = record_resolve(plan.resolve, table, textures, pipelines_, recorder_);
+  const auto record = [&](uint64_t first, uint64_t last) {
+    return record_resolve(plan.resolve, table, textures, pipelines_, recorder_, rows_of(first, last));
+  };
+  absl::Status status =
+      submissions.pass(name(Pass::kResolve), groups_of(plan.resolve), kResolveGroupTexels, record);
   if (!status.ok()) return status;
   recorder_.barrier();
-  if (textures.readback) {
-    recorder_.mark("download");
-    recorder_.copy(textures.output.buffer(), textures.readback.buffer(), textures.output.buffer().bytes());
-    if (plan.resolve.inputs.constants.wide != 0) {
-      read_back(textures.tiles, textures.tiles_readback, recorder_);
-    }
+  if (!textures.readback) return absl::OkStatus();
+  const Buffer& from = textures.output.buffer();
+  status = submissions.copy("download", from.bytes(), [&](uint64_t first, uint64_t last) {
+    recorder_.copy_part(from, textures.readback.buffer(), first, last - first);
+    return absl::OkStatus();
+  });
+  if (plan.resolve.inputs.constants.wide != 0) read_back(textures.tiles, textures.tiles_readback, recorder_);
+  return status;
+}
+
+absl::Status DeviceExecutor::record_bloom_step(const BloomStep& step, const FrameTextures& textures,
+                                               Submissions& submissions) {
+  if (step.clear_first) {
+    const Buffer& level = textures.levels[step.level].buffer();
+    absl::Status cleared =
+        submissions.copy(name(step.pass), level.bytes(), [&](uint64_t first, uint64_t last) {
+          recorder_.fill_zero(level, first, last - first);
+          return absl::OkStatus();
+        });
+    if (!cleared.ok()) return cleared;
+    recorder_.barrier();
   }
-  return absl::OkStatus();
+  return submissions.pass(name(step.pass), step.groups, 1.0 * step.group_columns * step.group_rows,
+                          [&](uint64_t first, uint64_t last) {
+                            return record_bloom(step, textures, pipelines_, recorder_, rows_of(first, last));
+                          });
 }
 
 absl::Status DeviceExecutor::record_verification(const FrameTextures& textures, const Plan& plan,
-                                                 const Buffer* table) {
-  recorder_.mark("verify");
-  absl::Status status = record_exact(plan.resolve, table, textures, pipelines_, recorder_);
+                                                 const Buffer* table, Submissions& submissions) {
+  const auto record = [&](uint64_t first, uint64_t last) {
+    return record_exact(plan.resolve, table, textures, pipelines_, recorder_, rows_of(first, last));
+  };
+  absl::Status status = submissions.pass("verify", groups_of(plan.resolve), kResolveGroupTexels, record);
   if (!status.ok()) return status;
   recorder_.barrier();
   read_back(textures.exact, textures.exact_readback, recorder_);

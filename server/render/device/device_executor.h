@@ -4,6 +4,8 @@
 #include <memory>
 
 #include "server/render/device/executor.h"
+#include "server/render/device/pace.h"
+#include "server/render/device/submissions.h"
 #include "server/render/device/table_cache.h"
 #include "server/render/device/tile_sums.h"
 #include "server/vulkan/pipeline.h"
@@ -25,12 +27,17 @@ class DeviceExecutor final : public Executor {
   // Runs ingest once and adds up its tiles. `upload`: the wire pixels are not on the device yet.
   absl::StatusOr<TileSums> ingest(const FrameTextures& textures, const IngestPlan& plan,
                                   const IngestRead& read, bool upload, std::vector<StageTime>* stages);
-  absl::Status record_passes(const FrameTextures& textures, const Plan& plan, const Buffer* table);
+  absl::Status record_passes(const FrameTextures& textures, const Plan& plan, const Buffer* table,
+                             Submissions& submissions);
+  absl::Status record_bloom_step(const BloomStep& step, const FrameTextures& textures,
+                                 Submissions& submissions);
   // Records the unquantised image, and copies of what verification reads.
-  absl::Status record_verification(const FrameTextures& textures, const Plan& plan, const Buffer* table);
+  absl::Status record_verification(const FrameTextures& textures, const Plan& plan, const Buffer* table,
+                                   Submissions& submissions);
 
   PipelineCache pipelines_;
   Recorder recorder_;
+  Pace pace_;
   TableCache tables_;
 };
 

@@ -15,6 +15,9 @@ namespace candela {
 namespace {
 
 constexpr uint32_t kLevelTexelBytes = 4 * sizeof(float);
+// Pixels that the passes make within a slice. The software device takes up to 25 ns for each with two
+// threads, and the first frame of a size also waits for its memory's pages.
+constexpr uint64_t kPixelsOfSlice = uint64_t{1} << 21;
 
 // A texture that a frame needs, and the lease that holds it.
 struct Wanted {
@@ -165,8 +168,10 @@ FrameMemory::~FrameMemory() = default;
 
 const FrameDesc& FrameMemory::desc() const { return textures_->layout.desc; }
 
-bool FrameMemory::needs_reference() const {
-  return textures_ != nullptr && (textures_->reference || textures_->exact);
+bool FrameMemory::takes_long() const {
+  if (textures_ == nullptr) return false;
+  const FrameDesc& desc = textures_->layout.desc;
+  return textures_->reference || textures_->exact || uint64_t{desc.width} * desc.height > kPixelsOfSlice;
 }
 
 uint64_t FrameMemory::bytes() const { return textures_->bytes; }

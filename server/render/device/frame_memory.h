@@ -53,8 +53,9 @@ class FrameMemory {
   // Row y of the error map as halves: the largest error of R, G and B in codes, infinite for a NaN. Rows
   // follow each other without a gap. Valid as output_row() is; empty without Verify::kWithMap.
   std::span<const uint16_t> error_map_row(uint32_t y) const;
-  // True if the float64 reference renders or verifies the frame, which takes seconds for a large one.
-  bool needs_reference() const;
+  // True if rendering the frame may take longer than a slice (server/base/slices.h): it is large, or the
+  // float64 reference renders or verifies it.
+  bool takes_long() const;
   // The part of the pool's budget that it takes at first.
   uint64_t bytes() const;
   // Gives everything but the finished image and its error map back to the pool, so that a slow reader holds

@@ -44,11 +44,21 @@ struct Target {
   uint32_t group_rows;  // that a work group writes
 };
 
+// The part of `groups` within rows.
+std::vector<Box> within(std::span<const Box> groups, const GroupRows& rows) {
+  std::vector<Box> part;
+  for (const Box& box : groups) {
+    const Box cut = {box.x0, std::max(box.y0, rows.first), box.x1, std::min(box.y1, rows.last)};
+    if (cut.y0 < cut.y1) part.push_back(cut);
+  }
+  return part;
+}
+
 // Dispatches as often as it takes to bind all of the target for writing, and tells each part its first row.
 template <typename Inputs>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
                       const Inputs& inputs, std::initializer_list<VkBufferView> reads, const Target& target,
-                      std::span<const Box> work) {
+                      std::span<const Box> work, const GroupRows& of) {
   const absl::StatusOr<VkPipeline> pipeline = pipelines.get(spirv, words_of(inputs.constants));
   if (!pipeline.ok()) return pipeline.status();
   // Each part has to begin at a row of work groups, and where a binding may begin.
@@ -58,11 +68,8 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
     const auto begin = static_cast<uint32_t>(first / target.group_rows);
     const auto end =
         static_cast<uint32_t>(std::min<uint64_t>(UINT32_MAX, (first + rows) / target.group_rows));
-    std::vector<Box> part;
-    for (const Box& box : work) {
-      const Box within = {box.x0, std::max(box.y0, begin), box.x1, std::min(box.y1, end)};
-      if (within.y0 < within.y1) part.push_back(within);
-    }
+    const std::vector<Box> part = within(work, {std::max(begin, of.first), std::min(end, of.last)});
+    if (part.empty()) continue;
     auto params = inputs.params;
     params.first_row = static_cast<uint32_t>(first);
     const VkDescriptorBufferInfo written = {target.buffer.handle(), first * target.row_bytes,
@@ -103,8 +110,8 @@ std::array<VkBufferView, 2> reads_of(const BloomStep& step, const FrameTextures&
 
 // Writes into `output` in an OUTPUT_* format with `texel_bytes` bytes a texel.
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                            PipelineCache& pipelines, Recorder& recorder, const Buffer& output,
-                            uint32_t format, uint64_t texel_bytes) {
+                            PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows,
+                            const Buffer& output, uint32_t format, uint64_t texel_bytes) {
   const TextureLayout& layout = textures.layout;
   const VkBufferView frame = textures.input.buffer().view();
   // A binding that the shader does not use still has to hold something.
@@ -118,20 +125,24 @@ absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const 
   if (!step.bloom_groups.empty()) {
     const VkBufferView bloom = textures.levels[0].buffer().view();
     status = dispatch(pipelines, recorder, k_resolve_spirv, inputs, {frame, bloom, table_view}, target,
-                      step.bloom_groups);
+                      step.bloom_groups, rows);
   }
   if (!step.plain_groups.empty()) {
     inputs.constants.bloom = shader::BLOOM_NONE;
     status.Update(dispatch(pipelines, recorder, k_resolve_spirv, inputs, {frame, frame, table_view}, target,
-                           step.plain_groups));
+                           step.plain_groups, rows));
   }
   return status;
 }
 
 }  // namespace
 
+Box ingest_groups(const TextureLayout& layout) {
+  return {0, 0, groups(layout.tiles_x, shader::INGEST_TILES), layout.tiles_y};
+}
+
 absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const FrameTextures& textures,
-                           PipelineCache& pipelines, Recorder& recorder) {
+                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows) {
   const TextureLayout& layout = textures.layout;
   const VkDeviceAddress tiles = textures.tiles.buffer().address();
   const VkDeviceAddress histogram = textures.histogram ? textures.histogram.buffer().address() : 0;
@@ -147,39 +158,36 @@ absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const
   const VkBufferView frame = textures.input.buffer().view();
   const VkBufferView reads[] = {frame,
                                 textures.center_weights ? textures.center_weights.buffer().view() : frame};
-  const Box all = {0, 0, groups(layout.tiles_x, shader::INGEST_TILES), layout.tiles_y};
-  recorder.dispatch(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params, {&all, 1});
+  const Box all = ingest_groups(layout);
+  recorder.dispatch(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params,
+                    within({&all, 1}, rows));
   return absl::OkStatus();
 }
 
 absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, PipelineCache& pipelines,
-                          Recorder& recorder) {
+                          Recorder& recorder, const GroupRows& rows) {
   const LevelSize& size = textures.layout.level_sizes[step.level];
   const Buffer& level = textures.levels[step.level].buffer();
-  if (step.clear_first) {
-    recorder.fill_zero(level);
-    recorder.barrier();
-  }
   const Target target = {level, uint64_t{size.width} * 4 * sizeof(float), size.height, step.group_rows};
   const auto [first, second] = reads_of(step, textures);
   return std::visit(
       [&, first = first, second = second](const auto& inputs) {
         return dispatch(pipelines, recorder, spirv_of(step.pass), inputs, {first, second}, target,
-                        step.groups);
+                        step.groups, rows);
       },
       step.inputs);
 }
 
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                            PipelineCache& pipelines, Recorder& recorder) {
+                            PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows) {
   const v1::OutputFormat format = textures.layout.output_format;
-  return record_resolve(step, table, textures, pipelines, recorder, textures.output.buffer(),
+  return record_resolve(step, table, textures, pipelines, recorder, rows, textures.output.buffer(),
                         static_cast<uint32_t>(format), bytes_per_pixel(format));
 }
 
 absl::Status record_exact(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                          PipelineCache& pipelines, Recorder& recorder) {
-  return record_resolve(step, table, textures, pipelines, recorder, textures.exact.buffer(),
+                          PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows) {
+  return record_resolve(step, table, textures, pipelines, recorder, rows, textures.exact.buffer(),
                         shader::OUTPUT_FLOAT, 4 * sizeof(float));
 }
 

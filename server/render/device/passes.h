@@ -1,6 +1,8 @@
-// Records the passes of a frame: the pipeline, its parameters and its work groups, as a plan has them.
-// Internal to server/render. Barriers between passes are the caller's.
+// Records the passes of a frame: the pipeline, its parameters and its work groups, as a plan has them; all
+// rows of work groups, or some. Internal to server/render. Barriers between passes are the caller's.
 #pragma once
+
+#include <cstdint>
 
 #include "absl/status/status.h"
 #include "server/render/device/frame_textures.h"
@@ -10,18 +12,33 @@
 
 namespace candela {
 
-absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const FrameTextures& textures,
-                           PipelineCache& pipelines, Recorder& recorder);
+// Rows `first` to `last` - 1 of work groups.
+struct GroupRows {
+  uint32_t first = 0;
+  uint32_t last = UINT32_MAX;
+};
 
+// The work groups of ingest, and the texels that each meters.
+Box ingest_groups(const TextureLayout& layout);
+inline constexpr double kIngestGroupTexels =
+    double{shader::INGEST_TILES} * shader::TILE_TEXELS * shader::TILE_TEXELS;
+// The texels that a work group of resolve makes.
+inline constexpr double kResolveGroupTexels =
+    double{shader::RESOLVE_GROUP_X} * shader::GROUP_TEXELS * kResolveGroupRows;
+
+absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const FrameTextures& textures,
+                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
+
+// If the step asks for clear_first, its level has been cleared.
 absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, PipelineCache& pipelines,
-                          Recorder& recorder);
+                          Recorder& recorder, const GroupRows& rows = {});
 
 // `table`: the colour table's points on the device; null if the curve has none.
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                            PipelineCache& pipelines, Recorder& recorder);
+                            PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
 
 // Records resolve once more, unquantised, into the `exact` texture.
 absl::Status record_exact(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                          PipelineCache& pipelines, Recorder& recorder);
+                          PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
 
 }  // namespace candela

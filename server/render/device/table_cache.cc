@@ -4,9 +4,9 @@
 
 namespace candela {
 
-absl::StatusOr<const Buffer*> TableCache::get(const std::shared_ptr<const ColorTable>& table,
+absl::StatusOr<std::shared_ptr<const Buffer>> TableCache::get(const std::shared_ptr<const ColorTable>& table,
                                               Recorder& recorder) {
-  if (const Buffer* found = tables_.find(table)) return found;
+  if (std::shared_ptr<const Buffer> found = tables_.find(table)) return found;
   tables_.make_room();
   const uint64_t bytes = point_count(*table) * sizeof(TablePoint);
   absl::StatusOr<Buffer> points = Buffer::create(device_, bytes, MemoryUse::kDevice);

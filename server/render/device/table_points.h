@@ -22,33 +22,35 @@ inline size_t point_count(const ColorTable& table) { return table.values.size() 
 void write_points(const ColorTable& table, std::byte* to);
 
 // Keeps what was made of the kTables tables that were used last. Each is under 15 MB and does not count
-// towards the memory budget. One thread at a time.
+// towards the memory budget. Whoever uses one holds it, because other frames may be drawn between the slices
+// of a large one. One thread at a time.
 template <typename Points>
 class TablesUsedLast {
  public:
   static constexpr size_t kTables = 4;
 
-  // Those of an equal table, or null; valid until the next call.
-  const Points* find(const std::shared_ptr<const ColorTable>& table) {
+  // Those of an equal table, or null.
+  std::shared_ptr<const Points> find(const std::shared_ptr<const ColorTable>& table) {
     const auto found = std::find_if(entries_.begin(), entries_.end(), [&](const auto& entry) {
       return entry.first == table || *entry.first == *table;
     });
     if (found == entries_.end()) return nullptr;
     std::rotate(found, found + 1, entries_.end());
-    return &entries_.back().second;
+    return entries_.back().second;
   }
 
   // Makes room for another one; call it before that is made.
   void make_room() {
     if (entries_.size() == kTables) entries_.erase(entries_.begin());
   }
-  const Points* keep(std::shared_ptr<const ColorTable> table, Points points) {
-    entries_.emplace_back(std::move(table), std::move(points));
-    return &entries_.back().second;
+  std::shared_ptr<const Points> keep(std::shared_ptr<const ColorTable> table, Points points) {
+    entries_.emplace_back(std::move(table), std::make_shared<const Points>(std::move(points)));
+    return entries_.back().second;
   }
 
  private:
-  std::vector<std::pair<std::shared_ptr<const ColorTable>, Points>> entries_;  // the most recently used last
+  // The most recently used last.
+  std::vector<std::pair<std::shared_ptr<const ColorTable>, std::shared_ptr<const Points>>> entries_;
 };
 
 }  // namespace candela

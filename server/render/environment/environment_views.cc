@@ -5,7 +5,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/candela/v1/settings.h"
-#include "server/base/slices.h"
 #include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
@@ -158,12 +157,7 @@ absl::Status EnvironmentBaker::draw_on_host(const Environment& environment, cons
     host::draw_view_rows(job, parts_of(tiles.row(y)), y0,
                          std::min(y0 + shader::VIEW_TILE, layout.desc.height));
   };
-  const auto rows_at_once =
-      static_cast<uint32_t>(std::max(kMostAtOnce / most_cost_of_row(view, layout.desc.width), 1.0));
-  for (uint32_t begin = 0; begin < tiles.rows(); begin += rows_at_once) {
-    checkpoint();
-    crew_->run(std::min(rows_at_once, tiles.rows() - begin), [&](uint32_t y) { draw_row(begin + y); });
-  }
+  crew_->run(tiles.rows(), draw_row);
   return absl::OkStatus();
 }
 

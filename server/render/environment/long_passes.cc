@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -12,16 +11,8 @@ namespace candela {
 
 namespace {
 
-// A submission aims at this. Work on the same cores may make it half as long again; it should stay within
-// kSlice.
-constexpr double kSubmissionSeconds = 0.025;
 // Before the pace of a pass is known, a look-up counts as this slow. The software device takes 12 to 25 ns.
 constexpr double kFirstPace = 60e-9;
-// One time may have been disturbed, so the pace changes by no more than this factor.
-constexpr double kMostFaster = 4.0;
-constexpr double kMostSlower = 3.0;
-constexpr double kFastestPace = 1e-12;
-constexpr double kSlowestPace = 1e-5;
 // What is read at a time from memory that is not mapped.
 constexpr uint64_t kReadBytes = uint64_t{16} << 20;
 constexpr uint64_t kMaxGroups = 65535;  // that every device can run side by side
@@ -29,7 +20,7 @@ constexpr uint64_t kMaxGroups = 65535;  // that every device can run side by sid
 }  // namespace
 
 LongPasses::LongPasses(TexturePool& pool, PipelineCache pipelines, Recorder recorder)
-    : pool_(&pool), pipelines_(std::move(pipelines)), recorder_(std::move(recorder)) {}
+    : pool_(&pool), pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), pace_(kFirstPace) {}
 
 absl::StatusOr<LongPasses> LongPasses::create(const Device& device, TexturePool& pool) {
   absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(device);
@@ -37,11 +28,6 @@ absl::StatusOr<LongPasses> LongPasses::create(const Device& device, TexturePool&
   absl::StatusOr<Recorder> recorder = Recorder::create(device);
   if (!recorder.ok()) return recorder.status();
   return LongPasses(pool, *std::move(pipelines), *std::move(recorder));
-}
-
-double LongPasses::affordable(std::span<const uint32_t> spirv) const {
-  const auto known = seconds_per_cost_.find(spirv.data());
-  return kSubmissionSeconds / (known == seconds_per_cost_.end() ? kFirstPace : known->second);
 }
 
 absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
@@ -53,9 +39,7 @@ absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
   const auto begin = std::chrono::steady_clock::now();
   if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  double& pace = seconds_per_cost_.try_emplace(spirv.data(), kFirstPace).first->second;
-  pace = std::clamp(seconds / cost, std::max(pace / kMostFaster, kFastestPace),
-                    std::min(pace * kMostSlower, kSlowestPace));
+  pace_.learn(spirv.data(), cost, seconds);
   return absl::OkStatus();
 }
 
@@ -66,7 +50,7 @@ absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params
   constexpr uint64_t kGroup = shader::ENVIRONMENT_GROUP;
   const uint64_t most = std::min(kMaxGroups * kGroup, PipelineCache::kMaxWriteBytes / pass.invocation_bytes);
   for (uint64_t first = 0; first < pass.invocations;) {
-    const auto groups = static_cast<uint64_t>(affordable(pass.spirv) / (pass.cost * kGroup));
+    const auto groups = static_cast<uint64_t>(pace_.affordable(pass.spirv.data()) / (pass.cost * kGroup));
     const uint64_t count =
         std::min({std::max<uint64_t>(groups, 1) * kGroup, most / kGroup * kGroup, pass.invocations - first});
     const auto record = [&]() -> absl::Status {
@@ -88,7 +72,7 @@ absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params
 
 absl::Status LongPasses::run(const Steps& steps) {
   for (uint32_t begin = 0; begin < steps.count;) {
-    const double most = affordable(steps.spirv);
+    const double most = pace_.affordable(steps.spirv.data());
     double cost = steps.cost(begin);
     uint32_t end = begin + 1;
     while (end < steps.count && end - begin < steps.most && cost + steps.cost(end) <= most) {

@@ -3,11 +3,11 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/render/device/pace.h"
 #include "server/render/device/texture_pool.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
@@ -69,13 +69,11 @@ class LongPasses {
   // Runs one submission, and learns the pace from its time.
   absl::Status submit(std::span<const uint32_t> spirv, double cost,
                       const std::function<absl::Status()>& record);
-  // What a submission may cost, by the pace so far.
-  double affordable(std::span<const uint32_t> spirv) const;
 
   TexturePool* pool_;
   PipelineCache pipelines_;
   Recorder recorder_;
-  std::map<const uint32_t*, double> seconds_per_cost_;
+  Pace pace_;  // of each shader, by the address of its code
 };
 
 }  // namespace candela

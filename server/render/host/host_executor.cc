@@ -45,22 +45,22 @@ absl::StatusOr<Drawn> HostExecutor::draw(FrameMemory& memory, const Plan& plan,
     const HostStage stage(name(step.pass), stages);
     host::run_bloom(step, textures, crew_);
   }
-  const host::TablePoints* points = points_of(plan);
+  const std::shared_ptr<const host::TablePoints> points = points_of(plan);
   Drawn drawn;
   {
     const HostStage stage(name(Pass::kResolve), stages);
-    drawn = host::run_resolve(plan.resolve, points, textures, crew_);
+    drawn = host::run_resolve(plan.resolve, points.get(), textures, crew_);
   }
   if (textures.exact) {
     const HostStage stage("verify", stages);
-    host::run_exact(plan.resolve, points, textures, crew_);
+    host::run_exact(plan.resolve, points.get(), textures, crew_);
   }
   return drawn;
 }
 
-const host::TablePoints* HostExecutor::points_of(const Plan& plan) {
+std::shared_ptr<const host::TablePoints> HostExecutor::points_of(const Plan& plan) {
   if (!plan.table) return nullptr;
-  if (const host::TablePoints* found = tables_.find(plan.table)) return found;
+  if (std::shared_ptr<const host::TablePoints> found = tables_.find(plan.table)) return found;
   tables_.make_room();
   host::TablePoints points(point_count(*plan.table));
   write_points(*plan.table, reinterpret_cast<std::byte*>(points.data()));

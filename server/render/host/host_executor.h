@@ -34,7 +34,7 @@ class HostExecutor final : public Executor {
   // UNAVAILABLE if the device is lost: its memory may be, too.
   absl::Status usable() const;
   // Those of the plan's table; null if it has none.
-  const host::TablePoints* points_of(const Plan& plan);
+  std::shared_ptr<const host::TablePoints> points_of(const Plan& plan);
 
   const Device& device_;
   Crew crew_;

@@ -11,8 +11,9 @@ namespace candela::host {
 namespace {
 
 // Texels that are worth waking a thread for, and parts for each thread, so that all end at about the same
-// time.
+// time. A slice ends between two parts, so none takes more than a few milliseconds.
 constexpr uint64_t kTexelsOfPart = 4096;
+constexpr uint64_t kMostTexelsOfPart = uint64_t{1} << 17;
 constexpr uint64_t kPartsPerThread = 4;
 
 // The boxes of a level that a step's work groups cover, in parts for `threads` threads.
@@ -26,7 +27,8 @@ std::vector<Box> parts_of(const BloomStep& step, const LevelPlanes& to, uint32_t
     boxes.push_back(box);
     texels += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
   }
-  const uint64_t part_texels = std::max(kTexelsOfPart, texels / (kPartsPerThread * threads));
+  const uint64_t part_texels =
+      std::clamp(texels / (kPartsPerThread * threads), kTexelsOfPart, kMostTexelsOfPart);
   std::vector<Box> parts;
   for (const Box& box : boxes) {
     const auto rows = static_cast<uint32_t>(std::max<uint64_t>(1, part_texels / (box.x1 - box.x0)));

@@ -11,8 +11,10 @@ namespace candela::host {
 
 namespace {
 
-// A thread takes about this many bands of resolve in turn, so that all end at about the same time.
+// A thread takes about this many bands of resolve in turn, so that all end at about the same time. A slice
+// ends between two bands, so none has more texels than it makes in a few milliseconds.
 constexpr uint32_t kBandsPerThread = 6;
+constexpr uint32_t kMostTexelsOfBand = uint32_t{1} << 19;
 
 struct Band {
   uint32_t first;
@@ -20,23 +22,25 @@ struct Band {
 };
 
 // The rows of `groups`, which are rows of work groups, in bands for `threads` threads.
-std::vector<Band> bands_of(const std::vector<Box>& groups, uint32_t height, uint32_t threads) {
+std::vector<Band> bands_of(const std::vector<Box>& groups, const FrameDesc& frame, uint32_t threads) {
   uint32_t rows = 0;
   for (const Box& box : groups) rows += box.y1 - box.y0;
-  const uint32_t step = std::max<uint32_t>(1, rows / (kBandsPerThread * threads));
+  const uint32_t most = std::max<uint32_t>(1, kMostTexelsOfBand / (frame.width * kResolveGroupRows));
+  const uint32_t step = std::clamp<uint32_t>(rows / (kBandsPerThread * threads), 1, most);
   std::vector<Band> bands;
   for (const Box& box : groups) {
     for (uint32_t y = box.y0; y < box.y1; y += step) {
       bands.push_back(
-          {y * kResolveGroupRows, std::min(std::min(y + step, box.y1) * kResolveGroupRows, height)});
+          {y * kResolveGroupRows, std::min(std::min(y + step, box.y1) * kResolveGroupRows, frame.height)});
     }
   }
   return bands;
 }
 
 // Makes the rows of `groups`.
-void run_groups(const ResolveJob& job, const std::vector<Box>& groups, Crew& crew, Drawn* drawn) {
-  const std::vector<Band> bands = bands_of(groups, job.params.frame.height, crew.threads());
+void run_groups(const ResolveJob& job, const FrameDesc& frame, const std::vector<Box>& groups, Crew& crew,
+                Drawn* drawn) {
+  const std::vector<Band> bands = bands_of(groups, frame, crew.threads());
   absl::Mutex mutex;
   crew.run(static_cast<uint32_t>(bands.size()), [&](uint32_t i) {
     const ResolveFound found = resolve_rows(job, bands[i].first, bands[i].last);
@@ -59,10 +63,10 @@ Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTexture
   Drawn drawn;
   if (!step.bloom_groups.empty()) {
     job.level = level_planes(textures, 0);
-    run_groups(job, step.bloom_groups, crew, &drawn);
+    run_groups(job, textures.layout.desc, step.bloom_groups, crew, &drawn);
   }
   job.constants.bloom = shader::BLOOM_NONE;
-  run_groups(job, step.plain_groups, crew, &drawn);
+  run_groups(job, textures.layout.desc, step.plain_groups, crew, &drawn);
   return drawn;
 }
 

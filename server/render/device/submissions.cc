@@ -1,0 +1,100 @@
+#include "server/render/device/submissions.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "server/base/slices.h"
+
+namespace candela {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Less is not worth a submission.
+constexpr double kLeastSeconds = 0.002;
+constexpr uint64_t kCopyUnit = uint64_t{1} << 20;
+constexpr double kTexelBytes = 16;  // of a copy, which costs as much as a texel of a pass at most
+
+std::vector<double> costs_of_rows(std::span<const Box> groups, double texels) {
+  std::vector<double> costs;
+  for (const Box& box : groups) {
+    if (costs.size() < box.y1) costs.resize(box.y1);
+    for (uint32_t y = box.y0; y < box.y1; ++y) costs[y] += texels * (box.x1 - box.x0);
+  }
+  return costs;
+}
+
+}  // namespace
+
+Submissions::Submissions(Recorder& recorder, Pace& pace, std::vector<StageTime>* stages)
+    : recorder_(recorder),
+      pace_(pace),
+      stages_(stages),
+      in_slices_(slice_end() != Clock::time_point::max()) {}
+
+absl::Status Submissions::begin() {
+  checkpoint();
+  // What is left of the slice. If nothing is, one unit.
+  const double left = std::chrono::duration<double>(slice_end() - Clock::now()).count();
+  most_seconds_ = left <= 0 ? 0 : std::clamp(left, kLeastSeconds, Pace::kSubmissionSeconds);
+  return recorder_.begin();
+}
+
+absl::Status Submissions::pass(const char* stage, std::span<const Box> groups, double texels, Record record) {
+  if (in_slices_) return cut(stage, costs_of_rows(groups, texels), 1, UINT64_MAX, record);
+  recorder_.mark(stage);
+  return record(0, UINT64_MAX);
+}
+
+absl::Status Submissions::copy(const char* stage, uint64_t bytes, Record record) {
+  if (in_slices_) {
+    const std::vector<double> costs((bytes + kCopyUnit - 1) / kCopyUnit, kCopyUnit / kTexelBytes);
+    return cut(stage, costs, kCopyUnit, bytes, record);
+  }
+  recorder_.mark(stage);
+  return record(0, bytes);
+}
+
+absl::Status Submissions::cut(const char* stage, std::span<const double> costs, uint64_t unit, uint64_t end,
+                              Record record) {
+  const double pace = pace_.of(stage);
+  for (size_t first = 0; first < costs.size();) {
+    double cost = costs[first];
+    size_t last = first + 1;
+    const double left = (most_seconds_ - expected_seconds_) / pace;
+    while (last < costs.size() && cost + costs[last] <= left) cost += costs[last++];
+    if (cost > left && expected_seconds_ > 0) {
+      if (absl::Status status = submit(); !status.ok()) return status;
+      if (absl::Status status = begin(); !status.ok()) return status;
+      continue;
+    }
+    recorder_.mark(stage);
+    if (absl::Status status = record(first * unit, last == costs.size() ? end : last * unit); !status.ok()) {
+      return status;
+    }
+    expected_seconds_ += cost * pace;
+    costs_[stage] += cost;
+    first = last;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Submissions::submit() {
+  recorder_.barrier_to_host();
+  const Clock::time_point begin = Clock::now();
+  if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
+  const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+  for (const Recorder::Timing& timing : recorder_.timings()) add_time({timing.name, timing.ns}, stages_);
+  // All stages by the same factor: a device may have no times of its own.
+  for (const auto& [stage, cost] : costs_) {
+    if (cost > 0) pace_.learn(stage, cost, cost * pace_.of(stage) * seconds / expected_seconds_);
+  }
+  costs_.clear();
+  expected_seconds_ = 0.0;
+  return absl::OkStatus();
+}
+
+absl::Status Submissions::end() { return submit(); }
+
+}  // namespace candela
