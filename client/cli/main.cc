@@ -4,14 +4,21 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <exception>
+#include <optional>
+#include <string>
 #include <type_traits>
+#include <vector>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/embedded_server.h"
+#include "client/cli/files/failure_line.h"
+#include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/system_failure.h"
 #include "client/cli/files/terminal.h"
@@ -24,9 +31,6 @@
 
 namespace candela {
 namespace {
-
-constexpr int kFailed = 1;
-constexpr int kUsage = 2;
 
 constexpr rlim_t kLeastOpenFiles = 48;  // a GPU's driver opens two dozen
 
@@ -86,23 +90,23 @@ void clean_up_on_signals() {
   TemporaryPath::remove_all();
   if (!absl::IsResourceExhausted(status)) std::abort();  // a defect
   print_error(status);
-  _exit(kFailed);
+  _exit(exit_code(FailureKind::kOther));
 }
 
-absl::Status run(const Invocation& invocation) {
+absl::Status run(const Invocation& invocation, JsonOutput& json) {
   return std::visit(
-      [](const auto& options) {
+      [&json](const auto& options) {
         using Options = std::decay_t<decltype(options)>;
         if constexpr (std::is_same_v<Options, TextToPrint>) return print(options.text);
-        if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options);
-        if constexpr (std::is_same_v<Options, StreamOptions>) return run_stream(options);
-        if constexpr (std::is_same_v<Options, MeterOptions>) return run_meter(options);
-        if constexpr (std::is_same_v<Options, PanoramaViewOptions>) return run_view(options);
-        if constexpr (std::is_same_v<Options, EnvironmentOptions>) return run_environment(options);
-        if constexpr (std::is_same_v<Options, BenchOptions>) return run_bench(options);
+        if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options, json);
+        if constexpr (std::is_same_v<Options, StreamOptions>) return run_stream(options, json);
+        if constexpr (std::is_same_v<Options, MeterOptions>) return run_meter(options, json);
+        if constexpr (std::is_same_v<Options, PanoramaViewOptions>) return run_view(options, json);
+        if constexpr (std::is_same_v<Options, EnvironmentOptions>) return run_environment(options, json);
+        if constexpr (std::is_same_v<Options, BenchOptions>) return run_bench(options, json);
         if constexpr (std::is_same_v<Options, SampleOptions>) return run_sample(options);
         if constexpr (std::is_same_v<Options, ReportOptions>) return run_report(options);
-        if constexpr (std::is_same_v<Options, InfoOptions>) return run_info(options);
+        if constexpr (std::is_same_v<Options, InfoOptions>) return run_info(options, json);
         if constexpr (std::is_same_v<Options, HealthOptions>) return run_health(options);
       },
       invocation);
@@ -113,6 +117,16 @@ bool is_quiet(const Invocation& invocation) {
       [](const auto& options) {
         if constexpr (requires { options.quiet; }) return options.quiet;
         return false;
+      },
+      invocation);
+}
+
+// The destination of --json.
+std::string json_path(const Invocation& invocation) {
+  return std::visit(
+      [](const auto& options) -> std::string {
+        if constexpr (requires { options.json; }) return options.json;
+        return "";
       },
       invocation);
 }
@@ -134,12 +148,19 @@ absl::Status explained(const absl::Status& status, const Invocation& invocation)
       invocation);
 }
 
-absl::Status run_line(int argc, char** argv) try {
-  const absl::StatusOr<Invocation> invocation = parse_command_line(argc, argv);
+// `health` is a probe: it serves or not.
+absl::Status of_probe(const absl::Status& status) {
+  return status.ok() || is_usage_error(status) ? status : absl::Status(status.code(), status.message());
+}
+
+absl::Status run_line(const std::vector<std::string>& words, std::optional<JsonOutput>& json) try {
+  const absl::StatusOr<Invocation> invocation = parse_command_line(words);
+  json.emplace(invocation.ok() ? json_path(*invocation) : json_path_in(words));
   if (!invocation.ok()) return invocation.status();
   if (absl::Status status = check_open_files(); !status.ok()) return status;
   if (!is_quiet(*invocation)) tell_of_unknown_variables();
-  return explained(run(*invocation), *invocation);
+  const absl::Status status = explained(run(*invocation, *json), *invocation);
+  return std::holds_alternative<HealthOptions>(*invocation) ? of_probe(status) : status;
 } catch (const std::exception& error) {
   return system_failure(error);
 }
@@ -154,11 +175,14 @@ int run(int argc, char** argv) {
   std::set_terminate(end_without_resources);
   // gRPC's log lines repeat what its statuses say.
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
-  const absl::Status status = run_line(argc, argv);
+  const std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  std::optional<JsonOutput> json;
+  const absl::Status status = run_line(words, json);
   if (status.ok()) return 0;
+  if (json) json->fail(status, words);
   remove_empty_folders();
   print_error(status);
-  return is_usage_error(status) ? kUsage : kFailed;
+  return exit_code(kind_of(status));
 }
 
 }  // namespace

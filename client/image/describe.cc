@@ -2,13 +2,16 @@
 
 #include <utility>
 
+#include "client/base/failure.h"
 #include "client/image/primaries.h"
 #include "client/image/read/file_reader.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
 
-absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits) {
+namespace {
+
+absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const ImageLimits& limits) {
   absl::StatusOr<FileReader> file = FileReader::open(path);
   if (!file.ok()) return file.status();
   const absl::StatusOr<FileKind> kind = file_kind(*file);
@@ -30,6 +33,14 @@ absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLim
                    .renderable = absl::OkStatus(),
                    .shown = "the whole picture",
                    .notes = image->notes};
+}
+
+}  // namespace
+
+absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits) {
+  absl::StatusOr<FileFacts> facts = describe_any_image(path, limits);
+  if (facts.ok()) return facts;
+  return input_failure(facts.status(), path);
 }
 
 }  // namespace candela

@@ -2,6 +2,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/image/read/file_reader.h"
 #include "client/image/read/readers.h"
 
@@ -80,8 +81,10 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
   return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
 }
 
-absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits,
-                                 const PictureChoice& choice) {
+namespace {
+
+absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits& limits,
+                                     const PictureChoice& choice) {
   absl::StatusOr<FileReader> file = FileReader::open(path);
   if (!file.ok()) return file.status();
   const absl::StatusOr<FileKind> kind = file_kind(*file);
@@ -93,6 +96,15 @@ absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& lim
         *kind == FileKind::kRadiance ? "Radiance" : "PFM"));
   }
   return *kind == FileKind::kRadiance ? read_radiance(*file, limits) : read_pfm(*file, limits);
+}
+
+}  // namespace
+
+absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits,
+                                 const PictureChoice& choice) {
+  absl::StatusOr<Image> image = read_any_image(path, limits, choice);
+  if (image.ok()) return image;
+  return input_failure(image.status(), path);
 }
 
 }  // namespace candela

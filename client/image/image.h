@@ -80,7 +80,7 @@ struct PictureChoice {
 // what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND (also for a
 // part, layer or view, with a list of those that exist), PERMISSION_DENIED, INVALID_ARGUMENT (not an image,
 // damaged, nothing to render, nothing to choose from), RESOURCE_EXHAUSTED (beyond the limits) or
-// UNIMPLEMENTED (deep images).
+// UNIMPLEMENTED (deep images). Their kind is kInput (client/base/failure.h).
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
 
@@ -107,7 +107,7 @@ struct WriteOptions {
 // and .pfm from kRgba16f or kRgba32f. Colour and alpha are stored as they are; formats without alpha drop it.
 // The file appears complete or not at all; after a failure the old file is as it was. A new file has the
 // permissions of the one that it replaces, and links to it stay valid. Returns messages for the user, such as
-// "alpha dropped: .jpg has none".
+// "alpha dropped: .jpg has none". Errors are of the kind kOutput (client/base/failure.h).
 absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
                                                      const WriteOptions& options = {});
 

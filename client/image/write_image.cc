@@ -4,6 +4,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/image/write/writers.h"
 
 namespace candela {
@@ -86,7 +87,7 @@ absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, co
   Notes notes;
   absl::Status status = write(*file, image, options, notes);
   if (status.ok()) status = file->commit();
-  if (!status.ok()) return status;
+  if (!status.ok()) return failure_of(FailureKind::kOutput, status);
   return notes;
 }
 

@@ -111,7 +111,7 @@ void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<
   }
 }
 
-void Recorder::fill_zero(const Buffer& buffer) { fill_zero(buffer, 0, buffer.bytes()); }
+void Recorder::fill_zero(const Buffer& buffer) { fill_zero(buffer, 0, VK_WHOLE_SIZE); }
 
 void Recorder::fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes) {
   vkCmdFillBuffer(commands_, buffer.handle(), offset, bytes, 0);

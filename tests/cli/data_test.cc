@@ -19,7 +19,7 @@ class Data : public ::testing::Test {
 
   void expect_refused(const std::string& path, const std::string& words) {
     const Outcome outcome = candela({"render", path, folder_.path("bad.png")});
-    EXPECT_EQ(outcome.code, 1) << path << ": " << outcome.err;
+    EXPECT_EQ(outcome.code, 3) << path << ": " << outcome.err;
     EXPECT_EQ(outcome.err.find("candela: error: " + path + ": "), 0u) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
     EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;

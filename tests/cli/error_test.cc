@@ -129,7 +129,7 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
            {file("huge.pfm", "PF\n20000 20000\n-1.0\n"), "the limit is 16384 on a side"}}) {
     SCOPED_TRACE(path);
     const Outcome outcome = candela({"render", path, out_});
-    expect_error(outcome, 1, words);
+    expect_error(outcome, 3, words);
     EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
   }
 }
@@ -144,17 +144,17 @@ TEST_F(Failure, ABadPixelUnderRejectIsNamed) {
   const float pixels[] = {1, 1, 1, 1, __builtin_nanf(""), 1};
   pfm.append(reinterpret_cast<const char*>(pixels), sizeof pixels);
   const std::string path = file("nan.pfm", pfm);
-  expect_error(candela({"render", path, out_, "--bad-values", "reject"}), 1, path);
+  expect_error(candela({"render", path, out_, "--bad-values", "reject"}), 3, path);
   const nlohmann::json scrubbed = candela_json({"render", path, folder_.path("other.png")});
   EXPECT_EQ(scrubbed.at("bad_values").at("nan"), 1);
 }
 
 TEST_F(Failure, OutputsThatCannotBeWrittenAreKnownBeforeTheWork) {
-  expect_error(candela({"render", in_, out_ + "/folder/out.png"}), 1, "cannot write");
+  expect_error(candela({"render", in_, out_ + "/folder/out.png"}), 5, "cannot write");
   mkdir(folder_.path("a.json").c_str(), 0700);
-  expect_error(candela({"render", in_, out_, "--json", folder_.path("a.json")}), 1, "Is a directory");
-  expect_error(candela({"render", in_, out_, "--json", out_ + "/frame.json"}), 1, "cannot write");
-  expect_error(candela({"sample", out_ + "/scene.exr"}), 1, "cannot write");
+  expect_error(candela({"render", in_, out_, "--json", folder_.path("a.json")}), 5, "Is a directory");
+  expect_error(candela({"render", in_, out_, "--json", out_ + "/frame.json"}), 5, "cannot write");
+  expect_error(candela({"sample", out_ + "/scene.exr"}), 5, "cannot write");
 }
 
 TEST_F(Failure, AnOutputThatIsAnInputIsRefused) {
@@ -190,11 +190,11 @@ TEST_F(Failure, MissingPartsLayersAndViewsListWhatThereIs) {
       all.insert(all.end(), {option, name});
       return candela(all);
     };
-    expect_error(with("--part", "2"), 1, "there is no part \"2\"; there are: 1");
-    expect_error(with("--layer", "depth"), 1, "there is no layer \"depth\"; there are: B, G, R");
-    expect_error(with("--view", "left"), 1, "there is no view \"left\"; the file names no views");
+    expect_error(with("--part", "2"), 3, "there is no part \"2\"; there are: 1");
+    expect_error(with("--layer", "depth"), 3, "there is no layer \"depth\"; there are: B, G, R");
+    expect_error(with("--view", "left"), 3, "there is no view \"left\"; the file names no views");
   }
-  expect_error(candela({"stream", in_, folder_.path("%04d.png"), "--layer", "depth"}), 1,
+  expect_error(candela({"stream", in_, folder_.path("%04d.png"), "--layer", "depth"}), 3,
                "there are: B, G, R");
 }
 
@@ -203,26 +203,26 @@ TEST_F(Failure, AFileOfFewBytesAndManyPixelsTakesNoMemory) {
   std::string hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 8192\n";
   for (int y = 0; y < 8192; ++y) hdr.append("\x80\x80\x80\x80\x01\x01\x01\xff\x01\x01\x01\x1f", 12);
   const Outcome outcome = candela({"render", file("bomb.hdr", hdr), out_});
-  expect_error(outcome, 1, "save it as half floats or smaller");
+  expect_error(outcome, 3, "save it as half floats or smaller");
   EXPECT_LT(outcome.peak_kib, 600'000);
 }
 
 #ifndef CANDELA_SANITIZED  // a sanitizer wants to be loaded first
 TEST_F(Failure, ADiskThatLosesThePictureIsAnError) {
   const std::string scene = file("scene.exr", "old");
-  expect_error(candela_on_failing_machine("CANDELA_TEST_FSYNC_FAILS", "1", {"sample", scene, "-q"}), 1,
+  expect_error(candela_on_failing_machine("CANDELA_TEST_FSYNC_FAILS", "1", {"sample", scene, "-q"}), 5,
                "scene.exr: cannot write: Input/output error");
   EXPECT_TRUE(read_file(scene) == "old");
 }
 #endif
 
 TEST_F(Failure, WhatStdoutCannotTakeIsAnError) {
-  expect_error(candela({"render", in_, folder_.path("other.png"), "-q", "--json", "/dev/full"}), 1,
+  expect_error(candela({"render", in_, folder_.path("other.png"), "-q", "--json", "/dev/full"}), 5,
                "No space left");
 }
 
 TEST_F(Failure, UnknownDevicesAndTiersListWhatThereIs) {
-  expect_error(candela({"render", in_, out_, "--device", "no such device"}), 1, "there are: ");
+  expect_error(candela({"render", in_, out_, "--device", "no such device"}), 4, "there are: ");
   expect_error(candela({"render", in_, out_, "--tier", "standrd"}), 2, "did you mean standard?");
 }
 
@@ -232,12 +232,12 @@ TEST_F(Failure, AServerThatIsNotThereIsNamed) {
        std::vector<std::vector<std::string>>{{"render", in_, out_, "--server", address},
                                              {"info", "--server", address},
                                              {"health", "--server", address, "--timeout", "2"}}) {
-    expect_error(candela(arguments), 1, "cannot reach " + address);
+    expect_error(candela(arguments), arguments[0] == "health" ? 1 : 4, "cannot reach " + address);
   }
 }
 
 TEST_F(Failure, ALineEndInANameDoesNotMakeTwoLines) {
-  expect_error(candela({"render", folder_.path("a\nb.exr"), out_}), 1, "a?b.exr");
+  expect_error(candela({"render", folder_.path("a\nb.exr"), out_}), 3, "a\\nb.exr");
 }
 
 TEST_F(Failure, ASignalLeavesNoHiddenFile) {

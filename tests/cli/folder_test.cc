@@ -105,7 +105,7 @@ TEST_F(Folder, OneImageKeepsItsNameInAFolder) {
 TEST_F(Folder, OneFailureDoesNotStopTheRest) {
   write_file(in("b1.exr"), "no image");
   const Outcome outcome = candela({"render", in("*.exr"), in("missing.exr"), out(""), "--json", "-"});
-  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.code, 3);
   const std::vector<std::string> errors = absl::StrSplit(outcome.err, '\n', absl::SkipEmpty());
   const auto is_error = [&](const std::string& words) {
     return std::ranges::any_of(errors, [&](const std::string& line) {
@@ -136,7 +136,7 @@ TEST_F(Folder, TwoImagesOfOneNameAreRefusedBeforeAnythingIsRendered) {
 TEST_F(Folder, AServerThatIsNotThereIsOneError) {
   const Outcome outcome =
       candela({"render", in("*.exr"), out(""), "--server", "unix:" + folder_.path("none")});
-  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.code, 4);
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   EXPECT_NE(outcome.err.find("cannot reach"), std::string::npos) << outcome.err;
 }

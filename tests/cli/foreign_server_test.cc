@@ -93,7 +93,7 @@ std::string words_for(Answer answer, const std::vector<std::string>& options = {
   arguments.insert(arguments.end(), options.begin(), options.end());
   if (!options.empty() && options.back() == "--error-map") arguments.push_back(folder.path("map.png"));
   const Outcome outcome = candela(arguments);
-  EXPECT_EQ(outcome.code, outcome.err.empty() ? 0 : 1) << outcome.err;
+  EXPECT_EQ(outcome.code, outcome.err.empty() ? 0 : 4) << outcome.err;
   return outcome.err;
 }
 

@@ -242,7 +242,7 @@ TEST_F(FullServerTest, ItGivesUpAtTheLimitWithOneLine) {
       arguments.insert(arguments.end(), {"-q", "--server", server.address(), "--resume", seconds});
       const int before = server.calls();
       const Outcome outcome = candela(arguments);
-      EXPECT_EQ(outcome.code, 1);
+      EXPECT_EQ(outcome.code, 4);
       EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
       EXPECT_NE(outcome.err.find("server has 3 calls"), std::string::npos) << outcome.err;
       if (seconds[0] == '0') {

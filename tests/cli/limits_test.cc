@@ -1,4 +1,4 @@
-// The limits of the shell and odd files: one line, exit code 1, and nothing left behind.
+// The limits of the shell and odd files: one line, the exit code of its kind, and nothing left behind.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -21,8 +21,8 @@ class Limits : public ::testing::Test {
  protected:
   void SetUp() override { write_small_exr(in_); }
 
-  void expect_failure(const Outcome& outcome, const std::string& words) const {
-    EXPECT_EQ(outcome.code, 1) << outcome.err;
+  void expect_failure(const Outcome& outcome, const std::string& words, int code = 1) const {
+    EXPECT_EQ(outcome.code, code) << outcome.err;
     EXPECT_EQ(outcome.err.find("candela: error: "), 0u) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
     EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
@@ -40,9 +40,9 @@ TEST_F(Limits, AFileThatMayNotBecomeSoLargeIsAnErrorAndTheOldOneStays) {
     write_file(path, "old");
     const std::vector<std::string> before = folder_.list();
     expect_failure(candela_with_ulimit("-f 8", {"sample", path.substr(0, path.size() - 4) + ".pfm"}),
-                   "too large");
+                   "too large", 5);
     expect_failure(candela_with_ulimit("-f 8", {"render", scene, path, "-q"}),
-                   path + ": cannot write: File too large");
+                   path + ": cannot write: File too large", 5);
     EXPECT_EQ(read_file(path), "old");
     EXPECT_EQ(folder_.list(), before);
   }
@@ -81,13 +81,13 @@ TEST_F(Limits, ADiskThatIsFullIsAnErrorAndTheOldFileStays) {
       return candela_on_failing_machine("CANDELA_TEST_DISK_BYTES", bytes, arguments);
     };
     for (const std::string& path : {out_, folder_.path("out.exr")}) {
-      expect_failure(on_full_disk({"render", scene, path, "-q"}), path + full);
+      expect_failure(on_full_disk({"render", scene, path, "-q"}), path + full, 5);
       EXPECT_EQ(read_file(path), "old");
     }
-    expect_failure(on_full_disk({"render", scene, out_, "-q", "--json", folder_.path("new.json")}), full);
+    expect_failure(on_full_disk({"render", scene, out_, "-q", "--json", folder_.path("new.json")}), full, 5);
     for (const char* encoding : {"raw", "png"}) {
       expect_failure(on_full_disk({"stream", sequence, frames + "/%04d.png", "-q", "--encoding", encoding}),
-                     picture + full);
+                     picture + full, 5);
       EXPECT_EQ(read_file(picture), "old");
       EXPECT_EQ(std::distance(std::filesystem::directory_iterator(frames), {}), 1);
     }
@@ -131,10 +131,10 @@ TEST_F(Limits, APictureNeedsAPlainFile) {
        std::vector<std::pair<std::string, std::string>>{{full, full + ": cannot write: this is a device"},
                                                         {loop, "Too many levels of symbolic links"},
                                                         {pipe, pipe + ": cannot write: this is a FIFO"}}) {
-    expect_failure(candela({"render", in_, path, "-q"}), words);
-    expect_failure(candela({"render", in_, out_, "-q", "--error-map", path}), words);
-    expect_failure(candela({"view", in_, path, "-q"}), words);
-    expect_failure(candela({"environment", in_, folder_.path("sky.ktx2"), "-q", "--preview", path}), words);
+    expect_failure(candela({"render", in_, path, "-q"}), words, 5);
+    expect_failure(candela({"render", in_, out_, "-q", "--error-map", path}), words, 5);
+    expect_failure(candela({"view", in_, path, "-q"}), words, 5);
+    expect_failure(candela({"environment", in_, folder_.path("sky.ktx2"), "-q", "--preview", path}), words, 5);
   }
   const Outcome device = candela({"render", in_, "/dev/full", "-q"});
   EXPECT_EQ(device.code, 2) << device.err;
@@ -157,14 +157,14 @@ TEST_F(Limits, AnInputThatIsNoImageIsOneLine) {
            {"/proc/self/maps", "not an OpenEXR, Radiance or PFM file"},
            {loop, "Too many levels of symbolic links"},
            {std::string(5000, 'a'), "File name too long"}}) {
-    expect_failure(candela({"render", path, out_, "-q"}), words);
-    expect_failure(candela({"info", path}), words);
+    expect_failure(candela({"render", path, out_, "-q"}), words, 3);
+    expect_failure(candela({"info", path}), words, 3);
   }
   for (const std::string& pattern : {std::string(1000, '['), std::string("["), std::string("none*")}) {
-    expect_failure(candela({"render", folder_.path(pattern), folder + "/", "-q"}), "no such file");
-    expect_failure(candela({"stream", folder_.path(pattern), folder, "-q"}), "no such file");
+    expect_failure(candela({"render", folder_.path(pattern), folder + "/", "-q"}), "no such file", 3);
+    expect_failure(candela({"stream", folder_.path(pattern), folder, "-q"}), "no such file", 3);
   }
-  expect_failure(candela_in_shell("exec <&-", {"render", "/dev/stdin", out_, "-q"}), no_file);
+  expect_failure(candela_in_shell("exec <&-", {"render", "/dev/stdin", out_, "-q"}), no_file, 3);
   EXPECT_EQ(folder_.list(), before);
   // No temporary file is kept elsewhere.
   EXPECT_EQ(candela_in_shell("export TMPDIR=/none", {"stream", in_, folder, "-q"}).code, 0);
@@ -179,7 +179,7 @@ TEST_F(Limits, NamesMayBeAsLongAsTheSystemAllows) {
   }
   const std::vector<std::string> before = folder_.list();
   expect_failure(candela({"render", in_, folder_.path(std::string(252, 'x') + ".png"), "-q"}),
-                 "cannot write: File name too long");
+                 "cannot write: File name too long", 5);
   EXPECT_EQ(folder_.list(), before);
 }
 
@@ -195,7 +195,7 @@ TEST_F(Limits, NamesAreTakenAsTheyAre) {
     EXPECT_EQ(png_facts(out).width, 31u);
     EXPECT_TRUE(nlohmann::json::parse(read_file(json), nullptr, false).is_object()) << read_file(json);
   }
-  expect_failure(candela({"render", folder_.path("\xff.exr"), out_}), "No such file or directory");
+  expect_failure(candela({"render", folder_.path("\xff.exr"), out_}), "No such file or directory", 3);
   for (const char* pattern : {"%n.png", "%s.png", "%999999999d.png", "%04d%04d.png"}) {
     const Outcome outcome = candela({"stream", in_, folder_.path(pattern), "-q"});
     EXPECT_EQ(outcome.code, 2) << outcome.err;
@@ -207,14 +207,14 @@ TEST_F(Limits, NamesAreTakenAsTheyAre) {
 // The pictures would get the descriptors of closed streams, and our messages with them.
 TEST_F(Limits, ClosedStreamsAreNotWrittenTo) {
   expect_failure(candela_in_shell("exec >&-", {"render", in_, out_, "-q", "--json", "-"}),
-                 "stdout: cannot write: Bad file descriptor");
+                 "stdout: cannot write: Bad file descriptor", 5);
   EXPECT_EQ(folder_.list(), std::vector<std::string>{"in.exr"});
   for (const char* closed : {"exec >&-", "exec 2>&-", "exec <&- >&- 2>&-"}) {
     const Outcome outcome = candela_in_shell(closed, {"render", in_, out_, "-v"});
     EXPECT_EQ(outcome.code, 0) << closed << outcome.err;
     EXPECT_EQ(outcome.err, "");
     EXPECT_EQ(png_facts(out_).width, 31u) << closed;
-    EXPECT_EQ(candela_in_shell(closed, {"render", in_ + "x", out_}).code, 1) << closed;
+    EXPECT_EQ(candela_in_shell(closed, {"render", in_ + "x", out_}).code, 3) << closed;
   }
 }
 
@@ -244,10 +244,10 @@ TEST_F(Limits, APipeInPlaceOfAFileIsNotWaitedFor) {
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   const std::string folder = folder_.path("out"), nowhere = "127.0.0.1:1";
   const std::string no_file = "not a regular file";
-  expect_failure(candela({"stream", in_, folder, "-q", "--exposures", pipe}), no_file);
-  expect_failure(candela({"stream", in_, folder, "-q", "--state", pipe}), no_file);
-  expect_failure(candela({"render", in_, out_, "-q", "--locked-exposure", pipe}), no_file);
-  expect_failure(candela({"render", in_, out_, "-q", "--ocio", pipe}), no_file);
+  expect_failure(candela({"stream", in_, folder, "-q", "--exposures", pipe}), no_file, 3);
+  expect_failure(candela({"stream", in_, folder, "-q", "--state", pipe}), no_file, 3);
+  expect_failure(candela({"render", in_, out_, "-q", "--locked-exposure", pipe}), no_file, 3);
+  expect_failure(candela({"render", in_, out_, "-q", "--ocio", pipe}), no_file, 3);
   for (const char* option : {"--token-file", "--tls-ca"}) {
     const Outcome outcome = candela({"render", in_, out_, "-q", "--server", nowhere, option, pipe});
     EXPECT_EQ(outcome.code, 2) << outcome.err;
@@ -264,7 +264,7 @@ TEST_F(Limits, AKeyThatAnExposureFileHoldsTwiceIsRefused) {
   text.insert(at, "\"locked\": 1e-3,\n ");
   write_file(shot, text);
   expect_failure(candela({"render", in_, out_, "-q", "--locked-exposure", shot}),
-                 "\"locked\" is there twice");
+                 "\"locked\" is there twice", 3);
 }
 
 }  // namespace

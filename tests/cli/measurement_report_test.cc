@@ -156,7 +156,7 @@ TEST(MeasurementReport, APanoramaThatCannotBeReadIsNamed) {
   const TemporaryFolder folder;
   const std::string missing = folder.path("missing.exr");
   const Outcome outcome = candela({"report", folder.path("report"), "--quick", "--panoramas", missing});
-  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.code, 3);
   EXPECT_NE(outcome.err.find(missing), std::string::npos) << outcome.err;
 }
 

@@ -34,7 +34,7 @@ TEST_F(MeterCommand, SaysWhatRenderUses) {
   for (const char* word : {"128x96", "exposure", "EV", "##", "<- the mean"}) {
     EXPECT_NE(text.out.find(word), std::string::npos) << word << " is not in\n" << text.out;
   }
-  EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 1);
+  EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 3);
 }
 
 TEST_F(MeterCommand, AFileWithAnOptionOfSequencesIsASequenceOfOneFrame) {
@@ -64,7 +64,7 @@ TEST_F(MeterCommand, AFileWithAnOptionOfSequencesIsASequenceOfOneFrame) {
   }
   for (const char* option : {"--range", "--cut-at"}) {
     const Outcome refused = meter({option, "7"});
-    EXPECT_EQ(refused.code, 1) << option;
+    EXPECT_EQ(refused.code, 3) << option;
     EXPECT_NE(refused.err.find("there is no such frame"), std::string::npos) << refused.err;
   }
   EXPECT_EQ(meter({}).out.find("summary"), std::string::npos);

@@ -174,7 +174,7 @@ TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
 
   write_file(loose, config(""));
   expect_error(
-      candela({"render", in_, folder_.path("out.png"), "--ocio", loose, "-q"}), 1,
+      candela({"render", in_, folder_.path("out.png"), "--ocio", loose, "-q"}), 3,
       "has neither a role aces_interchange nor scene_linear; name its linear Rec.709 with --ocio-input: ");
 }
 
@@ -182,7 +182,7 @@ TEST_F(Ocio, ARoleThatNamesAMissingColourSpaceIsNamed) {
   const std::string broken = folder_.path("broken.ocio");
   for (const std::string role : {"aces_interchange", "scene_linear"}) {
     write_file(broken, config("  " + role + ": Missing\n"));
-    expect_error(candela({"render", in_, folder_.path("out.png"), "--ocio", broken, "-q"}), 1,
+    expect_error(candela({"render", in_, folder_.path("out.png"), "--ocio", broken, "-q"}), 3,
                  broken + ": its role " + role + " names a colour space that it does not have");
   }
 }
@@ -192,20 +192,20 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
     options.insert(options.begin(), {"render", in_, folder_.path("out.png"), "-q"});
     return candela(options);
   };
-  expect_error(render({"--ocio", studio_, "--display", "TV"}), 1,
+  expect_error(render({"--ocio", studio_, "--display", "TV"}), 3,
                "has no display \"TV\"; there are: sRGB, Cinema");
-  expect_error(render({"--ocio", studio_, "--view", "Film"}), 1,
+  expect_error(render({"--ocio", studio_, "--view", "Film"}), 3,
                "has no view \"Film\" for display \"sRGB\"; there are: ACES, Plain");
-  expect_error(render({"--ocio", studio_, "--ocio-input", "XYZ"}), 1,
+  expect_error(render({"--ocio", studio_, "--ocio-input", "XYZ"}), 3,
                "has no colour space \"XYZ\"; there are: ");
-  expect_error(render({"--ocio", folder_.path("none.ocio")}), 1,
+  expect_error(render({"--ocio", folder_.path("none.ocio")}), 3,
                "no such file; --ocio takes an OpenColorIO configuration");
-  expect_error(render({"--ocio", in_}), 1, "OpenColorIO cannot use it: ");
+  expect_error(render({"--ocio", in_}), 3, "OpenColorIO cannot use it: ");
   write_file(folder_.path("empty.ocio"), "");
-  expect_error(render({"--ocio", folder_.path("empty.ocio")}), 1, "OpenColorIO cannot use it: ");
+  expect_error(render({"--ocio", folder_.path("empty.ocio")}), 3, "OpenColorIO cannot use it: ");
   expect_error(render({"--display", "sRGB"}), 2,
                "--display is part of an OpenColorIO configuration; name one with --ocio CONFIG");
-  expect_error(render({"--view", "ACES"}), 1, "there is no view \"ACES\"; the file names no views");
+  expect_error(render({"--view", "ACES"}), 3, "there is no view \"ACES\"; the file names no views");
   expect_error(render({"--ocio-input", "ACEScg"}), 2, "--ocio-input is part of");
   expect_error(render({"--ocio", studio_, "--curve", "agx"}), 2, "--ocio replaces --curve");
   expect_error(render({"--ocio", studio_, "--view", ""}), 2, "--view is empty");

@@ -214,7 +214,7 @@ TEST_F(Report, InfoDescribesFiles) {
   EXPECT_EQ(file.at("parts").at(0).at("channels").at(0),
             nlohmann::json({{"name", "B"}, {"type", "half"}, {"x_sampling", 1}, {"y_sampling", 1}}));
   const Outcome several = candela({"info", in_, folder_.path("missing.exr"), in_});
-  EXPECT_EQ(several.code, 1);
+  EXPECT_EQ(several.code, 3);
   EXPECT_EQ(several.out, text.out + text.out);
   EXPECT_NE(several.err.find("missing.exr: cannot read"), std::string::npos) << several.err;
   EXPECT_NE(several.err.find("1 of 3 files cannot be described"), std::string::npos) << several.err;

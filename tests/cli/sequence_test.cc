@@ -57,7 +57,7 @@ class SequenceOfFrames : public StreamFixture {
 TEST_F(SequenceOfFrames, AMissingFrameIsNamedBeforeAnythingIsRendered) {
   make_gap();
   const Outcome outcome = candela({"stream", pattern(), folder_.path("out/%04d.png")});
-  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.code, 3);
   EXPECT_EQ(outcome.err,
             "candela: error: " + pattern() +
                 ": frame 4 is missing; --missing skip renders the others, --missing hold repeats "

@@ -57,12 +57,12 @@ TEST_F(WithServer, HealthAndInfoAnswer) {
 TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
   const ListeningDaemon daemon({"--max-dimension", "30"});
   const Outcome outcome = candela({"render", in_, out_, "--server", daemon.address()});
-  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.code, 3);
   EXPECT_NE(outcome.err.find("the limit is 30 on a side"), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find(in_), std::string::npos) << outcome.err;
   const ListeningDaemon small({"--max-frame-bytes", "1024"});
   const Outcome bytes = candela({"render", in_, out_, "--server", small.address()});
-  EXPECT_EQ(bytes.code, 1);
+  EXPECT_EQ(bytes.code, 3);
   EXPECT_NE(bytes.err.find(in_), std::string::npos) << bytes.err;
   EXPECT_EQ(png_facts(out_).width, 0u);
 }

@@ -26,8 +26,9 @@ namespace {
 
 bool says(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
 
-void expect_failure(const Outcome& outcome, const std::string& words) {
-  EXPECT_EQ(outcome.code, 1) << outcome.err;
+// `code` is 1 for `candela health`, and 4 for the others.
+void expect_failure(const Outcome& outcome, const std::string& words, int code = 4) {
+  EXPECT_EQ(outcome.code, code) << outcome.err;
   EXPECT_TRUE(says(outcome.err, words)) << "\"" << words << "\" is not in " << outcome.err;
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   for (const char* raw : {"ipv4:", "last error", "UNKNOWN", "C-ares", "http2 header", "failed to connect"}) {
@@ -148,10 +149,10 @@ TEST(ServerErrors, NoMachineHasTheName) {
 
 TEST(ServerErrors, SomethingElseListens) {
   const RawServer http1(speak_http1);
-  expect_failure(candela({"health", "--server", http1.address()}), "it does not speak gRPC; check the port");
+  expect_failure(candela({"health", "--server", http1.address()}), "it does not speak gRPC; check the port", 1);
   const RawServer not_found([](int socket) { answer_http2(socket, "\x8d"); });
   expect_failure(candela({"health", "--server", not_found.address()}),
-                 not_found.address() + " is a web server and no candelad (HTTP status 404)");
+                 not_found.address() + " is a web server and no candelad (HTTP status 404)", 1);
   const RawServer proxy([](int socket) {
     answer_http2(socket,
                  "\x48\x03"
@@ -159,9 +160,9 @@ TEST(ServerErrors, SomethingElseListens) {
   });
   expect_failure(candela({"info", "--server", proxy.address()}), "is a proxy that reaches no candelad now");
   const RawServer hangs(read_to_end);
-  expect_failure(candela({"health", "--server", hangs.address(), "--timeout", "0.3"}), "no answer from");
+  expect_failure(candela({"health", "--server", hangs.address(), "--timeout", "0.3"}), "no answer from", 1);
   const RawServer closes([](int) {});
-  expect_failure(candela({"health", "--server", closes.address()}), "it closed the connection at once");
+  expect_failure(candela({"health", "--server", closes.address()}), "it closed the connection at once", 1);
 }
 
 // The rendering calls of the command have no deadline, so a lost server must be noticed without one.
@@ -183,10 +184,10 @@ TEST(ServerErrors, TlsAndNoTlsAreToldApart) {
   }
   const ListeningDaemon secure(
       {"--tls-cert", folder.path("server.pem"), "--tls-key", folder.path("server.key")});
-  expect_failure(candela({"health", "--server", secure.address()}), "speaks TLS and the client did not");
+  expect_failure(candela({"health", "--server", secure.address()}), "speaks TLS and the client did not", 1);
   const ListeningDaemon plain;
   expect_failure(candela({"health", "--server", plain.address(), "--tls-ca", folder.path("ca.pem")}),
-                 "does not speak TLS");
+                 "does not speak TLS", 1);
 }
 
 TEST(ServerErrors, ATokenThatIsNotTakenIsNamedByItsFile) {
@@ -240,7 +241,7 @@ TEST(ServerVariables, ErrorsSayThatTheAddressIsFromIt) {
     const ServerVariable variable("127.0.0.1:1");
     expect_failure(candela({"info"}), "cannot reach 127.0.0.1:1: nothing listens there");
     expect_failure(candela({"info"}), "(the address is from CANDELA_SERVER)\n");
-    expect_failure(candela({"health"}), "(the address is from CANDELA_SERVER)\n");
+    expect_failure(candela({"health"}), "(the address is from CANDELA_SERVER)\n", 1);
   }
   for (const auto& [value, words] :
        {std::pair("nowhere", "neither HOST:PORT"), {"a:1,,b:2", "CANDELA_SERVER is \"a:1,,b:2\""}}) {

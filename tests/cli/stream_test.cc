@@ -162,7 +162,7 @@ TEST_F(Stream, ABadFrameStopsItByNameOrIsSkippedAndCounted) {
   make_frames(5);
   write_file(in() + "/0002.exr", "no image at all");
   const Outcome stopped = candela({"stream", in(), folder_.path("out")});
-  EXPECT_EQ(stopped.code, 1);
+  EXPECT_EQ(stopped.code, 3);
   EXPECT_EQ(stopped.err.find("candela: error: " + in() + "/0002.exr: "), 0u) << stopped.err;
   EXPECT_EQ(png_facts(folder_.path("out/0001.png")).width, 64u) << "what was there before is written";
 
@@ -186,7 +186,7 @@ TEST_F(Stream, AFrameThatTheServerRefusesIsNamed) {
   ASSERT_TRUE(write_image(in() + "/2.exr", bad).ok());
   write_small_exr(in() + "/3.exr");
   const Outcome stopped = candela({"stream", in(), folder_.path("out"), "--bad-values", "reject", "-q"});
-  EXPECT_EQ(stopped.code, 1);
+  EXPECT_EQ(stopped.code, 3);
   EXPECT_EQ(stopped.err.find("candela: error: " + in() + "/2.exr: "), 0u) << stopped.err;
   const Outcome skipped =
       candela({"stream", in(), folder_.path("out"), "--bad-values", "reject", "--skip-bad", "--json", "-"});

@@ -277,7 +277,7 @@ TEST_F(PanoramaView, AWrongFileOfObjectsOrKeysNamesItsMember) {
   const std::string file = folder_.path("file.json");
   const auto says = [&](const char* option, const char* text, const char* words) {
     write_file(file, text);
-    const Outcome outcome = refused({option, file}, 1, std::string(option) == "--path" ? "o%d.png" : "o.png");
+    const Outcome outcome = refused({option, file}, 3, std::string(option) == "--path" ? "o%d.png" : "o.png");
     EXPECT_NE(outcome.err.find(file), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
   };
@@ -292,7 +292,7 @@ TEST_F(PanoramaView, AWrongFileOfObjectsOrKeysNamesItsMember) {
   says("--path", R"({"keys":[{"time":0,"fov":0}]})", "keys[0].fov");
   says("--path", R"({"keys":[{"time":0},{"time":60000}]})", "the keys' times, which are seconds");
   write_file(file, R"({"objects":[{"centre":[0,0,0],"radius":1}]})");
-  EXPECT_NE(refused({"--objects", file}, 1).err.find("--objects[0]"), std::string::npos);
+  EXPECT_NE(refused({"--objects", file}, 3).err.find("--objects[0]"), std::string::npos);
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
 #include "client/image/sample.h"
 
 namespace candela {
@@ -99,7 +100,7 @@ class Load {
   void take(absl::Time begin) {
     while (true) {
       const absl::StatusOr<std::optional<FrameResult>> next = session_.next_result();
-      status_ = next.status();
+      status_ = of_server(next.status());
       if (!next.ok() || !*next) {
         ended_ = true;
         return;
@@ -191,19 +192,18 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
 
 }  // namespace
 
-absl::Status run_bench(const BenchOptions& options) {
+absl::Status run_bench(const BenchOptions& options, JsonOutput& json) {
   absl::Status apart = check_outputs_apart(files_of(options.server), {{options.json, "the JSON"}});
   if (!apart.ok()) return apart;
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
   const absl::StatusOr<BenchReport> report = measure(options, progress);
   progress.clear();
   if (!report.ok()) return report.status();
-  if (!options.quiet && !json->to_stdout()) {
+  if (!options.quiet && !json.to_stdout()) {
     if (absl::Status status = print(to_text(options, *report)); !status.ok()) return status;
   }
-  return json->write(to_json(options, *report));
+  return json.write(to_json(options, *report));
 }
 
 }  // namespace candela

@@ -1,4 +1,5 @@
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -8,6 +9,7 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
@@ -191,12 +193,15 @@ absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
 // A file that cannot be described does not stop the others.
 absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& json) {
   size_t failed = 0;
+  std::optional<FailureKind> failed_for;
   for (const std::string& file : files) {
     const absl::StatusOr<FileFacts> facts = describe_image(file);
     if (!facts.ok()) {
       if (files.size() == 1) return facts.status();
       print_error(facts.status());
       ++failed;
+      add_failure(failed_for, facts.status());
+      if (absl::Status status = json.add(failure_line(facts.status())); !status.ok()) return status;
       continue;
     }
     absl::Status status;
@@ -205,20 +210,20 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
     if (!status.ok()) return status;
   }
   if (absl::Status status = json.close(); !status.ok() || failed == 0) return status;
-  return absl::UnknownError(absl::StrFormat("%d of %d files cannot be described", failed, files.size()));
+  return failure_of(*failed_for, absl::UnknownError(absl::StrFormat("%d of %d files cannot be described",
+                                                                    failed, files.size())));
 }
 
 }  // namespace
 
-absl::Status run_info(const InfoOptions& options) {
+absl::Status run_info(const InfoOptions& options, JsonOutput& json) {
   std::vector<std::string> inputs = files_of(options.server);
   inputs.insert(inputs.end(), options.files.begin(), options.files.end());
   if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
-  return options.files.empty() ? describe_server(options, *json) : describe_files(options.files, *json);
+  if (absl::Status status = json.open(); !status.ok()) return status;
+  return options.files.empty() ? describe_server(options, json) : describe_files(options.files, json);
 }
 
 }  // namespace candela

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/held_exposure.h"
 #include "client/cli/commands/render_report.h"
@@ -135,15 +136,14 @@ bool is_single_image(const MeterOptions& options) {
          !std::filesystem::is_directory(inputs[0], ignored);
 }
 
-absl::Status meter_image(const MeterOptions& options) {
+absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   const std::string& input = options.sequence.inputs.front();
   std::vector<std::string> inputs = files_of(options.server);
   inputs.push_back(input);
   if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
   progress.show("metering " + input);
   ServerLink link(options.server, options.quiet);
@@ -173,18 +173,19 @@ absl::Status meter_image(const MeterOptions& options) {
          {alpha_note, held_words(metered->target(), metered->target_before_limits())}) {
       if (!note.empty()) print_note(note);
     }
-    if (!json->to_stdout()) {
+    if (!json.to_stdout()) {
       absl::Status status = print(to_text(input, *image, primaries, *metered));
       if (!status.ok()) return status;
     }
   }
-  return json->write(to_json(input, *image, primaries, *metered));
+  return json.write(to_json(input, *image, primaries, *metered));
 }
 
 }  // namespace
 
-absl::Status run_meter(const MeterOptions& options) {
-  return is_single_image(options) ? meter_image(options) : run_stream(options);
+absl::Status run_meter(const MeterOptions& options, JsonOutput& json) {
+  if (!is_single_image(options)) return run_stream(options, json);
+  return about_input(meter_image(options, json), options.sequence.inputs.front());
 }
 
 }  // namespace candela

@@ -17,6 +17,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/system_failure.h"
 #include "client/cli/options/usage.h"
@@ -88,7 +90,7 @@ class Workers {
 
   Result render(const RenderJob& job) try { return render_(job); } catch (const std::exception& error) {
     const absl::Status failure = system_failure(error);
-    return absl::Status(failure.code(), absl::StrFormat("%s: %s", job.input, failure.message()));
+    return reworded(failure, absl::StrFormat("%s: %s", job.input, failure.message()));
   }
 
   const std::vector<RenderJob>& jobs_;
@@ -108,7 +110,7 @@ class Reporter {
   absl::Status add(const RenderJob& job, const Result& result) {
     ++(result.ok() ? written_ : failed_);
     progress_.clear();
-    absl::Status status = result.ok() ? add_image(*result) : add_failure(job, result.status());
+    absl::Status status = result.ok() ? add_image(*result) : add_failed(job, result.status());
     show();
     return status;
   }
@@ -129,7 +131,8 @@ class Reporter {
         line_of({{"summary",
                   {{"images", jobs_}, {"written", written_}, {"failed", failed_}, {"seconds", seconds}}}}));
     if (!status.ok() || failed_ == 0) return status;
-    return absl::UnknownError(absl::StrFormat("%d of %d images failed", failed_, jobs_));
+    return failure_of(*failed_for_,
+                      absl::UnknownError(absl::StrFormat("%d of %d images failed", failed_, jobs_)));
   }
 
  private:
@@ -150,12 +153,16 @@ class Reporter {
     return std::find(options_.notes.begin(), options_.notes.end(), note) != options_.notes.end();
   }
 
-  absl::Status add_failure(const RenderJob& job, const absl::Status& failure) {
+  absl::Status add_failed(const RenderJob& job, const absl::Status& failure) {
     // A server's failure does not name the file.
     const bool named = absl::StartsWith(failure.message(), job.input);
     const std::string message = absl::StrCat(named ? "" : job.input + ": ", failure.message());
-    print_error(absl::Status(failure.code(), message));
-    return json_.add(line_of({{"input", job.input}, {"output", job.output}, {"error", message}}));
+    add_failure(failed_for_, failure);
+    print_error(reworded(failure, message));
+    return json_.add(line_of({{"input", job.input},
+                              {"output", job.output},
+                              {"error", message},
+                              {"code", exit_code(kind_of(failure))}}));
   }
 
   void show() {
@@ -175,6 +182,7 @@ class Reporter {
   const absl::Time begin_ = absl::Now();
   size_t written_ = 0;
   size_t failed_ = 0;
+  std::optional<FailureKind> failed_for_;
   std::map<std::string, size_t> notes_;  // and how many images have each
 };
 
@@ -199,7 +207,7 @@ absl::StatusOr<std::vector<RenderJob>> render_jobs(const RenderOptions& options)
   std::map<std::string, std::string> outputs;  // and what becomes them
   for (const std::string& input : options.inputs) {
     const absl::StatusOr<std::vector<std::string>> files = files_of(input);
-    if (!files.ok()) return files.status();
+    if (!files.ok()) return input_failure(files.status(), input);
     for (const std::string& file : *files) {
       if (!inputs.insert(std::filesystem::path(file).lexically_normal().string()).second) continue;
       const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);

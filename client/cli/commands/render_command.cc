@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
@@ -253,8 +254,10 @@ class Rendering {
     absl::StatusOr<Image> image = read_input();
     if (!image.ok()) return image.status();
     if (image->width != frame.width || image->height != frame.height || image->format != frame.format) {
-      return absl::FailedPreconditionError(absl::StrFormat(
-          "%s: it was replaced by another image while it was rendered; render it again", job_.input));
+      return failure_of(FailureKind::kInput, absl::FailedPreconditionError(absl::StrFormat(
+                                                 "%s: it was replaced by another image while it was "
+                                                 "rendered; render it again",
+                                                 job_.input)));
     }
     frame.pixels = std::move(image->pixels);
     view.pixels = frame.pixels.span();
@@ -338,7 +341,7 @@ absl::Status render_one(const RenderOptions& options, const RenderJob& job, Json
   if (absl::Status status = shared.bake(); !status.ok()) return status;
   const absl::StatusOr<RenderReport> report = Rendering(options, job, true, shared, progress).run();
   progress.clear();
-  if (!report.ok()) return report.status();
+  if (!report.ok()) return about_input(report.status(), job.input);
   if (!options.quiet) {
     for (const std::string& note : notes_for_user(*report)) print_note(note);
     if (!json.to_stdout()) {
@@ -364,16 +367,15 @@ absl::Status render_folder(const RenderOptions& options, const std::vector<Rende
 
 }  // namespace
 
-absl::Status run_render(const RenderOptions& options) {
+absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
   const absl::StatusOr<std::vector<RenderJob>> jobs = render_jobs(options);
   if (!jobs.ok()) return jobs.status();
   if (absl::Status status = prepare_outputs(options, *jobs); !status.ok()) return status;
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  return options.extension.empty() ? render_one(options, jobs->front(), *json, progress)
-                                   : render_folder(options, *jobs, *json, progress);
+  return options.extension.empty() ? render_one(options, jobs->front(), json, progress)
+                                   : render_folder(options, *jobs, json, progress);
 }
 
 }  // namespace candela

@@ -5,8 +5,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 #include "client/cli/files/system_failure.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
 #include "client/cli/options/usage.h"
 #include "client/retry.h"
 #include "proto/candela/v1/address_space.h"
@@ -36,7 +38,7 @@ ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tie
                                               ", or name a running candelad with --server");
   if (!room.ok()) {
     std::promise<Started> refused;
-    refused.set_value(room);
+    refused.set_value(failure_of(FailureKind::kOther, room));
     starting_ = refused.get_future();
     return;
   }
@@ -45,10 +47,11 @@ ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tie
     try {
       const absl::Time begin = absl::Now();
       Started server = EmbeddedServer::start(choice_.device, choice_.passes, measures_tiers);
+      if (!server.ok()) return failure_of(FailureKind::kServer, server.status());
       start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
       return server;
     } catch (const std::exception& error) {
-      return system_failure(error);
+      return failure_of(FailureKind::kOther, system_failure(error));
     }
   });
 }
@@ -85,7 +88,8 @@ absl::Status ServerLink::call(absl::Time deadline,
   options.on_wait = [this](size_t server, const absl::Status& why, absl::Duration) {
     tell_of_wait(connections_[server].address(), why);
   };
-  return retry(connections_.size(), options, [&](size_t server) { return one(connections_[server]); });
+  return of_server(
+      retry(connections_.size(), options, [&](size_t server) { return one(connections_[server]); }));
 }
 
 void ServerLink::tell_of_wait(const std::string& server, const absl::Status& why) const {
@@ -98,6 +102,12 @@ void ServerLink::tell_of_wait(const std::string& server, const absl::Status& why
 }
 
 absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) {
+  absl::StatusOr<Session> opened = open_one(session);
+  if (opened.ok()) return opened;
+  return of_server(opened.status());
+}
+
+absl::StatusOr<Session> ServerLink::open_one(const SessionOptions& session) {
   SessionOptions options = session;
   options.resume_limit = choice_.resume_limit;
   options.on_open_wait = [this](const std::string& server, const absl::Status& why) {
@@ -109,7 +119,7 @@ absl::StatusOr<Session> ServerLink::open_session(const SessionOptions& session) 
     return Session::open({(*server)->channel()}, options);
   }
   if (absl::Status room = v1::check_address_space(v1::session_bytes(), "a session", ""); !room.ok()) {
-    return room;
+    return failure_of(FailureKind::kOther, room);
   }
   SessionOptions there = options;
   there.security = choice_.security;

@@ -1,4 +1,5 @@
-// The server that a command uses: a running one, or the built-in one, which starts in this process.
+// The server that a command uses: a running one, or the built-in one, which starts in this process. What its
+// calls fail with has its kind (client/base/failure.h).
 #pragma once
 
 #include <atomic>
@@ -63,6 +64,9 @@ class ServerLink {
 
   // Tells the user once that the command waits for `server`.
   void tell_of_wait(const std::string& server, const absl::Status& why) const;
+
+  // open_session() with the failure as the session has it.
+  absl::StatusOr<Session> open_one(const SessionOptions& session);
 
   // The addresses of the running servers to use.
   std::vector<std::string> addresses() const;

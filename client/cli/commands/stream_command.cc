@@ -11,6 +11,7 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
@@ -103,7 +104,7 @@ class Streaming {
                         .exposures = shot_.given()},
                        reader);
     const absl::StatusOr<const Image*> first = feeder.first();
-    if (!first.ok()) return first.status();
+    if (!first.ok()) return failure_of(FailureKind::kInput, first.status());
     summary_.rate = feeder.rate();
     if (shot_.fixes_rate()) summary_.rate.from = "exposures";
     absl::Status status;
@@ -115,9 +116,11 @@ class Streaming {
     status.Update(feeder.status());
     if (!status.ok()) return status;
     if (summary_.written == 0) {
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "none of the %d frames could be rendered; run without --skip-bad to see the first failure",
-          sequence_.frames.size()));
+      return failure_of(
+          summary_.skipped_for.value_or(FailureKind::kOther),
+          absl::InvalidArgumentError(absl::StrFormat(
+              "none of the %d frames could be rendered; run without --skip-bad to see the first failure",
+              sequence_.frames.size())));
     }
     summary_.locked = locked_exposure(options_.settings.exposure(), summary_.curve);
     summary_.saved = options_.save_exposures;
@@ -335,10 +338,10 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
   const absl::StatusOr<SequenceChoice> choice = shot.choice();
   if (!choice.ok()) return choice.status();
   absl::StatusOr<Sequence> sequence = find_sequence(*choice);
-  if (!sequence.ok()) return sequence.status();
+  if (!sequence.ok()) return failure_of(FailureKind::kInput, sequence.status());
   plan.sequence = *std::move(sequence);
   absl::StatusOr<std::vector<std::string>> notes = shot.check(plan.sequence);
-  if (!notes.ok()) return notes.status();
+  if (!notes.ok()) return failure_of(FailureKind::kInput, notes.status());
   std::move(notes->begin(), notes->end(), std::back_inserter(plan.sequence.notes));
   plan.images = named_images(plan.sequence, plan.names, options.first);
   if (absl::Status status = check_outputs(options, plan.images, plan.names); !status.ok()) return status;
@@ -361,7 +364,7 @@ absl::Status tell(const StreamOptions& options, const StreamSummary& summary, co
 
 }  // namespace
 
-absl::Status run_stream(const StreamOptions& options) {
+absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
   const absl::StatusOr<ShotExposures> shot = ShotExposures::open(options);
   if (!shot.ok()) return shot.status();
   const absl::StatusOr<StreamPlan> plan = plan_stream(options, *shot);
@@ -371,8 +374,7 @@ absl::Status run_stream(const StreamOptions& options) {
   if (!options.plot.empty()) {
     if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
   }
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   if (names) {
     if (absl::Status status = make_folder_of(names->path(0, "")); !status.ok()) return status;
   }
@@ -382,7 +384,7 @@ absl::Status run_stream(const StreamOptions& options) {
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   const absl::StatusOr<StreamSummary> summary =
-      Streaming(options, *shot, sequence, images, *json, progress).run();
+      Streaming(options, *shot, sequence, images, json, progress).run();
   progress.clear();
   if (!summary.ok()) return summary.status();
   if (shot->saved()) {
@@ -394,9 +396,9 @@ absl::Status run_stream(const StreamOptions& options) {
   }
   const std::string where =
       names ? absl::StrFormat("%s .. %s", images.front().output, images.back().output) : "";
-  if (absl::Status status = tell(options, *summary, where, json->to_stdout()); !status.ok()) return status;
-  if (absl::Status status = json->add(to_json(*summary)); !status.ok()) return status;
-  return json->close();
+  if (absl::Status status = tell(options, *summary, where, json.to_stdout()); !status.ok()) return status;
+  if (absl::Status status = json.add(to_json(*summary)); !status.ok()) return status;
+  return json.close();
 }
 
 }  // namespace candela

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/files/frame_files.h"
 #include "client/image/write/atomic_file.h"
 #include "client/image/write/encoded_aspect.h"
@@ -46,8 +47,11 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
 absl::Status copy_file(const std::string& from, const std::string& to) {
   std::ifstream source(from, std::ios::binary);
   if (!source)
-    return absl::NotFoundError(absl::StrFormat(
-        "%s: cannot read it to repeat it as %s; leave the images in place until the command ends", from, to));
+    return failure_of(
+        FailureKind::kOutput,
+        absl::NotFoundError(absl::StrFormat(
+            "%s: cannot read it to repeat it as %s; leave the images in place until the command ends", from,
+            to)));
   absl::StatusOr<AtomicFile> file = AtomicFile::create(to);
   if (!file.ok()) return file.status();
   std::vector<char> bytes(kCopiedAtOnce);
@@ -55,7 +59,10 @@ absl::Status copy_file(const std::string& from, const std::string& to) {
     source.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     if (!file->write(bytes.data(), static_cast<size_t>(source.gcount()))) break;
   }
-  if (source.bad()) return absl::UnavailableError(absl::StrFormat("%s: cannot read it to repeat it", from));
+  if (source.bad()) {
+    return failure_of(FailureKind::kOutput,
+                      absl::UnavailableError(absl::StrFormat("%s: cannot read it to repeat it", from)));
+  }
   return file->commit();
 }
 
@@ -114,12 +121,13 @@ absl::Status StreamImages::finish_written(Entry& entry) {
 
 absl::Status StreamImages::finish_skipped(Entry& entry) {
   ++summary_.skipped;
+  add_failure(summary_.skipped_for, entry.frame.status);
   progress_.clear();
   if (!quiet_) print_note("skipped: " + std::string(entry.frame.status.message()));
   absl::Status status = json_.add(to_json(entry.frame));
   for (StreamFrame& held : entry.holds) {
-    held.status =
-        absl::NotFoundError(absl::StrFormat("frame %d, which it repeats, has no image", entry.frame.number));
+    held.status = reworded(entry.frame.status, absl::StrFormat("frame %d, which it repeats, has no image",
+                                                               entry.frame.number));
     if (status.ok()) status = json_.add(to_json(held));
   }
   return status;

@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli/commands/render_report.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/plot.h"
 #include "client/cli/options/usage.h"
@@ -64,6 +65,7 @@ std::string to_json(const StreamFrame& frame) {
   if (frame.output.empty()) json.erase("output");
   if (!frame.status.ok()) {
     json["error"] = std::string(frame.status.message());
+    json["code"] = exit_code(kind_of(frame.status));
     return line_of(json);
   }
   if (frame.held) {

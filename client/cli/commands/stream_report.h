@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "client/base/failure.h"
 #include "client/cli/files/exposure_file.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
@@ -37,6 +39,7 @@ struct StreamSummary {
   uint64_t written = 0;  // without held ones
   uint64_t held = 0;
   uint64_t skipped = 0;    // unreadable, or refused by the server
+  std::optional<FailureKind> skipped_for;  // their common kind; nothing: none was skipped
   absl::Duration time;     // from the first frame to the last image
   absl::Duration latency;  // the sum over all frames
   std::vector<ExposedFrame> curve;
@@ -48,10 +51,11 @@ struct StreamSummary {
   std::set<std::string> primaries;  // words_of() of those that frames had
 };
 
-// One line with the keys frame (its number), input, output, media_time_ns, and either error, or held (true),
-// or primaries {name, xy, from}, width, height, exposure, exposure_before, target, target_before_limits,
-// mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, clamped_components,
-// absent_pixels, gamut_cut_components, cut, tier, stage_ms, latency_ms.
+// One line with the keys frame (its number), input, output, media_time_ns, and either error (text) and code
+// (the exit code of such a failure), or held (true), or primaries {name, xy, from}, width, height, exposure,
+// exposure_before, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance, bad_values
+// {nan, inf, negative}, clamped_components, absent_pixels, gamut_cut_components, cut, tier, stage_ms,
+// latency_ms.
 std::string to_json(const StreamFrame& frame);
 
 // One line with the key summary {frames, first, last, missing, fps, fps_from, written, held, skipped,

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/environment/json_fields.h"
 
 namespace candela {
@@ -58,7 +59,7 @@ absl::StatusOr<CameraPath> CameraPath::read(const std::string& path, const v1::C
     }
   }
   if (status.ok()) return CameraPath(std::move(keys));
-  return absl::Status(status.code(), absl::StrFormat("%s: %s", path, status.message()));
+  return input_failure(reworded(status, absl::StrFormat("%s: %s", path, status.message())), path);
 }
 
 CameraPath::CameraPath(std::vector<CameraKey> keys) : keys_(std::move(keys)) {}

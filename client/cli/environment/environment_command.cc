@@ -9,6 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
@@ -201,7 +202,8 @@ class EnvironmentJob {
       result = server.render(preview_settings(), view_of(*sheet), begin + kBakeTimeout);
       return result.status();
     });
-    if (!status.ok()) return name_file(status, options_.preview);
+    if (!status.ok())
+      return reworded(status, absl::StrFormat("%s: %s", options_.preview, status.message()));
     const absl::StatusOr<Image> picture = picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
     if (!picture.ok()) return picture.status();
     if (const auto notes = write_image(options_.preview, *picture); !notes.ok()) return notes.status();
@@ -282,22 +284,21 @@ absl::Status prepare_outputs(const EnvironmentOptions& options) {
 
 }  // namespace
 
-absl::Status run_environment(const EnvironmentOptions& options) {
+absl::Status run_environment(const EnvironmentOptions& options, JsonOutput& json) {
   if (absl::Status status = prepare_outputs(options); !status.ok()) return status;
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   const absl::StatusOr<EnvironmentReport> report = EnvironmentJob(options, progress).run();
   progress.clear();
-  if (!report.ok()) return report.status();
+  if (!report.ok()) return about_input(report.status(), options.panorama);
   if (!options.quiet) {
     for (const std::string& note : report->notes) print_note(note);
-    if (!json->to_stdout()) {
+    if (!json.to_stdout()) {
       if (absl::Status status = print(to_text(*report, options)); !status.ok()) return status;
     }
   }
-  return json->write(to_json(*report, options));
+  return json.write(to_json(*report, options));
 }
 
 }  // namespace candela

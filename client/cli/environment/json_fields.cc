@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/base/failure.h"
 #include "client/call/plain_file.h"
 #include "client/cli/options/option_kinds.h"
 #include "proto/candela/v1/near_words.h"
@@ -23,15 +24,18 @@ bool is_within(const nlohmann::json& value, v1::Range<double> range) {
 absl::StatusOr<nlohmann::json> read_json(const std::string& path, const std::string& what) {
   const absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
   if (!text.ok()) {
-    return absl::Status(
-        text.status().code(),
-        absl::StrFormat("%s: cannot read this file of %s: %s; `candela view --help` shows one", path, what,
-                        text.status().message()));
+    return input_failure(
+        reworded(text.status(),
+                 absl::StrFormat("%s: cannot read this file of %s: %s; `candela view --help` shows one", path,
+                                 what, text.status().message())),
+        path);
   }
   nlohmann::json json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: it holds no JSON object; `candela view --help` shows a file of %s", path, what));
+    return input_failure(
+        absl::InvalidArgumentError(absl::StrFormat(
+            "%s: it holds no JSON object; `candela view --help` shows a file of %s", path, what)),
+        path);
   }
   return json;
 }

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/files/frame_files.h"
 #include "proto/candela/v1/limits.h"
 
@@ -28,9 +29,10 @@ v1::EnvironmentStart start_of(const Image& image, const v1::Settings& given) {
 
 absl::Status check_size(const Image& image, const std::string& path) {
   if (image.width <= v1::kMaxPanoramaWidth && image.height <= v1::kMaxPanoramaHeight) return absl::OkStatus();
-  return absl::ResourceExhaustedError(
-      absl::StrFormat("%s: it is %dx%d pixels, and a panorama may have %dx%d; scale it down", path,
-                      image.width, image.height, v1::kMaxPanoramaWidth, v1::kMaxPanoramaHeight));
+  return input_failure(absl::ResourceExhaustedError(absl::StrFormat(
+                           "%s: it is %dx%d pixels, and a panorama may have %dx%d; scale it down", path,
+                           image.width, image.height, v1::kMaxPanoramaWidth, v1::kMaxPanoramaHeight)),
+                       path);
 }
 
 }  // namespace

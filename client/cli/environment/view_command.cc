@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
@@ -204,7 +205,7 @@ std::vector<std::string> inputs_of(const PanoramaViewOptions& options) {
   return inputs;
 }
 
-absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene) {
+absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene, JsonOutput& json) {
   const absl::Status apart =
       check_outputs_apart(inputs_of(options), {{options.output, "the image"},
                                                {options.verify.error_map, "the error map"},
@@ -215,19 +216,18 @@ absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene
     if (absl::Status status = make_folder_of(path); !status.ok()) return status;
     if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
   }
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
   const absl::StatusOr<RenderReport> report = OneView(options, scene, progress).run();
   progress.clear();
-  if (!report.ok()) return report.status();
+  if (!report.ok()) return about_input(report.status(), options.panorama);
   if (!options.quiet) {
     for (const std::string& note : notes_for_user(*report)) print_note(note);
-    if (!json->to_stdout()) {
+    if (!json.to_stdout()) {
       if (absl::Status status = print(to_text(*report, options.verbose)); !status.ok()) return status;
     }
   }
-  return json->write(to_json(*report));
+  return json.write(to_json(*report));
 }
 
 // Checks the files of a sequence before the work, and makes its folder.
@@ -245,15 +245,14 @@ absl::StatusOr<std::string> prepare_sequence(const PanoramaViewOptions& options,
   return absl::StrFormat("%s .. %s", names->path(0, ""), names->path(frames - 1, ""));
 }
 
-absl::Status view_sequence(const PanoramaViewOptions& options, const ViewScene& scene) {
+absl::Status view_sequence(const PanoramaViewOptions& options, const ViewScene& scene, JsonOutput& json) {
   const absl::StatusOr<std::string> where = prepare_sequence(options, scene.frames());
   if (!where.ok()) return where.status();
-  absl::StatusOr<JsonOutput> json = JsonOutput::open(options.json);
-  if (!json.ok()) return json.status();
+  if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
-  const absl::StatusOr<StreamSummary> summary = render_view_sequence(options, scene, *json, progress);
+  const absl::StatusOr<StreamSummary> summary = render_view_sequence(options, scene, json, progress);
   progress.clear();
-  if (!summary.ok()) return summary.status();
+  if (!summary.ok()) return about_input(summary.status(), options.panorama);
   if (!options.plot.empty()) {
     if (absl::Status status = plot_exposure(summary->curve, options.plot); !status.ok()) return status;
   }
@@ -261,21 +260,21 @@ absl::Status view_sequence(const PanoramaViewOptions& options, const ViewScene& 
     std::set<std::string> notes = summary->notes;
     notes.insert(options.notes.begin(), options.notes.end());
     for (const std::string& note : notes) print_note(note);
-    if (!json->to_stdout()) {
+    if (!json.to_stdout()) {
       if (absl::Status status = print(to_text(*summary, *where)); !status.ok()) return status;
     }
   }
-  if (absl::Status status = json->add(to_json(*summary)); !status.ok()) return status;
-  return json->close();
+  if (absl::Status status = json.add(to_json(*summary)); !status.ok()) return status;
+  return json.close();
 }
 
 }  // namespace
 
-absl::Status run_view(const PanoramaViewOptions& options) {
+absl::Status run_view(const PanoramaViewOptions& options, JsonOutput& json) {
   const absl::StatusOr<ViewScene> scene = ViewScene::open(options);
   if (!scene.ok()) return scene.status();
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  return options.is_sequence() ? view_sequence(options, *scene) : view_one(options, *scene);
+  return options.is_sequence() ? view_sequence(options, *scene, json) : view_one(options, *scene, json);
 }
 
 }  // namespace candela

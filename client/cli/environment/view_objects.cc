@@ -3,6 +3,7 @@
 #include <array>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/environment/json_fields.h"
 
 namespace candela {
@@ -75,7 +76,7 @@ absl::StatusOr<std::vector<v1::Sphere>> view_objects(const std::string& choice) 
     spheres.push_back(sphere_from(object, absl::StrFormat("objects[%d].", spheres.size()), status));
   }
   if (status.ok()) return spheres;
-  return absl::Status(status.code(), absl::StrFormat("%s: %s", choice, status.message()));
+  return input_failure(reworded(status, absl::StrFormat("%s: %s", choice, status.message())), choice);
 }
 
 }  // namespace candela

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/environment/view_objects.h"
 #include "client/cli/files/frame_numbers.h"
 #include "client/cli/options/usage.h"
@@ -45,8 +46,10 @@ absl::StatusOr<ViewScene> ViewScene::open(const PanoramaViewOptions& options) {
     const std::string words = absl::StrFormat("at %s fps it has %d frames, and the limit is %d; lower --fps",
                                               to_text(scene.rate()), scene.frames_, kMostViewFrames);
     if (options.turn_deg) return usage_error("--turn: " + words + ", or give --frames");
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: %s or the keys' times, which are seconds, or give --frames", options.camera_path, words));
+    return input_failure(
+        absl::InvalidArgumentError(absl::StrFormat(
+            "%s: %s or the keys' times, which are seconds, or give --frames", options.camera_path, words)),
+        options.camera_path);
   }
   return scene;
 }

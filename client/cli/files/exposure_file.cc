@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/call/plain_file.h"
 #include "client/cli/files/frame_numbers.h"
 #include "proto/candela/v1/limits.h"
@@ -273,14 +274,16 @@ absl::StatusOr<ExposureFile> parse_exposures(const std::string& text) {
 absl::StatusOr<ExposureFile> read_exposures(const std::string& path) {
   const absl::StatusOr<std::string> text = read_plain_file(path, kMaxBytes);
   if (!text.ok()) {
-    return absl::Status(text.status().code(),
-                        absl::StrFormat("%s: cannot read this exposure file: %s; `candela meter "
-                                        "--save-exposures` writes one",
-                                        path, text.status().message()));
+    return input_failure(
+        reworded(text.status(), absl::StrFormat("%s: cannot read this exposure file: %s; `candela meter "
+                                                "--save-exposures` writes one",
+                                                path, text.status().message())),
+        path);
   }
   absl::StatusOr<ExposureFile> file = parse_exposures(*text);
   if (file.ok()) return file;
-  return absl::Status(file.status().code(), absl::StrFormat("%s: %s", path, file.status().message()));
+  return input_failure(reworded(file.status(), absl::StrFormat("%s: %s", path, file.status().message())),
+                       path);
 }
 
 GivenExposures GivenExposures::each(std::string path, ExposureFile file) {
@@ -302,9 +305,11 @@ absl::StatusOr<std::optional<double>> GivenExposures::of(uint64_t frame) const {
       std::lower_bound(frames_.begin(), frames_.end(), frame,
                        [](const ExposedFrame& one, uint64_t number) { return one.frame < number; });
   if (at != frames_.end() && at->frame == frame) return at->exposure;
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s has no exposure for frame %d; it has frames from %d to %d, so meter the whole shot",
-                      path_, frame, frames_.front().frame, frames_.back().frame));
+  return input_failure(
+      absl::InvalidArgumentError(absl::StrFormat(
+          "%s has no exposure for frame %d; it has frames from %d to %d, so meter the whole shot", path_,
+          frame, frames_.front().frame, frames_.back().frame)),
+      path_);
 }
 
 }  // namespace candela

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 
@@ -60,14 +61,13 @@ absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, dou
 }
 
 absl::Status name_file(const absl::Status& status, const std::string& path) {
-  if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return status;
-  const std::string words = absl::StrFormat("%s: %s", path, status.message());
-  return is_usage_error(status) ? usage_error(words) : absl::Status(status.code(), words);
+  if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return about_input(status, path);
+  return about_input(reworded(status, absl::StrFormat("%s: %s", path, status.message())), path);
 }
 
 absl::StatusOr<BakedView> bake(const ViewChoice& choice) {
   absl::StatusOr<ViewTable> baked = bake_view(choice);
-  if (!baked.ok()) return baked.status();
+  if (!baked.ok()) return input_failure(baked.status(), choice.config);
   const ColorTable& table = baked->table;
   BakedView view;
   view.table.set_size(table.size);

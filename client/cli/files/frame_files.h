@@ -34,7 +34,7 @@ absl::Status check_view_input(const Image& image, const std::string& path, const
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
 absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect);
 
-// Puts the file's path before the message, because a server's refusal does not know it.
+// Says which input failed, and puts its path before a server's refusal, which does not know it.
 absl::Status name_file(const absl::Status& status, const std::string& path);
 
 // A view of --ocio, baked into a table for the wire.

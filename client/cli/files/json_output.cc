@@ -6,15 +6,24 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
 #include <utility>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/output_files.h"
+#include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
+
+constexpr char kOption[] = "--json";
 
 bool can_be_written(int descriptor) {
   const int mode = fcntl(descriptor, F_GETFL);
@@ -26,36 +35,70 @@ bool leads_to(int descriptor, const struct stat& file) {
   return fstat(descriptor, &about) == 0 && about.st_dev == file.st_dev && about.st_ino == file.st_ino;
 }
 
+// The files that a word of the command line may name: itself, the value of --NAME=VALUE, or what a pattern
+// matches.
+std::vector<std::string> files_of_word(const std::string& word) {
+  std::vector<std::string> files{word};
+  const size_t equals = word.find('=');
+  if (absl::StartsWith(word, "--") && equals != std::string::npos) files.push_back(word.substr(equals + 1));
+  const absl::StatusOr<std::vector<std::string>> matched = find_frames({files.back()});
+  if (matched.ok()) files.insert(files.end(), matched->begin(), matched->end());
+  return files;
+}
+
+// Whether fail() may write this path although no command has checked it.
+bool may_be_replaced(const std::string& path, const std::vector<std::string>& words) {
+  std::error_code failed;
+  if (path == "-" || !std::filesystem::is_regular_file(path, failed)) return true;
+  std::ifstream file(path);
+  const int first = file.get();
+  if (!file.is_open() || (first != '{' && first != std::ifstream::traits_type::eof())) return false;
+  for (size_t i = 0; i < words.size(); ++i) {
+    if (words[i] == kOption && i + 1 < words.size()) {
+      ++i;
+      continue;
+    }
+    if (absl::StartsWith(words[i], absl::StrCat(kOption, "="))) continue;
+    for (const std::string& named : files_of_word(words[i])) {
+      if (std::filesystem::equivalent(path, named, failed)) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
-absl::StatusOr<JsonOutput> JsonOutput::open(const std::string& path) {
-  JsonOutput output(path);
-  if (path.empty()) return output;
-  if (path == "-") {
-    if (!can_be_written(STDOUT_FILENO)) return cannot_write("stdout", EBADF);
-    return output;
+absl::Status JsonOutput::open() {
+  absl::Status status = open_path();
+  open_ = status.ok();
+  return status;
+}
+
+absl::Status JsonOutput::open_path() {
+  if (path_.empty()) return absl::OkStatus();
+  if (path_ == "-") {
+    return can_be_written(STDOUT_FILENO) ? absl::OkStatus() : cannot_write("stdout", EBADF);
   }
   struct stat info {};
-  const bool exists = stat(path.c_str(), &info) == 0;
-  if (exists && S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
+  const bool exists = stat(path_.c_str(), &info) == 0;
+  if (exists && S_ISDIR(info.st_mode)) return cannot_write(path_, EISDIR);
   // Such as /dev/stdout. A new file in the place of this one would lose what else is written there.
   if (exists && leads_to(STDOUT_FILENO, info) && can_be_written(STDOUT_FILENO)) {
-    output.path_ = "-";
-    return output;
+    path_ = "-";
+    return absl::OkStatus();
   }
   if (exists && S_ISREG(info.st_mode) && leads_to(STDERR_FILENO, info)) {
-    return usage_error(
-        absl::StrFormat("--json %s: stderr is written to this file; write the JSON to another file", path));
+    return usage_error(absl::StrFormat(
+        "%s %s: stderr is written to this file; write the JSON to another file", kOption, path_));
   }
   if (exists && !S_ISREG(info.st_mode)) {
-    if (access(path.c_str(), W_OK) != 0) return cannot_write(path, errno);
-    return output;
+    return access(path_.c_str(), W_OK) == 0 ? absl::OkStatus() : cannot_write(path_, errno);
   }
-  if (absl::Status status = make_folder_of(path); !status.ok()) return status;
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
+  if (absl::Status status = make_folder_of(path_); !status.ok()) return status;
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(path_);
   if (!file.ok()) return file.status();
-  output.file_.emplace(*std::move(file));
-  return output;
+  file_.emplace(*std::move(file));
+  return absl::OkStatus();
 }
 
 absl::Status JsonOutput::add(const std::string& text) {
@@ -75,6 +118,7 @@ absl::Status JsonOutput::add(const std::string& text) {
 }
 
 absl::Status JsonOutput::close() {
+  closed_ = true;
   if (file_) return file_->commit();
   return status_;
 }
@@ -83,6 +127,12 @@ absl::Status JsonOutput::write(const std::string& text) {
   absl::Status status = add(text);
   status.Update(close());
   return status;
+}
+
+void JsonOutput::fail(const absl::Status& failure, const std::vector<std::string>& words) {
+  if (closed_ || path_.empty()) return;
+  if (!open_ && (!may_be_replaced(path_, words) || !open().ok())) return;
+  (void)write(failure_line(failure));  // the command's own failure is the one that counts
 }
 
 }  // namespace candela

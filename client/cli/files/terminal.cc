@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/base/failure.h"
 
 namespace candela {
 namespace {
@@ -38,7 +39,7 @@ absl::Status print(const std::string& text) {
     return absl::OkStatus();
   }
   if (errno == EPIPE || errno == EBADF) return absl::OkStatus();
-  return absl::ErrnoToStatus(errno, "cannot write to stdout");
+  return failure_of(FailureKind::kOutput, absl::ErrnoToStatus(errno, "cannot write to stdout"));
 }
 
 Progress::Progress(bool wanted) : shown_(wanted && isatty(STDERR_FILENO) == 1) {}

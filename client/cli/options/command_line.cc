@@ -401,11 +401,17 @@ std::vector<std::string> for_parser(const std::vector<std::string>& words) {
 
 }  // namespace
 
-absl::StatusOr<Invocation> parse_command_line(int argc, const char* const* argv) {
+std::string json_path_in(const std::vector<std::string>& words) {
+  const std::map<std::string, std::string> given = given_options(words);
+  const auto json = given.find("--json");
+  const bool is_path = json != given.end() && (json->second == "-" || !absl::StartsWith(json->second, "-"));
+  return is_path ? json->second : "";
+}
+
+absl::StatusOr<Invocation> parse_command_line(const std::vector<std::string>& words) {
   Arguments arguments;
   CLI::App app("candela: renders HDR images for a display, here or on a server.\n", "candela");
   define(app, arguments);
-  const std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (absl::Status status = check_words(app, words); !status.ok()) return status;
   try {
     app.parse(for_parser(words));

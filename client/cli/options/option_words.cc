@@ -9,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "client/base/failure.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/settings.h"
 
@@ -97,10 +98,12 @@ absl::Status in_options(const absl::Status& refusal, const v1::Settings& given) 
     at += name == nullptr ? 1 : name->field.size();
   }
   if (absl::IsInvalidArgument(refusal) && first_is_option) return usage_error(words);
-  absl::Status status(refusal.code(), words);
-  refusal.ForEachPayload(
-      [&status](absl::string_view type, const absl::Cord& payload) { status.SetPayload(type, payload); });
-  return status;
+  return of_server(reworded(refusal, words));
+}
+
+absl::Status of_server(const absl::Status& status) {
+  const bool about_frame = absl::IsInvalidArgument(status) || absl::IsResourceExhausted(status);
+  return failure_of(about_frame ? FailureKind::kInput : FailureKind::kServer, status);
 }
 
 }  // namespace candela

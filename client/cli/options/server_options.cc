@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/address.h"
@@ -42,13 +43,13 @@ std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice)
 }
 
 void add_security_and_device(CLI::App& app, ServerChoice& choice) {
-  add_security_options(app, kServer, choice.security);
-  add_text(app, kServer, "--device", "NAME|INDEX",
+  add_security_options(app, kServerSection, choice.security);
+  add_text(app, kServerSection, "--device", "NAME|INDEX",
            "Render in this process, even if $CANDELA_SERVER is set, on this Vulkan device: part of its name, "
            "or its index (default: the best one)",
            choice.device);
   add_text(
-      app, kServer, "--passes", "WHO",
+      app, kServerSection, "--passes", "WHO",
       "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
       "(default: auto, which is host if the Vulkan device is a CPU and the processors can, else device)",
       [&choice](const std::string& text) {
@@ -64,7 +65,7 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
 
 void add_server_options(CLI::App& app, ServerChoice& choice) {
   add_text(
-      app, kServer, kOption, "ADDRESS",
+      app, kServerSection, kOption, "ADDRESS",
       "A running candelad, HOST:PORT or unix:PATH (default: $CANDELA_SERVER, or else a server built into "
       "this process)",
       set_server(choice));
@@ -73,12 +74,12 @@ void add_server_options(CLI::App& app, ServerChoice& choice) {
 
 void add_servers_options(CLI::App& app, ServerChoice& choice) {
   add_text(
-      app, kServer, kOption, "ADDRESS[,...]",
+      app, kServerSection, kOption, "ADDRESS[,...]",
       "Running candelads, HOST:PORT or unix:PATH: the first that answers, and the next one if it is lost "
       "(default: $CANDELA_SERVER, or else a server built into this process)",
       [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
   choice.takes_several = true;
-  add_number(app, kServer, "--resume", "SECONDS", {0, kSeconds.max},
+  add_number(app, kServerSection, "--resume", "SECONDS", {0, kSeconds.max},
              absl::ToDoubleSeconds(choice.resume_limit),
              "How long to look for a server when one is lost, and to wait for one that is full or starting",
              [&choice](double seconds) { choice.resume_limit = absl::Seconds(seconds); });
@@ -141,8 +142,7 @@ absl::Status name_source(const absl::Status& status, const ServerChoice& choice)
   bool named = absl::StrContains(status.message(), choice.address);
   for (const std::string& other : choice.others) named |= absl::StrContains(status.message(), other);
   if (!named) return status;
-  const std::string words = absl::StrFormat("%s (the address is %s)", status.message(), choice.source);
-  return is_usage_error(status) ? usage_error(words) : absl::Status(status.code(), words);
+  return reworded(status, absl::StrFormat("%s (the address is %s)", status.message(), choice.source));
 }
 
 }  // namespace candela

@@ -14,7 +14,7 @@ namespace candela {
 // app.
 void add_server_options(CLI::App& app, ServerChoice& choice);
 
-inline constexpr char kServer[] = "Server";  // the heading of these options in --help
+inline constexpr char kServerSection[] = "Server";  // the heading of these options in --help
 inline constexpr v1::Range<double> kSeconds{0.001, 86400};
 
 // The same for a command whose --server may name several servers, and --resume.

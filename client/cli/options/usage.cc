@@ -2,22 +2,16 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/base/failure.h"
 #include "proto/candela/v1/near_words.h"
 
 namespace candela {
-namespace {
-
-constexpr char kUsagePayload[] = "candela.usage";
-
-}  // namespace
 
 absl::Status usage_error(const std::string& message) {
-  absl::Status status = absl::InvalidArgumentError(message);
-  status.SetPayload(kUsagePayload, absl::Cord());
-  return status;
+  return failure_of(FailureKind::kUsage, absl::InvalidArgumentError(message));
 }
 
-bool is_usage_error(const absl::Status& status) { return status.GetPayload(kUsagePayload).has_value(); }
+bool is_usage_error(const absl::Status& status) { return kind_of(status) == FailureKind::kUsage; }
 
 absl::Status empty_value(const std::string& option) {
   return usage_error(absl::StrFormat("%s is empty; leave it out or give it a value", option));

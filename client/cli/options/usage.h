@@ -8,7 +8,7 @@
 
 namespace candela {
 
-// An INVALID_ARGUMENT for a wrong use of the command. One line.
+// An INVALID_ARGUMENT of the kind kUsage, for a wrong use of the command. One line.
 absl::Status usage_error(const std::string& message);
 bool is_usage_error(const absl::Status& status);
 

@@ -20,6 +20,7 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/scene_image.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/option_words.h"
 #include "client/cli/report/aces.h"
 #include "client/cli/report/bounds.h"
 #include "client/cli/report/environments.h"
@@ -260,7 +261,7 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
   const TimePlan plan = time_plan(options, begin);
   const absl::StatusOr<Json> measured =
       measure(session, plan, *given, {options.quick, plan.deadline, options.directory});
-  if (!measured.ok()) return measured.status();
+  if (!measured.ok()) return of_server(measured.status());
   progress.show("writing " + options.directory);
   const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);
   Json report = {{"format", "candela report"},

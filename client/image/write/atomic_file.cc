@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 
 namespace candela {
 namespace {
@@ -23,7 +24,8 @@ const char* kind_name(mode_t mode) {
 }  // namespace
 
 absl::Status cannot_write(const std::string& path, int error) {
-  return absl::ErrnoToStatus(error, absl::StrFormat("%s: cannot write", path));
+  return failure_of(FailureKind::kOutput,
+                    absl::ErrnoToStatus(error, absl::StrFormat("%s: cannot write", path)));
 }
 
 absl::StatusOr<std::string> writable_destination(const std::string& path) {
@@ -37,8 +39,9 @@ absl::StatusOr<std::string> writable_destination(const std::string& path) {
   if (stat(target.c_str(), &info) == 0) {
     if (S_ISDIR(info.st_mode)) return cannot_write(path, EISDIR);
     if (!S_ISREG(info.st_mode)) {
-      return absl::FailedPreconditionError(
-          absl::StrFormat("%s: cannot write: this is %s; name a plain file", path, kind_name(info.st_mode)));
+      return failure_of(FailureKind::kOutput, absl::FailedPreconditionError(absl::StrFormat(
+                                                  "%s: cannot write: this is %s; name a plain file", path,
+                                                  kind_name(info.st_mode))));
     }
     // Checked because rename() would replace even a file without write permission.
     if (access(target.c_str(), W_OK) != 0) return cannot_write(path, errno);

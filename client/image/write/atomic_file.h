@@ -57,10 +57,10 @@ class AtomicFile {
 
 // The destination of an AtomicFile: the path with the links at its end followed. Fails, with the path in the
 // message, for a folder, FIFO, socket or device, for a file or folder without write permission, and for a
-// missing folder or link target.
+// missing folder or link target. The failure's kind is kOutput.
 absl::StatusOr<std::string> writable_destination(const std::string& path);
 
-// The error "PATH: cannot write: REASON" for a value of errno.
+// The error "PATH: cannot write: REASON" for a value of errno, of the kind kOutput.
 absl::Status cannot_write(const std::string& path, int error);
 
 }  // namespace candela

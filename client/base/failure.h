@@ -1,0 +1,43 @@
+// What a failure is about, so that a program can tell a damaged file from a full disk and from a lost server.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/strings/string_view.h"
+
+namespace candela {
+
+// A status carries its kind from where the error is made to the end of the command, which turns it into an
+// exit code (client/cli/files/failure_line.h).
+enum class FailureKind {
+  kOther,   // this machine lacks memory, threads or a program; or several failures of several kinds
+  kUsage,   // the command line is wrong
+  kInput,   // a file that is read: missing, damaged, refused
+  kServer,  // a server or a device: not there, lost, refuses the client
+  kOutput,  // a file or a stream that is written
+};
+
+// The status with its kind. OK stays OK, and a kind that it has already stays: the cause knows best.
+absl::Status failure_of(FailureKind kind, absl::Status status);
+
+// kOther if none was set.
+FailureKind kind_of(const absl::Status& status);
+
+// The status with the input file that failed, unless it has one already.
+absl::Status about_input(absl::Status status, const std::string& path);
+
+// Of the kind kInput, and about this file: both of the above.
+absl::Status input_failure(const absl::Status& status, const std::string& path);
+
+// That file; "" if the failure is about none.
+std::string input_of(const absl::Status& status);
+
+// The same failure in other words.
+absl::Status reworded(const absl::Status& status, absl::string_view words);
+
+// The kind of several failures, one after the other: their common kind, or kOther.
+void add_failure(std::optional<FailureKind>& all, const absl::Status& one);
+
+}  // namespace candela
