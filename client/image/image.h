@@ -47,10 +47,6 @@ struct Image {
   uint64_t bytes() const { return row_bytes() * height; }
 };
 
-// Whether alpha is 0 everywhere although the picture has colour, as some renderers leave it. Then the whole
-// picture would be invisible.
-bool alpha_hides_everything(const Image& image);
-
 // An image of zeros. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format);
 

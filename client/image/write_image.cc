@@ -38,18 +38,6 @@ absl::StatusOr<OutputKind> check_output_path(const std::string& path) {
   return kind;
 }
 
-bool alpha_hides_everything(const Image& image) {
-  const size_t component = bytes_per_pixel(image.format) / 4;
-  const auto is_zero = [](std::byte b) { return b == std::byte{0}; };
-  bool colour = false;
-  for (const std::byte* p = image.pixels.data(); p != image.pixels.data() + image.bytes();
-       p += 4 * component) {
-    if (!std::all_of(p + 3 * component, p + 4 * component, is_zero)) return false;
-    colour = colour || !std::all_of(p, p + 3 * component, is_zero);
-  }
-  return colour;
-}
-
 AspectRatio aspect_ratio(double pixel_aspect) {
   // Exact for ratios such as 3:2; with denominators up to 1000 others are within 0.05 %.
   for (int height = 1; height <= 1000; ++height) {

@@ -280,13 +280,15 @@ void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
   const bool encode = start.encoding != v1::ENCODING_RAW;
   SessionFrames::rendered(*entry, std::move(rendered), encode);
   if (!encode) return state_.metrics.frame_ended(absl::StatusCode::kOk);
-  state_.rendering.encoders.run(
-      [self = self(), entry, image = entry->frame, encoding = start.encoding, quality = start.jpeg_quality] {
-        const absl::Time begin = absl::Now();
-        absl::StatusOr<std::string> file = encode_image(image->memory, image->settings, encoding, quality);
-        if (file.ok()) image->memory.replace_output(file->size());
-        self->on_encoded(entry, std::move(file), absl::Now() - begin);
-      });
+  state_.rendering.encoders.run([self = self(), entry, image = entry->frame,
+                                 opaque = entry->report->plan.resolve.opaque, encoding = start.encoding,
+                                 quality = start.jpeg_quality] {
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<std::string> file =
+        encode_image(image->memory, image->settings, opaque, encoding, quality);
+    if (file.ok()) image->memory.replace_output(file->size());
+    self->on_encoded(entry, std::move(file), absl::Now() - begin);
+  });
 }
 
 void StreamCall::on_encoded(const EntryPtr& entry, absl::StatusOr<std::string> file, absl::Duration took) {

@@ -1,32 +1,13 @@
 #include "server/schedule/image_file.h"
 
-#include <algorithm>
-#include <cstring>
-#include <limits>
-
 #include "server/encode/picture.h"
 
 namespace candela {
 namespace {
 
-// Whether a PNG needs its alpha, by the client's rule (write_png): an alpha that is 1 everywhere says
-// nothing, and one that is 0 everywhere would hide the whole picture.
-template <typename Component>
-bool needs_alpha(const PictureView& picture) {
-  constexpr size_t kComponents = 4;
-  constexpr Component kOpaque = std::numeric_limits<Component>::max();
-  bool opaque = true, transparent = true, colour = false;  // everywhere, everywhere, anywhere
-  for (uint32_t y = 0; y < picture.height; ++y) {
-    for (uint32_t x = 0; x < picture.width; ++x) {
-      Component pixel[kComponents];
-      std::memcpy(pixel, picture.row(y) + x * sizeof pixel, sizeof pixel);
-      opaque = opaque && pixel[3] == kOpaque;
-      transparent = transparent && pixel[3] == 0;
-      colour = colour || pixel[0] != 0 || pixel[1] != 0 || pixel[2] != 0;
-      if (!opaque && !transparent) return true;
-    }
-  }
-  return transparent && !colour;
+// Whether images that are rendered with these settings have the frame's alpha, as the client's keeps_alpha().
+bool keeps_alpha(const Settings& settings) {
+  return settings->alpha() != v1::ALPHA_OVER && settings->alpha() != v1::ALPHA_IGNORE;
 }
 
 EncodedTransfer encoded_transfer(v1::Transfer transfer) {
@@ -38,7 +19,7 @@ EncodedTransfer encoded_transfer(v1::Transfer transfer) {
 }  // namespace
 
 absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settings& settings,
-                                         v1::Encoding encoding, int quality) {
+                                         bool opaque, v1::Encoding encoding, int quality) {
   const FrameDesc& desc = memory.desc();
   const std::byte* rows = memory.output_row(0).data();
   const PictureView picture{.width = desc.width,
@@ -59,8 +40,7 @@ absl::StatusOr<std::string> encode_image(const FrameMemory& memory, const Settin
   if (encoding == v1::ENCODING_JPEG) {
     status = encode_jpeg(picture, {quality, transfer}, append);
   } else {
-    const bool alpha = picture.wide ? needs_alpha<uint16_t>(picture) : needs_alpha<uint8_t>(picture);
-    status = encode_png(picture, {alpha, transfer}, append);
+    status = encode_png(picture, {!opaque && keeps_alpha(settings), transfer}, append);
   }
   if (!status.ok()) return status;
   file.shrink_to_fit();  // it may wait for a slow client

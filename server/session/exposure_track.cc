@@ -79,8 +79,14 @@ bool ExposureTrack::begins_scene(size_t index) const {
   if (frames_[index].cut) return true;
   if (cut_threshold_ev_ == 0.0 || !frames_[index].has_mean()) return false;
   std::optional<ScenePrint> before = point_.print;
+  uint64_t last = point_.sequence;
+  bool any = point_.begun;
   for (size_t i = 0; i < index; ++i) {
-    if (frames_[i].has_mean()) before = frames_[i].stats->print;
+    const Waiting& frame = frames_[i];
+    if (frame.failed || (any && frame.sequence == last)) continue;  // a repeat leaves no trace
+    last = frame.sequence;
+    any = true;
+    if (frame.has_mean()) before = frame.stats->print;
   }
   return before && scene_difference(*before, frames_[index].stats->print) > cut_threshold_ev_;
 }

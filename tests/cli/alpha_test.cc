@@ -7,11 +7,13 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <functional>
 
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
+#include "tests/support/daemon.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -116,8 +118,90 @@ TEST_F(AlphaCommand, AnEmptyAlphaIsIgnoredAndSaid) {
   EXPECT_FALSE(png_facts(folder_.path("a.png")).alpha);
   ASSERT_EQ(candela({"stream", in_, folder_.path("%04d.png"), "-q"}).code, 0);
   EXPECT_FALSE(png_facts(folder_.path("0000.png")).alpha);
+  EXPECT_NE(
+      candela({"render", in_, folder_.path("a.png"), "--alpha", "associated"}).err.find("alpha ignored"),
+      std::string::npos);
   render("b.png", {"--alpha", "straight"});
   EXPECT_TRUE(png_facts(folder_.path("b.png")).alpha);
+}
+
+// Light so faint that every code of its alpha rounds to 0.
+Pixel faint(uint32_t, uint32_t) { return {0.0005f, 0.0003f, 0.0002f, 0.0015f}; }
+
+TEST_F(AlphaCommand, FaintAlphaIsKeptAlthoughItsCodesAreAllZero) {
+  write_exr_of(in_, faint);
+  const ListeningDaemon daemon;
+  ASSERT_NE(daemon.address(), "");
+  for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+           {}, {"--alpha", "straight"}, {"--alpha", "associated"}, {"--server", daemon.address()}}) {
+    std::vector<std::string> arguments{"render", in_, folder_.path("a.png"), "--exposure=0"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Outcome outcome = candela(arguments);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_EQ(outcome.err.find("alpha"), std::string::npos) << outcome.err;
+    EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha) << (options.empty() ? "" : options[1]);
+    arguments[1] = in_;
+    arguments[0] = "stream";
+    arguments[2] = folder_.path("s%04d.png");
+    arguments.insert(arguments.end(), {"--encoding", "png", "-q"});
+    ASSERT_EQ(candela(arguments).code, 0);
+    EXPECT_TRUE(png_facts(folder_.path("s0000.png")).alpha) << (options.empty() ? "" : options[1]);
+  }
+}
+
+TEST_F(AlphaCommand, AFadeInHasAlphaInEveryFrame) {
+  const std::vector<float> steps = {0.0f, 0.0001f, 0.0015f, 0.004f, 0.25f, 1.0f};
+  std::filesystem::create_directory(folder_.path("fade"));
+  for (size_t i = 0; i < steps.size(); ++i) {
+    write_exr_of(folder_.path("fade/" + std::to_string(i) + ".exr"),
+                 [a = steps[i]](uint32_t, uint32_t) -> Pixel {
+                   return {0.5f * a, 0.3f * a, 0.2f * a, a};
+                 });
+  }
+  const std::vector<std::string> fade{"stream", folder_.path("fade"), folder_.path("out%d.png"),
+                                      "--exposure=0", "-q"};
+  for (const std::vector<std::string>& options :
+       std::vector<std::vector<std::string>>{{},
+                                             {"--encoding", "png"},
+                                             {"--dither"},
+                                             {"--dither", "--encoding", "png"},
+                                             {"--alpha", "associated"}}) {
+    std::vector<std::string> arguments = fade;
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Outcome outcome = candela(arguments);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    // The server knows only that the last frame's alpha is 1 everywhere, which needs no channel.
+    for (size_t i = 0; i + 1 < steps.size(); ++i) {
+      const std::string out = folder_.path("out" + std::to_string(i) + ".png");
+      EXPECT_TRUE(png_facts(out).alpha) << i << " " << (options.empty() ? "" : options[0]);
+      std::filesystem::remove(out);
+    }
+  }
+}
+
+TEST_F(AlphaCommand, AnAbsentFrameIsTransparentUnderDither) {
+  write_exr_of(in_, [](uint32_t, uint32_t) -> Pixel { return {0, 0, 0, 0}; });
+  for (const std::vector<std::string>& options :
+       std::vector<std::vector<std::string>>{{}, {"--alpha", "straight"}, {"--alpha", "associated"}}) {
+    std::vector<std::string> arguments{"render", in_, folder_.path("a.png"), "--dither", "-q"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    ASSERT_EQ(candela(arguments).code, 0);
+    EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha);
+  }
+}
+
+// A sign or a NaN gives no alpha, and no light either.
+TEST_F(AlphaCommand, AnAlphaOfZeroOrLessIsEmptyOnlyIfThereIsLight) {
+  for (const float none : {0.0f, -0.0f, -0.25f, NAN}) {
+    write_exr_of(in_, [none](uint32_t x, uint32_t) -> Pixel { return {0, x == 63 ? 0.2f : 0.0f, 0, none}; });
+    const Outcome lit = candela({"render", in_, folder_.path("a.png")});
+    EXPECT_NE(lit.err.find("alpha ignored"), std::string::npos) << none << lit.err;
+    EXPECT_FALSE(png_facts(folder_.path("a.png")).alpha) << none;
+    write_exr_of(in_, [none](uint32_t, uint32_t) -> Pixel { return {-0.0f, NAN, 0, none}; });
+    const Outcome dark = candela({"render", in_, folder_.path("a.png")});
+    EXPECT_EQ(dark.err.find("alpha ignored"), std::string::npos) << none << dark.err;
+    EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha) << none;
+  }
 }
 
 TEST_F(AlphaCommand, StreamWritesStraightPngWhoeverEncodes) {
@@ -173,7 +257,11 @@ TEST_F(AlphaCommand, OutsideTheDataWindowNothingIsMetered) {
   const nlohmann::json boxed = frame("t15.exr");  // 400x300 within 481x371
   EXPECT_EQ(boxed.at("absent_pixels"), 481 * 371 - 400 * 300);
   EXPECT_EQ(boxed.at("mean_log2_luminance"), frame("t01.exr").at("mean_log2_luminance"));
-  EXPECT_EQ(frame("t09.exr").at("mean_log2_luminance"), std::log2(0.18));  // the windows do not meet
+  const nlohmann::json whole =
+      candela_json({"meter", data_folder() + "/display_window/t15.exr", "--alpha", "ignore"});
+  EXPECT_EQ(whole.at("absent_pixels"), 0);
+  EXPECT_LT(whole.at("mean_log2_luminance"), boxed.at("mean_log2_luminance"));  // black is metered
+  EXPECT_EQ(frame("t09.exr").at("mean_log2_luminance"), std::log2(0.18));       // the windows do not meet
 }
 
 // Both pictures are dark nearly everywhere, and faint light is light: a limit holds their exposure.

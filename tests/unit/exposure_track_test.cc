@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
 namespace candela {
 namespace {
@@ -162,6 +163,52 @@ TEST(ExposureTrack, LookaheadEndsAtACut) {
   const auto decided = film.decided();
   ASSERT_EQ(decided.size(), 1u);
   EXPECT_EQ(decided[0].point.exposed.target, target(1.0));
+}
+
+// Its picture is not what the next frame is compared with, not even by an earlier frame that looks ahead.
+TEST(ExposureTrack, ARepeatsPictureIsNotCompared) {
+  const auto first_exposure = [](bool repeat) {
+    Film film(2, 1.0);
+    film.show(0, 0.0);
+    film.show(1, 0.0);
+    if (repeat) {
+      EXPECT_TRUE(film.add(1).ok());
+      FrameStats other = metered_at(0.0);
+      for (size_t i = 0; i < other.print.size(); ++i) other.print[i] = i % 2 == 0 ? 5.0f : -5.0f;
+      film.track.metered(1, other);
+    }
+    const auto decided = film.show(2, 4.0);
+    return decided.empty() ? -1.0 : decided[0].point.exposed.exposure;
+  };
+  EXPECT_GT(first_exposure(false), 0);
+  EXPECT_EQ(first_exposure(true), first_exposure(false));
+}
+
+TEST(ExposureTrack, ARepeatWithAnotherMediaTimeIsRefused) {
+  Film film;
+  film.show(1, 0.0);
+  for (const int64_t other : {kFrameNs - 1, kFrameNs + 1}) {
+    const absl::Status status = film.track.add(1, other, false, film.settings);
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_NE(status.message().find("frame.media_time_ns"), std::string::npos) << status;
+  }
+  EXPECT_TRUE(film.add(1).ok());
+}
+
+// Its number and time stay; a frame with both is no repeat, but has an exposure of its own.
+TEST(ExposureTrack, AFailedFramesNumberMayComeAgain) {
+  Film film;
+  const double before = film.show(0, 0.0).at(0).point.exposed.exposure;
+  ASSERT_TRUE(film.add(2).ok());
+  film.track.failed(2);
+  EXPECT_TRUE(film.decided().empty());
+  EXPECT_FALSE(film.add(1).ok());
+  EXPECT_FALSE(film.track.add(2, 2 * kFrameNs + 1, false, film.settings).ok());
+  const auto again = film.show(2, 3.0);
+  ASSERT_EQ(again.size(), 1u);
+  EXPECT_EQ(
+      again[0].point.exposed.exposure,
+      adapt_exposure(film.settings.adaptation(), PreviousExposure{before, 2 * kFrameNs * 1e-9}, target(3.0)));
 }
 
 // A repeated frame stays a repeat if it sets `cut` or if it fails.

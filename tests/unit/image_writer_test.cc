@@ -129,17 +129,11 @@ TEST_F(ImageWriter, SaysInAPngHowItIsEncodedAndWhatShapeItsPixelsHave) {
   EXPECT_TRUE(read_png(folder_.path("deep.png")).srgb);
 }
 
-TEST_F(ImageWriter, DropsAnAlphaThatWouldHideTheWholePicture) {
+// Codes that are all 0 may be those of a faint picture, so they decide nothing.
+TEST_F(ImageWriter, AlphaCodesOfZeroStayInAPng) {
   Image image = test_image(5, 5, ImageFormat::kRgba8, true);
   for (size_t i = 3; i < image.pixels.size(); i += 4) image.pixels.data()[i] = std::byte{0};
-  EXPECT_EQ(write("out.png", image).size(), 1u);
-  EXPECT_EQ(read_png(folder_.path("out.png")).channels, 3);
-  const Image empty = [] {
-    Image zeros = *make_image(5, 5, ImageFormat::kRgba8);
-    zeros.has_alpha = true;
-    return zeros;
-  }();
-  EXPECT_TRUE(write("out.png", empty).empty());
+  EXPECT_TRUE(write("out.png", image).empty());
   EXPECT_EQ(read_png(folder_.path("out.png")).channels, 4);
 }
 

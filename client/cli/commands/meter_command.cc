@@ -156,7 +156,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
   v1::Settings settings = settings_for(*image, options.settings);
-  const std::string alpha_note = options.alpha_by_default ? ignore_empty_alpha(*image, settings) : "";
+  const std::string alpha_note = options.ignore_empty_alpha ? ignore_empty_alpha(*image, settings) : "";
   absl::StatusOr<v1::MeterResponse> metered;
   const absl::Time deadline = absl::Now() + kMeterTimeout;
   const absl::Status called = link.call(deadline, [&](const Connection& one) {

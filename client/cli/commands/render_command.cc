@@ -196,7 +196,7 @@ class Rendering {
     // The picture will need the memory.
     if (only_ && !verify_view) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
-    if (options_.alpha_by_default) add_note(ignore_empty_alpha(frame, settings));
+    if (options_.ignore_empty_alpha) add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
     if (shared_.view()) *settings.mutable_table() = shared_.view()->table;
     absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);

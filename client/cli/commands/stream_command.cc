@@ -100,7 +100,7 @@ class Streaming {
                         .skip_bad = options_.skip_bad,
                         .rate = shot_.rate(),
                         .view = options_.view,
-                        .alpha_by_default = options_.alpha_by_default,
+                        .ignore_empty_alpha = options_.ignore_empty_alpha,
                         .exposures = shot_.given()},
                        reader);
     const absl::StatusOr<const Image*> first = feeder.first();

@@ -14,8 +14,10 @@ namespace candela {
 bool keeps_alpha(const v1::Settings& settings);
 
 // Some renderers and games leave alpha 0 everywhere although there is light. Then it means nothing: such a
-// frame is taken as opaque, and this says so. Returns a note for the user; empty if nothing changed.
-// Call it only if the user chose no alpha.
+// frame is taken as opaque, and this says so. The frame's own values decide, before anything is exposed or
+// quantised: a dark or faint frame with some alpha keeps it. `frame` is as read_image() returns it, halves or
+// floats. Returns a note for the user; empty if nothing changed. Call it only if PictureOptions or
+// MeterOptions say ignore_empty_alpha.
 std::string ignore_empty_alpha(const Image& frame, v1::Settings& settings);
 
 }  // namespace candela

@@ -122,7 +122,7 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
     }
     v1::Settings own = settings_for(*next_->image, options_.settings);
     const std::string alpha_note =
-        options_.alpha_by_default ? ignore_empty_alpha(*next_->image, own) : std::string();
+        options_.ignore_empty_alpha ? ignore_empty_alpha(*next_->image, own) : std::string();
     if (!alpha_note.empty()) next_->image->notes.push_back(alpha_note);
     next_->image->has_alpha &= keeps_alpha(own);
     if (own.alpha() != settings.alpha() || own.input_chromaticities().SerializeAsString() !=

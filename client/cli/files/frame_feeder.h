@@ -42,7 +42,7 @@ struct FeedOptions {
   bool skip_bad = false;                              // files that cannot be read do not end it
   std::optional<FrameRate> rate;                      // --fps
   ViewChoice view;                                    // of --ocio
-  bool alpha_by_default = false;                      // as in PictureOptions
+  bool ignore_empty_alpha = false;                    // as in PictureOptions
   GivenExposures exposures;                           // of the frames, by their numbers
 };
 

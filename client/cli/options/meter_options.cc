@@ -29,7 +29,7 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
 }
 
 absl::Status finish_meter_options(MeterOptions& options) {
-  options.alpha_by_default = options.settings.alpha() == v1::ALPHA_UNSPECIFIED;
+  options.ignore_empty_alpha = options.settings.alpha() == v1::ALPHA_UNSPECIFIED;
   absl::Status status = check_settings_options(options.settings);
   status.Update(finish_server_options(options.server));
   return status;

@@ -26,8 +26,9 @@ EncodedTransfer encoded_transfer(v1::Transfer transfer) {
 // The alpha of the settings, if the user chose none. The server's default is for the other files.
 void choose_alpha(PictureOptions& options, OutputKind kind, const std::string& output) {
   const v1::Alpha given = options.settings.alpha();
-  options.alpha_by_default =
-      given == v1::ALPHA_UNSPECIFIED && (kind == OutputKind::kPng || kind == OutputKind::kJpeg);
+  options.ignore_empty_alpha =
+      (given == v1::ALPHA_UNSPECIFIED && (kind == OutputKind::kPng || kind == OutputKind::kJpeg)) ||
+      (given == v1::ALPHA_ASSOCIATED && kind == OutputKind::kPng);
   if (given == v1::ALPHA_UNSPECIFIED && kind == OutputKind::kPng) {
     options.settings.set_alpha(v1::ALPHA_STRAIGHT);
   }

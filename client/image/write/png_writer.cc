@@ -4,16 +4,12 @@
 
 namespace candela {
 
-absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes) {
+absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
   if (image.format != ImageFormat::kRgba8 && image.format != ImageFormat::kRgba16) {
     return absl::InvalidArgumentError(absl::StrFormat("%s: a PNG is written from rgba8 or rgba16, not %s",
                                                       file.path(), name(image.format)));
   }
-  PngOptions png{image.has_alpha, options.transfer, options.text};
-  if (png.alpha && alpha_hides_everything(image)) {
-    png.alpha = false;
-    notes.push_back("alpha dropped: it is 0 everywhere and would hide the whole picture");
-  }
+  const PngOptions png{image.has_alpha, options.transfer, options.text};
   const absl::Status status = encode_png(
       picture_of(image), png, [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
   if (status.ok() || file.failed()) return absl::OkStatus();  // commit() has the system's reason
