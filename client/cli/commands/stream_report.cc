@@ -62,14 +62,9 @@ std::string to_json(const StreamFrame& frame) {
                {"output", frame.output},
                {"media_time_ns", frame.media_time_ns}};
   if (frame.output.empty()) json.erase("output");
-  if (!frame.status.ok()) {
-    json["error"] = std::string(frame.status.message());
-    return line_of(json);
-  }
-  if (frame.held) {
-    json["held"] = true;
-    return line_of(json);
-  }
+  if (!frame.status.ok()) json["error"] = std::string(frame.status.message());
+  if (frame.held) json["held"] = true;
+  if (!frame.status.ok() || frame.held) return line_of(json);
   const v1::ResultHeader& header = frame.header;
   const v1::FrameStatistics& statistics = header.statistics();
   json["primaries"] = to_json(frame.primaries);
