@@ -111,15 +111,20 @@ TEST_F(SequenceOfFrames, AHeldFrameHasTheBytesOfTheOneBeforeAndChangesNoOther) {
   }
 }
 
-TEST_F(SequenceOfFrames, AFrameThatCannotBeReadCannotBeHeld) {
+TEST_F(SequenceOfFrames, AFrameThatCannotBeReadIsHeldAndSoAreTheOnesAfterIt) {
   make_gap();
   write_file(in() + "/frame.0003.exr", "no image at all");
   const std::vector<Json> lines = lines_of(
       candela({"stream", in(), folder_.path("out"), "--missing", "hold", "--skip-bad", "--json", "-"}).out);
   ASSERT_EQ(lines.size(), 6u);
-  EXPECT_EQ(lines[3].at("error"), "frame 3, which it repeats, has no image");
-  EXPECT_EQ(names_in("out"),
-            (std::vector<std::string>{"frame.0001.png", "frame.0002.png", "frame.0005.png"}));
+  EXPECT_EQ(lines[2].at("held"), true);
+  EXPECT_NE(lines[2].at("error").get<std::string>().find("frame.0003.exr"), std::string::npos);
+  for (const size_t held : {2, 3}) {
+    EXPECT_EQ(lines[held].at("input"), in() + "/frame.0002.exr");
+    EXPECT_TRUE(read_file(lines[held].at("output")) == image("frame.0002.png"));
+  }
+  EXPECT_EQ(names_in("out"), (std::vector<std::string>{"frame.0001.png", "frame.0002.png", "frame.0003.png",
+                                                       "frame.0004.png", "frame.0005.png"}));
 }
 
 TEST_F(SequenceOfFrames, ImagesHaveTheNumbersOrTheNamesOfTheirFrames) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/numeric/int128.h"
+#include "absl/strings/str_replace.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
@@ -28,6 +29,13 @@ TEST(FrameNumbers, ARangeIsParsedAsItIsWritten) {
            {"100-200x2", {{100, 200, 2}}},
            {"100-", {{100, kLargestFrameNumber, 1}}},
            {"100-x5", {{100, kLargestFrameNumber, 5}}},
+           {"-5", {{-5, -5, 1}}},
+           {"-10--5", {{-10, -5, 1}}},
+           {"-2-2x2", {{-2, 2, 2}}},
+           {"-5-", {{-5, kLargestFrameNumber, 1}}},
+           {"-5-x3", {{-5, kLargestFrameNumber, 3}}},
+           {"-999999999999", {{-kLargestFrameNumber, -kLargestFrameNumber, 1}}},
+           {"-3--2,-1,4", {{-3, -2, 1}, {-1, -1, 1}, {4, 4, 1}}},
            {"1-10,20-30x3,40", {{1, 10, 1}, {20, 30, 3}, {40, 40, 1}}}}) {
     const auto parsed = parse_number_ranges("--range", text);
     ASSERT_TRUE(parsed.ok()) << parsed.status();
@@ -37,24 +45,46 @@ TEST(FrameNumbers, ARangeIsParsedAsItIsWritten) {
 }
 
 TEST(FrameNumbers, AMalformedRangeIsAUsageErrorThatNamesTheOptionAndTheWayOut) {
-  for (const char* text : {"", "a", "-5", "5-4", "1-9x0", "1-9x", "1-9x-2", "1--9", "1,,2", "1,", "1.5", "x2",
-                           "+3", " 3", "1-9:2", "1234567890123"}) {
+  for (const char* text :
+       {"",     "a",  "-",   "--", "--5", "5--", "-5--",  "5---4",         "1-9x0",          "1-9x", "1-9x-2",
+        "1,,2", "1,", "1.5", "x2", "+3",  " 3",  "1-9:2", "1234567890123", "-1234567890123", "-a"}) {
     const absl::Status status = parse_number_ranges("--range", text).status();
     EXPECT_TRUE(is_usage_error(status)) << text;
     EXPECT_NE(message(status).find("--range is \"" + std::string(text) + "\""), std::string::npos) << status;
     EXPECT_NE(message(status).find("100-200x2"), std::string::npos) << status;
   }
-  EXPECT_TRUE(is_usage_error(parse_frame_numbers("--cut-at", "1,-2").status()));
-  EXPECT_TRUE(is_usage_error(parse_frame_numbers("--cut-at", "").status()));
-  EXPECT_EQ(*parse_frame_numbers("--cut-at", "87,24,24"), (std::vector<uint64_t>{24, 87}));
+  for (const char* text : {"", "1-2", "1,--2", "1,-", "-1234567890123"}) {
+    EXPECT_TRUE(is_usage_error(parse_frame_numbers("--cut-at", text).status())) << text;
+  }
+  EXPECT_EQ(*parse_frame_numbers("--cut-at", "87,24,24,-3,-0"), (std::vector<int64_t>{-3, 0, 24, 87}));
+}
+
+TEST(FrameNumbers, ARangeThatRunsBackwardsIsToldTheForwardOne) {
+  for (const auto& [text, forward] :
+       std::vector<std::pair<std::string, std::string>>{{"5-4", "4-5"},
+                                                        {"200-100x2", "100-200x2"},
+                                                        {"200-100x-1", "100-200"},
+                                                        {"-5--10", "-10--5"},
+                                                        {"2--2", "-2-2"},
+                                                        {"1-3,9-7", "7-9"}}) {
+    const absl::Status status = parse_number_ranges("--range", text).status();
+    EXPECT_TRUE(is_usage_error(status)) << text;
+    EXPECT_EQ(message(status), "--range is \"" + text +
+                                   "\", which runs backwards; frames are rendered in the order of their "
+                                   "numbers, so give " +
+                                   forward);
+  }
 }
 
 TEST(FrameNumbers, RangesChooseEachNumberOnceAndNotTooMany) {
-  EXPECT_EQ(*numbers_in({{3, 9, 3}, {1, 4, 1}}, 0), (std::vector<uint64_t>{1, 2, 3, 4, 6, 9}));
-  EXPECT_EQ(*numbers_in({{3, kLargestFrameNumber, 2}}, 8), (std::vector<uint64_t>{3, 5, 7}));
-  EXPECT_EQ(numbers_in({{1, kMostNumbers, 1}}, 0)->size(), kMostNumbers);
-  EXPECT_EQ(numbers_in({{0, kMostNumbers, 1}}, 0).status().code(), absl::StatusCode::kResourceExhausted);
-  const std::vector<NumberRange> huge(1000, {0, kLargestFrameNumber - 1, 1});
+  EXPECT_EQ(*numbers_in({{3, 9, 3}, {1, 4, 1}}, 0), (std::vector<int64_t>{1, 2, 3, 4, 6, 9}));
+  EXPECT_EQ(*numbers_in({{-2, 2, 2}, {-3, -2, 1}}, 0), (std::vector<int64_t>{-3, -2, 0, 2}));
+  EXPECT_EQ(*numbers_in({{3, kLargestFrameNumber, 2}}, 8), (std::vector<int64_t>{3, 5, 7}));
+  EXPECT_EQ(*numbers_in({{-3, kLargestFrameNumber, 1}}, -2), (std::vector<int64_t>{-3, -2}));
+  EXPECT_EQ(numbers_in({{1, int64_t{kMostNumbers}, 1}}, 0)->size(), kMostNumbers);
+  EXPECT_EQ(numbers_in({{0, int64_t{kMostNumbers}, 1}}, 0).status().code(),
+            absl::StatusCode::kResourceExhausted);
+  const std::vector<NumberRange> huge(1000, {-kLargestFrameNumber, kLargestFrameNumber - 1, 1});
   EXPECT_EQ(numbers_in(huge, 0).status().code(), absl::StatusCode::kResourceExhausted);
 }
 
@@ -63,6 +93,8 @@ TEST(FrameNumbers, NumbersAreSaidAsRangesAndSteps) {
   EXPECT_EQ(to_text(ranges_of({4, 10}), ", "), "4, 10");
   EXPECT_EQ(to_text(ranges_of({2, 4, 6, 8, 20, 21})), "2-8x2,20-21");
   EXPECT_EQ(to_text(ranges_of({1, 2, 4, 6, 8})), "1-2,4-8x2");
+  EXPECT_EQ(to_text(ranges_of({-10, -9, -8, -1, 0, 1, 5})), "-10--8,-1-1,5");
+  EXPECT_EQ(to_text(ranges_of({-4, -2, 0, 2})), "-4-2x2");
   EXPECT_EQ(to_text(std::vector<NumberRange>()), "");
   EXPECT_EQ(to_text({{1, 1, 1}, {5, 9, 1}, {20, 21, 1}}, ", ", 1), "1 and 7 more");
   EXPECT_EQ(count_of({{1, 9, 2}, {20, 21, 1}}), 7u);
@@ -126,8 +158,47 @@ TEST(NamePattern, TheNumberIsFoundInAnySpelling) {
   }
   EXPECT_EQ((NamePattern{"f.", ".exr", 4}.path(12)), "f.0012.exr");
   EXPECT_EQ((NamePattern{"f.", ".exr", 4}.path(12345)), "f.12345.exr");
+  EXPECT_EQ((NamePattern{"f.", ".exr", 4}.path(-5)), "f.-005.exr") << "as printf writes it";
+  EXPECT_EQ((NamePattern{"f.", ".exr", 4}.path(-12345)), "f.-12345.exr");
+  EXPECT_EQ((NamePattern{"f.", ".exr", 1}.path(-5)), "f.-5.exr");
+  EXPECT_EQ((NamePattern{"f.", ".exr", 4, true}.path(-5)), "f.-0005.exr");
   EXPECT_EQ((NamePattern{"f.", ".exr", 4}.text()), "f.%04d.exr");
   EXPECT_EQ((NamePattern{"f.", ".exr", 1}.text()), "f.%d.exr");
+}
+
+TEST(NamePattern, AMinusIsASignOnlyWhereANumberBegins) {
+  const auto number = [](const std::string& before, const std::string& digits) {
+    return number_between(before + digits + ".exr", before.size(), 4);
+  };
+  for (const char* before : {"f.", "f_", "", "in/", "in/f.", "a.b_"}) {
+    EXPECT_EQ(number(before, "-005"), -5) << before;
+    EXPECT_EQ(number(before, "-0005"), -5) << before;
+    EXPECT_EQ(number(before, "-5"), -5) << before;
+    EXPECT_EQ(number(before, "-000"), 0) << before;
+    EXPECT_EQ(number(before, "005"), 5) << before;
+    EXPECT_EQ(number(before, "--5"), std::nullopt) << before;
+    EXPECT_EQ(number(before, "-"), std::nullopt) << before;
+    EXPECT_EQ(number(before, "-1234567890123"), std::nullopt) << before;
+    EXPECT_EQ(number(before, "-123456789012"), -123456789012) << before;
+    EXPECT_TRUE((NamePattern{before, ".exr", 4}.keeps_sign())) << before;
+  }
+  for (const char* before : {"f", "shot-", "in/f", "2", "f "}) {
+    EXPECT_EQ(number(before, "-005"), std::nullopt) << before;
+    EXPECT_EQ(number(before, "005"), 5) << before;
+    EXPECT_FALSE((NamePattern{before, ".exr", 4}.keeps_sign())) << before;
+  }
+}
+
+TEST(NaturalOrder, NumbersBelow0ComeBeforeTheOthers) {
+  const std::vector<std::string> ordered{"-2.exr",     "-1.exr",   "0.exr",      "1.exr",    "a-1.exr",
+                                         "a-2.exr",    "a-10.exr", "f.-10.exr",  "f.-9.exr", "f.-009_2.exr",
+                                         "f.-1_x.exr", "f.0.exr",  "f.2.exr",    "f.10.exr", "f.a.exr",
+                                         "f_-3.exr",   "f_-2.exr", "f_0_-1.exr", "f_0_0.exr"};
+  for (size_t i = 0; i < ordered.size(); ++i) {
+    for (size_t j = 0; j < ordered.size(); ++j) {
+      EXPECT_EQ(natural_less(ordered[i], ordered[j]), i < j) << ordered[i] << " " << ordered[j];
+    }
+  }
 }
 
 class SequenceTest : public ::testing::Test {
@@ -145,14 +216,14 @@ class SequenceTest : public ::testing::Test {
     return find_sequence(choice);
   }
 
-  static std::vector<uint64_t> numbers(const absl::StatusOr<Sequence>& sequence) {
-    std::vector<uint64_t> numbers;
+  static std::vector<int64_t> numbers(const absl::StatusOr<Sequence>& sequence) {
+    std::vector<int64_t> numbers;
     if (!sequence.ok()) return numbers;
     for (const SequenceFrame& frame : sequence->frames) numbers.push_back(frame.number);
     return numbers;
   }
 
-  using Numbers = std::vector<uint64_t>;
+  using Numbers = std::vector<int64_t>;
   const TemporaryFolder folder_;
 };
 
@@ -171,7 +242,7 @@ TEST_F(SequenceTest, NumbersComeFromTheNamesByEveryInput) {
     const auto sequence = find(inputs);
     ASSERT_TRUE(sequence.ok()) << sequence.status();
     EXPECT_EQ(numbers(sequence), (Numbers{99, 100, 101})) << inputs.front();
-    EXPECT_EQ(sequence->zero, 99u);
+    EXPECT_EQ(sequence->zero, 99);
     EXPECT_EQ(sequence->session_number(2), 2u);
     EXPECT_EQ(sequence->index_of(2), 2u);
     EXPECT_EQ(sequence->media_time_ns(101, {10, 1}), 200'000'000);
@@ -218,7 +289,10 @@ TEST_F(SequenceTest, AFileWithAPatternsOwnNameIsJustThatFile) {
 }
 
 TEST_F(SequenceTest, TwoFilesWithOneNumberAreRefused) {
-  make({"in/f1.exr", "in/f001.exr", "in/f002.exr"});
+  make({"in/f1.exr", "in/f001.exr", "in/f002.exr", "signed/f.-1.exr", "signed/f.-01.exr", "zero/f.-0.exr",
+        "zero/f.0.exr"});
+  EXPECT_NE(message(find({"signed"}).status()).find("are both frame -1;"), std::string::npos);
+  EXPECT_NE(message(find({"zero"}).status()).find("are both frame 0;"), std::string::npos);
   const absl::Status status = find({"in/f%d.exr"}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_NE(message(status).find("are both frame 1;"), std::string::npos) << status;
@@ -242,7 +316,7 @@ TEST_F(SequenceTest, AGapIsKeptAsTimeOrFilled) {
   EXPECT_EQ(numbers(skipped), (Numbers{3, 5, 8}));
   EXPECT_EQ(skipped->missing, (std::vector<NumberRange>{{4, 4, 1}, {6, 7, 1}}));
   EXPECT_EQ(skipped->media_time_ns(8, {1, 1}), 5'000'000'000);
-  EXPECT_EQ(skipped->images(), 3u);
+  EXPECT_EQ(skipped->frames[2].place, 2u);
   ASSERT_EQ(skipped->notes.size(), 1u);
   EXPECT_NE(skipped->notes[0].find("frames 4, 6-7 are missing"), std::string::npos) << skipped->notes[0];
 
@@ -251,7 +325,7 @@ TEST_F(SequenceTest, AGapIsKeptAsTimeOrFilled) {
   EXPECT_EQ(held->frames[0].holds, (Numbers{4}));
   EXPECT_EQ(held->frames[1].holds, (Numbers{6, 7}));
   EXPECT_EQ(held->frames[2].place, 5u);
-  EXPECT_EQ(held->images(), 6u);
+  EXPECT_EQ(held->frames[2].holds, Numbers());
   EXPECT_EQ(held->session_number(2), skipped->session_number(2)) << "later frames are the same ones";
 }
 
@@ -263,7 +337,7 @@ TEST_F(SequenceTest, ARangeChoosesAndKeepsTheTimeOfTheWhole) {
   EXPECT_TRUE(odd->missing.empty()) << "steps are no gaps";
   const auto part = find({"in"}, {.range = {{2, 3, 1}}});
   EXPECT_EQ(numbers(part), (Numbers{2, 3}));
-  EXPECT_EQ(part->zero, 1u);
+  EXPECT_EQ(part->zero, 1);
   EXPECT_EQ(part->session_number(0), 1u);
   EXPECT_EQ(part->media_time_ns(2, {1, 1}), 1'000'000'000);
   EXPECT_EQ(numbers(find({"in"}, {.range = {{5, kLargestFrameNumber, 2}}})), (Numbers{5, 7}));
@@ -287,6 +361,133 @@ TEST_F(SequenceTest, TheFirstChosenFrameCannotRepeatAnother) {
   EXPECT_EQ(numbers(find({"in"}, {.range = {{2, 5, 1}}, .missing = MissingFrames::kSkip})), (Numbers{3, 5}));
   const auto after = find({"in"}, {.range = {{3, 7, 1}}, .missing = MissingFrames::kHold});
   EXPECT_EQ(after->frames[1].holds, (Numbers{6, 7})) << "the last frame is held to the range's end";
+}
+
+TEST_F(SequenceTest, AHoldLooksBackOverTheRangesStart) {
+  make({"in/f.03.exr", "in/f.05.exr", "in/f.08.exr"});
+  const auto hold = MissingFrames::kHold;
+  const auto part = find({"in"}, {.range = {{4, 7, 1}}, .missing = hold});
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_EQ(numbers(part), (Numbers{5}));
+  EXPECT_EQ(part->holds_before, (Numbers{4}));
+  EXPECT_EQ(part->frames[0].place, 1u);
+  EXPECT_EQ(part->frames[0].holds, (Numbers{6, 7}));
+  EXPECT_EQ(part->files.size(), 3u) << "what may be repeated";
+  for (const NumberRange range : {NumberRange{6, 7, 1}, NumberRange{9, 10, 1}}) {
+    const auto only = find({"in"}, {.range = {range}, .missing = hold});
+    ASSERT_TRUE(only.ok()) << only.status();
+    EXPECT_EQ(numbers(only), Numbers());
+    EXPECT_EQ(only->holds_before, (Numbers{range.first, range.last}));
+    EXPECT_EQ(only->first(), range.first);
+    EXPECT_EQ(only->last(), range.last);
+  }
+  for (const NumberRange range : {NumberRange{9, kLargestFrameNumber, 1}, NumberRange{1, 2, 1}}) {
+    EXPECT_NE(
+        message(find({"in"}, {.range = {range}, .missing = hold}).status()).find("there is no such frame"),
+        std::string::npos);
+  }
+  EXPECT_NE(message(find({"in"}, {.range = {{4, 5, 1}}, .missing = hold, .zero = 5}).status())
+                .find("frame 4 comes before frame 5"),
+            std::string::npos);
+}
+
+TEST_F(SequenceTest, NegativeNumbersPlayInTheirOrderByEveryInput) {
+  make({"in/f.-010.exr", "in/f.-009.exr", "in/f.-001.exr", "in/f.0000.exr", "in/f.0002.exr"});
+  for (const char* input :
+       {"in", "in/*.exr", "in/f.%04d.exr", "in/f.%d.exr", "in/f.####.exr", "in/f.@@@@.exr"}) {
+    const auto sequence = find({input}, {.missing = MissingFrames::kHold});
+    ASSERT_TRUE(sequence.ok()) << sequence.status();
+    EXPECT_EQ(numbers(sequence), (Numbers{-10, -9, -1, 0, 2})) << input;
+    EXPECT_EQ(sequence->missing, (std::vector<NumberRange>{{-8, -2, 1}, {1, 1, 1}}));
+    EXPECT_EQ(sequence->frames[1].holds.front(), -8);
+    EXPECT_EQ(sequence->zero, -10);
+    EXPECT_EQ(sequence->session_number(2), 9u) << "the wire counts from 0";
+    EXPECT_EQ(sequence->index_of(9), 2u);
+    EXPECT_EQ(sequence->media_time_ns(2, {1, 1}), 12'000'000'000);
+    EXPECT_EQ(std::filesystem::path(sequence->names->path(-7)).filename(), "f.-007.exr");
+    EXPECT_EQ(std::filesystem::path(sequence->names->path(7)).filename(), "f.0007.exr");
+  }
+  EXPECT_EQ(numbers(find({"in"}, {.range = {{-10, -9, 1}}})), (Numbers{-10, -9}));
+  EXPECT_EQ(numbers(find({"in"}, {.range = {{-1, kLargestFrameNumber, 1}}, .missing = MissingFrames::kSkip})),
+            (Numbers{-1, 0, 2}));
+  EXPECT_NE(message(find({"in"}, {.range = {{-30, -20, 1}}}).status())
+                .find("--range -30--20: there is no such frame; there are frames -10 to 2"),
+            std::string::npos);
+}
+
+TEST_F(SequenceTest, AnyWidthOfANegativeNumberIsReadAndOthersAreNamedLikeIt) {
+  for (const auto& [names, named] :
+       std::vector<std::pair<std::vector<std::string>, std::string>>{{{"-5", "-3"}, "-4"},
+                                                                     {{"-05", "-03"}, "-04"},
+                                                                     {{"-0005", "-0003"}, "-0004"},
+                                                                     {{"-0005", "0003"}, "-0004"},
+                                                                     {{"-005", "0003"}, "-004"},
+                                                                     {{"-5", "3"}, "-4"},
+                                                                     {{"-10", "3"}, "-4"},
+                                                                     {{"-05", "-0003"}, "-04"}}) {
+    for (const char* before : {"f.", "f_", ""}) {
+      std::filesystem::remove_all(folder_.path("in"));
+      make({"in/" + (before + names[0]) + ".exr", "in/" + (before + names[1]) + ".exr"});
+      const auto sequence = find({"in"}, {.missing = MissingFrames::kSkip});
+      ASSERT_TRUE(sequence.ok()) << sequence.status();
+      EXPECT_EQ(sequence->first(), std::stoi(names[0]));
+      EXPECT_EQ(sequence->last(), std::stoi(names[1]));
+      EXPECT_EQ(std::filesystem::path(sequence->names->path(-4)).filename(), before + named + ".exr");
+    }
+  }
+}
+
+TEST_F(SequenceTest, ElsewhereAMinusSeparates) {
+  make({"a/shot-1001.exr", "a/shot-1002.exr", "b/f.-03.exr", "b/f.-04.exr", "b/f.05.exr", "c/x--1.exr",
+        "c/x--2.exr", "d/f.-0.exr", "d/f.1.exr", "e/2024-01-05.exr", "e/2024-01-06.exr"});
+  EXPECT_EQ(numbers(find({"a"})), (Numbers{1001, 1002}));
+  EXPECT_EQ(numbers(find({"a/shot-%04d.exr"})), (Numbers{1001, 1002}));
+  EXPECT_EQ(find({"a/shot%04d.exr"}).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(numbers(find({"b/f.-%02d.exr"})), (Numbers{-4, -3})) << "the pattern's own minus is a sign, too";
+  EXPECT_EQ(numbers(find({"b/f.-*.exr"})), (Numbers{-4, -3}));
+  EXPECT_EQ(numbers(find({"c"})), (Numbers{1, 2}));
+  EXPECT_EQ(numbers(find({"d"})), (Numbers{0, 1})) << "-0 is 0";
+  EXPECT_EQ(numbers(find({"e"})), (Numbers{5, 6}));
+}
+
+TEST_F(SequenceTest, HiddenFilesAndNamesThatDoNotFitAreLeftOutAndCounted) {
+  make({"in/f.-1.exr", "in/f.0.exr", "in/f.1.exr", "in/f-1.exr", "in/._f.-1.exr", "in/._f.0.exr",
+        "in/.f.2.exr", "in/notes.txt", "one/f.1.exr", "one/f.2.exr", "one/chart.exr", "one/._f.1.exr"});
+  const auto sequence = find({"in"});
+  ASSERT_TRUE(sequence.ok()) << sequence.status();
+  EXPECT_EQ(numbers(sequence), (Numbers{-1, 0, 1}));
+  EXPECT_EQ(sequence->zero, -1);
+  const std::string in = folder_.path("in/"), one = folder_.path("one/");
+  EXPECT_EQ(sequence->notes, std::vector<std::string>{"left out: 3 hidden files (" + in +
+                                                      "._f.-1.exr ...), and 1 file whose name does not fit " +
+                                                      in + "f.%d.exr (" + in + "f-1.exr)"});
+  const auto other = find({"one"});
+  EXPECT_EQ(numbers(other), (Numbers{1, 2}));
+  EXPECT_EQ(other->notes, std::vector<std::string>{"left out: 1 hidden file (" + one +
+                                                   "._f.1.exr), and 1 file whose name does not fit " + one +
+                                                   "f.%d.exr (" + one + "chart.exr)"});
+  EXPECT_EQ(find({"one/*.exr"})->notes.size(), 1u)
+      << "a pattern of the shell's kind hides hidden files itself";
+  EXPECT_EQ(find({"one/f.%d.exr"})->notes.size(), 0u) << "what the user did not ask for is not left out";
+  EXPECT_EQ(numbers(find({"in/.f.2.exr"})), (Numbers{2})) << "a file that is named is taken";
+}
+
+TEST_F(SequenceTest, OnlyHiddenFilesAreNoSequence) {
+  make({"in/._f.1.exr", "in/._f.2.exr"});
+  const absl::Status status = find({"in"}).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_NE(message(status).find("no .exr, .hdr or .pfm file but 2 hidden files"), std::string::npos)
+      << status;
+}
+
+TEST_F(SequenceTest, NamesThatFitNoSequenceByHalfAreStills) {
+  make({"two/a.1.exr", "two/a.2.exr", "two/b.1.exr", "two/b.2.exr", "few/a.1.exr", "few/a.2.exr", "few/b.exr",
+        "few/c.exr", "few/d.exr", "half/a.1.exr", "half/a.2.exr", "half/b.exr", "half/c.exr", "long/f.1.exr",
+        "long/f.2.exr", "long/f.1234567890123.exr"});
+  EXPECT_EQ(numbers(find({"two"})), (Numbers{0, 1, 2, 3}));
+  EXPECT_EQ(numbers(find({"few"})), (Numbers{0, 1, 2, 3, 4}));
+  EXPECT_EQ(numbers(find({"half"})), (Numbers{1, 2}));
+  EXPECT_EQ(numbers(find({"long"})), (Numbers{1, 2})) << "13 digits are no number of a frame";
 }
 
 TEST_F(SequenceTest, ASequenceOnTwosIsToldItsRange) {
@@ -331,6 +532,13 @@ TEST_F(SequenceTest, CutsAreNumbersOfTheNames) {
             std::string::npos);
   EXPECT_EQ(cuts(find({"in"}, {.missing = skip, .cuts = {5, 14, 87}, .zero = 1})), (Numbers{14}))
       << "a part of the files of a session that is continued";
+  EXPECT_EQ(cuts(find({"in"}, {.range = {{13, 14, 1}}, .cuts = {12}, .zero = 10})), Numbers());
+  EXPECT_EQ(cuts(find({"in"}, {.range = {{13, 14, 1}}, .cuts = {11, 12}, .zero = 10, .after = 11})),
+            (Numbers{13}))
+      << "the part before ended before the missing frame that begins the scene";
+  EXPECT_TRUE(find({"in"}, {.range = {{10, 12, 1}}, .missing = skip, .cuts = {12}})->cut_after)
+      << "the next part begins with it";
+  EXPECT_FALSE(find({"in"}, {.range = {{10, 11, 1}}, .missing = skip, .cuts = {12, 13}})->cut_after);
   EXPECT_NE(message(find({"in"}, {.missing = skip, .cuts = {5}, .zero = 8}).status()).find("--cut-at 5"),
             std::string::npos)
       << "no part of it has this frame";
@@ -362,6 +570,8 @@ TEST(OutputNames, ANumberIsWrittenInAnySpelling) {
     ASSERT_TRUE(names.ok()) << names.status();
     EXPECT_FALSE(names->is_folder());
     EXPECT_EQ(names->path(12, "in/a.exr"), path);
+    EXPECT_EQ(names->path(-12, ""),
+              absl::StrReplaceAll(path, {{"0012", "-012"}, {"012", "-12"}, {"12", "-12"}}));
     EXPECT_EQ(names->extension(), ".png");
   }
   for (const char* folder : {"out", "shot#3", "renders@home"}) {
@@ -370,6 +580,8 @@ TEST(OutputNames, ANumberIsWrittenInAnySpelling) {
     EXPECT_TRUE(names->is_folder());
     EXPECT_EQ(names->path(12, "in/frame.0007.exr"), std::string(folder) + "/frame.0007.png");
     EXPECT_EQ(names->path(12, ""), std::string(folder) + "/0012.png");
+    EXPECT_EQ(names->path(-12, ""), std::string(folder) + "/-012.png");
+    EXPECT_TRUE(names->keeps_sign());
   }
   EXPECT_TRUE(is_usage_error(OutputNames::parse("out/one.png", ".png").status()));
   EXPECT_TRUE(is_usage_error(OutputNames::parse("out/#-#.png", ".png").status()));

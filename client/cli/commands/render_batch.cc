@@ -188,27 +188,27 @@ class Reporter {
 
 // The files that one input names. A path without a pattern stays, even if nothing is there: that image fails
 // by itself.
-absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
+absl::StatusOr<FoundFiles> files_of(const std::string& input) {
   std::error_code failed;
   const bool pattern = input.find_first_of("*?[%#@") != std::string::npos;
   const bool there = std::filesystem::exists(input, failed);
-  if (there ? !std::filesystem::is_directory(input, failed) : !pattern)
-    return std::vector<std::string>{input};
+  if (there ? !std::filesystem::is_directory(input, failed) : !pattern) return FoundFiles{{input}, {}};
   return find_frames({input});
 }
 
 }  // namespace
 
-absl::StatusOr<std::vector<RenderJob>> render_jobs(const RenderOptions& options) {
-  if (options.extension.empty()) return std::vector<RenderJob>{{options.inputs.front(), options.output}};
+absl::StatusOr<RenderPlan> plan_render(const RenderOptions& options) {
+  if (options.extension.empty()) return RenderPlan{{{options.inputs.front(), options.output}}, {}};
   const std::filesystem::path folder(options.output);
-  std::vector<RenderJob> jobs;
+  RenderPlan plan;
   std::set<std::string> inputs;
   std::map<std::string, std::string> outputs;  // and what becomes them
   for (const std::string& input : options.inputs) {
-    const absl::StatusOr<std::vector<std::string>> files = files_of(input);
+    const absl::StatusOr<FoundFiles> files = files_of(input);
     if (!files.ok()) return input_failure(files.status(), input);
-    for (const std::string& file : *files) {
+    plan.hidden.insert(plan.hidden.end(), files->hidden.begin(), files->hidden.end());
+    for (const std::string& file : files->paths) {
       if (!inputs.insert(std::filesystem::path(file).lexically_normal().string()).second) continue;
       const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);
       const auto [other, fresh] = outputs.emplace(output, file);
@@ -216,10 +216,10 @@ absl::StatusOr<std::vector<RenderJob>> render_jobs(const RenderOptions& options)
         return usage_error(absl::StrFormat("%s and %s would both become %s; render one of them apart",
                                            other->second, file, output));
       }
-      jobs.push_back({file, output});
+      plan.jobs.push_back({file, output});
     }
   }
-  return jobs;
+  return plan;
 }
 
 absl::Status render_batch(const RenderOptions& options, const std::vector<RenderJob>& jobs,

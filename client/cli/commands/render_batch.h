@@ -20,10 +20,15 @@ struct RenderJob {
   std::string output;
 };
 
+struct RenderPlan {
+  std::vector<RenderJob> jobs;
+  std::vector<std::string> hidden;  // files of folders that are left out
+};
+
 // The images that the options name, in the order of the inputs; those of a pattern or a folder are in natural
 // order. A file that is named twice is rendered once. INVALID_ARGUMENT if two images would get one name,
 // NOT_FOUND if a pattern matches nothing.
-absl::StatusOr<std::vector<RenderJob>> render_jobs(const RenderOptions& options);
+absl::StatusOr<RenderPlan> plan_render(const RenderOptions& options);
 
 // Renders one image. Several threads call it at once.
 using RenderOne = std::function<absl::StatusOr<RenderReport>(const RenderJob& job)>;

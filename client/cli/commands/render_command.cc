@@ -22,6 +22,7 @@
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
+#include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/option_words.h"
 #include "client/color/view_error.h"
@@ -368,14 +369,16 @@ absl::Status render_folder(const RenderOptions& options, const std::vector<Rende
 }  // namespace
 
 absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
-  const absl::StatusOr<std::vector<RenderJob>> jobs = render_jobs(options);
-  if (!jobs.ok()) return jobs.status();
-  if (absl::Status status = prepare_outputs(options, *jobs); !status.ok()) return status;
+  const absl::StatusOr<RenderPlan> plan = plan_render(options);
+  if (!plan.ok()) return plan.status();
+  const std::vector<RenderJob>& jobs = plan->jobs;
+  if (absl::Status status = prepare_outputs(options, jobs); !status.ok()) return status;
   if (absl::Status status = json.open(); !status.ok()) return status;
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  return options.extension.empty() ? render_one(options, jobs->front(), json, progress)
-                                   : render_folder(options, *jobs, json, progress);
+  if (!plan->hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(plan->hidden));
+  return options.extension.empty() ? render_one(options, jobs.front(), json, progress)
+                                   : render_folder(options, jobs, json, progress);
 }
 
 }  // namespace candela

@@ -42,6 +42,7 @@ absl::StatusOr<SequenceChoice> ShotExposures::choice() const {
   }
   choice.rate = rate();
   choice.zero = read_->zero;
+  choice.after = after();
   return choice;
 }
 
@@ -68,7 +69,7 @@ absl::StatusOr<std::vector<std::string>> ShotExposures::check(const Sequence& se
 }
 
 absl::Status ShotExposures::check_after_state(const Sequence& sequence) const {
-  const uint64_t last = read_->state.sequence();
+  const int64_t last = read_->last();
   if (sequence.first() > last) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrFormat("%s ends after frame %d and the first frame here is %d; begin later, with --range %d-",
@@ -77,24 +78,26 @@ absl::Status ShotExposures::check_after_state(const Sequence& sequence) const {
 
 std::optional<v1::SessionState> ShotExposures::state() const {
   if (options_.state.empty()) return std::nullopt;
-  v1::SessionState state = read_->state;
-  state.set_sequence(state.sequence() - read_->zero);
-  return state;
+  return read_->state;
+}
+
+std::optional<int64_t> ShotExposures::after() const {
+  if (options_.state.empty()) return std::nullopt;
+  return read_->last();
 }
 
 absl::Status ShotExposures::save(const Sequence& sequence, FrameRate rate,
                                  const std::vector<ExposedFrame>& frames,
                                  const v1::SessionState& state) const {
   const v1::Exposure& settings = options_.settings.exposure();
-  ExposureFile saved{.rate = rate,
-                     .zero = sequence.zero,
-                     .settings = settings,
-                     .lookahead = options_.lookahead,
-                     .cut_threshold_ev = options_.cut_threshold_ev,
-                     .frames = frames,
-                     .locked = locked_exposure(settings, frames),
-                     .state = state};
-  saved.state.set_sequence(state.sequence() + sequence.zero);
+  const ExposureFile saved{.rate = rate,
+                           .zero = sequence.zero,
+                           .settings = settings,
+                           .lookahead = options_.lookahead,
+                           .cut_threshold_ev = options_.cut_threshold_ev,
+                           .frames = frames,
+                           .locked = locked_exposure(settings, frames),
+                           .state = state};
   absl::StatusOr<AtomicFile> file = AtomicFile::create(options_.save_exposures);
   if (!file.ok()) return file.status();
   const std::string text = to_text(saved);

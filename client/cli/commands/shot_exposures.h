@@ -37,6 +37,9 @@ class ShotExposures {
   // The state that the session continues after.
   std::optional<v1::SessionState> state() const;
 
+  // The frame of that state.
+  std::optional<int64_t> after() const;
+
   // True if the exposures are saved. Then the session returns its states.
   // Makes the folder of the file to save, and fails if it cannot be written. Call it after the outputs are
   // checked.

@@ -1,7 +1,5 @@
 #include <OpenEXR/ImfThreading.h>
 
-#include <iterator>
-#include <map>
 #include <optional>
 #include <set>
 #include <thread>
@@ -15,10 +13,12 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
+#include "client/cli/commands/held_images.h"
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/shot_exposures.h"
 #include "client/cli/commands/stream_images.h"
+#include "client/cli/commands/stream_plan.h"
 #include "client/cli/commands/stream_report.h"
 #include "client/cli/files/frame_feeder.h"
 #include "client/cli/files/frame_files.h"
@@ -26,41 +26,14 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence.h"
-#include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/option_words.h"
-#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
 
 constexpr size_t kReadAhead = 2;
 constexpr size_t kMostNotes = 5;
-
-// An image of the sequence and its file.
-struct NamedImage {
-  uint64_t number = 0;
-  std::string input;
-  std::string output;
-};
-
-// All images in order, held ones included. `first` numbers them; without it they have their frames' numbers.
-// Without names nothing is written, and no outputs are named.
-std::vector<NamedImage> named_images(const Sequence& sequence, const std::optional<OutputNames>& names,
-                                     const std::optional<uint64_t>& first) {
-  std::vector<NamedImage> images;
-  const auto add = [&](uint64_t number, const std::string& input, const std::string& name) {
-    const uint64_t counted = first ? *first + images.size() : number;
-    images.push_back({number, input, names ? names->path(counted, name) : ""});
-  };
-  for (const SequenceFrame& frame : sequence.frames) {
-    add(frame.number, frame.path, frame.path);
-    for (const uint64_t held : frame.holds) {
-      add(held, frame.path, sequence.names ? sequence.names->path(held) : "");
-    }
-  }
-  return images;
-}
 
 std::vector<std::string> paths_of(const Sequence& sequence) {
   std::vector<std::string> paths;
@@ -79,7 +52,8 @@ class Streaming {
         named_(named),
         progress_(progress),
         link_(options.server, options.quiet),
-        images_(options.write, options.quiet, json, progress, summary_) {}
+        images_(options.write, options.quiet, json, progress, summary_),
+        held_(options, shot, sequence, link_, images_, summary_) {}
 
   absl::StatusOr<StreamSummary> run() {
     summary_.frames = sequence_.frames.size();
@@ -90,10 +64,9 @@ class Streaming {
     if (absl::Status status = prepare(session.settings); !status.ok()) return status;
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
-    progress_.show("reading " + sequence_.frames.front().path);
-    FrameReader reader(paths_of(sequence_),
-                       {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                       kReadAhead, options_.shown);
+    const ImageLimits files{.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()};
+    progress_.show("reading " + named_.front().input);
+    FrameReader reader(paths_of(sequence_), files, kReadAhead, options_.shown);
     FrameFeeder feeder(sequence_,
                        {.settings = options_.settings,
                         .timeout = options_.timeout,
@@ -107,15 +80,18 @@ class Streaming {
     if (!first.ok()) return failure_of(FailureKind::kInput, first.status());
     summary_.rate = feeder.rate();
     if (shot_.fixes_rate()) summary_.rate.from = "exposures";
-    absl::Status status;
-    if (*first != nullptr) {
-      status = stream(**first, std::move(session), feeder);
-    }
-    status.Update(add_skipped(feeder, sequence_.frames.size()));
+    session = session_options(std::move(session.settings));
+    held_.begin(session, files, feeder);
+    absl::Status status = repeat_each(sequence_.holds_before.size(), 0);
+    // Files at the beginning that could not be read.
+    if (status.ok()) status = add_skipped(feeder, sequence_.frames.size());
+    if (status.ok() && *first != nullptr) status = stream(**first, std::move(session), feeder);
+    if (status.ok()) status = add_skipped(feeder, sequence_.frames.size());
     status.Update(images_.finish());
     status.Update(feeder.status());
     if (!status.ok()) return status;
-    if (summary_.written == 0) {
+    if (sequence_.cut_after) summary_.state.set_cut_pending(true);
+    if (summary_.written + summary_.held == 0) {
       return failure_of(
           summary_.skipped_for.value_or(FailureKind::kOther),
           absl::InvalidArgumentError(absl::StrFormat(
@@ -140,9 +116,9 @@ class Streaming {
     return link_.check_tier(settings.tier());
   }
 
-  absl::Status stream(const Image& first, SessionOptions options, FrameFeeder& feeder) {
-    options.settings = settings_for(first, std::move(options.settings));
-    settings_ = options.settings;
+  SessionOptions session_options(v1::Settings settings) const {
+    SessionOptions options;
+    options.settings = std::move(settings);
     options.name = options_.session;
     options.lookahead = options_.lookahead;
     options.cut_threshold_ev = options_.cut_threshold_ev;
@@ -150,6 +126,12 @@ class Streaming {
     options.state = shot_.state();
     options.return_state = shot_.saved();
     options.jpeg_quality = static_cast<uint32_t>(options_.write.jpeg_quality);
+    return options;
+  }
+
+  absl::Status stream(const Image& first, SessionOptions options, FrameFeeder& feeder) {
+    options.settings = settings_for(first, std::move(options.settings));
+    settings_ = options.settings;
     progress_.show("opening a session");
     absl::StatusOr<Session> session = link_.open_session(options);
     if (!session.ok()) return in_options(session.status(), options_.settings);
@@ -204,7 +186,11 @@ class Streaming {
                               .mean_log2_luminance = frame.header.statistics().mean_log2_luminance(),
                               .cut = frame.header.cut()});
     summary_.state = frame.header.state();
-    return images_.write(std::move(frame), std::move(result.image), facts, holds_of(index));
+    held_.has_image(frame.number, frame.input);
+    if (absl::Status status = images_.write(std::move(frame), std::move(result.image), facts); !status.ok()) {
+      return status;
+    }
+    return repeat_after(index);
   }
 
   // Once a session, because the numbers are others for each frame.
@@ -219,10 +205,35 @@ class Streaming {
     say_once(said_held_, held_words(frame.header.target(), frame.header.target_before_limits()));
   }
 
-  // A frame without an image. If it should have begun a scene, the next frame begins it, as on the server.
+  // A frame without an image of its own. If it should have begun a scene, the next frame begins it, as on the
+  // server.
   absl::Status skip(size_t index, StreamFrame frame) {
     if (sequence_.frames[index].cut) summary_.state.set_cut_pending(true);
-    return images_.skip(std::move(frame), holds_of(index));
+    const int64_t number = frame.number;
+    absl::Status status = holds() ? held_.repeat(std::move(frame)) : images_.skip(std::move(frame));
+    held_.has_none(number);
+    return status.ok() ? repeat_after(index) : status;
+  }
+
+  // Whether frames without an image get that of the file before.
+  bool holds() const {
+    return options_.sequence.missing == MissingFrames::kHold && options_.encoding != v1::ENCODING_NONE;
+  }
+
+  absl::Status repeat_after(size_t index) {
+    const SequenceFrame& file = sequence_.frames[index];
+    return repeat_each(file.holds.size(), file.place + 1);
+  }
+
+  // `count` missing numbers, whose images begin at this place.
+  absl::Status repeat_each(uint64_t count, uint64_t place) {
+    absl::Status status;
+    for (uint64_t i = 0; i < count && status.ok() && holds(); ++i) {
+      StreamFrame frame = image_at(place + i);
+      frame.missing = true;
+      status = held_.repeat(std::move(frame));
+    }
+    return status;
   }
 
   // The image at this place in the sequence.
@@ -238,24 +249,12 @@ class Streaming {
 
   StreamFrame frame_of(size_t index) const { return image_at(sequence_.frames[index].place); }
 
-  // The missing frames that repeat the frame's image, if images are made.
-  std::vector<StreamFrame> holds_of(size_t index) const {
-    std::vector<StreamFrame> holds;
-    if (options_.encoding == v1::ENCODING_NONE) return holds;
-    const SequenceFrame& file = sequence_.frames[index];
-    for (uint64_t i = 1; i <= file.holds.size(); ++i) {
-      holds.push_back(image_at(file.place + i));
-      holds.back().held = true;
-    }
-    return holds;
-  }
-
   absl::Status add_skipped(FrameFeeder& feeder, uint64_t before) {
     absl::Status status;
     for (auto& [index, why] : feeder.take_skipped(before)) {
       StreamFrame frame = frame_of(index);
       frame.status = std::move(why);
-      status.Update(skip(index, std::move(frame)));
+      if (status.ok()) status = skip(index, std::move(frame));
     }
     return status;
   }
@@ -287,6 +286,7 @@ class Streaming {
   ServerLink link_;
   StreamSummary summary_;
   StreamImages images_;
+  HeldImages held_;
   absl::Time begin_;
   v1::Settings settings_;  // those of the first frame
   bool said_bad_ = false;
@@ -295,58 +295,6 @@ class Streaming {
   double exposure_ = 1;
   uint64_t resumes_ = 0;
 };
-
-// Refuses sequences in which two frames would become the same image, or an output would replace an input.
-absl::Status check_outputs(const StreamOptions& options, const std::vector<NamedImage>& images,
-                           const std::optional<OutputNames>& names) {
-  std::map<std::string, std::string> sources;
-  std::vector<std::string> inputs = files_of(options.server);
-  inputs.insert(inputs.end(),
-                {options.view.config, options.exposures, options.locked_exposure, options.state});
-  std::vector<OutputFile> outputs = {
-      {options.json, "the JSON"}, {options.plot, "the plot"}, {options.save_exposures, "the exposures"}};
-  for (const auto& [number, input, output] : images) {
-    inputs.push_back(input);
-    if (!names) continue;
-    const auto [other, fresh] = sources.emplace(output, input);
-    if (!fresh) {
-      return usage_error(
-          absl::StrFormat("%s and %s would both become %s; write to a pattern such "
-                          "as out/%%04d%s",
-                          other->second, input, output, names->extension()));
-    }
-    outputs.push_back({output, "the images"});
-  }
-  return check_outputs_apart(inputs, outputs);
-}
-
-struct StreamPlan {
-  std::optional<OutputNames> names;  // absent: no images are made
-  Sequence sequence;
-  std::vector<NamedImage> images;
-};
-
-// Finds the frames and names the images. Reads and writes no image.
-absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot) {
-  StreamPlan plan;
-  if (options.encoding != v1::ENCODING_NONE) {
-    const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-    absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
-    if (!names.ok()) return names.status();
-    plan.names = *std::move(names);
-  }
-  const absl::StatusOr<SequenceChoice> choice = shot.choice();
-  if (!choice.ok()) return choice.status();
-  absl::StatusOr<Sequence> sequence = find_sequence(*choice);
-  if (!sequence.ok()) return failure_of(FailureKind::kInput, sequence.status());
-  plan.sequence = *std::move(sequence);
-  absl::StatusOr<std::vector<std::string>> notes = shot.check(plan.sequence);
-  if (!notes.ok()) return failure_of(FailureKind::kInput, notes.status());
-  std::move(notes->begin(), notes->end(), std::back_inserter(plan.sequence.notes));
-  plan.images = named_images(plan.sequence, plan.names, options.first);
-  if (absl::Status status = check_outputs(options, plan.images, plan.names); !status.ok()) return status;
-  return plan;
-}
 
 // Prints the notes and the summary.
 absl::Status tell(const StreamOptions& options, const StreamSummary& summary, const std::string& where,
@@ -387,6 +335,11 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
       Streaming(options, *shot, sequence, images, json, progress).run();
   progress.clear();
   if (!summary.ok()) return summary.status();
+  if (summary->curve.empty() && (shot->saved() || !options.plot.empty())) {
+    return absl::NotFoundError(
+        "every image repeats a frame before --range, so there are no exposures to save or to draw; leave out "
+        "--save-exposures and --exposure-plot, or give another --range");
+  }
   if (shot->saved()) {
     absl::Status status = shot->save(sequence, summary->rate.rate, summary->curve, summary->state);
     if (!status.ok()) return status;

@@ -68,20 +68,16 @@ absl::Status copy_file(const std::string& from, const std::string& to) {
 
 }  // namespace
 
-absl::Status StreamImages::write(StreamFrame frame, RenderResult image, const FrameFacts& facts,
-                                 std::vector<StreamFrame> holds) {
+absl::Status StreamImages::write(StreamFrame frame, RenderResult image, const FrameFacts& facts) {
   const std::string path = frame.output;
-  entries_.push_back({std::move(frame), std::move(holds),
-                      std::async(std::launch::async, [this, path, facts, image = std::move(image)] {
-                        return write_result(path, image, facts, options_);
-                      })});
-  return keep_bounded();
+  return add({std::move(frame), std::async(std::launch::async, [this, path, facts, image = std::move(image)] {
+                return write_result(path, image, facts, options_);
+              })});
 }
 
-absl::Status StreamImages::skip(StreamFrame frame, std::vector<StreamFrame> holds) {
-  entries_.push_back({std::move(frame), std::move(holds), {}});
-  return keep_bounded();
-}
+absl::Status StreamImages::repeat(StreamFrame frame) { return add({std::move(frame), {}}); }
+
+absl::Status StreamImages::skip(StreamFrame frame) { return add({std::move(frame), {}}); }
 
 absl::Status StreamImages::finish() {
   absl::Status status;
@@ -89,7 +85,8 @@ absl::Status StreamImages::finish() {
   return status;
 }
 
-absl::Status StreamImages::keep_bounded() {
+absl::Status StreamImages::add(Entry entry) {
+  entries_.push_back(std::move(entry));
   const size_t most = std::max<size_t>(2, std::thread::hardware_concurrency());
   absl::Status status;
   while (status.ok() && entries_.size() > most) status = finish_oldest();
@@ -100,37 +97,34 @@ absl::Status StreamImages::keep_bounded() {
 absl::Status StreamImages::finish_oldest() {
   Entry oldest = std::move(entries_.front());
   entries_.pop_front();
-  return oldest.written.valid() ? finish_written(oldest) : finish_skipped(oldest);
+  const StreamFrame& frame = oldest.frame;
+  if (oldest.written.valid()) {
+    const absl::StatusOr<std::vector<std::string>> notes = oldest.written.get();
+    if (!notes.ok()) return notes.status();
+    summary_.notes.insert(notes->begin(), notes->end());
+    last_ = frame.output;
+  } else if (frame.held) {
+    if (absl::Status status = copy_file(last_, frame.output); !status.ok()) return status;
+    last_ = frame.output;
+  }
+  count(frame);
+  return json_.add(to_json(frame));
 }
 
-absl::Status StreamImages::finish_written(Entry& entry) {
-  absl::StatusOr<std::vector<std::string>> notes = entry.written.get();
-  if (!notes.ok()) return notes.status();
-  summary_.notes.insert(notes->begin(), notes->end());
-  ++summary_.written;
-  summary_.latency += entry.frame.latency;
-  absl::Status status = json_.add(to_json(entry.frame));
-  for (const StreamFrame& held : entry.holds) {
-    if (status.ok()) status = copy_file(entry.frame.output, held.output);
-    if (status.ok()) status = json_.add(to_json(held));
-    if (!status.ok()) return status;
+void StreamImages::count(const StreamFrame& frame) {
+  if (frame.held) {
     ++summary_.held;
+  } else if (frame.status.ok()) {
+    ++summary_.written;
+    summary_.latency += frame.latency;
   }
-  return status;
-}
-
-absl::Status StreamImages::finish_skipped(Entry& entry) {
+  if (frame.status.ok() || frame.missing) return;
   ++summary_.skipped;
-  add_failure(summary_.skipped_for, entry.frame.status);
+  add_failure(summary_.skipped_for, frame.status);
   progress_.clear();
-  if (!quiet_) print_note("skipped: " + std::string(entry.frame.status.message()));
-  absl::Status status = json_.add(to_json(entry.frame));
-  for (StreamFrame& held : entry.holds) {
-    held.status = reworded(entry.frame.status, absl::StrFormat("frame %d, which it repeats, has no image",
-                                                               entry.frame.number));
-    if (status.ok()) status = json_.add(to_json(held));
-  }
-  return status;
+  if (quiet_) return;
+  print_note(absl::StrFormat("skipped: %s%s", frame.status.message(),
+                             frame.held ? "; the image before is repeated" : ""));
 }
 
 }  // namespace candela

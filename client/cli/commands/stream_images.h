@@ -26,14 +26,15 @@ class StreamImages {
                StreamSummary& summary)
       : options_(options), quiet_(quiet), json_(json), progress_(progress), summary_(summary) {}
 
-  // Begins to write the image to frame.output. `holds` are the missing frames that repeat it: they get the
-  // same bytes. Waits while too many images are being written. Returns an error if writing one of them
-  // failed.
-  absl::Status write(StreamFrame frame, RenderResult image, const FrameFacts& facts,
-                     std::vector<StreamFrame> holds);
+  // Begins to write the image to frame.output. Waits while too many images are being written. Returns an
+  // error if writing one of them failed.
+  absl::Status write(StreamFrame frame, RenderResult image, const FrameFacts& facts);
 
-  // A frame without an image: frame.status says why. The frames that would repeat it have none either.
-  absl::Status skip(StreamFrame frame, std::vector<StreamFrame> holds);
+  // The frame gets the same bytes as the image before it, which there must be.
+  absl::Status repeat(StreamFrame frame);
+
+  // A frame without an image: frame.status says why.
+  absl::Status skip(StreamFrame frame);
 
   // Waits until all images are written.
   absl::Status finish();
@@ -41,14 +42,12 @@ class StreamImages {
  private:
   struct Entry {
     StreamFrame frame;
-    std::vector<StreamFrame> holds;
-    std::future<absl::StatusOr<std::vector<std::string>>> written;  // invalid if there is no image
+    std::future<absl::StatusOr<std::vector<std::string>>> written;  // invalid if no image was rendered
   };
 
-  absl::Status keep_bounded();
+  absl::Status add(Entry entry);
   absl::Status finish_oldest();
-  absl::Status finish_written(Entry& entry);
-  absl::Status finish_skipped(Entry& entry);
+  void count(const StreamFrame& frame);
 
   const WriteOptions& options_;
   const bool quiet_;
@@ -56,6 +55,7 @@ class StreamImages {
   Progress& progress_;
   StreamSummary& summary_;
   std::deque<Entry> entries_;
+  std::string last_;  // the image that was written last
 };
 
 }  // namespace candela

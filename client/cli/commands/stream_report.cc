@@ -66,12 +66,9 @@ std::string to_json(const StreamFrame& frame) {
   if (!frame.status.ok()) {
     json["error"] = std::string(frame.status.message());
     json["code"] = exit_code(kind_of(frame.status));
-    return line_of(json);
   }
-  if (frame.held) {
-    json["held"] = true;
-    return line_of(json);
-  }
+  if (frame.held) json["held"] = true;
+  if (!frame.status.ok() || frame.held) return line_of(json);
   const v1::ResultHeader& header = frame.header;
   const v1::FrameStatistics& statistics = header.statistics();
   json["primaries"] = to_json(frame.primaries);

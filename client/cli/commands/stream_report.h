@@ -19,21 +19,22 @@ namespace candela {
 
 // The outcome of one frame of the sequence.
 struct StreamFrame {
-  uint64_t number = 0;
+  int64_t number = 0;
   std::string input;  // of a held frame: the one that it repeats
   std::string output;
   int64_t media_time_ns = 0;
-  bool held = false;  // a missing frame with the image of the one before
+  bool held = false;     // has the image of the one before
+  bool missing = false;  // has no file
   PrimariesUsed primaries;
-  absl::Status status;      // why there is no image: reading, rendering or writing failed
+  absl::Status status;      // why there is no image of its own: reading or rendering failed
   v1::ResultHeader header;  // only if the frame was rendered
   absl::Duration latency;
 };
 
 struct StreamSummary {
   uint64_t frames = 0;  // files
-  uint64_t first = 0;   // the number of the first one
-  uint64_t last = 0;    // and of the last one
+  int64_t first = 0;    // the number of the first one
+  int64_t last = 0;     // and of the last one
   std::string missing;  // numbers without a file, as --range takes them
   ChosenRate rate;
   uint64_t written = 0;  // without held ones
@@ -52,9 +53,9 @@ struct StreamSummary {
 };
 
 // One line with the keys frame (its number), input, output, media_time_ns, and either error (text) and code
-// (the exit code of such a failure), or held (true), or primaries {name, xy, from}, width, height, exposure,
-// exposure_before, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance, bad_values
-// {nan, inf, negative}, clamped_components, absent_pixels, gamut_cut_components, cut, tier, stage_ms,
+// (the exit code of such a failure), held (true) or all three, or primaries {name, xy, from}, width, height,
+// exposure, exposure_before, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance,
+// bad_values {nan, inf, negative}, clamped_components, absent_pixels, gamut_cut_components, cut, tier, stage_ms,
 // latency_ms.
 std::string to_json(const StreamFrame& frame);
 

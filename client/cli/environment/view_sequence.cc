@@ -38,7 +38,7 @@ class ViewSequence {
 
   absl::StatusOr<StreamSummary> run() {
     summary_.frames = scene_.frames();
-    summary_.last = scene_.frames() - 1;
+    summary_.last = static_cast<int64_t>(scene_.frames()) - 1;
     summary_.rate = choose_rate(options_.rate, std::nullopt);
     SessionOptions session;
     absl::Status status = prepare(session.settings);
@@ -147,9 +147,9 @@ class ViewSequence {
   absl::Status take(FrameResult& result) {
     if (!result.status.ok()) return named(result.status);
     StreamFrame frame;
-    frame.number = result.sequence;
+    frame.number = static_cast<int64_t>(result.sequence);
     frame.input = options_.panorama;
-    frame.output = names_.path(result.sequence, "");
+    frame.output = names_.path(frame.number, "");
     frame.media_time_ns = media_time_ns(result.sequence, scene_.rate());
     frame.primaries = file_.primaries;
     frame.header = result.image.header;
@@ -164,7 +164,7 @@ class ViewSequence {
     show(frame);
     FrameFacts facts;
     facts.frame_rate = scene_.rate();
-    return images_.write(std::move(frame), std::move(result.image), facts, {});
+    return images_.write(std::move(frame), std::move(result.image), facts);
   }
 
   // Once a sequence, because the numbers are others for each frame.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -44,8 +45,9 @@ Json settings_json(const ExposureFile& file) {
           {"cut_threshold_ev", file.cut_threshold_ev}};
 }
 
-Json state_json(const v1::SessionState& state) {
-  Json json = {{"frame", state.sequence()},
+Json state_json(const ExposureFile& file) {
+  const v1::SessionState& state = file.state;
+  Json json = {{"frame", file.last()},
                {"media_time_ns", state.media_time_ns()},
                {"exposure", state.exposure()},
                {"target", state.target()},
@@ -80,11 +82,13 @@ class Members {
     return number;
   }
   double factor(const char* key) { return number(key, v1::kExposureLimit); }
-  uint64_t frame(const char* key) {
+  int64_t frame(const char* key) {
     const Json& value = member(key);
-    if (value.is_number_unsigned() && value.get<uint64_t>() <= kLargestFrameNumber)
-      return value.get<uint64_t>();
-    fail(key, absl::StrFormat("a frame's number, 0 .. %d", kLargestFrameNumber));
+    // A number above 2^63 would be negative as int64_t.
+    const bool fits = !value.is_number_unsigned() || value.get<uint64_t>() <= uint64_t{kLargestFrameNumber};
+    const int64_t number = value.is_number_integer() && fits ? value.get<int64_t>() : INT64_MIN;
+    if (number >= -kLargestFrameNumber && number <= kLargestFrameNumber) return number;
+    fail(key, absl::StrFormat("a frame's number, -%d .. %d", kLargestFrameNumber, kLargestFrameNumber));
     return 0;
   }
   int64_t time(const char* key) {
@@ -162,10 +166,12 @@ std::vector<ExposedFrame> frames_from(const Json& array, absl::Status& status) {
   return frames;
 }
 
-v1::SessionState state_from(const Json& object, absl::Status& status) {
+v1::SessionState state_from(const Json& object, int64_t zero, absl::Status& status) {
   Members members(object, "state.", status);
   v1::SessionState state;
-  state.set_sequence(members.frame("frame"));
+  const int64_t frame = members.frame("frame");
+  if (frame < zero) members.fail("frame", "a number from \"zero\" on");
+  state.set_sequence(static_cast<uint64_t>(std::max<int64_t>(0, frame - zero)));
   state.set_media_time_ns(members.time("media_time_ns"));
   state.set_exposure(members.factor("exposure"));
   state.set_target(members.factor("target"));
@@ -219,7 +225,7 @@ std::string to_text(const ExposureFile& file) {
     text += before + ("  " + json.dump());
     before = ",\n";
   }
-  text += "\n ],\n \"state\": " + state_json(file.state).dump() + "}\n";
+  text += "\n ],\n \"state\": " + state_json(file).dump() + "}\n";
   return text;
 }
 
@@ -258,10 +264,10 @@ absl::StatusOr<ExposureFile> parse_exposures(const std::string& text) {
   }
   file.locked = members.factor("locked");
   file.frames = frames_from(members.array("frames"), status);
-  file.state = state_from(members.member("state"), status);
+  file.state = state_from(members.member("state"), file.zero, status);
   if (file.frames.empty()) {
     members.fail("frames", "an array of frames");
-  } else if (file.frames.front().frame < file.zero || file.state.sequence() < file.zero) {
+  } else if (file.frames.front().frame < file.zero) {
     members.fail("zero", "a number up to that of the first frame");
   }
   if (!status.ok()) {
@@ -299,11 +305,11 @@ GivenExposures GivenExposures::locked(double exposure) {
   return given;
 }
 
-absl::StatusOr<std::optional<double>> GivenExposures::of(uint64_t frame) const {
+absl::StatusOr<std::optional<double>> GivenExposures::of(int64_t frame) const {
   if (path_.empty()) return locked_;
   const auto at =
       std::lower_bound(frames_.begin(), frames_.end(), frame,
-                       [](const ExposedFrame& one, uint64_t number) { return one.frame < number; });
+                       [](const ExposedFrame& one, int64_t number) { return one.frame < number; });
   if (at != frames_.end() && at->frame == frame) return at->exposure;
   return input_failure(
       absl::InvalidArgumentError(absl::StrFormat(

@@ -16,7 +16,7 @@ namespace candela {
 
 // The exposure of one frame.
 struct ExposedFrame {
-  uint64_t frame = 0;         // its number
+  int64_t frame = 0;          // its number
   int64_t media_time_ns = 0;  // as in render.proto
   double exposure = 1;        // the factor E, 2^-40 .. 2^40
   double target = 1;
@@ -26,13 +26,15 @@ struct ExposedFrame {
 
 struct ExposureFile {
   FrameRate rate;
-  uint64_t zero = 0;                 // the number of the frame at media time 0
+  int64_t zero = 0;                  // the number of the frame at media time 0
   v1::Exposure settings;             // what decided the exposures; for people
   uint32_t lookahead = 0;            // likewise
   double cut_threshold_ev = 0;       // likewise
   std::vector<ExposedFrame> frames;  // in order; frames that failed are not among them
   double locked = 1;                 // one exposure for all frames
-  v1::SessionState state;            // after the last frame; its sequence is the number of a frame
+  v1::SessionState state;            // after the last frame; its sequence counts from `zero`
+
+  int64_t last() const { return zero + static_cast<int64_t>(state.sequence()); }  // the state's frame
 };
 
 // The locked exposure of frames that were metered with `settings`, see docs/pipeline.md section 3. `settings`
@@ -57,7 +59,7 @@ class GivenExposures {
   static GivenExposures locked(double exposure);
 
   // Nothing if frames are not given exposures. INVALID_ARGUMENT if the file does not have the frame.
-  absl::StatusOr<std::optional<double>> of(uint64_t frame) const;
+  absl::StatusOr<std::optional<double>> of(int64_t frame) const;
 
  private:
   std::string path_;  // empty: no file

@@ -12,7 +12,10 @@ namespace candela {
 absl::StatusOr<const Image*> FrameFeeder::first() {
   while (!next_ || !next_->image.ok()) {
     next_ = reader_.next();
-    if (!next_) return nullptr;
+    if (!next_) {
+      decide_rate(nullptr);
+      return nullptr;
+    }
     if (next_->image.ok()) break;
     if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
   }
@@ -20,17 +23,31 @@ absl::StatusOr<const Image*> FrameFeeder::first() {
   return &*next_->image;
 }
 
-absl::Status FrameFeeder::begin_with(const Image& first) {
-  std::optional<FrameRate> of_file = first.frame_rate;
+// A part of a sequence has the rate of the whole, so the files before its first frame decide.
+void FrameFeeder::decide_rate(const Image* first) {
+  std::string path = first == nullptr ? "" : sequence_.frames[next_->index].path;
+  std::optional<FrameRate> of_file = first == nullptr ? std::nullopt : first->frame_rate;
+  for (auto file = sequence_.files.begin(); !options_.rate && file != sequence_.files.end(); ++file) {
+    if (file->first >= sequence_.first()) break;
+    const absl::StatusOr<Image> image = reader_.read(file->second);
+    if (!image.ok()) continue;
+    path = file->second;
+    of_file = image->frame_rate;
+    break;
+  }
   if (of_file && !is_usable(*of_file)) {
     const absl::MutexLock lock(&mutex_);
     notes_.insert(absl::StrFormat(
         "%s: its framesPerSecond is %d/%d, which is no usable rate, and is ignored; --fps sets the rate",
-        sequence_.frames[next_->index].path, of_file->frames, of_file->seconds));
+        path, of_file->frames, of_file->seconds));
     of_file.reset();
   }
   rate_ = choose_rate(options_.rate, of_file);
   if (options_.rate || of_file) said_rate_ = rate_.rate;
+}
+
+absl::Status FrameFeeder::begin_with(const Image& first) {
+  decide_rate(&first);
   first_index_ = next_->index;
   first_width_ = first.width;
   first_height_ = first.height;

@@ -62,8 +62,10 @@ class FrameFeeder {
   // last frame's media time is too large.
   absl::StatusOr<const Image*> first();
 
-  // Valid after first(), whose file may say it.
+  // Valid after first(). The first file that can be read may say it; it may come before the first frame.
   const ChosenRate& rate() const { return rate_; }
+  // The same; nothing if it is only the default.
+  const std::optional<FrameRate>& said_rate() const { return said_rate_; }
 
   // `settings` are those that the session was opened with, for the
   // first frame. The session must outlive the thread.
@@ -84,6 +86,7 @@ class FrameFeeder {
   absl::Status feed(Session& session, v1::Settings settings);
   SessionFrame frame(uint64_t index, Image read, std::optional<double> exposure);
   absl::Status begin_with(const Image& first);
+  void decide_rate(const Image* first);
   // Notes, once each, that frames have another size or another rate than the first.
   std::vector<std::string> differences(uint64_t index, const Image& image);
 

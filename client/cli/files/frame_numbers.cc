@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <numeric>
 #include <optional>
 
@@ -12,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "client/cli/options/session_options.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
@@ -25,28 +27,24 @@ constexpr uint64_t kDecimal = 1'000'000'000;
 // The largest numerator or denominator of a rate. It keeps media times within 128 bits.
 constexpr uint64_t kMostOfFraction = 1'000'000'000'000;
 
-std::optional<uint64_t> parse_number(absl::string_view text) {
-  uint64_t number = 0;
-  const bool digits =
-      !text.empty() && text.size() <= kMostDigits &&
-      std::all_of(text.begin(), text.end(), [](unsigned char c) { return absl::ascii_isdigit(c); });
-  return digits && absl::SimpleAtoi(text, &number) ? std::optional(number) : std::nullopt;
-}
+// The parts of a range as it was written. The numbers of a backward one are good all the same.
+struct WrittenRange {
+  int64_t first = 0, last = 0, step = 1;
+};
 
-// One of "12", "100-200", "100-200x2" and "100-".
-std::optional<NumberRange> parse_one_range(absl::string_view text) {
-  const std::vector<absl::string_view> ends = absl::StrSplit(text, absl::MaxSplits('-', 1));
-  if (ends.size() == 1) {
-    const std::optional<uint64_t> number = parse_number(text);
-    return number ? std::optional(NumberRange{*number, *number, 1}) : std::nullopt;
-  }
-  const std::vector<absl::string_view> last_step = absl::StrSplit(ends[1], absl::MaxSplits('x', 1));
-  const std::optional<uint64_t> first = parse_number(ends[0]);
-  const std::optional<uint64_t> last =
-      last_step[0].empty() ? kLargestFrameNumber : parse_number(last_step[0]);
-  const std::optional<uint64_t> step = last_step.size() == 1 ? 1 : parse_number(last_step[1]);
-  if (!first || !last || !step || *last < *first || *step == 0) return std::nullopt;
-  return NumberRange{*first, *last, *step};
+// One of "12", "100-200", "100-200x2" and "100-". A minus at the beginning of a number is its sign.
+std::optional<WrittenRange> parse_one_range(absl::string_view text) {
+  const size_t middle = text.find('-', 1);
+  const std::optional<int64_t> first = parse_frame_number(text.substr(0, middle));
+  if (!first) return std::nullopt;
+  if (middle == absl::string_view::npos) return WrittenRange{*first, *first, 1};
+  const std::vector<absl::string_view> last_step =
+      absl::StrSplit(text.substr(middle + 1), absl::MaxSplits('x', 1));
+  const std::optional<int64_t> last =
+      last_step[0].empty() ? kLargestFrameNumber : parse_frame_number(last_step[0]);
+  const std::optional<int64_t> step = last_step.size() == 1 ? 1 : parse_frame_number(last_step[1]);
+  if (!last || !step || *step == 0 || (*step < 0 && *last >= *first)) return std::nullopt;
+  return WrittenRange{*first, *last, *step};
 }
 
 // The ranges, with three and more single numbers in equal steps joined to one range.
@@ -56,10 +54,10 @@ std::vector<NumberRange> with_steps(const std::vector<NumberRange>& ranges) {
   for (size_t i = 0; i < ranges.size();) {
     size_t end = i + 1;
     if (single(i) && single(end)) {
-      const uint64_t step = ranges[end].first - ranges[i].first;
+      const int64_t step = ranges[end].first - ranges[i].first;
       while (single(end) && ranges[end].first - ranges[end - 1].first == step) ++end;
       if (end - i >= 3) {
-        joined.push_back({ranges[i].first, ranges[end - 1].first, step});
+        joined.push_back({ranges[i].first, ranges[end - 1].first, static_cast<uint64_t>(step)});
         i = end;
         continue;
       }
@@ -78,30 +76,47 @@ std::string words_for(const NumberRange& range) {
   return text;
 }
 
+absl::Status backward(const std::string& option, const std::string& text, const WrittenRange& range) {
+  const NumberRange forward{range.last, range.first, static_cast<uint64_t>(std::abs(range.step))};
+  return usage_error(
+      absl::StrFormat("%s is \"%s\", which runs backwards; frames are rendered in the order of "
+                      "their numbers, so give %s",
+                      option, text, words_for(forward)));
+}
+
 }  // namespace
+
+std::optional<int64_t> parse_frame_number(absl::string_view text) {
+  const absl::string_view digits = absl::StripPrefix(text, "-");
+  int64_t number = 0;
+  if (digits.empty() || digits.size() > kMostDigits ||
+      !std::all_of(digits.begin(), digits.end(), absl::ascii_isdigit) || !absl::SimpleAtoi(digits, &number)) {
+    return std::nullopt;
+  }
+  return digits.size() < text.size() ? -number : number;
+}
 
 absl::StatusOr<std::vector<NumberRange>> parse_number_ranges(const std::string& option,
                                                              const std::string& text) {
   std::vector<NumberRange> ranges;
   for (const absl::string_view part : absl::StrSplit(text, ',')) {
-    const std::optional<NumberRange> range = parse_one_range(part);
+    const std::optional<WrittenRange> range = parse_one_range(part);
     if (!range) {
-      return usage_error(
-          absl::StrFormat("%s is \"%s\"; give frame numbers of at most %d digits such as 12, 100-200, "
-                          "100-200x2 (every second) "
-                          "or 100- (to the last frame), with commas between them",
-                          option, text, kMostDigits));
+      return usage_error(absl::StrFormat(
+          "%s is \"%s\"; give frame numbers of at most %d digits such as 12, 100-200, -10--5, "
+          "100-200x2 (every second) or 100- (to the last frame), with commas between them",
+          option, text, kMostDigits));
     }
-    ranges.push_back(*range);
+    if (range->last < range->first) return backward(option, text, *range);
+    ranges.push_back({range->first, range->last, static_cast<uint64_t>(range->step)});
   }
   return ranges;
 }
 
-absl::StatusOr<std::vector<uint64_t>> parse_frame_numbers(const std::string& option,
-                                                          const std::string& text) {
-  std::vector<uint64_t> numbers;
+absl::StatusOr<std::vector<int64_t>> parse_frame_numbers(const std::string& option, const std::string& text) {
+  std::vector<int64_t> numbers;
   for (const absl::string_view part : absl::StrSplit(text, ',')) {
-    const std::optional<uint64_t> number = parse_number(part);
+    const std::optional<int64_t> number = parse_frame_number(part);
     if (!number) {
       return usage_error(absl::StrFormat(
           "%s is \"%s\"; give frame numbers of at most %d digits with commas between them, such as 24,87",
@@ -114,12 +129,12 @@ absl::StatusOr<std::vector<uint64_t>> parse_frame_numbers(const std::string& opt
   return numbers;
 }
 
-absl::StatusOr<std::vector<uint64_t>> numbers_in(const std::vector<NumberRange>& ranges, uint64_t last) {
+absl::StatusOr<std::vector<int64_t>> numbers_in(const std::vector<NumberRange>& ranges, int64_t last) {
   std::vector<NumberRange> closed;
   uint64_t count = 0;
   for (NumberRange range : ranges) {
     if (range.last == kLargestFrameNumber) range.last = std::max(last, range.first);
-    count += range.count();  // at most 10^12 a range, and a command line has far fewer than 10^6 of them
+    count += range.count();  // at most 2 * 10^12 a range, and a command line has far fewer than 10^6 of them
     closed.push_back(range);
   }
   if (count > kMostNumbers) {
@@ -128,19 +143,20 @@ absl::StatusOr<std::vector<uint64_t>> numbers_in(const std::vector<NumberRange>&
                         "possible; render the sequence in parts",
                         to_text(ranges), count, kMostNumbers));
   }
-  std::vector<uint64_t> numbers;
+  std::vector<int64_t> numbers;
   numbers.reserve(count);
   for (const NumberRange& range : closed) {
-    for (uint64_t number = range.first; number <= range.last; number += range.step) numbers.push_back(number);
+    const auto step = static_cast<int64_t>(range.step);
+    for (int64_t number = range.first; number <= range.last; number += step) numbers.push_back(number);
   }
   std::sort(numbers.begin(), numbers.end());
   numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
   return numbers;
 }
 
-std::vector<NumberRange> ranges_of(const std::vector<uint64_t>& numbers) {
+std::vector<NumberRange> ranges_of(const std::vector<int64_t>& numbers) {
   std::vector<NumberRange> ranges;
-  for (const uint64_t number : numbers) {
+  for (const int64_t number : numbers) {
     if (!ranges.empty() && ranges.back().last + 1 == number) {
       ranges.back().last = number;
     } else {

@@ -27,6 +27,9 @@ class FrameReader {
   // Waits for the next file in order. Returns nothing after the last.
   std::optional<Read> next();
 
+  // Reads a file that is not in the list.
+  absl::StatusOr<Image> read(const std::string& path) const { return read_image(path, limits_, choice_); }
+
   const std::string& path(size_t index) const { return paths_[index]; }
 
  private:

@@ -31,12 +31,19 @@ absl::StatusOr<std::optional<NamePattern>> parse_percent(const std::string& path
 
 }  // namespace
 
-std::string NamePattern::path(uint64_t number) const {
-  return absl::StrFormat("%s%0*d%s", before, digits, number, after);
+std::string NamePattern::path(int64_t number) const {
+  const int width = digits + (minus_beside && number < 0 ? 1 : 0);
+  return absl::StrFormat("%s%0*d%s", before, width, number, after);
 }
 
 std::string NamePattern::text() const {
   return absl::StrFormat("%s%%%s%s", before, digits > 1 ? absl::StrFormat("0%dd", digits) : "d", after);
+}
+
+bool NamePattern::keeps_sign() const { return begins_number(before, before.size()); }
+
+bool begins_number(const std::string& path, size_t at) {
+  return at == 0 || path[at - 1] == '.' || path[at - 1] == '_' || path[at - 1] == '/';
 }
 
 absl::StatusOr<std::optional<NamePattern>> parse_name_pattern(const std::string& path) {
@@ -52,15 +59,10 @@ absl::StatusOr<std::optional<NamePattern>> parse_name_pattern(const std::string&
   return std::nullopt;
 }
 
-std::optional<uint64_t> number_between(const std::string& text, size_t before, size_t after) {
+std::optional<int64_t> number_between(const std::string& text, size_t before, size_t after) {
   if (text.size() <= before + after) return std::nullopt;
-  const std::string digits = text.substr(before, text.size() - before - after);
-  uint64_t number = 0;
-  if (digits.size() > kMostDigits || !std::all_of(digits.begin(), digits.end(), absl::ascii_isdigit) ||
-      !absl::SimpleAtoi(digits, &number)) {
-    return std::nullopt;
-  }
-  return number;
+  if (text[before] == '-' && !begins_number(text, before)) return std::nullopt;
+  return parse_frame_number(absl::string_view(text).substr(before, text.size() - before - after));
 }
 
 }  // namespace candela

@@ -3,7 +3,6 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <filesystem>
 #include <set>
@@ -56,29 +55,58 @@ std::vector<std::string> files_by_number(const NamePattern& pattern) {
   return files;
 }
 
-absl::StatusOr<std::vector<std::string>> files_of(const std::string& input) {
-  std::error_code ignored;
-  std::vector<std::string> files;
-  if (fs::is_directory(input, ignored)) {
-    for (fs::directory_iterator at(input, ignored), end; !ignored && at != end; at.increment(ignored)) {
-      if (is_image(at->path()) && !at->is_directory(ignored)) files.push_back(at->path().string());
-    }
-    if (ignored) return absl::ErrnoToStatus(ignored.value(), absl::StrFormat("%s: cannot read", input));
-    if (files.empty()) {
-      return absl::NotFoundError(
-          absl::StrFormat("%s: the folder contains no .exr, .hdr or .pfm file; name another folder, or a "
-                          "pattern such as 'in/*.exr'",
-                          input));
-    }
-    return files;
+// Adds the folder's images. Hidden ones are no frames: macOS keeps a file's attributes in ._x.exr.
+absl::Status add_folder(const std::string& folder, std::vector<std::string>& files,
+                        std::vector<std::string>& hidden) {
+  std::error_code failed;
+  const size_t had = files.size(), had_hidden = hidden.size();
+  for (fs::directory_iterator at(folder, failed), end; !failed && at != end; at.increment(failed)) {
+    if (!is_image(at->path()) || at->is_directory(failed)) continue;
+    const bool hides = at->path().filename().string().front() == '.';
+    (hides ? hidden : files).push_back(at->path().string());
   }
-  if (fs::exists(input, ignored)) return std::vector<std::string>{input};
+  if (failed) return absl::ErrnoToStatus(failed.value(), absl::StrFormat("%s: cannot read", folder));
+  if (files.size() > had) return absl::OkStatus();
+  const std::string but =
+      hidden.size() > had_hidden ? absl::StrFormat(" but %s", words_of_hidden(hidden)) : std::string();
+  return absl::NotFoundError(absl::StrFormat(
+      "%s: the folder contains no .exr, .hdr or .pfm file%s; name another folder, or a pattern such as "
+      "'in/*.exr'",
+      folder, but));
+}
+
+absl::Status add_files(const std::string& input, std::vector<std::string>& files,
+                       std::vector<std::string>& hidden) {
+  std::error_code ignored;
+  if (fs::is_directory(input, ignored)) return add_folder(input, files, hidden);
+  if (fs::exists(input, ignored)) {
+    files.push_back(input);
+    return absl::OkStatus();
+  }
   const absl::StatusOr<std::optional<NamePattern>> pattern = input_pattern(input);
   if (!pattern.ok()) return pattern.status();
-  files = *pattern ? files_by_number(**pattern) : files_by_glob(input);
-  if (!files.empty()) return files;
+  const std::vector<std::string> found = *pattern ? files_by_number(**pattern) : files_by_glob(input);
+  files.insert(files.end(), found.begin(), found.end());
+  if (!found.empty()) return absl::OkStatus();
   return absl::NotFoundError(absl::StrFormat(
       "%s: no such file; give a folder, files, or a pattern such as 'in/*.exr' or in/%%04d.exr", input));
+}
+
+// A number within a text.
+struct NumberAt {
+  size_t end = 0;  // where it ends; where it was to begin if there is none
+  bool below_0 = false;
+  absl::string_view digits;  // without zeros before them
+};
+
+NumberAt number_at(const std::string& text, size_t at) {
+  const bool minus = text[at] == '-' && begins_number(text, at);
+  size_t end = at + (minus ? 1 : 0);
+  size_t begin = end;
+  while (end < text.size() && absl::ascii_isdigit(text[end])) ++end;
+  if (end == begin) return {at, false, {}};
+  while (begin < end && text[begin] == '0') ++begin;
+  return {end, minus && begin < end, absl::string_view(text).substr(begin, end - begin)};
 }
 
 }  // namespace
@@ -94,35 +122,43 @@ absl::StatusOr<std::optional<NamePattern>> input_pattern(const std::string& inpu
 bool natural_less(const std::string& a, const std::string& b) {
   size_t i = 0, j = 0;
   while (i < a.size() && j < b.size()) {
-    if (!absl::ascii_isdigit(a[i]) || !absl::ascii_isdigit(b[j])) {
-      if (a[i] != b[j]) return a[i] < b[j];
+    const NumberAt x = number_at(a, i), y = number_at(b, j);
+    if (x.end == i || y.end == j) {
+      // Any number stands where its first digit would.
+      const char c = x.end == i ? a[i] : '0', d = y.end == j ? b[j] : '0';
+      if (c != d) return c < d;
       ++i, ++j;
       continue;
     }
-    const auto number = [](const std::string& text, size_t& at) {
-      while (at < text.size() && text[at] == '0') ++at;
-      const size_t begin = at;
-      while (at < text.size() && absl::ascii_isdigit(text[at])) ++at;
-      return text.substr(begin, at - begin);
+    if (x.below_0 != y.below_0) return x.below_0;
+    const auto less = [](const NumberAt& n, const NumberAt& m) {
+      return n.digits.size() != m.digits.size() ? n.digits.size() < m.digits.size() : n.digits < m.digits;
     };
-    const std::string x = number(a, i), y = number(b, j);
-    if (x.size() != y.size()) return x.size() < y.size();
-    if (x != y) return x < y;
+    if (x.digits != y.digits) return x.below_0 ? less(y, x) : less(x, y);
+    i = x.end, j = y.end;
   }
   if ((i == a.size()) != (j == b.size())) return i == a.size();
   return a < b;
 }
 
-absl::StatusOr<std::vector<std::string>> find_frames(const std::vector<std::string>& inputs) {
-  std::set<std::string> all;
+std::string words_of_hidden(const std::vector<std::string>& hidden) {
+  if (hidden.empty()) return "";
+  return absl::StrFormat("%d hidden file%s (%s%s)", hidden.size(), hidden.size() == 1 ? "" : "s",
+                         hidden.front(), hidden.size() == 1 ? "" : " ...");
+}
+
+absl::StatusOr<FoundFiles> find_frames(const std::vector<std::string>& inputs) {
+  std::vector<std::string> files, hidden;
   for (const std::string& input : inputs) {
-    const absl::StatusOr<std::vector<std::string>> files = files_of(input);
-    if (!files.ok()) return files.status();
-    all.insert(files->begin(), files->end());
+    if (absl::Status status = add_files(input, files, hidden); !status.ok()) return status;
   }
-  std::vector<std::string> sorted(all.begin(), all.end());
-  std::sort(sorted.begin(), sorted.end(), natural_less);
-  return sorted;
+  const auto sorted = [](const std::vector<std::string>& paths) {
+    const std::set<std::string> once(paths.begin(), paths.end());
+    std::vector<std::string> in_order(once.begin(), once.end());
+    std::sort(in_order.begin(), in_order.end(), natural_less);
+    return in_order;
+  };
+  return FoundFiles{sorted(files), sorted(hidden)};
 }
 
 absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const std::string& extension) {
@@ -146,7 +182,7 @@ absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const 
   return names;
 }
 
-std::string OutputNames::path(uint64_t number, const std::string& input) const {
+std::string OutputNames::path(int64_t number, const std::string& input) const {
   if (pattern_) return pattern_->path(number);
   const std::string stem = input.empty() ? absl::StrFormat("%04d", number) : fs::path(input).stem().string();
   return (fs::path(folder_) / (stem + extension_)).string();

@@ -67,7 +67,7 @@ struct StreamOptions : PictureOptions {
   SequenceChoice sequence;
   std::string output;  // a pattern with a number, or a folder
   // The number of the first image, from which the images are counted; nothing: each has its frame's number.
-  std::optional<uint64_t> first;
+  std::optional<int64_t> first;
   uint32_t lookahead = 0;
   double cut_threshold_ev = 0;  // 0: no detection
   v1::Encoding encoding = v1::ENCODING_RAW;

@@ -37,17 +37,18 @@ absl::Status parse_missing(const std::string& word, MissingFrames& missing) {
 }  // namespace
 
 void add_sequence_options(CLI::App& app, const std::string& section, SequenceChoice& choice) {
+  add_text(app, section, "--range", "RANGE",
+           "Frame numbers to take: 12, 100-200, -10--5, 100-200x2 (every second), 100- (to the last), or "
+           "several with "
+           "commas between them (default: from the first file to the last)",
+           [&choice](const std::string& text) {
+             return store(parse_number_ranges("--range", text), choice.range);
+           });
   add_text(
-      app, section, "--range", "RANGE",
-      "Frame numbers to take: 12, 100-200, 100-200x2 (every second), 100- (to the last), or several with "
-      "commas between them (default: from the first file to the last)",
-      [&choice](const std::string& text) {
-        return store(parse_number_ranges("--range", text), choice.range);
-      });
-  add_text(app, section, "--missing", "NAME",
-           "Frame numbers without a file: error, skip (no image), hold (the image of the frame before) "
-           "(default error)",
-           [&choice](const std::string& text) { return parse_missing(text, choice.missing); });
+      app, section, "--missing", "NAME",
+      "Frame numbers without a file: error, skip (no image), hold (the image of the frame before; beside "
+      "--skip-bad also for bad frames) (default error)",
+      [&choice](const std::string& text) { return parse_missing(text, choice.missing); });
   add_text(app, section, "--cut-at", "N,N,...", "Numbers of frames that begin a scene, where exposure jumps",
            [&choice](const std::string& text) {
              return store(parse_frame_numbers("--cut-at", text), choice.cuts);

@@ -17,7 +17,7 @@
 namespace candela {
 namespace {
 
-constexpr v1::Range<double> kFirst{0, 1e9};
+constexpr v1::Range<double> kFirst{-1e9, 1e9};
 
 }  // namespace
 
@@ -46,7 +46,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
                       format_range(kFirst)),
       [&options](const std::string& text) {
         const absl::StatusOr<double> first = parse_number("--first", text, kFirst, true);
-        if (first.ok()) options.first = static_cast<uint64_t>(*first);
+        if (first.ok()) options.first = static_cast<int64_t>(*first);
         return first.status();
       });
   add_curve_options(app, options);

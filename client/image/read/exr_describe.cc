@@ -15,6 +15,7 @@
 #include "client/image/read/exr_checks.h"
 #include "client/image/read/exr_choice.h"
 #include "client/image/read/exr_file.h"
+#include "client/image/read/exr_rate.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
@@ -55,9 +56,8 @@ PartFacts part_of(const Imf::Header& header) {
                  .display = window_of(header.displayWindow()),
                  .data = window_of(header.dataWindow()),
                  .pixel_aspect = header.pixelAspectRatio()};
-  if (Imf::hasFramesPerSecond(header)) {
-    const Imf::Rational rate = Imf::framesPerSecond(header);
-    if (rate.d != 0) part.frames_per_second = static_cast<double>(rate.n) / rate.d;
+  if (const std::optional<FrameRate> rate = frame_rate_of(header)) {
+    part.frames_per_second = static_cast<double>(rate->frames) / static_cast<double>(rate->seconds);
   }
   if (Imf::hasChromaticities(header)) {
     const Imf::Chromaticities& c = Imf::chromaticities(header);

@@ -22,6 +22,7 @@
 #include "client/image/read/exr_choice.h"
 #include "client/image/read/exr_file.h"
 #include "client/image/read/exr_luma_chroma.h"
+#include "client/image/read/exr_rate.h"
 #include "client/image/read/exr_windows.h"
 #include "client/image/read/readers.h"
 
@@ -48,10 +49,7 @@ ReadRows rgb_rows(Imf::InputPart& input, const ExrChannels& channels, const Imag
 
 void read_attributes(const Imf::Header& header, Image& image) {
   set_pixel_aspect(header.pixelAspectRatio(), image);
-  if (Imf::hasFramesPerSecond(header)) {
-    const Imf::Rational& rate = Imf::framesPerSecond(header);
-    if (rate.n > 0 && rate.d > 0) image.frame_rate = FrameRate{static_cast<uint64_t>(rate.n), rate.d};
-  }
+  image.frame_rate = frame_rate_of(header);
   if (Imf::hasChromaticities(header)) {
     const Imf::Chromaticities& c = Imf::chromaticities(header);
     set_chromaticities({c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y},
