@@ -27,7 +27,8 @@ VARIABLES = {"$__rate_interval": "10s", "$instance": ".*"}
 # Panels that must show more than zeros while frames arrive and clients are refused.
 MOVING = {"Servers serving", "Sessions", "Frames per second", "Clients refused per second", "Queue wait",
           "Frame time, by stage", "Frames per second, by result", "Refusals per second, by reason",
-          "Device busy", "Sessions, by server", "Memory", "Traffic", "Versions", "autoscaler"}
+          "Device busy", "Sessions, by server", "Memory", "Traffic", "Resident memory, by server",
+          "Processors used, by server", "Time until certificates expire", "Versions", "autoscaler"}
 
 for program in ("prometheus", "nginx"):
     if not shutil.which(program):

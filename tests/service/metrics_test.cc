@@ -1,5 +1,7 @@
+#include <fcntl.h>
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <functional>
@@ -98,6 +100,35 @@ TEST(MetricsPort, AFrameThatEndsOtherwiseIsCountedOnceByItsStatus) {
   EXPECT_EQ(values.at("candela_frames_total{result=\"invalid_argument\"}"), 2);
   EXPECT_EQ(values.at("candela_frames_total{result=\"ok\"}"), 0);
   EXPECT_EQ(values.at("candela_rejections_total{reason=\"request\"}"), 0);
+}
+
+// The names and units are those of Prometheus's client libraries.
+TEST(MetricsPort, HasTheUsualMetricsOfAProcess) {
+  const std::unique_ptr<Server> server = start_server(with_metrics());
+  const std::map<std::string, double> before = scrape(*server);
+  EXPECT_GT(before.at("process_resident_memory_bytes"), 10e6);
+  EXPECT_GT(before.at("process_virtual_memory_bytes"), before.at("process_resident_memory_bytes"));
+  EXPECT_TRUE(before.contains("process_virtual_memory_max_bytes"));
+  EXPECT_GE(before.at("process_threads"), 3);
+  EXPECT_GT(before.at("process_open_fds"), 5);
+  EXPECT_LT(before.at("process_open_fds"), before.at("process_max_fds"));
+  EXPECT_LT(before.at("process_start_time_seconds"), absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
+  EXPECT_GT(before.at("process_start_time_seconds"),
+            absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()) - 3600);
+  EXPECT_FALSE(before.contains("candela_certificate_expiry_timestamp_seconds"));
+
+  const double cpu = before.at("process_cpu_seconds_total");
+  EXPECT_GT(cpu, 0);
+  const std::vector<std::byte> large(64 << 20, std::byte{1});
+  const int null = open("/dev/null", O_RDONLY | O_CLOEXEC);
+  std::map<std::string, double> after = scrape(*server);
+  while (after.at("process_cpu_seconds_total") < cpu + 0.05) after = scrape(*server);
+  EXPECT_LT(after.at("process_cpu_seconds_total"), cpu + 600);
+  EXPECT_GT(after.at("process_resident_memory_bytes"), before.at("process_resident_memory_bytes") + (32 << 20));
+  EXPECT_GT(after.at("process_open_fds"), before.at("process_open_fds"));
+  EXPECT_EQ(after.at("process_start_time_seconds"), before.at("process_start_time_seconds"));
+  EXPECT_EQ(large.back(), std::byte{1});
+  close(null);
 }
 
 // How refusals and ends of frames change the counters of a server.

@@ -5,8 +5,11 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/session.h"
+#include "server/server.h"
+#include "tests/service/scrape.h"
 #include "tests/service/security_fixture.h"
 #include "tests/service/session_run.h"
+#include "tests/support/driver.h"
 
 namespace candela::testing {
 namespace {
@@ -41,6 +44,32 @@ TEST_F(Rotation, OfTheCertificateIsSeenByNewConnectionsAndHoldsNoOldOneUp) {
   EXPECT_TRUE(soon([&] { return render(address, trusting()).ok(); })) << daemon.errors();
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0);
+}
+
+TEST_F(Rotation, OfTheCertificateMovesTheExpiryThatMetricsShow) {
+  Config config;
+  config.listen = {"127.0.0.1:0"};
+  config.metrics = "127.0.0.1:0";
+  config.memory_budget_bytes = uint64_t{64} << 20;
+  config.tls_cert = folder_.path("server.pem");
+  config.tls_key = folder_.path("server.key");
+  const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
+  ASSERT_TRUE(server.ok()) << server.status();
+  keep_driver_loaded();
+  const auto days_left = [&] {
+    const absl::Time expires = absl::FromUnixSeconds(
+        static_cast<int64_t>(scrape(**server).at("candela_certificate_expiry_timestamp_seconds")));
+    return absl::ToDoubleHours(expires - absl::Now()) / 24;
+  };
+  EXPECT_NEAR(days_left(), 1, 0.1);
+  put("server", ca_.issue("server", absl::Hours(24 * 90)));
+  EXPECT_TRUE(soon([&] { return days_left() > 2; }));
+  EXPECT_NEAR(days_left(), 90, 0.1);
+  put("server.pem", "rubbish");  // what is in force has not changed
+  absl::SleepFor(absl::Seconds(3));
+  EXPECT_NEAR(days_left(), 90, 0.1);
+  put("server", ca_.issue("server", -absl::Hours(24)));
+  EXPECT_TRUE(soon([&] { return days_left() < 0; }));
 }
 
 TEST_F(Rotation, OfTheClientsCaIsSeenByNewConnections) {
