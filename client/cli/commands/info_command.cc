@@ -8,6 +8,7 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
+#include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
@@ -192,7 +193,7 @@ absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
 absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& json) {
   size_t failed = 0;
   for (const std::string& file : files) {
-    const absl::StatusOr<FileFacts> facts = describe_image(file);
+    const absl::StatusOr<FileFacts> facts = describe_image(file, default_image_limits());
     if (!facts.ok()) {
       if (files.size() == 1) return facts.status();
       print_error(facts.status());

@@ -105,6 +105,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
       {"max_luminance", static_cast<double>(statistics.max_luminance())},
       {"bad_values", bad_values_json(statistics)},
       {"absent_pixels", statistics.absent_pixels()},
+      {"missing_pixels", image.missing_pixels},
       {"histogram",
        {{"first_ev", metered.histogram_first_ev()},
         {"bins_per_ev", metered.histogram_bins_per_ev()},
@@ -145,8 +146,7 @@ absl::Status meter_image(const MeterOptions& options) {
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image =
-      read_image(input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                 options.shown);
+      read_image(input, image_limits(*limits, options.max_chunk_mib), options.shown);
   if (!image.ok()) return image.status();
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;

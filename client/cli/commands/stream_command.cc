@@ -90,9 +90,8 @@ class Streaming {
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
     progress_.show("reading " + sequence_.frames.front().path);
-    FrameReader reader(paths_of(sequence_),
-                       {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                       kReadAhead, options_.shown);
+    FrameReader reader(paths_of(sequence_), image_limits(*limits, options_.max_chunk_mib), kReadAhead,
+                       options_.shown);
     FrameFeeder feeder(sequence_,
                        {.settings = options_.settings,
                         .timeout = options_.timeout,
@@ -190,6 +189,7 @@ class Streaming {
     }
     frame.header = result.image.header;
     frame.primaries = facts.primaries;
+    frame.missing_pixels = facts.missing_pixels;
     summary_.primaries.insert(words_of(facts.primaries));
     frame.latency = result.latency;
     exposure_ = frame.header.exposure();

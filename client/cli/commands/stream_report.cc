@@ -87,6 +87,7 @@ std::string to_json(const StreamFrame& frame) {
                {"max_luminance", static_cast<double>(statistics.max_luminance())},
                {"bad_values", bad_values_json(statistics)},
                {"absent_pixels", statistics.absent_pixels()},
+               {"missing_pixels", frame.missing_pixels},
                {"gamut_cut_components", header.gamut_cut_components()},
                {"cut", header.cut()},
                {"tier", header.tier()},

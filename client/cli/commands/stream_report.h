@@ -23,8 +23,9 @@ struct StreamFrame {
   int64_t media_time_ns = 0;
   bool held = false;  // a missing frame with the image of the one before
   PrimariesUsed primaries;
-  absl::Status status;      // why there is no image: reading, rendering or writing failed
-  v1::ResultHeader header;  // only if the frame was rendered
+  uint64_t missing_pixels = 0;  // of an unfinished or damaged file
+  absl::Status status;          // why there is no image: reading, rendering or writing failed
+  v1::ResultHeader header;      // only if the frame was rendered
   absl::Duration latency;
 };
 
@@ -51,7 +52,7 @@ struct StreamSummary {
 // One line with the keys frame (its number), input, output, media_time_ns, and either error, or held (true),
 // or primaries {name, xy, from}, width, height, exposure, exposure_before, target, target_before_limits,
 // mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, absent_pixels,
-// gamut_cut_components, cut, tier, stage_ms, latency_ms.
+// missing_pixels, gamut_cut_components, cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 
 // One line with the key summary {frames, first, last, missing, fps, fps_from, written, held, skipped,
