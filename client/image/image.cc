@@ -1,6 +1,5 @@
 #include "client/image/image.h"
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/image/read/file_reader.h"
@@ -58,18 +57,6 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
   return absl::OkStatus();
 }
 
-std::string printable(absl::string_view text, size_t most) {
-  std::string result;
-  for (const char letter : text.substr(0, most)) {
-    if (absl::ascii_isprint(static_cast<unsigned char>(letter))) {
-      result.push_back(letter);
-    } else {
-      absl::StrAppendFormat(&result, "\\x%02x", static_cast<unsigned char>(letter));
-    }
-  }
-  return result;
-}
-
 absl::StatusOr<FileKind> file_kind(FileReader& file) {
   const absl::StatusOr<std::string> magic = file.peek(4);
   if (!magic.ok()) return magic.status();
@@ -95,7 +82,8 @@ absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits&
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture", path,
         *kind == FileKind::kRadiance ? "Radiance" : "PFM"));
   }
-  return *kind == FileKind::kRadiance ? read_radiance(*file, limits) : read_pfm(*file, limits);
+  return *kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
+                                      : read_pfm(*file, limits, choice.fills_gaps);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -19,6 +20,8 @@
 #include "server/encode/picture.h"
 
 namespace candela {
+
+class KeptAttributes;
 
 // Four interleaved components, red first, little endian; rows from the top without padding. Servers render to
 // the integer formats; files are never read to them.
@@ -36,12 +39,15 @@ struct Image {
   ImageFormat format = ImageFormat::kRgba16f;
   PixelBuffer pixels;                   // bytes() bytes
   bool has_alpha = false;               // false: every alpha is 1
+  bool is_cube_map = false;             // the file says that it is the six faces of a cube map
   double pixel_aspect = 1.0;            // width / height of one pixel
   std::optional<FrameRate> frame_rate;  // of the sequence that the image belongs to
   // CIE 1931 xy of red, green, blue and white: rx ry gx gy bx by wx wy. Without them: Rec.709 and D65.
   std::optional<std::array<float, 8>> chromaticities;
-  bool names_primaries = false;    // the file says what its primaries are, which may be Rec.709
-  std::vector<std::string> notes;  // messages for the user, such as "EXPOSURE 0.5 divided out"
+  bool names_primaries = false;  // the file says what its primaries are, which may be Rec.709
+  uint64_t missing_pixels = 0;   // of an unfinished or damaged file: absent, which is 0 with alpha 0
+  std::shared_ptr<const KeptAttributes> kept;  // what an OpenEXR output keeps of an OpenEXR input; or null
+  std::vector<std::string> notes;              // messages for the user, such as "EXPOSURE 0.5 divided out"
 
   uint64_t row_bytes() const { return uint64_t{width} * bytes_per_pixel(format); }
   uint64_t bytes() const { return row_bytes() * height; }
@@ -61,13 +67,18 @@ struct ImageLimits {
   uint64_t max_chunk_bytes = 256u << 20;
 };
 
-// Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the first
-// part, view and layer with colour.
+// Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the
+// picture whose name says best that it is the one to show.
 struct PictureChoice {
-  std::string part{};   // its name, or its number, counted from 1
-  std::string layer{};  // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey
-  std::string view{};   // of a stereo or multi-view file, such as "left"
+  std::string part{};  // its name, or its number, counted from 1
+  // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey; or RGB, RGBA or
+  // XYZ, for those without a layer.
+  std::string layer{};
+  std::string view{};  // of a stereo or multi-view file, such as "left"
+  // Reads what there is of an unfinished or damaged file of any kind. Its other pixels are absent.
+  bool fills_gaps = false;
 
+  // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };
 
@@ -75,8 +86,8 @@ struct PictureChoice {
 // become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and radiance_reader.cc say
 // what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND (also for a
 // part, layer or view, with a list of those that exist), PERMISSION_DENIED, INVALID_ARGUMENT (not an image,
-// damaged, nothing to render, nothing to choose from), RESOURCE_EXHAUSTED (beyond the limits) or
-// UNIMPLEMENTED (deep images). Their kind is kInput (client/base/failure.h).
+// damaged, unfinished, nothing to render, nothing to choose from), RESOURCE_EXHAUSTED (beyond the limits) or
+// UNIMPLEMENTED (deep images, a compression or a version that this OpenEXR does not know). Their kind is kInput (client/base/failure.h).
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
 

@@ -1,8 +1,10 @@
-// Checks a file's primaries and pixel aspect, for all readers.
+// Checks a file's primaries and pixel aspect, and counts its missing pixels, for all readers.
 #include <algorithm>
 #include <cmath>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/strip.h"
 #include "client/image/primaries.h"
 #include "client/image/read/readers.h"
 
@@ -28,6 +30,18 @@ bool has_matrix(const std::array<float, 8>& xy) {
 }
 
 }  // namespace
+
+absl::Status or_fill(const absl::Status& status) {
+  return {status.code(), absl::StrCat(status.message(), "; --incomplete fill renders what is there")};
+}
+
+void note_missing(const std::string& path, const absl::Status& why, uint64_t missing, Image& image) {
+  image.notes.push_back(absl::StrFormat("%s: %d of its %d pixels are missing and absent, with alpha 0",
+                                        absl::StripPrefix(why.message(), path + ": "), missing,
+                                        uint64_t{image.width} * image.height));
+  image.missing_pixels = missing;
+  image.has_alpha = true;
+}
 
 void set_chromaticities(const std::array<float, 8>& xy, Image& image) {
   image.chromaticities.reset();

@@ -152,7 +152,7 @@ TEST_F(ExrReader, ShowsALayerWhenThereAreNoPlainChannels) {
   const Image image = read();
   EXPECT_EQ(image.format, ImageFormat::kRgba16f);
   expect_picture(image, header.displayWindow(), header.dataWindow());
-  EXPECT_EQ(image.notes, std::vector<std::string>{"layer beauty is shown"});
+  EXPECT_EQ(image.notes, std::vector<std::string>{"layer beauty is shown; there is also --layer Z"});
 }
 
 TEST_F(ExrReader, ShowsTheFirstPartWithColour) {
@@ -176,7 +176,8 @@ TEST_F(ExrReader, ShowsTheFirstPartWithColour) {
   }
   const Image image = read();
   expect_picture(image, headers[1].displayWindow(), headers[1].dataWindow());
-  EXPECT_EQ(image.notes, std::vector<std::string>{"part 2 of 3, beauty, is shown"});
+  EXPECT_EQ(image.notes, std::vector<std::string>{
+                             "part 2 of 3, beauty, is shown; there are also --part depth, --part other"});
 }
 
 TEST_F(ExrReader, DecodesLuminanceAndChromaInAnyWindow) {

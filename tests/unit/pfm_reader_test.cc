@@ -53,6 +53,48 @@ TEST_F(PfmReader, SpreadsGreyAndMultipliesTheScaleIn) {
   EXPECT_EQ(image->notes, std::vector<std::string>{"PFM scale 2.5 multiplied in"});
 }
 
+TEST_F(PfmReader, ReadsHeadersWithCommentsAndWithLineEndsInCrLf) {
+  // Values whose first bytes look like the header's: CR, LF, space and #.
+  for (const uint32_t bits : {0x3f80000du, 0x3f80000au, 0x3f800020u, 0x3f800023u}) {
+    float first = 0;
+    std::memcpy(&first, &bits, 4);
+    for (const char* header :
+         {"PF\n2 1\n-1\n", "PF\r\n2 1\r\n-1\r\n", "PF\r2 1\r-1\r", "PF 2 1 -1 ", "PF\n# a comment\n2 1\n-1\n",
+          "PF\r\n# one\r\n# two\r\n2 # width\r\n1\r\n-1.0\r\n", "PF\n2 1\n#\n-1\n"}) {
+      const auto image = read(header + floats({first, 2, 3, 4, 5, 6}));
+      ASSERT_TRUE(image.ok()) << image.status() << header;
+      EXPECT_EQ(component(*image, 0, 0, 0), first) << header << std::hex << bits;
+      EXPECT_EQ(component(*image, 1, 0, 2), 6) << header << std::hex << bits;
+    }
+  }
+  const auto image = read("PF\n2 1\n-1.0 # little endian\n" + floats({1, 2, 3, 4, 5, 6}));
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(component(*image, 1, 0, 2), 6);
+}
+
+// https://github.com/Tom94/tev/pull/110
+TEST_F(PfmReader, ReadsPf4WithAlpha) {
+  const auto image = read("PF4\n1 2\n-2.0\n" + floats({1, 2, 3, 0.5f, 5, 6, 7, 0.25f}));
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_TRUE(image->has_alpha);
+  EXPECT_EQ(component(*image, 0, 1, 2), 6);
+  EXPECT_EQ(component(*image, 0, 1, 3), 0.5f) << "the scale is of light, not of alpha";
+  EXPECT_EQ(component(*image, 0, 0, 3), 0.25f);
+}
+
+TEST_F(PfmReader, FillsWhatAnUnfinishedFileLacks) {
+  for (const std::string header : {"PF\n1 3\n-1\n", "PF\r\n1 3\r\n-1\r\n"}) {
+    const std::string cut = header + floats({1, 2, 3, 4, 5, 6}) + "xx";
+    EXPECT_NE(read(cut).status().message().find("--incomplete fill renders"), absl::string_view::npos);
+    const auto image = read_image(path_, {}, {.fills_gaps = true});
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->missing_pixels, 1u);
+    EXPECT_EQ(component(*image, 0, 0, 3), 0);
+    EXPECT_EQ(component(*image, 0, 1, 2), 6);
+    EXPECT_EQ(component(*image, 0, 2, 0), 1);
+  }
+}
+
 TEST_F(PfmReader, RefusesWhatIsNotWholeOrHasNoSense) {
   const auto error = [&](const std::string& bytes) { return std::string(read(bytes).status().message()); };
   EXPECT_NE(error("PF\n2 2\n-1\n" + std::string(47, 'x')).find("1 of 48 bytes"), std::string::npos);

@@ -144,6 +144,46 @@ TEST_F(RadianceReader, DividesTheProductOfExposuresOutAndSaysSo) {
   }
 }
 
+TEST_F(RadianceReader, ReadsNumbersAsAtofDoes) {
+  for (const char* two : {"2.0 # f/8", " 2", "+2", "2e0x", "2.", "\t2.000 3"}) {
+    const Image image =
+        good(header(absl::StrCat("EXPOSURE=", two, "\n"), "-Y 1 +X 1"), bytes({128, 0, 0, 129}));
+    EXPECT_EQ(component(image, 0, 0, 0), 0.5f) << two;
+    EXPECT_EQ(image.notes, std::vector<std::string>{"EXPOSURE 2 divided out"}) << two;
+  }
+  const Image wide = good(header("PIXASPECT=0.5 wide\n", "-Y 1 +X 1"), bytes({128, 0, 0, 129}));
+  EXPECT_EQ(wide.pixel_aspect, 2);
+  const Image none = good(header("EXPOSURE=f/8\n", "-Y 1 +X 1"), bytes({128, 0, 0, 129}));
+  EXPECT_EQ(component(none, 0, 0, 0), 1.0f);
+  EXPECT_EQ(none.notes, std::vector<std::string>{"EXPOSURE f/8 is no number and was ignored"});
+}
+
+TEST_F(RadianceReader, IgnoresAGammaAndSaysSo) {
+  const Image image = good(header("GAMMA=2.2\n", "-Y 1 +X 1"), bytes({128, 0, 0, 129}));
+  EXPECT_EQ(component(image, 0, 0, 0), 1.0f);
+  EXPECT_EQ(image.notes,
+            std::vector<std::string>{"GAMMA 2.2 was ignored: a Radiance file holds linear light"});
+  EXPECT_TRUE(good(header("GAMMA=1.0\n", "-Y 1 +X 1"), bytes({128, 0, 0, 129})).notes.empty());
+}
+
+TEST_F(RadianceReader, FillsWhatAnUnfinishedFileLacks) {
+  for (const char* size : {"-Y 4 +X 40", "+Y 4 +X 40"}) {
+    std::string whole = header("", size);
+    for (int y = 0; y < 3; ++y) whole += by_component(marked_line(40, y));
+    write_file(path_, whole);
+    const absl::Status refused = read_image(path_).status();
+    EXPECT_NE(refused.message().find("--incomplete fill renders what is there"), absl::string_view::npos)
+        << refused;
+    const absl::StatusOr<Image> image = read_image(path_, {}, {.fills_gaps = true});
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->missing_pixels, 40u);
+    EXPECT_TRUE(image->has_alpha);
+    const uint32_t missing = size[0] == '-' ? 3 : 0;
+    for (uint32_t y = 0; y < 4; ++y) EXPECT_EQ(component(*image, 7, y, 3), y == missing ? 0 : 1);
+    EXPECT_NE(image->notes.at(0).find("40 of its 160 pixels are missing"), std::string::npos);
+  }
+}
+
 TEST_F(RadianceReader, AZeroStaysZeroWhateverTheExposure) {
   const Image image = good(header("EXPOSURE=1e-29\n", "-Y 1 +X 1"), bytes({1, 0, 0, 255}));
   EXPECT_GT(component(image, 0, 0, 0), 3e38f);

@@ -1,7 +1,12 @@
 #include "client/cli/commands/embedded_server.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <utility>
 
+#include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
 #include "server/memory_budget.h"
 #include "server/option_table.h"
@@ -10,6 +15,17 @@
 namespace candela {
 
 void EmbeddedServer::prepare() { prepare_driver_environment(); }
+
+uint64_t EmbeddedServer::usable_memory_bytes() {
+  const auto pages = static_cast<uint64_t>(std::max(sysconf(_SC_PHYS_PAGES), 1L));
+  uint64_t bytes = pages * static_cast<uint64_t>(std::max(sysconf(_SC_PAGESIZE), 1L));
+  bytes = std::min(bytes, read_cgroup_limits().memory_bytes.value_or(bytes));
+  for (const auto resource : {RLIMIT_AS, RLIMIT_DATA}) {
+    rlimit limit{};
+    if (getrlimit(resource, &limit) == 0) bytes = std::min<uint64_t>(bytes, limit.rlim_cur);  // or infinity
+  }
+  return bytes;
+}
 
 std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
 

@@ -4,6 +4,7 @@
 
 #include <grpcpp/channel.h>
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,6 +21,10 @@ class EmbeddedServer {
   // Sets the environment variables of the Vulkan driver. Call it before
   // other threads start, because they may read the environment.
   static void prepare();
+
+  // The bytes of memory that this process may use: the machine's, the limit of its control group, and its own
+  // (ulimit -v, ulimit -d), whichever is least.
+  static uint64_t usable_memory_bytes();
 
   // The environment variables that candelad reads.
   static std::vector<std::string> daemon_variables();

@@ -10,6 +10,7 @@
 #include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/failure_line.h"
+#include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
@@ -195,7 +196,7 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
   size_t failed = 0;
   std::optional<FailureKind> failed_for;
   for (const std::string& file : files) {
-    const absl::StatusOr<FileFacts> facts = describe_image(file);
+    const absl::StatusOr<FileFacts> facts = describe_image(file, default_image_limits());
     if (!facts.ok()) {
       if (files.size() == 1) return facts.status();
       print_error(facts.status());

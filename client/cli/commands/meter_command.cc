@@ -111,6 +111,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
       {"bad_values", bad_values_json(statistics)},
       {"clamped_components", statistics.clamped_components()},
       {"absent_pixels", statistics.absent_pixels()},
+      {"missing_pixels", image.missing_pixels},
       {"histogram",
        {{"first_ev", metered.histogram_first_ev()},
         {"bins_per_ev", metered.histogram_bins_per_ev()},
@@ -150,8 +151,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image =
-      read_image(input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                 options.shown);
+      read_image(input, image_limits(*limits, options.max_chunk_mib), options.shown);
   if (!image.ok()) return image.status();
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;

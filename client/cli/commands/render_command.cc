@@ -152,6 +152,7 @@ class Rendering {
     absl::StatusOr<Image> image = read();
     if (!image.ok()) return image.status();
     report_.primaries = primaries_used(*image, options_.settings);
+    report_.missing_pixels = image->missing_pixels;
     absl::StatusOr<Image> picture = render(*std::move(image));
     if (!picture.ok()) return picture.status();
     if (absl::Status status = write(*picture); !status.ok()) return status;
@@ -164,9 +165,7 @@ class Rendering {
   absl::StatusOr<Image> read_input() {
     const absl::StatusOr<v1::Limits> limits = shared_.limits();
     if (!limits.ok()) return limits.status();
-    return read_image(job_.input,
-                      {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                      options_.shown);
+    return read_image(job_.input, image_limits(*limits, options_.max_chunk_mib), options_.shown);
   }
 
   absl::StatusOr<Image> read() {
@@ -177,6 +176,7 @@ class Rendering {
     read_ms_ = ms_since(begin);
     if (!image.ok()) return image;
     add_notes(std::exchange(image->notes, {}));
+    add_note(cube_map_note(*image));
     absl::Status status = check_view_input(*image, job_.input, options_.settings, options_.view);
     if (!status.ok()) return status;
     return image;
@@ -221,7 +221,10 @@ class Rendering {
     error_map_ = std::move(result->error_map);
     add_stages(call_ms);
     absl::StatusOr<Image> picture = picture_of(*result, alpha, frame.pixel_aspect);
-    if (picture.ok()) picture->frame_rate = frame.frame_rate;
+    if (picture.ok()) {
+      picture->frame_rate = frame.frame_rate;
+      picture->kept = frame.kept;
+    }
     return picture;
   }
 

@@ -115,8 +115,10 @@ nlohmann::ordered_json to_json(const std::optional<ViewReport>& view) {
 
 std::string summary_line(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
-  return absl::StrFormat("%s -> %s: %dx%d; %s; exposure %.4g (%+.2f EV); %s; %.2f s\n", report.input,
-                         report.output, header.width(), header.height(), words_of(report.primaries),
+  const std::string missing =
+      report.missing_pixels > 0 ? absl::StrFormat("%d pixels missing; ", report.missing_pixels) : "";
+  return absl::StrFormat("%s -> %s: %dx%d; %s%s; exposure %.4g (%+.2f EV); %s; %.2f s\n", report.input,
+                         report.output, header.width(), header.height(), missing, words_of(report.primaries),
                          header.exposure(), std::log2(header.exposure()), report.curve,
                          report.total_ms / 1000);
 }
@@ -129,6 +131,7 @@ void add_everything(const RenderReport& report, std::string& text,
   line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
   if (!header.tier_reason().empty()) line("", header.tier_reason());
   line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
+  if (report.missing_pixels > 0) line("missing", absl::StrFormat("%d pixels", report.missing_pixels));
   line("primaries", words_of(report.primaries));
   line("exposure", metered_exposure_words(report));
   line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
@@ -209,6 +212,7 @@ std::string to_json(const RenderReport& report) {
       {"bad_values", bad_values_json(statistics)},
       {"clamped_components", statistics.clamped_components()},
       {"absent_pixels", statistics.absent_pixels()},
+      {"missing_pixels", report.missing_pixels},
       {"view", to_json(report.view)},
       {"gamut_cut_components", header.gamut_cut_components()},
       {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},

@@ -32,7 +32,8 @@ struct RenderReport {
   std::string output;
   std::string environment;  // the id of the panorama that it is a view of; "": it is a frame
   PrimariesUsed primaries;
-  std::string curve;  // its word, or the name of the view of --ocio
+  uint64_t missing_pixels = 0;  // of an unfinished or damaged file
+  std::string curve;            // its word, or the name of the view of --ocio
   v1::ResultHeader header;
   std::string error_map;  // "" if none is written
   bool metered = true;    // false if the user set the exposure
@@ -79,14 +80,13 @@ std::vector<std::string> notes_for_user(const RenderReport& report);
 // One object on one line, with the keys input, output, environment (only of a view), size {width, height},
 // primaries {name, xy, from} (name null if they have none; from is assumed, file or option), curve, device,
 // tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
-// max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, view {display,
-// view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio),
-// gamut_cut_components, plan, stage_ms, total_ms, notes. A verified frame also has verify and
-// verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y],
-// differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes,
-// p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map it has
-// error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An infinite number
-// becomes null.
+// max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, view
+// {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio), gamut_cut_components,
+// plan, stage_ms, total_ms, notes. A verified frame also has verify and verify_unrounded {against,
+// max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components,
+// meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes, p999_error_codes,
+// mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map it has error_map {file,
+// least_codes, most_codes, scale}. Numbers read back to the same bits. An infinite number becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

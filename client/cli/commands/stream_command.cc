@@ -64,7 +64,7 @@ class Streaming {
     if (absl::Status status = prepare(session.settings); !status.ok()) return status;
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
-    const ImageLimits files{.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()};
+    const ImageLimits files = image_limits(*limits, options_.max_chunk_mib);
     progress_.show("reading " + named_.front().input);
     FrameReader reader(paths_of(sequence_), files, kReadAhead, options_.shown);
     FrameFeeder feeder(sequence_,
@@ -175,6 +175,7 @@ class Streaming {
     }
     frame.header = result.image.header;
     frame.primaries = facts.primaries;
+    frame.missing_pixels = facts.missing_pixels;
     summary_.primaries.insert(words_of(facts.primaries));
     frame.latency = result.latency;
     exposure_ = frame.header.exposure();

@@ -38,6 +38,7 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
   absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
   if (!picture.ok()) return picture.status();
   picture->frame_rate = facts.frame_rate;
+  picture->kept = facts.kept;
   return write_image(path, *picture, options);
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(

@@ -87,6 +87,7 @@ std::string to_json(const StreamFrame& frame) {
                {"bad_values", bad_values_json(statistics)},
                {"clamped_components", statistics.clamped_components()},
                {"absent_pixels", statistics.absent_pixels()},
+               {"missing_pixels", frame.missing_pixels},
                {"gamut_cut_components", header.gamut_cut_components()},
                {"cut", header.cut()},
                {"tier", header.tier()},

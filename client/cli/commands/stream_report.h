@@ -26,8 +26,9 @@ struct StreamFrame {
   bool held = false;     // has the image of the one before
   bool missing = false;  // has no file
   PrimariesUsed primaries;
-  absl::Status status;      // why there is no image of its own: reading or rendering failed
-  v1::ResultHeader header;  // only if the frame was rendered
+  uint64_t missing_pixels = 0;  // of an unfinished or damaged file
+  absl::Status status;          // why there is no image of its own: reading or rendering failed
+  v1::ResultHeader header;      // only if the frame was rendered
   absl::Duration latency;
 };
 
@@ -55,7 +56,7 @@ struct StreamSummary {
 // One line with the keys frame (its number), input, output, media_time_ns, and either error (text) and code
 // (the exit code of such a failure), held (true) or all three, or primaries {name, xy, from}, width, height,
 // exposure, exposure_before, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance,
-// bad_values {nan, inf, negative}, clamped_components, absent_pixels, gamut_cut_components, cut, tier, stage_ms,
+// bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, gamut_cut_components, cut, tier, stage_ms,
 // latency_ms.
 std::string to_json(const StreamFrame& frame);
 

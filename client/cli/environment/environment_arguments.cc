@@ -186,7 +186,7 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
       ->required()
       ->option_text(" ");
   add_cube_options(app, arguments);
-  add_choice_options(app, options.shown);
+  add_choice_options(app, options);
   add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
            options.shown.view);
   add_settings_options(app, options.settings, is_about_panoramas);

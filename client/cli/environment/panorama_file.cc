@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/cli/files/frame_files.h"
+#include "client/image/cube_panorama.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -39,9 +40,13 @@ absl::Status check_size(const Image& image, const std::string& path) {
 
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
                                            const v1::Limits& limits) {
-  const ImageLimits most{.max_dimension = limits.max_dimension(), .max_bytes = limits.max_frame_bytes()};
+  const ImageLimits most = image_limits(limits, options.max_chunk_mib);
   absl::StatusOr<Image> read = read_image(path, most, options.shown);
   if (!read.ok()) return read.status();
+  if (read->is_cube_map) {
+    read = panorama_of_cube(*read, v1::kMaxPanoramaWidth, most.max_bytes);
+    if (!read.ok()) return name_file(read.status(), path);
+  }
   if (absl::Status status = check_size(*read, path); !status.ok()) return status;
   if (absl::Status status = check_view_input(*read, path, options.settings, options.view); !status.ok()) {
     return status;

@@ -23,8 +23,8 @@ struct PanoramaFile {
 
 // Reads the picture that `options` choose from the file `path`. Its primaries are those of the options'
 // settings, or else the file's; the treatment of bad values is that of the settings. A note tells of a
-// picture that is far from 2:1. `limits` are the server's. Fails like read_image(), and with
-// RESOURCE_EXHAUSTED if it is too large for a panorama.
+// picture that is far from 2:1. A cube map becomes a panorama (client/image/cube_panorama.h). `limits` are
+// the server's. Fails like read_image(), and with RESOURCE_EXHAUSTED if it is too large for a panorama.
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
                                            const v1::Limits& limits);
 

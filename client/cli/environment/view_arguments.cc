@@ -175,7 +175,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
       ->option_text(" ");
   add_camera_options(app, options);
   add_move_options(app, options);
-  add_choice_options(app, options.shown);
+  add_choice_options(app, options);
   add_settings_options(app, options.settings, is_for_views);
   add_view_options(app, options.view);
   add_previous_options(app, options.previous);

@@ -163,8 +163,10 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read, std::optional<double
   const std::vector<std::string> differences = this->differences(index, read);
   {
     const absl::MutexLock lock(&mutex_);
-    facts_[index] = {read.has_alpha, read.pixel_aspect, said_rate_, primaries_used(read, options_.settings)};
+    facts_[index] = {read.has_alpha, read.pixel_aspect,  said_rate_, primaries_used(read, options_.settings),
+                     read.kept,      read.missing_pixels};
     notes_.insert(read.notes.begin(), read.notes.end());
+    if (read.is_cube_map) notes_.insert(cube_map_note(read));
     notes_.insert(differences.begin(), differences.end());
   }
   const auto image = std::make_shared<const Image>(std::move(read));

@@ -33,6 +33,8 @@ struct FrameFacts {
   double pixel_aspect = 1;
   std::optional<FrameRate> frame_rate;  // if the user gave it or a file says it
   PrimariesUsed primaries;
+  std::shared_ptr<const KeptAttributes> kept;  // as in Image
+  uint64_t missing_pixels = 0;                 // as in Image
 };
 
 // The options that concern the frames to send.

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/cli/commands/embedded_server.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 
@@ -27,6 +28,16 @@ v1::PixelFormat wire_format(ImageFormat format) {
   return format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
 }
 
+ImageLimits image_limits(const v1::Limits& server, uint64_t max_chunk_mib) {
+  ImageLimits limits = default_image_limits();
+  limits.max_dimension = server.max_dimension();
+  limits.max_bytes = server.max_frame_bytes();
+  if (max_chunk_mib > 0) limits.max_chunk_bytes = max_chunk_mib << 20;
+  return limits;
+}
+
+ImageLimits default_image_limits() { return {.max_chunk_bytes = EmbeddedServer::usable_memory_bytes() / 8}; }
+
 FrameView view_of(const Image& image) {
   return {.width = image.width,
           .height = image.height,
@@ -48,6 +59,13 @@ absl::Status check_view_input(const Image& image, const std::string& path, const
                       "once more; leave out "
                       "--ocio-input, or add --primaries rec709 to give the view the file's own values",
                       path, view.input));
+}
+
+std::string cube_map_note(const Image& image) {
+  if (!image.is_cube_map) return "";
+  return "the file is a cube map (envmap): its faces are rendered as they lie in it; candela view and "
+         "candela "
+         "environment show what they surround";
 }
 
 absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect) {

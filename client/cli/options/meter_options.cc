@@ -16,7 +16,7 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
       ->required()
       ->option_text(" ");
   add_session_options(app, options);
-  add_choice_options(app, options.shown);
+  add_choice_options(app, options);
   add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
            options.shown.view);
   add_settings_options(app, options.settings, changes_metering);

@@ -34,7 +34,8 @@ struct ServerChoice {
 
 // The settings of frames and the format of images.
 struct PictureOptions {
-  PictureChoice shown;    // of the files that hold several pictures
+  PictureChoice shown;         // of the files that hold several pictures
+  uint64_t max_chunk_mib = 0;  // of an OpenEXR file; 0: as image_limits() chooses it
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;

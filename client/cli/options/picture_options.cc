@@ -15,6 +15,7 @@
 namespace candela {
 namespace {
 
+constexpr v1::Range<double> kChunkMib{1, 65536};
 constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
 
 EncodedTransfer encoded_transfer(v1::Transfer transfer) {
@@ -40,15 +41,36 @@ void choose_alpha(PictureOptions& options, OutputKind kind, const std::string& o
 
 }  // namespace
 
-void add_choice_options(CLI::App& app, PictureChoice& shown) {
+void add_choice_options(CLI::App& app, PictureOptions& options) {
+  PictureChoice& shown = options.shown;
   add_text(app, kInputSection, "--part", "N|NAME",
-           "Part of a multi-part OpenEXR file, by number from 1 or by name (default: the first with colour)",
+           "Part of a multi-part OpenEXR file, by number from 1 or by name (default: the one whose name says "
+           "that it is the picture, such as rgba or beauty, else the first with colour)",
            shown.part);
+  add_text(app, kInputSection, "--layer", "NAME",
+           "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one channel by its full name, as "
+           "grey; RGB "
+           "for the channels without a layer, XYZ for X, Y and Z as CIE XYZ (default: as for --part)",
+           shown.layer);
+  add_text(app, kInputSection, "--incomplete", "error|fill",
+           "What an unfinished or damaged file is: an error (default), or the pixels that there are, and the "
+           "others absent, with alpha 0",
+           [&shown](const std::string& word) {
+             if (word != "error" && word != "fill")
+               return unknown_word("--incomplete word", word, {"error", "fill"});
+             shown.fills_gaps = word == "fill";
+             return absl::OkStatus();
+           });
   add_text(
-      app, kInputSection, "--layer", "NAME",
-      "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one channel by its full name, as grey "
-      "(default: the first with colour)",
-      shown.layer);
+      app, kInputSection, "--max-chunk-mib", "N",
+      absl::StrFormat("Most MiB that one chunk of an OpenEXR file, some rows or a tile of all channels, may "
+                      "take in memory; %s (default: an eighth of the memory that this process may use)",
+                      format_range(kChunkMib)),
+      [&options](const std::string& text) {
+        const absl::StatusOr<double> mib = parse_number("--max-chunk-mib", text, kChunkMib, true);
+        if (mib.ok()) options.max_chunk_mib = static_cast<uint64_t>(*mib);
+        return mib.status();
+      });
 }
 
 void add_image_options(CLI::App& app, PictureArguments& arguments) {

@@ -15,9 +15,10 @@ struct PictureArguments {
   int quality = 0;  // 0: not given
 };
 
-// Defines --part and --layer, for the pictures in an OpenEXR file. Parsing fills `shown`, which outlives the
+// Defines --part and --layer, for the pictures in an OpenEXR file, --incomplete and
+// --max-chunk-mib. Parsing fills `options`, which outlive the
 // app.
-void add_choice_options(CLI::App& app, PictureChoice& shown);
+void add_choice_options(CLI::App& app, PictureOptions& options);
 
 // Defines --bits and --quality; parsing fills `arguments`, which outlives the app.
 void add_image_options(CLI::App& app, PictureArguments& arguments);

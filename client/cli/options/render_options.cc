@@ -87,7 +87,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
                  "for itself and keeps its name")
       ->required()
       ->option_text(" ");
-  add_choice_options(app, options.shown);
+  add_choice_options(app, options);
   add_settings_options(app, options.settings);
   add_view_options(app, options.view);
   add_previous_options(app, options.previous);

@@ -32,7 +32,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
       ->required()
       ->option_text(" ");
   add_session_options(app, options);
-  add_choice_options(app, options.shown);
+  add_choice_options(app, options);
   add_settings_options(app, options.settings);
   add_given_exposure_options(app, options);
   add_view_options(app, options.view);

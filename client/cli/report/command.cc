@@ -17,6 +17,7 @@
 #include "client/cli/commands/server_link.h"
 #include "client/cli/environment/panorama_file.h"
 #include "client/cli/files/error_map.h"
+#include "client/cli/files/frame_files.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/scene_image.h"
 #include "client/cli/files/terminal.h"
@@ -99,8 +100,7 @@ absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& option
   const double most = options.quick ? kQuickImageMegapixels : kImageMegapixels;
   std::vector<ReportImage> images;
   for (const std::string& path : options.images) {
-    absl::StatusOr<Image> image =
-        read_image(path, {.max_dimension = limits.max_dimension(), .max_bytes = limits.max_frame_bytes()});
+    absl::StatusOr<Image> image = read_image(path, image_limits(limits));
     if (!image.ok()) return image.status();
     absl::StatusOr<ReportImage> cut =
         cut_to(most, std::filesystem::path(path).filename().string(), *std::move(image));

@@ -1,11 +1,16 @@
 #include "client/image/read/exr_channels.h"
 
+#include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfMultiView.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 
 #include <algorithm>
+#include <cstring>
+#include <initializer_list>
 
 #include "absl/algorithm/container.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/image/read/readers.h"
@@ -16,10 +21,59 @@ namespace {
 // The name up to and including its last dot; "" for a plain name.
 std::string prefix_of(const std::string& name) { return name.substr(0, name.rfind('.') + 1); }
 
-// `name` within a layer, "" if the part has no such channel.
-std::string find(const Imf::ChannelList& channels, const ExrLayer& layer, const char* base) {
-  const std::string name = absl::StrCat(layer.prefix, base);
-  return channels.findChannel(name) != nullptr ? name : std::string();
+// The layer's channel of one of these names, "" if there is none.
+std::string find(const ExrLayer& layer, std::initializer_list<const char*> names) {
+  const auto base = [&](const std::string& channel) {
+    return absl::string_view(channel).substr(layer.prefix.size());
+  };
+  for (const char* name : names) {
+    for (const std::string& channel : layer.channels) {
+      if (base(channel) == name) return channel;
+    }
+    for (const std::string& channel : layer.channels) {
+      if (absl::EqualsIgnoreCase(base(channel), name)) return channel;
+    }
+  }
+  return "";
+}
+
+bool has(const ExrLayer& layer, const char* base) {
+  return absl::c_linear_search(layer.channels, layer.prefix + base);
+}
+
+std::string alpha_of(const ExrLayer& layer) { return find(layer, {"A", "alpha"}); }
+
+// Colours whose names have no dot before R, G and B: LeR, LeG and LeB, or beauty_r, beauty_g and beauty_b.
+// Takes them out of a layer and returns them as layers.
+std::vector<ExrLayer> split_off_colours(ExrLayer& layer) {
+  constexpr const char* kEnds[][4] = {{"R", "G", "B", "A"},
+                                      {"r", "g", "b", "a"},
+                                      {"Red", "Green", "Blue", "Alpha"},
+                                      {"red", "green", "blue", "alpha"}};
+  std::vector<ExrLayer> layers;
+  for (const std::string& red : std::vector<std::string>(layer.channels)) {
+    for (const auto& ends : kEnds) {
+      if (red.size() <= layer.prefix.size() + std::strlen(ends[0]) || !absl::EndsWith(red, ends[0])) continue;
+      const std::string prefix = red.substr(0, red.size() - std::strlen(ends[0]));
+      // AR, AG and AB are the alphas of the colours, and a small letter after a letter may be any word's.
+      const char last = prefix.back();
+      const bool begins = !absl::ascii_isalpha(static_cast<unsigned char>(last)) ||
+                          (absl::ascii_islower(static_cast<unsigned char>(last)) &&
+                           absl::ascii_isupper(static_cast<unsigned char>(*ends[0])));
+      if (!begins) continue;
+      std::vector<std::string> channels;
+      for (const char* end : ends) {
+        if (absl::c_binary_search(layer.channels, prefix + end)) channels.push_back(prefix + end);
+      }
+      if (channels.size() < 3 || channels[2] != prefix + ends[2]) continue;
+      std::string name = layer.name + (layer.name.empty() ? "" : ".") + prefix.substr(layer.prefix.size());
+      while (name.size() > 1 && absl::ascii_ispunct(static_cast<unsigned char>(name.back()))) name.pop_back();
+      std::erase_if(layer.channels, [&](const std::string& c) { return absl::c_linear_search(channels, c); });
+      layers.push_back({layer.view, std::move(name), prefix, std::move(channels)});
+      break;
+    }
+  }
+  return layers;
 }
 
 }  // namespace
@@ -41,6 +95,11 @@ std::vector<ExrLayer> layers_of(const Imf::Header& header) {
     }
     layer->channels.push_back(channel);
   }
+  for (size_t i = layers.size(); i-- > 0;) {
+    std::vector<ExrLayer> colours = split_off_colours(layers[i]);
+    if (layers[i].channels.empty()) layers.erase(layers.begin() + static_cast<std::ptrdiff_t>(i));
+    layers.insert(layers.end(), colours.begin(), colours.end());
+  }
   const std::string first = Imf::defaultViewName(views);
   absl::c_stable_sort(layers, [&](const ExrLayer& a, const ExrLayer& b) {
     const auto order = [&](const ExrLayer& l) { return std::pair(l.view != first, !l.name.empty()); };
@@ -49,23 +108,25 @@ std::vector<ExrLayer> layers_of(const Imf::Header& header) {
   return layers;
 }
 
-std::optional<ExrChannels> colour_of(const Imf::ChannelList& channels, const ExrLayer& layer) {
+std::optional<ExrChannels> colour_of(const ExrLayer& layer) {
   ExrChannels chosen{.prefix = layer.prefix,
-                     .red = find(channels, layer, "R"),
-                     .green = find(channels, layer, "G"),
-                     .blue = find(channels, layer, "B"),
-                     .alpha = find(channels, layer, "A")};
+                     .red = find(layer, {"R", "red"}),
+                     .green = find(layer, {"G", "green"}),
+                     .blue = find(layer, {"B", "blue"}),
+                     .alpha = alpha_of(layer)};
   const int primaries = !chosen.red.empty() + !chosen.green.empty() + !chosen.blue.empty();
   if (primaries >= 2) return chosen;
-  const std::string luminance = find(channels, layer, "Y");
-  if (!luminance.empty() && !find(channels, layer, "RY").empty() && !find(channels, layer, "BY").empty()) {
+  if (has(layer, "Y") && has(layer, "RY") && has(layer, "BY")) {
     chosen.kind = ExrChannels::Kind::kLumaChroma;
+    // OpenEXR decodes these three, and only A beside them.
+    if (chosen.alpha != layer.prefix + "A") chosen.alpha.clear();
     return chosen;
   }
   chosen.kind = ExrChannels::Kind::kGrey;
+  const std::string luminance = find(layer, {"Y"});
   if (primaries == 1) {
     chosen.red = absl::StrCat(chosen.red, chosen.green, chosen.blue);
-  } else if (!luminance.empty() && find(channels, layer, "X").empty()) {  // X and Y make a vector
+  } else if (!luminance.empty() && find(layer, {"X"}).empty()) {  // X and Y make a vector
     chosen.red = luminance;
   } else {
     return std::nullopt;
@@ -75,18 +136,35 @@ std::optional<ExrChannels> colour_of(const Imf::ChannelList& channels, const Exr
   return chosen;
 }
 
-std::optional<ExrChannels> data_of(const Imf::ChannelList& channels, const ExrLayer& layer) {
+std::optional<ExrChannels> data_of(const ExrLayer& layer) {
   ExrChannels vector{.prefix = layer.prefix,
-                     .red = find(channels, layer, "X"),
-                     .green = find(channels, layer, "Y"),
-                     .blue = find(channels, layer, "Z"),
-                     .alpha = find(channels, layer, "A")};
-  if (!vector.red.empty() && !vector.green.empty() && !vector.blue.empty()) return vector;
+                     .red = find(layer, {"X"}),
+                     .green = find(layer, {"Y"}),
+                     .blue = find(layer, {"Z"}),
+                     .alpha = alpha_of(layer)};
+  if (has_xyz(layer)) return vector;
   std::vector<std::string> values = layer.channels;
   std::erase(values, vector.alpha);
+  if (values.size() == 3) {
+    vector.red = values[0], vector.green = values[1], vector.blue = values[2];
+    return vector;
+  }
   if (values.size() != 1) return std::nullopt;
   return ExrChannels{
       .kind = ExrChannels::Kind::kGrey, .prefix = layer.prefix, .red = values.front(), .alpha = vector.alpha};
+}
+
+bool has_xyz(const ExrLayer& layer) {
+  return !find(layer, {"X"}).empty() && !find(layer, {"Y"}).empty() && !find(layer, {"Z"}).empty();
+}
+
+std::string shown_name(const std::string& name) {
+  constexpr size_t kMostBytes = 255;  // of a channel's name
+  return printable(name, kMostBytes);
+}
+
+bool is_called(const std::string& name, const std::string& choice) {
+  return name == choice || shown_name(name) == choice;
 }
 
 std::string name_list(const std::vector<std::string>& names) {
@@ -97,15 +175,9 @@ std::string name_list(const std::vector<std::string>& names) {
       shown.push_back("...");
       break;
     }
-    shown.push_back(printable(name));
+    shown.push_back(shown_name(name));
   }
   return absl::StrJoin(shown, ", ");
-}
-
-std::string channel_names(const Imf::ChannelList& channels) {
-  std::vector<std::string> names;
-  for (auto i = channels.begin(); i != channels.end(); ++i) names.emplace_back(i.name());
-  return name_list(names);
 }
 
 }  // namespace candela

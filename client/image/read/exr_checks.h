@@ -1,8 +1,10 @@
 // What an OpenEXR picture must keep to, checked by its header before memory is taken.
 #pragma once
 
+#include <OpenEXR/ImfCompression.h>
 #include <OpenEXR/ImfHeader.h>
 
+#include <cstdint>
 #include <string>
 
 #include "absl/status/status.h"
@@ -10,6 +12,12 @@
 #include "client/image/read/exr_channels.h"
 
 namespace candela {
+
+// The scan lines in a chunk of this compression.
+int64_t rows_of_chunk(Imf::Compression compression);
+
+// The bytes that OpenEXR decodes at a time, for a header that check_exr_picture() accepts.
+uint64_t chunk_bytes(const Imf::Header& header);
 
 // The format that these channels are read to: halves only if all of them are.
 ImageFormat exr_format(const Imf::Header& header, const ExrChannels& channels);

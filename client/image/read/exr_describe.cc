@@ -21,10 +21,6 @@
 namespace candela {
 namespace {
 
-constexpr size_t kMostLetters = 255;  // of a name in an OpenEXR file
-
-std::string text(const std::string& name) { return printable(name, kMostLetters); }
-
 const char* compression_name(Imf::Compression compression) {
   constexpr const char* kNames[] = {"none",  "RLE", "ZIPS", "ZIP",  "PIZ",
                                     "PXR24", "B44", "B44A", "DWAA", "DWAB"};
@@ -46,11 +42,11 @@ WindowFacts window_of(const Imath::Box2i& box) { return {box.min.x, box.min.y, b
 
 ChannelFacts channel_of(const char* name, const Imf::Channel& channel) {
   const char* type = channel.type == Imf::HALF ? "half" : channel.type == Imf::FLOAT ? "float" : "uint";
-  return {text(name), type, channel.xSampling, channel.ySampling};
+  return {shown_name(name), type, channel.xSampling, channel.ySampling};
 }
 
 PartFacts part_of(const Imf::Header& header) {
-  PartFacts part{.name = header.hasName() ? text(header.name()) : "",
+  PartFacts part{.name = header.hasName() ? shown_name(header.name()) : "",
                  .storage = storage_of(header),
                  .compression = compression_name(header.compression()),
                  .display = window_of(header.displayWindow()),
@@ -63,11 +59,11 @@ PartFacts part_of(const Imf::Header& header) {
     const Imf::Chromaticities& c = Imf::chromaticities(header);
     part.chromaticities = {c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y};
   }
-  if (header.hasView()) add_once(part.views, text(header.view()));
+  if (header.hasView()) add_once(part.views, shown_name(header.view()));
   if (Imf::hasMultiView(header)) {
-    for (const std::string& view : Imf::multiView(header)) add_once(part.views, text(view));
+    for (const std::string& view : Imf::multiView(header)) add_once(part.views, shown_name(view));
   }
-  for (const ExrLayer& layer : layers_of(header)) add_once(part.layers, text(layer.name));
+  for (const ExrLayer& layer : layers_of(header)) add_once(part.layers, shown_name(layer.name));
   for (auto i = header.channels().begin(); i != header.channels().end(); ++i) {
     part.channels.push_back(channel_of(i.name(), i.channel()));
   }
@@ -79,15 +75,15 @@ std::string shown_words(const Imf::MultiPartInputFile& file, const ExrPicture& p
   const ExrChannels& channels = picture.channels;
   std::vector<std::string> names;
   if (channels.kind == ExrChannels::Kind::kLumaChroma) {
-    for (const char* name : {"Y", "RY", "BY"}) names.push_back(text(channels.prefix + name));
+    for (const char* name : {"Y", "RY", "BY"}) names.push_back(shown_name(channels.prefix + name));
   }
   for (const std::string& name : {channels.red, channels.green, channels.blue, channels.alpha}) {
-    if (!name.empty()) names.push_back(text(name));
+    if (!name.empty()) names.push_back(shown_name(name));
   }
   const std::string part = file.parts() == 1
                                ? ""
                                : absl::StrFormat("part %d%s, ", picture.part + 1,
-                                                 header.hasName() ? " " + text(header.name()) : "");
+                                                 header.hasName() ? " " + shown_name(header.name()) : "");
   const char* grey = channels.kind == ExrChannels::Kind::kGrey ? " as grey" : "";
   return absl::StrCat(part, absl::StrJoin(names, " "), grey);
 }
@@ -105,6 +101,12 @@ absl::StatusOr<FileFacts> describe_exr(FileReader& opened, const ImageLimits& li
         check_exr_picture(opened.path(), file.header(picture->part), picture->channels, limits);
     if (facts.renderable.ok()) facts.shown = shown_words(file, *picture);
     facts.notes = picture->notes;
+    if (!file.partComplete(picture->part)) {
+      facts.notes.push_back(
+          "the file is unfinished: not all of its rows or tiles were written; --incomplete fill renders what "
+          "is "
+          "there");
+    }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;

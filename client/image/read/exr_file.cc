@@ -1,7 +1,12 @@
 #include "client/image/read/exr_file.h"
 
+#include <OpenEXR/ImfIO.h>
+
+#include <cstdint>
 #include <exception>
 #include <new>
+#include <span>
+#include <stdexcept>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -14,14 +19,38 @@ namespace {
 
 constexpr size_t kMaxLibraryText = 1000;  // characters of an OpenEXR error that are passed on
 
+// OpenEXR's stream interface for a FileReader. OpenEXR's own stream reads nothing more once it has met the
+// file's end, so a chunk beyond it would hide those before.
+class FileStream : public Imf::IStream {
+ public:
+  explicit FileStream(FileReader& file) : Imf::IStream(file.path().c_str()), file_(file) {}
+  bool read(char* bytes, int count) override {
+    const auto wanted = static_cast<uint64_t>(count);
+    if (at_ > file_.size() || wanted > file_.size() - at_ || (file_.position() != at_ && !file_.seek(at_)) ||
+        !file_.read(std::as_writable_bytes(std::span(bytes, wanted)))) {
+      throw std::runtime_error(kFileEnds);
+    }
+    at_ += wanted;
+    return at_ < file_.size();
+  }
+  uint64_t tellg() override { return at_; }
+  void seekg(uint64_t position) override { at_ = position; }
+
+ private:
+  FileReader& file_;
+  uint64_t at_ = 0;
+};
+
 }  // namespace
 
 absl::Status with_exr_file(FileReader& opened,
-                           absl::FunctionRef<absl::Status(Imf::MultiPartInputFile& file)> use) {
+                           absl::FunctionRef<absl::Status(Imf::MultiPartInputFile& file)> use, int threads) {
+  opened.seek(0);
   if (absl::Status status = check_exr_header(opened); !status.ok()) return status;
   const std::string& path = opened.path();
   try {
-    Imf::MultiPartInputFile file(path.c_str());
+    FileStream stream(opened);
+    Imf::MultiPartInputFile file(stream, threads);
     return use(file);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(

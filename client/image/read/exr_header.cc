@@ -1,5 +1,9 @@
 #include "client/image/read/exr_header.h"
 
+#include <OpenEXR/ImfCompression.h>
+#include <OpenEXR/ImfVersion.h>
+#include <OpenEXR/OpenEXRConfig.h>
+
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -90,12 +94,40 @@ bool take_value(FileReader& file, const std::string& type, uint32_t size) {
   return file.skip(size);
 }
 
+// UNIMPLEMENTED for a version of the format, or a kind of file, that this OpenEXR does not know.
+absl::Status check_version(const std::string& path, uint32_t version) {
+  const bool known = static_cast<int>(version & Imf::VERSION_NUMBER_FIELD) <= Imf::EXR_VERSION &&
+                     Imf::supportsFlags(static_cast<int>(version & Imf::VERSION_FLAGS_FIELD));
+  if (known) return absl::OkStatus();
+  return absl::UnimplementedError(absl::StrFormat(
+      "%s: version %d of OpenEXR's format, with flags %#x, is newer than OpenEXR %s, which this "
+      "candela has; save it with an older program",
+      path, version & Imf::VERSION_NUMBER_FIELD, version & Imf::VERSION_FLAGS_FIELD, OPENEXR_VERSION_STRING));
+}
+
+// Looks at the value of the attribute `compression`. UNIMPLEMENTED if this OpenEXR does not know it.
+absl::Status check_compression(FileReader& file) {
+  const absl::StatusOr<std::string> byte = file.peek(1);
+  if (!byte.ok()) return byte.status();
+  const int number = byte->empty() ? 0 : static_cast<unsigned char>(byte->front());
+  if (number < Imf::NUM_COMPRESSION_METHODS) return absl::OkStatus();
+  // https://openexr.com/en/latest/OpenEXRFileLayout.html, "compression"
+  const std::string what = number == 10   ? "HTJ2K256, which OpenEXR 3.4 and later read"
+                           : number == 11 ? "HTJ2K32, which OpenEXR 3.4 and later read"
+                                          : "which a later OpenEXR may read";
+  return absl::UnimplementedError(absl::StrFormat(
+      "%s: its compression is number %d, %s; this candela has OpenEXR %s, so save it with ZIP (such as "
+      "oiiotool IN.exr --compression zip -o OUT.exr)",
+      file.path(), number, what, OPENEXR_VERSION_STRING));
+}
+
 }  // namespace
 
 absl::Status check_exr_header(FileReader& file) {
   uint32_t magic = 0, version = 0, size = 0;
   std::string name, type;
   bool whole = read_u32(file, magic) && read_u32(file, version);
+  if (absl::Status known = check_version(file.path(), version); whole && !known.ok()) return known;
   const bool multi_part = (version & kMultiPart) != 0;
   int attributes = 0;
   while (whole) {
@@ -112,6 +144,9 @@ absl::Status check_exr_header(FileReader& file) {
       return absl::InvalidArgumentError(
           absl::StrFormat("%s: damaged OpenEXR file: attribute %s claims %d bytes, but only %d are left",
                           file.path(), printable(name), size, file.remaining()));
+    }
+    if (whole && type == "compression" && size == 1) {
+      if (absl::Status known = check_compression(file); !known.ok()) return known;
     }
     if (whole && !take_value(file, type, size)) {
       return absl::InvalidArgumentError(

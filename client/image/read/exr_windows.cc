@@ -3,8 +3,18 @@
 #include <algorithm>
 #include <new>
 
+#include "absl/strings/str_cat.h"
+
 namespace candela {
 namespace {
+
+template <typename T>
+void spread(std::byte* row, int64_t pixels) {
+  T* p = reinterpret_cast<T*>(row);
+  for (int64_t i = 0; i < pixels; ++i, p += 4) p[1] = p[2] = p[0];
+}
+
+}  // namespace
 
 char* origin_of(std::byte* first, size_t pixel_bytes, size_t row_bytes, int64_t x, int64_t y) {
   // Not pointer arithmetic, because the address is often outside the buffer.
@@ -12,13 +22,27 @@ char* origin_of(std::byte* first, size_t pixel_bytes, size_t row_bytes, int64_t 
   return reinterpret_cast<char*>(reinterpret_cast<uintptr_t>(first) - offset);
 }
 
-template <typename T>
-void spread_grey(std::byte* row, int64_t pixels) {
-  T* p = reinterpret_cast<T*>(row);
-  for (int64_t i = 0; i < pixels; ++i, p += 4) p[1] = p[2] = p[0];
+Imf::FrameBuffer frame_of(const ExrChannels& channels, ImageFormat format, char* origin, size_t row_bytes) {
+  const Imf::PixelType type = format == ImageFormat::kRgba16f ? Imf::HALF : Imf::FLOAT;
+  const size_t pixel_bytes = bytes_per_pixel(format);
+  const std::string* const names[] = {&channels.red, &channels.green, &channels.blue, &channels.alpha};
+  Imf::FrameBuffer frame;
+  for (size_t c = 0; c < 4; ++c) {
+    // OpenEXR fills a slice if the file lacks its channel, so this must be a name that no file uses.
+    const std::string name = names[c]->empty() ? absl::StrCat("\x01", c) : *names[c];
+    const double fill = c == 3 ? 1.0 : 0.0;
+    frame.insert(name, Imf::Slice(type, origin + c * pixel_bytes / 4, pixel_bytes, row_bytes, 1, 1, fill));
+  }
+  return frame;
 }
 
-}  // namespace
+void spread_grey(ImageFormat format, std::byte* row, int64_t pixels) {
+  if (format == ImageFormat::kRgba16f) {
+    spread<uint16_t>(row, pixels);
+  } else {
+    spread<float>(row, pixels);
+  }
+}
 
 void read_windows(const Window& data, const Window& display, bool grey, const ReadRows& read_rows,
                   Image& image) {
@@ -52,11 +76,7 @@ void read_windows(const Window& data, const Window& display, bool grey, const Re
     }
   }
   for (int64_t y = y0; grey && overlap && y <= y1; ++y) {
-    if (image.format == ImageFormat::kRgba16f) {
-      spread_grey<uint16_t>(at(x0, y), x1 - x0 + 1);
-    } else {
-      spread_grey<float>(at(x0, y), x1 - x0 + 1);
-    }
+    spread_grey(image.format, at(x0, y), x1 - x0 + 1);
   }
 }
 

@@ -3,12 +3,14 @@
 #pragma once
 
 #include <ImathBox.h>
+#include <OpenEXR/ImfFrameBuffer.h>
 
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 
 #include "client/image/image.h"
+#include "client/image/read/exr_channels.h"
 
 namespace candela {
 
@@ -20,6 +22,16 @@ struct Window {
   int64_t width() const { return x1 - x0 + 1; }
   int64_t height() const { return y1 - y0 + 1; }
 };
+
+// The address that pixel (0, 0) of the file's coordinates would have if (x, y) is at `first`.
+char* origin_of(std::byte* first, size_t pixel_bytes, size_t row_bytes, int64_t x, int64_t y);
+
+// Where OpenEXR writes the channels of a picture that is not luminance-chroma. A channel that the file lacks
+// reads as 0, and alpha as 1.
+Imf::FrameBuffer frame_of(const ExrChannels& channels, ImageFormat format, char* origin, size_t row_bytes);
+
+// Copies red to green and blue.
+void spread_grey(ImageFormat format, std::byte* row, int64_t pixels);
 
 // Reads rows y0 to y1 of the data window. `origin` is the address that pixel (0, 0) of the file's coordinates
 // would have. Throws like OpenEXR.

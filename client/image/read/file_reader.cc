@@ -50,9 +50,11 @@ bool FileReader::read(std::span<std::byte> out) {
   return count == out.size();
 }
 
-bool FileReader::skip(uint64_t count) {
-  if (count > remaining()) return false;
-  position_ += count;
+bool FileReader::skip(uint64_t count) { return count <= remaining() && seek(position_ + count); }
+
+bool FileReader::seek(uint64_t position) {
+  if (position > size_) return false;
+  position_ = position;
   return std::fseek(file_.get(), static_cast<long>(position_), SEEK_SET) == 0;
 }
 

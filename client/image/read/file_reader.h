@@ -22,6 +22,8 @@ class FileReader {
   static absl::StatusOr<FileReader> open(const std::string& path);
 
   const std::string& path() const { return path_; }
+  uint64_t size() const { return size_; }
+  uint64_t position() const { return position_; }
   uint64_t remaining() const { return size_ - position_; }
 
   // Returns the next `count` bytes, at most 64, without taking them; fewer at the end of the file. Fails if
@@ -36,6 +38,9 @@ class FileReader {
 
   // Skips bytes. False if the file has fewer.
   bool skip(uint64_t count);
+
+  // Goes to a position in the file. False if the file is shorter.
+  bool seek(uint64_t position);
 
   // Takes the next line without its newline. False if there is no newline within `max_length` bytes.
   bool read_line(std::string& line, size_t max_length);

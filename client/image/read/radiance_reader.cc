@@ -5,14 +5,19 @@
 //
 // Choices: a component is mantissa / 256 * 2^(exponent - 128), without the half that some decoders add. The
 // header's EXPOSURE is divided out. PRIMARIES are used, and without them the colours are Rec.709. COLORCORR
-// is only reported. XYZE is returned as CIE XYZ with the chromaticities of XYZ.
+// and GAMMA are only reported: Radiance's own programs do not know a GAMMA. XYZE is returned as CIE XYZ with
+// the chromaticities of XYZ.
 #include <algorithm>
 #include <array>
 #include <cfloat>
 #include <cmath>
 #include <cstring>
+#include <optional>
+#include <system_error>
 #include <vector>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/charconv.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
@@ -30,6 +35,7 @@ struct Header {
   double height_to_width = 1.0;  // product of the PIXASPECT lines, which are height over width
   std::vector<std::string> color_corrections;
   std::string primaries;
+  std::vector<std::string> notes;
 };
 
 // "-Y 48 +X 64": the first axis counts scan lines, the second the pixels along one.
@@ -39,6 +45,26 @@ struct Resolution {
   bool right = true;     // from the left: x increases
   int64_t width = 0, height = 0;
 };
+
+// The number that a text begins with, as C's atof() reads it: white space before it and anything behind it do
+// not matter. Nothing if it begins with none.
+std::optional<double> number(absl::string_view text) {
+  text = absl::StripLeadingAsciiWhitespace(text);
+  absl::ConsumePrefix(&text, "+");
+  double value = 0;
+  const absl::from_chars_result result = absl::from_chars(text.data(), text.data() + text.size(), value);
+  if (result.ec == std::errc::invalid_argument) return std::nullopt;
+  return value;
+}
+
+// Multiplies a factor of the header, or leaves a note if its text is no number.
+void multiply(const char* name, absl::string_view text, double& product, std::vector<std::string>& notes) {
+  if (const std::optional<double> value = number(text)) {
+    product *= *value;
+  } else {
+    notes.push_back(absl::StrFormat("%s %s is no number and was ignored", name, printable(text)));
+  }
+}
 
 absl::Status read_header(FileReader& file, Header& header) {
   constexpr size_t kMaxLine = 4096;
@@ -51,7 +77,6 @@ absl::Status read_header(FileReader& file, Header& header) {
     }
     absl::string_view text = absl::StripSuffix(line, "\r");
     if (text.empty()) return absl::OkStatus();
-    double value = 0;
     if (absl::ConsumePrefix(&text, "FORMAT=")) {
       header.xyz = absl::StripAsciiWhitespace(text) == "32-bit_rle_xyze";
       if (!header.xyz && absl::StripAsciiWhitespace(text) != "32-bit_rle_rgbe") {
@@ -59,10 +84,16 @@ absl::Status read_header(FileReader& file, Header& header) {
             "%s: the Radiance format is %s; only 32-bit_rle_rgbe and 32-bit_rle_xyze can be read",
             file.path(), printable(text)));
       }
-    } else if (absl::ConsumePrefix(&text, "EXPOSURE=") && absl::SimpleAtod(text, &value)) {
-      header.exposure *= value;
-    } else if (absl::ConsumePrefix(&text, "PIXASPECT=") && absl::SimpleAtod(text, &value)) {
-      header.height_to_width *= value;
+    } else if (absl::ConsumePrefix(&text, "EXPOSURE=")) {
+      multiply("EXPOSURE", text, header.exposure, header.notes);
+    } else if (absl::ConsumePrefix(&text, "PIXASPECT=")) {
+      multiply("PIXASPECT", text, header.height_to_width, header.notes);
+    } else if (absl::ConsumePrefix(&text, "GAMMA=")) {
+      const std::optional<double> gamma = number(text);
+      if (gamma != 1.0) {
+        header.notes.push_back(absl::StrFormat("GAMMA %s was ignored: a Radiance file holds linear light",
+                                               printable(absl::StripAsciiWhitespace(text))));
+      }
     } else if (absl::ConsumePrefix(&text, "COLORCORR=")) {
       header.color_corrections.emplace_back(absl::StripAsciiWhitespace(text));
     } else if (absl::ConsumePrefix(&text, "PRIMARIES=")) {
@@ -98,14 +129,19 @@ absl::StatusOr<Resolution> read_resolution(FileReader& file) {
 }
 
 void apply_header(const Header& header, Image& image) {
+  image.notes = header.notes;
   if (header.xyz) {
     set_chromaticities(kXyz.xy, image);
   } else if (!header.primaries.empty()) {
     std::array<float, 8> xy{};
     const std::vector<std::string> words =
         absl::StrSplit(header.primaries, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
-    bool good = words.size() == xy.size();
-    for (size_t i = 0; good && i < xy.size(); ++i) good = absl::SimpleAtof(words[i], &xy[i]);
+    bool good = words.size() >= xy.size();
+    for (size_t i = 0; good && i < xy.size(); ++i) {
+      const std::optional<double> value = number(words[i]);
+      good = value.has_value();
+      xy[i] = static_cast<float>(value.value_or(0));
+    }
     if (good) {
       set_chromaticities(xy, image);
     } else {
@@ -132,7 +168,7 @@ double radiance_scale(const Header& header, Image& image) {
 
 }  // namespace
 
-absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits) {
+absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits, bool fills_gaps) {
   Header header;
   if (absl::Status status = read_header(file, header); !status.ok()) return status;
   absl::StatusOr<Resolution> r = read_resolution(file);
@@ -144,8 +180,8 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits)
   }
   const int64_t lines = r->columns ? r->width : r->height, length = r->columns ? r->height : r->width;
   // Every scan line takes at least one record of four bytes.
-  if (file.remaining() < static_cast<uint64_t>(lines) * 4) {
-    return file.truncated(absl::StrFormat("most of its %d scan lines", lines));
+  if (!fills_gaps && file.remaining() < static_cast<uint64_t>(lines) * 4) {
+    return or_fill(file.truncated(absl::StrFormat("most of its %d scan lines", lines)));
   }
 
   absl::StatusOr<Image> image =
@@ -166,7 +202,12 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits)
   const int64_t first = (r->right ? 0 : row_bytes - 16) + (r->down ? 0 : (r->height - 1) * row_bytes);
   std::vector<Rgbe> line(static_cast<size_t>(length));
   for (int64_t i = 0; i < lines; ++i) {
-    if (absl::Status status = read_scanline(file, i, line); !status.ok()) return status;
+    if (absl::Status status = read_scanline(file, i, line); !status.ok()) {
+      // Where the next scan line begins is not known.
+      if (!fills_gaps || i == 0) return i == 0 ? status : or_fill(status);
+      note_missing(file.path(), status, static_cast<uint64_t>((lines - i) * length), *image);
+      break;
+    }
     int64_t at = first + i * line_step;
     for (const Rgbe& v : line) {
       const float f = factor[v[3]];

@@ -23,8 +23,9 @@ absl::StatusOr<FileKind> file_kind(FileReader& file);
 
 absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<FileFacts> describe_exr(FileReader& file, const ImageLimits& limits);
-absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits);
-absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits);
+// Of a file that ends too early or is damaged, `fills_gaps` reads what comes before.
+absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits, bool fills_gaps = false);
+absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits, bool fills_gaps = false);
 
 // Checks a size against the limits. `what` names the thing in the user's words, such as "image" or "data
 // window"; `format` is the format that its pixels will be read to. Accepts any numbers that a header may
@@ -32,13 +33,19 @@ absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits);
 absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,
                               ImageFormat format, const ImageLimits& limits);
 
-// Text from a file, safe to print: its first `most` characters, with everything but printable ASCII as \xNN.
-// Otherwise a file could put line ends or terminal commands into a message.
+// The error about a file that is not whole, with the option that renders the rest.
+absl::Status or_fill(const absl::Status& status);
+
+// Makes `missing` pixels of the image count as absent, with a note. `why` is the error without the option.
+void note_missing(const std::string& path, const absl::Status& why, uint64_t missing, Image& image);
+
+// Text from a file, safe to print: its first `most` bytes, with everything but printable UTF-8 as \xNN.
+// Otherwise a file could put line ends or terminal commands into a message. A character is never cut.
 std::string printable(absl::string_view text, size_t most = 40);
 
-// Sets the image's primaries and white, and that the file names them. Leaves them out if they are Rec.709 and D65 within
-// 1e-4. Ignores them with a note if they give no matrix: not finite, a white without luminance, or primaries
-// on a line.
+// Sets the image's primaries and white, and that the file names them. Leaves them out if they are Rec.709 and
+// D65 within 1e-4. Ignores them with a note if they give no matrix: not finite, a white without luminance, or
+// primaries on a line.
 void set_chromaticities(const std::array<float, 8>& xy, Image& image);
 
 // Sets a pixel's width over its height. Ignores it with a note if it is not finite or outside 0.01 .. 100.

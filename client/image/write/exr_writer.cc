@@ -12,6 +12,8 @@
 #include <stdexcept>
 
 #include "absl/strings/str_format.h"
+#include "client/image/exr/kept_attributes.h"
+#include "client/image/read/exr_windows.h"
 #include "client/image/write/writers.h"
 
 namespace candela {
@@ -57,12 +59,15 @@ absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&
       Imf::addFramesPerSecond(
           header, Imf::Rational(static_cast<int>(rate->frames), static_cast<unsigned>(rate->seconds)));
     }
+    if (image.kept != nullptr) image.kept->add_to(header);
+    const Imath::V2i& origin = header.dataWindow().min;
     Imf::FrameBuffer frame;
     const char* const names[] = {"R", "G", "B", "A"};
     for (size_t c = 0; c < (image.has_alpha ? 4 : 3); ++c) {
       header.channels().insert(names[c], Imf::Channel(type));
       // The library uses the same type for reading, so the pointer is not const.
-      char* base = reinterpret_cast<char*>(const_cast<std::byte*>(image.pixels.data())) + c * pixel_bytes / 4;
+      std::byte* first = const_cast<std::byte*>(image.pixels.data()) + c * pixel_bytes / 4;
+      char* base = origin_of(first, pixel_bytes, image.row_bytes(), origin.x, origin.y);
       frame.insert(names[c], Imf::Slice(type, base, pixel_bytes, image.row_bytes()));
     }
     Stream stream(file);

@@ -121,12 +121,15 @@ class Bench:
         (self.folder / "keys.json").write_text('{"keys": [{"time": 0}, {"time": 1, "yaw": 90}]}')
         self("sample --sequence film --size 48x32 --frames 6 -q")
         write_pfm(self.folder / "nan.pfm", 4, 4, [NAN] + [0.25 * i for i in range(47)])
+        write_pfm(self.folder / "whole.pfm", 4, 4, [0.25 * i for i in range(48)])
+        (self.folder / "cut.pfm").write_bytes((self.folder / "whole.pfm").read_bytes()[:-60])
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}
         red = {"R": lambda x, y: 2.0, "G": lambda x, y: 0.1, "B": lambda x, y: 0.1}
         half = {"A": lambda x, y: 0.25 * (x % 5)}
         lit = {name: (lambda x, y, value=value: value(x, y) if x % 5 else 0.0) for name, value in red.items()}
         write_exr(self.folder / "alpha.exr", 16, 12, {"channels": lit | half})
         write_exr(self.folder / "layers.exr", 16, 12, {"channels": grey | {f"key.{n}": v for n, v in red.items()}})
+        write_exr(self.folder / "chunk.exr", 8192, 1, {"channels": {f"k{i}.Y": lambda x, y: 0.5 for i in range(72)}})
         write_exr(self.folder / "parts.exr", 16, 12, {"name": "beauty", "channels": grey}, {"name": "sun", "channels": red})
         write_exr(self.folder / "views.exr", 16, 12,
                   {"channels": grey | {f"right.{n}": v for n, v in red.items()}, "views": ["left", "right"]})

@@ -163,6 +163,10 @@ INPUT = {  # of render, stream, meter, view and environment
     "--primaries": lambda c: each_word("--primaries"),
     "--layer": lambda c: changes("--layer key", line=one_file(c, "layers")),
     "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
+    "--incomplete": lambda c: needs("--incomplete fill", "--incomplete error", f"{c} cut.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}",
+                                    "--incomplete fill"),
+    "--max-chunk-mib": lambda c: needs("--max-chunk-mib 2", "--max-chunk-mib 1",
+                                       f"{c} chunk.exr {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "--max-chunk-mib"),
     "--view": lambda c: changes("--view right", line=one_file(c, "views")),
 }
 METERED = {  # of render, stream, meter and view

@@ -1,0 +1,31 @@
+// What an OpenEXR output keeps of its input's header.
+#pragma once
+
+#include <OpenEXR/ImfAttribute.h>
+#include <OpenEXR/ImfHeader.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace candela {
+
+// The standard attributes that stay true when the picture's values change: who made it, when, where and with
+// which camera and lens, its time code, its projection, and where its display window lies. Colour, previews
+// and everything about how pixels are stored is not kept, and neither are texts of more than 1 MiB. Frames
+// per second and pixel aspect have their own members in Image.
+class KeptAttributes {
+ public:
+  explicit KeptAttributes(const Imf::Header& input);
+
+  // `output` has a display window of the input's size, which moves with the data window to where the input's
+  // is.
+  void add_to(Imf::Header& output) const;
+
+ private:
+  std::vector<std::pair<std::string, std::unique_ptr<Imf::Attribute>>> attributes_;
+  Imath::V2i origin_;
+};
+
+}  // namespace candela

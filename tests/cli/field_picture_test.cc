@@ -1,0 +1,232 @@
+// Files of kinds that people reported to other programs: which picture is read, what is no damage, and
+// headers.
+#include <OpenEXR/ImfInputFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <gtest/gtest.h>
+#include <half.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <regex>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "client/image/image.h"
+#include "tests/cli/command.h"
+#include "tests/support/files.h"
+
+namespace candela {
+namespace {
+
+class FieldPicture : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (data_folder().empty() || !std::filesystem::exists(file("README.md"))) {
+      GTEST_SKIP() << "no test data: set CANDELA_DATA to a folder that has field/";
+    }
+  }
+
+  static std::string file(const std::string& name) { return data_folder() + "/field/" + name; }
+
+  // The linear picture of a file, and what the command says about it.
+  Image picture(const std::string& name, std::vector<std::string> options = {}) {
+    const std::string out = folder_.path("out.pfm");
+    std::vector<std::string> words = {"render", file(name),          out, "--curve", "linear", "--exposure",
+                                      "0",      "--bloom-intensity", "0"};
+    words.insert(words.end(), options.begin(), options.end());
+    said_ = candela(words);
+    EXPECT_EQ(said_.code, 0) << said_.err;
+    absl::StatusOr<Image> image = read_image(out);
+    EXPECT_TRUE(image.ok()) << name << image.status();
+    return image.ok() ? *std::move(image) : Image{};
+  }
+
+  // The pixel's red, green and blue.
+  static std::array<float, 3> pixel(const Image& image, uint32_t x, uint32_t y) {
+    std::array<float, 3> rgb{};
+    if (x >= image.width || y >= image.height) return rgb;
+    const std::byte* at =
+        image.pixels.data() + y * image.row_bytes() + size_t{x} * bytes_per_pixel(image.format);
+    std::array<half, 3> halves;
+    if (image.format == ImageFormat::kRgba32f) {
+      std::memcpy(rgb.data(), at, sizeof rgb);
+    } else {
+      std::memcpy(halves.data(), at, sizeof halves);
+      for (size_t c = 0; c < 3; ++c) rgb[c] = halves[c];
+    }
+    return rgb;
+  }
+
+  void expect_c(const std::string& name, const std::vector<std::string>& options = {}, float factor = 1) {
+    const std::array<float, 3> rgb = pixel(picture(name, options), 0, 0);
+    EXPECT_NEAR(rgb[0], 0.5f * factor, 1e-3) << name;
+    EXPECT_NEAR(rgb[1], 0.25f * factor, 1e-3) << name;
+    EXPECT_NEAR(rgb[2], 0.125f * factor, 1e-3) << name;
+  }
+
+  void expect_note(const std::string& words) {
+    EXPECT_NE(said_.err.find(words), std::string::npos) << said_.err;
+  }
+
+  // The one line of an error.
+  std::string error(const std::string& name, std::vector<std::string> options = {}) {
+    std::vector<std::string> words = {"render", file(name), folder_.path("out.png")};
+    words.insert(words.end(), options.begin(), options.end());
+    said_ = candela(words);
+    EXPECT_NE(said_.code, 0) << name;
+    EXPECT_EQ(std::count(said_.err.begin(), said_.err.end(), '\n'), 1) << said_.err;
+    return said_.err;
+  }
+
+  TemporaryFolder folder_;
+  Outcome said_;
+};
+
+TEST_F(FieldPicture, ChannelsHaveNamesInAnyCaseAndInFull) {
+  expect_c("L01_lower.exr");
+  expect_c("L26_upper_lower_mix.exr");
+  expect_c("L02_fullnames.exr");
+  expect_note("layer rgba is shown; there is also --layer depth");
+}
+
+TEST_F(FieldPicture, ThePictureIsTheOneWhoseNameMeansIt) {
+  expect_c("M02_rgba_main.exr");
+  expect_note("rgba_main");
+  expect_c("L05_blender_aov.exr");
+  expect_note("layer Main.Combined is shown; there are also --layer Main.AOV");
+  expect_c("L06_ao_rgba.exr");
+  expect_note("layer rgba is shown; there are also --layer AO");
+  expect_c("L07_houdini_parts.exr");
+  expect_note("part 3 of 3, C, is shown; there are also --part N, --part albedo");
+}
+
+TEST_F(FieldPicture, NamesAreUtf8AndCanBePassedBack) {
+  expect_c("L24_utf8_layer.exr");
+  expect_note("layer Gl\xc3\xbchen is shown");
+  expect_c("L24_utf8_layer.exr", {"--layer", "Gl\xc3\xbchen"});
+  const nlohmann::json facts = candela_json({"info", file("L24_utf8_layer.exr")});
+  const std::string layer = facts.at("parts").at(0).at("layers").at(0);
+  EXPECT_EQ(layer, "Gl\xc3\xbchen");
+}
+
+// Runs what a message advises.
+TEST_F(FieldPicture, EveryChoiceThatAMessageAdvisesWorks) {
+  int advised = 0;
+  for (const std::string& path : data_files("field")) {
+    if (path.find("/S0") != std::string::npos) continue;
+    const std::string name = path.substr(file("").size());
+    const Outcome told = candela({"render", path, folder_.path("told.png")});
+    const Outcome wrong = candela({"render", path, folder_.path("told.png"), "--layer", "no such layer"});
+    const std::string words = told.err + wrong.err;
+    const std::regex option("--(part|layer|incomplete) ([^ ,;\n]+)");
+    for (auto i = std::sregex_iterator(words.begin(), words.end(), option); i != std::sregex_iterator();
+         ++i) {
+      const Outcome run =
+          candela({"render", path, folder_.path("advised.png"), "--" + (*i)[1].str(), (*i)[2].str()});
+      EXPECT_EQ(run.code, 0) << name << " " << i->str() << ": " << run.err;
+      ++advised;
+    }
+    // "there are: A, B" lists layers and channels.
+    const size_t list = wrong.err.find("there are: ");
+    if (list == std::string::npos) continue;
+    const std::string names = wrong.err.substr(list + 11, wrong.err.find('\n', list) - list - 11);
+    const std::regex one("([^,]+)(, |$)");
+    for (auto i = std::sregex_iterator(names.begin(), names.end(), one); i != std::sregex_iterator(); ++i) {
+      if ((*i)[1] == "...") continue;
+      const Outcome run = candela({"render", path, folder_.path("advised.png"), "--layer", (*i)[1].str()});
+      EXPECT_TRUE(run.code == 0 || absl::StrContains(run.err, "unfinished"))
+          << name << " --layer " << (*i)[1] << ": " << run.err;
+      ++advised;
+    }
+  }
+  EXPECT_GT(advised, 20);
+}
+
+TEST_F(FieldPicture, AChunkMayTakeAShareOfTheMemory) {
+  expect_c("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "400"});
+  EXPECT_LT(said_.peak_kib, 3 << 20);
+  EXPECT_NE(
+      error("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "300"}).find("--max-chunk-mib, for which 387 MiB"),
+      std::string::npos)
+      << said_.err;
+}
+
+TEST_F(FieldPicture, AnUnknownCompressionIsNoDamage) {
+  const std::string words = error("D01_htj2k.exr");
+  EXPECT_NE(words.find("HTJ2K256, which OpenEXR 3.4"), std::string::npos) << words;
+  EXPECT_EQ(words.find("damaged"), std::string::npos) << words;
+}
+
+TEST_F(FieldPicture, WhatThereIsOfAnUnfinishedFileCanBeRendered) {
+  for (const std::string name : {"D02_unfinished.exr", "D03_tiles_missing.exr"}) {
+    const std::string words = error(name);
+    EXPECT_NE(words.find("unfinished"), std::string::npos) << words;
+    EXPECT_NE(words.find("--incomplete fill"), std::string::npos) << words;
+    EXPECT_EQ(words.find("damaged"), std::string::npos) << words;
+    expect_c(name, {"--incomplete", "fill"});
+    const std::string missing = name[2] == '2' ? "128" : "256";
+    EXPECT_NE(said_.out.find(missing + " pixels missing"), std::string::npos) << said_.out;
+    const nlohmann::json frame =
+        candela_json({"render", file(name), folder_.path("out.exr"), "--incomplete", "fill"});
+    EXPECT_EQ(absl::StrCat(frame.at("missing_pixels").get<int>()), missing);
+    const absl::StatusOr<Image> image = read_image(folder_.path("out.exr"));
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_TRUE(image->has_alpha);
+  }
+}
+
+TEST_F(FieldPicture, AnExrOutputKeepsWhatStaysTrueOfItsInput) {
+  const std::string out = folder_.path("out.exr");
+  const Outcome run = candela({"render", file("W03_display_offset.exr"), out});
+  ASSERT_EQ(run.code, 0) << run.err;
+  const Imf::InputFile input(file("W03_display_offset.exr").c_str()), output(out.c_str());
+  EXPECT_EQ(output.header().displayWindow(), input.header().displayWindow());
+  EXPECT_EQ(output.header().dataWindow(), input.header().displayWindow());
+  EXPECT_EQ(output.header().pixelAspectRatio(), 2);
+  EXPECT_EQ(Imf::owner(output.header()), "studio");
+  EXPECT_EQ(Imf::comments(output.header()), "shot 7");
+  EXPECT_EQ(Imf::timeCode(output.header()), Imf::timeCode(input.header()));
+  EXPECT_EQ(Imf::framesPerSecond(output.header()).n, 24000);
+  EXPECT_EQ(Imf::framesPerSecond(output.header()).d, 1001u);
+}
+
+TEST_F(FieldPicture, ACubeMapIsReadAsOne) {
+  const std::string cube = file("E01_envcube.exr");
+  picture("E01_envcube.exr");
+  expect_note("the file is a cube map (envmap)");
+  const nlohmann::json bake = candela_json({"environment", cube, folder_.path("pano.exr")});
+  const absl::StatusOr<Image> panorama = read_image(folder_.path("pano.exr"));
+  ASSERT_TRUE(panorama.ok()) << panorama.status();
+  const uint32_t w = panorama->width, h = panorama->height;
+  ASSERT_EQ(w, 2 * h);
+  // The faces are +X red, -X cyan, +Y green, -Y magenta, +Z blue, -Z yellow.
+  const auto expect_light = [&](uint32_t x, uint32_t y, std::array<float, 3> rgb) {
+    const std::array<float, 3> shown = pixel(*panorama, x, y);
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(shown[c], rgb[c], 0.02) << x << "," << y;
+  };
+  expect_light(w / 2, h / 2, {0, 0, 1});
+  expect_light(w / 4, h / 2, {1, 0, 0});
+  expect_light(3 * w / 4, h / 2, {0, 1, 1});
+  expect_light(0, h / 2, {1, 1, 0});
+  expect_light(w / 2, 0, {0, 1, 0});
+  expect_light(w / 2, h - 1, {1, 0, 1});
+  const Outcome view = candela({"view", cube, folder_.path("view.png"), "--size", "32x16"});
+  EXPECT_EQ(view.code, 0) << view.err;
+}
+
+TEST_F(FieldPicture, RadianceHeadersAreReadAsRadianceDoes) {
+  expect_c("H03_gamma22.hdr");
+  expect_note("GAMMA 2.2 was ignored");
+  expect_c("H12_exposure_unit.hdr", {}, 0.5f);
+  expect_note("EXPOSURE 2 divided out");
+}
+
+TEST_F(FieldPicture, PfmHeadersMayHaveCrLfAndComments) {
+  expect_c("P02_crlf.pfm");
+  expect_c("P03_comment.pfm");
+}
+
+}  // namespace
+}  // namespace candela
