@@ -54,6 +54,9 @@ bool alpha_hides_everything(const Image& image);
 // An image of zeros. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format);
 
+// The image with its halves as floats. RESOURCE_EXHAUSTED if there is not enough memory.
+absl::StatusOr<Image> to_floats(Image image);
+
 // The largest image that a reader accepts. It checks the file's header before it allocates memory for pixels.
 // The limit on the dimension also applies to an OpenEXR file's data window, the part of the picture that it
 // stores.
@@ -68,9 +71,14 @@ struct ImageLimits {
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the first
 // part, view and layer with colour.
 struct PictureChoice {
-  std::string part{};   // its name, or its number, counted from 1
-  std::string layer{};  // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey
-  std::string view{};   // of a stereo or multi-view file, such as "left"
+  std::string part{};  // its name, or its number, counted from 1
+  std::string
+      layer{};         // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey
+  std::string view{};  // of a stereo or multi-view file, such as "left"
+
+  // The values as they stand in the file, of any kind: what it says about its colours is not used.
+  bool own_values = false;
+  bool as_floats = false;  // halves become floats
 
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };

@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/image/read/exr_color.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
@@ -48,6 +49,16 @@ absl::StatusOr<std::vector<int>> chosen_parts(const std::string& path, const Imf
     return std::vector<int>{number - 1};
   }
   return nothing_called(path, "part", choice, names);
+}
+
+// The parts that may be shown: those of data (exr_color.h) only if the user chose a part or a layer, or wants
+// the values as they stand and there are no others.
+std::vector<int> colour_parts(const Imf::MultiPartInputFile& file, const std::vector<int>& parts,
+                              const PictureChoice& choice) {
+  if (!choice.part.empty() || !choice.layer.empty()) return parts;
+  std::vector<int> colour = parts;
+  std::erase_if(colour, [&](int part) { return holds_data(file.header(part)); });
+  return colour.empty() && choice.own_values ? parts : colour;
 }
 
 // Keeps the candidates of a view.
@@ -144,6 +155,11 @@ absl::Status nothing_to_show(const std::string& path, const Imf::MultiPartInputF
     return absl::UnimplementedError(
         absl::StrFormat("%s: this is a deep image, which cannot be rendered; flatten it first", path));
   }
+  if (candidates.empty() && absl::c_all_of(parts, [&](int part) { return holds_data(file.header(part)); })) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: its colorInteropID is data, so it holds numbers and no colours; --part %d shows them as light",
+        path, parts.front() + 1));
+  }
   if (!choice.empty()) {
     std::vector<std::string> names;
     for (const Candidate& candidate : candidates) {
@@ -173,7 +189,7 @@ absl::StatusOr<ExrPicture> choose_exr_picture(const std::string& path, const Imf
   const absl::StatusOr<std::vector<int>> parts = chosen_parts(path, file, choice.part);
   if (!parts.ok()) return parts.status();
   std::vector<Candidate> candidates;
-  for (const int part : *parts) {
+  for (const int part : colour_parts(file, *parts, choice)) {
     if (is_deep(file.header(part))) continue;
     for (ExrLayer& layer : layers_of(file.header(part))) candidates.push_back({part, std::move(layer)});
   }

@@ -5,7 +5,6 @@
 // exr_choice.h chooses the part and its channels. Luminance-chroma parts go through OpenEXR's own RGBA
 // interface, which has the chroma filters and weighs Y by the part's chromaticities.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfChromaticitiesAttribute.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputPart.h>
@@ -14,12 +13,14 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include "absl/algorithm/container.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/image/read/exr_checks.h"
 #include "client/image/read/exr_choice.h"
+#include "client/image/read/exr_color.h"
 #include "client/image/read/exr_file.h"
 #include "client/image/read/exr_luma_chroma.h"
 #include "client/image/read/exr_windows.h"
@@ -52,11 +53,6 @@ void read_attributes(const Imf::Header& header, Image& image) {
     const Imf::Rational& rate = Imf::framesPerSecond(header);
     if (rate.n > 0 && rate.d > 0) image.frame_rate = FrameRate{static_cast<uint64_t>(rate.n), rate.d};
   }
-  if (Imf::hasChromaticities(header)) {
-    const Imf::Chromaticities& c = Imf::chromaticities(header);
-    set_chromaticities({c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y},
-                       image);
-  }
 }
 
 bool covers(const Window& data, const Window& display) {
@@ -71,6 +67,15 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
   const Imf::Header& header = file.header(picture->part);
   const Window data(header.dataWindow()), display(header.displayWindow());
   if (absl::Status status = check_exr_picture(path, header, channels, limits); !status.ok()) return status;
+
+  const absl::StatusOr<ExrColor> color = exr_color(path, header, choice);
+  if (!color.ok()) return color.status();
+  const bool floats = choice.as_floats || color->curve != ColorCurve::kLinear;
+  if (floats) {
+    absl::Status status =
+        check_image_size(path, "image", display.width(), display.height(), ImageFormat::kRgba32f, limits);
+    if (!status.ok()) return status;
+  }
 
   absl::StatusOr<Image> image =
       make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),
@@ -88,6 +93,8 @@ absl::StatusOr<Image> read_open_file(const std::string& path, Imf::MultiPartInpu
     const bool grey = channels.kind == ExrChannels::Kind::kGrey;
     read_windows(data, display, grey, rgb_rows(input, channels, *image), *image);
   }
+  if (floats) image = to_floats(*std::move(image));
+  if (image.ok()) apply(*color, *image);
   return image;
 }
 
