@@ -33,7 +33,9 @@ struct PartFacts {
   WindowFacts display{}, data{};
   double pixel_aspect = 1;                               // width / height of a pixel
   double frames_per_second = 0;                          // 0: the file names none
-  std::optional<std::array<float, 8>> chromaticities{};  // as in the file, even if they are Rec.709
+  std::optional<std::array<float, 8>> chromaticities{};  // that count, even if they are Rec.709
+  std::string color_interop_id{};                        // "" if it has none
+  bool aces_container = false;                           // acesImageContainerFlag is 1
   std::vector<std::string> views{};                      // the default one first
   std::vector<std::string> layers{};                     // without the one of plain names
   std::vector<ChannelFacts> channels{};

@@ -1,5 +1,10 @@
 #include "client/image/image.h"
 
+#include <half.h>
+
+#include <cstring>
+#include <utility>
+
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/image/read/file_reader.h"
@@ -31,6 +36,22 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
     return absl::ResourceExhaustedError(absl::StrFormat(
         "not enough memory for the %d bytes of a %dx%d image; scale it down", image.bytes(), width, height));
   }
+  return image;
+}
+
+absl::StatusOr<Image> to_floats(Image image) {
+  if (image.format != ImageFormat::kRgba16f) return image;
+  absl::StatusOr<Image> floats = make_image(image.width, image.height, ImageFormat::kRgba32f);
+  if (!floats.ok()) return floats;
+  const size_t components = image.bytes() / sizeof(uint16_t);
+  for (size_t i = 0; i < components; ++i) {
+    uint16_t bits;
+    std::memcpy(&bits, image.pixels.data() + i * sizeof bits, sizeof bits);
+    const float value = imath_half_to_float(bits);
+    std::memcpy(floats->pixels.data() + i * sizeof value, &value, sizeof value);
+  }
+  image.format = ImageFormat::kRgba32f;
+  image.pixels = std::move(floats->pixels);
   return image;
 }
 
@@ -82,8 +103,13 @@ absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits&
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture", path,
         *kind == FileKind::kRadiance ? "Radiance" : "PFM"));
   }
-  return *kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
-                                      : read_pfm(*file, limits, choice.fills_gaps);
+  absl::StatusOr<Image> image = *kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
+                                                             : read_pfm(*file, limits, choice.fills_gaps);
+  if (image.ok() && choice.own_values) {
+    image->chromaticities.reset();
+    image->names_primaries = false;
+  }
+  return image;
 }
 
 }  // namespace

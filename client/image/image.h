@@ -56,6 +56,9 @@ struct Image {
 // An image of zeros. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format);
 
+// The image with its halves as floats. RESOURCE_EXHAUSTED if there is not enough memory.
+absl::StatusOr<Image> to_floats(Image image);
+
 // The largest image that a reader accepts. It checks the file's header before it allocates memory for pixels.
 // The limit on the dimension also applies to an OpenEXR file's data window, the part of the picture that it
 // stores.
@@ -77,6 +80,9 @@ struct PictureChoice {
   std::string view{};  // of a stereo or multi-view file, such as "left"
   // Reads what there is of an unfinished or damaged file of any kind. Its other pixels are absent.
   bool fills_gaps = false;
+  // The values as they stand in the file, of any kind: what it says about its colours is not used.
+  bool own_values = false;
+  bool as_floats = false;  // halves become floats
 
   // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }

@@ -199,9 +199,14 @@ TEST_F(RadianceReader, HonoursPrimariesAndPixelAspectAndReportsColourCorrection)
   EXPECT_EQ(image.pixel_aspect, 2.0);  // the file's is height over width
   EXPECT_EQ(image.notes, std::vector<std::string>{"COLORCORR 1 2 3 was not divided out"});
 
+  const Image flat = good(header("PRIMARIES=0 0 0 0 0 0 0.3 0.3\n", "-Y 1 +X 1"), bytes({1, 2, 3, 128}));
+  EXPECT_FALSE(flat.chromaticities.has_value());
+  EXPECT_EQ(flat.notes.size(), 1u);
+  // As Poly Haven's files have them: they name none.
   const Image zeros = good(header("PRIMARIES=0 0 0 0 0 0 0 0\n", "-Y 1 +X 1"), bytes({1, 2, 3, 128}));
   EXPECT_FALSE(zeros.chromaticities.has_value());
-  EXPECT_EQ(zeros.notes.size(), 1u);
+  EXPECT_FALSE(zeros.names_primaries);
+  EXPECT_TRUE(zeros.notes.empty());
 }
 
 TEST_F(RadianceReader, TextOfAFileCannotCommandATerminal) {

@@ -24,9 +24,12 @@ bool same(const WindowFacts& a, const WindowFacts& b) {
 }
 
 std::string primaries_words(const PartFacts& part) {
-  if (!part.chromaticities) return "not named; Rec.709 is assumed";
+  const std::string from = absl::StrCat(
+      part.aces_container ? "; acesImageContainerFlag 1" : "",
+      part.color_interop_id.empty() ? "" : absl::StrCat("; colorInteropID ", part.color_interop_id));
+  if (!part.chromaticities) return "not named; Rec.709 is assumed" + from;
   const NamedPrimaries* known = find_primaries(*part.chromaticities);
-  return known != nullptr ? known->known_as : xy_words(*part.chromaticities);
+  return (known != nullptr ? known->known_as : xy_words(*part.chromaticities)) + from;
 }
 
 // "A B G R half; Z float; BY RY half, every 2nd column and row"
@@ -73,6 +76,8 @@ Json to_json(const PartFacts& part) {
           {"pixel_aspect", part.pixel_aspect},
           {"frames_per_second", rate},
           {"primaries", primaries},
+          {"color_interop_id", part.color_interop_id},
+          {"aces_image_container", part.aces_container},
           {"views", part.views},
           {"layers", part.layers},
           {"channels", channels}};

@@ -17,6 +17,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "client/image/exr/picture_rank.h"
+#include "client/image/read/exr_color.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
@@ -142,11 +143,21 @@ class Pictures {
     for (const Candidate& candidate : all_) {
       if (part < 0 || candidate.part == part) candidates.push_back(&candidate);
     }
+    drop_data(choice, candidates);
     if (candidates.empty()) return nothing_to_show(candidates, choice);
     absl::Status status = keep_view(choice.view, candidates);
     if (status.ok()) status = keep_layer(choice.layer, candidates);
     if (!status.ok()) return status;
     return candidates;
+  }
+
+  // Drops the parts of data (exr_color.h), unless the user chose a part or a layer, or wants the values as
+  // they stand and there are no others.
+  void drop_data(const PictureChoice& choice, Candidates& candidates) const {
+    if (!choice.part.empty() || !choice.layer.empty()) return;
+    Candidates colour = candidates;
+    std::erase_if(colour, [&](const Candidate* c) { return holds_data(file_.header(c->part)); });
+    if (!colour.empty() || !choice.own_values) candidates = std::move(colour);
   }
 
   absl::Status keep_view(const std::string& view, Candidates& candidates) const {
@@ -324,6 +335,11 @@ class Pictures {
     if (deep && (candidates.empty() || choice.empty())) {
       return absl::UnimplementedError(
           absl::StrFormat("%s: this is a deep image, which cannot be rendered; flatten it first", path_));
+    }
+    if (candidates.empty() && !all_.empty()) {
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "%s: its colorInteropID is data, so it holds numbers and no colours; --part %d shows them as light",
+          path_, all_.front().part + 1));
     }
     const std::string names = name_list(choosable(candidates));
     return absl::InvalidArgumentError(

@@ -1,6 +1,5 @@
 // Describes an OpenEXR file by its headers.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfChromaticitiesAttribute.h>
 #include <OpenEXR/ImfMultiView.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStandardAttributes.h>
@@ -14,6 +13,7 @@
 #include "absl/strings/str_join.h"
 #include "client/image/read/exr_checks.h"
 #include "client/image/read/exr_choice.h"
+#include "client/image/read/exr_color.h"
 #include "client/image/read/exr_file.h"
 #include "client/image/read/exr_rate.h"
 #include "client/image/read/readers.h"
@@ -55,10 +55,11 @@ PartFacts part_of(const Imf::Header& header) {
   if (const std::optional<FrameRate> rate = frame_rate_of(header)) {
     part.frames_per_second = static_cast<double>(rate->frames) / static_cast<double>(rate->seconds);
   }
-  if (Imf::hasChromaticities(header)) {
-    const Imf::Chromaticities& c = Imf::chromaticities(header);
-    part.chromaticities = {c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y};
+  if (const absl::StatusOr<ExrColor> color = exr_color("", header, {}); color.ok()) {
+    part.chromaticities = color->xy;
   }
+  part.color_interop_id = shown_name(color_interop_id(header));
+  part.aces_container = is_aces_container(header);
   if (header.hasView()) add_once(part.views, shown_name(header.view()));
   if (Imf::hasMultiView(header)) {
     for (const std::string& view : Imf::multiView(header)) add_once(part.views, shown_name(view));
@@ -99,8 +100,13 @@ absl::StatusOr<FileFacts> describe_exr(FileReader& opened, const ImageLimits& li
     if (!picture.ok()) return absl::OkStatus();
     facts.renderable =
         check_exr_picture(opened.path(), file.header(picture->part), picture->channels, limits);
-    if (facts.renderable.ok()) facts.shown = shown_words(file, *picture);
     facts.notes = picture->notes;
+    if (facts.renderable.ok()) {
+      const auto color = exr_color(opened.path(), file.header(picture->part), {});
+      facts.renderable = color.status();
+      if (color.ok()) absl::c_copy(color->notes, std::back_inserter(facts.notes));
+    }
+    if (facts.renderable.ok()) facts.shown = shown_words(file, *picture);
     if (!file.partComplete(picture->part)) {
       facts.notes.push_back(
           "the file is unfinished: not all of its rows or tiles were written; --incomplete fill renders what "

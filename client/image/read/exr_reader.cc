@@ -6,7 +6,6 @@
 // interface, which has the chroma filters and weighs Y by the part's chromaticities. If a picture cannot be
 // read as a whole, it is read again in chunks, to say or to show what there is.
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfChromaticitiesAttribute.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
@@ -27,6 +26,7 @@
 #include "client/image/primaries.h"
 #include "client/image/read/exr_checks.h"
 #include "client/image/read/exr_choice.h"
+#include "client/image/read/exr_color.h"
 #include "client/image/read/exr_file.h"
 #include "client/image/read/exr_luma_chroma.h"
 #include "client/image/read/exr_rate.h"
@@ -49,11 +49,6 @@ void read_attributes(const Imf::Header& header, Image& image) {
   image.is_cube_map = Imf::hasEnvmap(header) && Imf::envmap(header) == Imf::ENVMAP_CUBE;
   set_pixel_aspect(header.pixelAspectRatio(), image);
   image.frame_rate = frame_rate_of(header);
-  if (Imf::hasChromaticities(header)) {
-    const Imf::Chromaticities& c = Imf::chromaticities(header);
-    set_chromaticities({c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y},
-                       image);
-  }
 }
 
 bool covers(const Window& data, const Window& display) {
@@ -83,7 +78,7 @@ class PictureReader {
       const bool grey = picture_.channels.kind == ExrChannels::Kind::kGrey;
       read_windows(data, display, grey, rgb_rows(input, picture_.channels, image->format), *image);
     }
-    return image;
+    return with_colour(*std::move(image));
   }
 
   // Whether the last read() did nothing, because several of the file's chunks at once would take too much
@@ -102,7 +97,7 @@ class PictureReader {
     if (is_luma_chroma()) channels = {.kind = ExrChannels::Kind::kGrey, .red = channels.prefix + "Y"};
     const Gaps gaps = read_with_gaps(file, picture_.part, channels, fills ? &*image : nullptr);
     if (gaps.missing == 0) {  // what is damaged is outside the picture
-      if (fills) return image;
+      if (fills) return with_colour(*std::move(image));
       return failure;
     }
     const std::string missing = absl::StrFormat("%d of its %d pixels are missing", gaps.missing, gaps.pixels);
@@ -119,7 +114,7 @@ class PictureReader {
     image->notes.push_back(what + " and absent, with alpha 0");
     image->missing_pixels = gaps.missing;
     image->has_alpha = true;
-    return image;
+    return with_colour(*std::move(image));
   }
 
  private:
@@ -135,6 +130,15 @@ class PictureReader {
     if (absl::Status status = check_exr_picture(path_, header, channels, limits_); !status.ok())
       return status;
     const Window data(header.dataWindow()), display(header.displayWindow());
+    absl::StatusOr<ExrColor> color = exr_color(path_, header, choice_);
+    if (!color.ok()) return color.status();
+    color_ = *std::move(color);
+    if (channels.xyz && !choice_.own_values) color_.xy = kXyz.xy;
+    if (wants_floats()) {
+      absl::Status status = check_image_size(path_, "image", display.width(), display.height(),
+                                             ImageFormat::kRgba32f, limits_);
+      if (!status.ok()) return status;
+    }
     absl::StatusOr<Image> image =
         make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),
                    exr_format(header, channels));
@@ -142,8 +146,16 @@ class PictureReader {
     image->has_alpha = !channels.alpha.empty() || !covers(data, display);
     read_attributes(header, *image);
     image->kept = std::make_shared<const KeptAttributes>(header);
-    if (channels.xyz) set_chromaticities(kXyz.xy, *image);
     absl::c_move(picture_.notes, std::back_inserter(image->notes));
+    return image;
+  }
+
+  bool wants_floats() const { return choice_.as_floats || color_.curve != ColorCurve::kLinear; }
+
+  // The image that was read, with the colours that the file names.
+  absl::StatusOr<Image> with_colour(Image read) const {
+    absl::StatusOr<Image> image = wants_floats() ? to_floats(std::move(read)) : std::move(read);
+    if (image.ok()) apply(color_, *image);
     return image;
   }
 
@@ -151,6 +163,7 @@ class PictureReader {
   const ImageLimits& limits_;
   const PictureChoice& choice_;
   ExrPicture picture_;
+  ExrColor color_;
   bool wants_one_thread_ = false;
   bool at_pixels_ = false;
 };

@@ -4,9 +4,9 @@
 // to zeros, ignores the order of rows, and needs 120 packages. stb_image fills truncated files with zeros.
 //
 // Choices: a component is mantissa / 256 * 2^(exponent - 128), without the half that some decoders add. The
-// header's EXPOSURE is divided out. PRIMARIES are used, and without them the colours are Rec.709. COLORCORR
-// and GAMMA are only reported: Radiance's own programs do not know a GAMMA. XYZE is returned as CIE XYZ with
-// the chromaticities of XYZ.
+// header's EXPOSURE is divided out. PRIMARIES are used; without them, and if all are 0, the colours are
+// Rec.709. COLORCORR and GAMMA are only reported: Radiance's own programs do not know a GAMMA. XYZE is
+// returned as CIE XYZ with the chromaticities of XYZ.
 #include <algorithm>
 #include <array>
 #include <cfloat>
@@ -142,10 +142,10 @@ void apply_header(const Header& header, Image& image) {
       good = value.has_value();
       xy[i] = static_cast<float>(value.value_or(0));
     }
-    if (good) {
-      set_chromaticities(xy, image);
-    } else {
+    if (!good) {
       image.notes.push_back("the file's PRIMARIES are not eight numbers and were ignored");
+    } else if (xy != std::array<float, 8>{}) {  // Poly Haven's files have eight zeros, which name nothing
+      set_chromaticities(xy, image);
     }
   }
   for (const std::string& correction : header.color_corrections) {

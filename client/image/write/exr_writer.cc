@@ -1,23 +1,30 @@
 // Writes OpenEXR: one ZIP-compressed scan-line part of half (kRgba16f) or float (kRgba32f), with alpha if the
-// image has it.
+// image has it. It says its primaries twice: by chromaticities and by a colorInteropID of linear light, such
+// as lin_rec709_scene. A picture that a curve made for a display has the same ID, because every reader takes
+// it as the linear light that it is, and Candela refuses a display's. Values of an unknown encoding say that
+// it is unknown.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
 
 #include <cstdint>
 #include <exception>
 #include <stdexcept>
 
 #include "absl/strings/str_format.h"
+#include "client/image/color_interop.h"
 #include "client/image/exr/kept_attributes.h"
 #include "client/image/read/exr_windows.h"
 #include "client/image/write/writers.h"
 
 namespace candela {
 namespace {
+
+constexpr char kInteropId[] = "colorInteropID";
 
 // OpenEXR's stream interface for an AtomicFile.
 class Stream : public Imf::OStream {
@@ -42,7 +49,7 @@ Imf::Chromaticities chromaticities_of(const Image& image) {
 
 }  // namespace
 
-absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&, Notes&) {
+absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
   if (image.format != ImageFormat::kRgba16f && image.format != ImageFormat::kRgba32f) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: an OpenEXR file is written from rgba16f or rgba32f, not %s", file.path(), name(image.format)));
@@ -53,7 +60,12 @@ absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&
     Imf::Header header(static_cast<int>(image.width), static_cast<int>(image.height),
                        static_cast<float>(image.pixel_aspect));
     header.compression() = Imf::ZIP_COMPRESSION;
-    Imf::addChromaticities(header, chromaticities_of(image));
+    if (options.transfer == EncodedTransfer::kUnknown) {
+      header.insert(kInteropId, Imf::StringAttribute("unknown"));
+    } else {
+      Imf::addChromaticities(header, chromaticities_of(image));
+      header.insert(kInteropId, Imf::StringAttribute(linear_interop_id(image.chromaticities)));
+    }
     if (const auto& rate = image.frame_rate;
         rate && rate->frames <= INT32_MAX && rate->seconds <= UINT32_MAX) {
       Imf::addFramesPerSecond(
