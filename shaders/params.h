@@ -86,6 +86,8 @@ CANDELA_CONST(uint) HISTOGRAM_TILES = 64u;
 CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
 // The largest scene value, which is the largest finite half.
 CANDELA_CONST(float) MAX_SCENE_VALUE = 65504.0f;
+// A scene component is negative if it is below this. What is above it rounds to a half of 0.
+CANDELA_CONST(float) NEGATIVE_BELOW = -2.98023223876953125e-8f;  // -2^-25
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 // With straight alpha, the most exposed light that a pixel's object has where it is nearly transparent; the

@@ -241,7 +241,7 @@ HWY_INLINE Pixels ingest_wide(const Input& input, const Pixels& wire) {
   const Pixels c = ingest_unrounded(input, wire);
   if (!input.rounds()) return c;
   const Pixels rounded = round_to_half(c);
-  const MF negative = hn::Lt(hn::Min(hn::Min(c.r, c.g), c.b), hn::Zero(kFloats));
+  const MF negative = hn::Lt(hn::Min(hn::Min(c.r, c.g), c.b), hn::Set(kFloats, shader::NEGATIVE_BELOW));
   return {hn::IfThenElse(negative, c.r, rounded.r), hn::IfThenElse(negative, c.g, rounded.g),
           hn::IfThenElse(negative, c.b, rounded.b), hn::IfThenElse(negative, c.a, rounded.a)};
 }
