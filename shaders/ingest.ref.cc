@@ -110,12 +110,11 @@ Scene ingest(std::span<const std::byte> wire, size_t stride_bytes, uint32_t widt
         if (c[k] != v && !counts->first_bad_texel) counts->first_bad_texel = i;
       }
     }
-    const bool negative = c[0] < 0.0f || c[1] < 0.0f || c[2] < 0.0f;
-    if (rounding == Rounding::kHalf || (rounding == Rounding::kHalfUnlessNegative && !negative)) {
+    uint32_t negative = 0;
+    for (int k = 0; k < 3; ++k) negative += c[k] < shader::NEGATIVE_BELOW;
+    if (matrix) counts->negative_scene += negative;
+    if (rounding == Rounding::kHalf || (rounding == Rounding::kHalfUnlessNegative && negative == 0)) {
       for (float& v : c) v = to_half(v);
-    }
-    if (matrix) {
-      for (int k = 0; k < 3; ++k) counts->negative_scene += c[k] < 0.0f;
     }
     scene.texels.push_back(c);
     if ((i + 1) % width == 0) row_done();

@@ -94,6 +94,8 @@ CANDELA_CONST(uint) CENTER_STEPS_LOG2 = 8u;
 CANDELA_CONST(float) MAX_HALF = 65504.0f;
 // The largest scene value.
 CANDELA_CONST(float) MAX_LIGHT = 1073741824.0f;  // 2^30
+// A scene component is negative if it is below this. What is above it rounds to a half of 0.
+CANDELA_CONST(float) NEGATIVE_BELOW = -2.98023223876953125e-8f;  // -2^-25
 // An exposed scene value is cut here, far above where every curve is flat, so that its square stays finite.
 CANDELA_CONST(float) MAX_EXPOSED_VALUE = 1.15292150460684698e18f;  // 2^60
 // With straight alpha, the most exposed light that a pixel's object has where it is nearly transparent; the

@@ -77,7 +77,7 @@ const bool ROUNDS = PIXELS == PIXELS_RGBA32F || MATRIX;
 // A scene texel for a curve that cuts: a colour with a negative component is not rounded.
 vec4 ingest_wide(InputParams frame, vec4 wire) {
   vec4 c = ingest_unrounded(frame, wire);
-  bool negative = min(min(c.r, c.g), c.b) < 0.0;
+  bool negative = min(min(c.r, c.g), c.b) < NEGATIVE_BELOW;
   return ROUNDS && !negative ? rounded(c) : c;
 }
 

@@ -10,6 +10,8 @@
 #include <map>
 #include <string>
 #include <tuple>
+#include <utility>
+#include <vector>
 
 #include "proto/candela/v1/settings.h"
 #include "server/render/color/aces.h"
@@ -124,6 +126,44 @@ TEST_F(WideGamut, EveryCurveCountsWhatItCutsAsItsTwinDoes) {
   EXPECT_LT(counts[v1::TONE_CURVE_ACES_1], counts[v1::TONE_CURVE_LINEAR]);
   EXPECT_LT(counts[v1::TONE_CURVE_ACES_HILL], counts[v1::TONE_CURVE_ACES_1]);
   EXPECT_GT(counts[v1::TONE_CURVE_ACES_HILL], 0u);
+}
+
+// A component of the scene is negative below -2^-25, 3.0e-8, where its half is not 0.
+TEST_F(WideGamut, LightThatRoundsToZeroAfterAMatrixIsNotNegative) {
+  // Red of AP1, whose green is -0.13 in Rec.709.
+  for (const auto& [red, negative] :
+       std::vector<std::pair<float, uint64_t>>{{1e-17f, 0}, {2.2e-7f, 0}, {2.4e-7f, 1}, {1.0f, 2}}) {
+    const WireFrame frame = make_frame(40, 40, v1::PIXEL_FORMAT_RGBA32F, [red = red](uint32_t x, uint32_t y) {
+      return x == 7 && y == 9 ? Texel{red, 0, 0, 1} : Texel{0.3f, 0.3f, 0.3f, 1};
+    });
+    for (const char* tier : {"standard", "reference"}) {
+      v1::Settings settings = plain(v1::TONE_CURVE_LINEAR);
+      settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
+      settings.set_tier(tier);
+      const auto rendered = render(frame, settings, {}, Verify::kYes);
+      ASSERT_TRUE(rendered.ok()) << rendered.status();
+      const FrameReport& report = rendered->report;
+      EXPECT_EQ(report.stats.negative_scene_components, negative) << red << " " << tier;
+      EXPECT_EQ(report.verification->truth.negative_scene_components, negative) << red << " " << tier;
+      EXPECT_EQ(report.plan.resolve.inputs.constants.wide, negative > 0) << red << " " << tier;
+    }
+  }
+}
+
+// So it is rounded like its neighbours, also in a frame with light that is negative.
+TEST_F(WideGamut, LightThatRoundsToZeroIsRoundedWithItsColour) {
+  const auto codes = [](float least, Passes passes) {
+    const WireFrame frame = make_frame(40, 40, v1::PIXEL_FORMAT_RGBA32F, [least](uint32_t x, uint32_t) {
+      return x == 0 ? Texel{1, -0.5f, 0, 1} : Texel{0.1f, 0.7f, least, 1};
+    });
+    const auto rendered = render_on(renderer_with(passes), frame, plain(v1::TONE_CURVE_LINEAR));
+    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    return rendered.ok() ? image(rendered->memory) : std::vector<std::byte>();
+  };
+  for (const Passes passes : {Passes::kDevice, Passes::kHost}) {
+    EXPECT_EQ(codes(-0x1p-25f, passes), codes(0.0f, passes));
+    EXPECT_NE(codes(-0x1p-24f, passes), codes(0.0f, passes));  // here R and G are not halves
+  }
 }
 
 TEST_F(WideGamut, NothingIsCutOfAFrameWithoutNegativeComponents) {

@@ -1,8 +1,10 @@
 // White balance: the Planckian locus, the tint, and what it does to the matrix. No device.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "server/render/color/primaries.h"
 #include "server/render/settings/settings.h"
@@ -56,8 +58,47 @@ TEST(WhiteBalance, TheLocusIsPlancks) {
                                      {6500, 0.3135, 0.3237},
                                      {10000, 0.2807, 0.2884}}) {
     const White white = white_of(kelvin, 0);
-    EXPECT_NEAR(white.x, x, 6e-4) << kelvin;
-    EXPECT_NEAR(white.y, y, 6e-4) << kelvin;
+    EXPECT_NEAR(white.x, x, 1e-4) << kelvin;
+    EXPECT_NEAR(white.y, y, 1e-4) << kelvin;
+  }
+}
+
+// Light of 0.18 in linear Rec.709, balanced.
+Rgb grey(double kelvin, double tint) {
+  const std::optional<std::array<float, 9>> matrix = balanced(kelvin, tint).to_scene();
+  return matrix ? times(*matrix, {0.18, 0.18, 0.18}) : Rgb{0.18, 0.18, 0.18};
+}
+
+// From 1 K to the next, a white moves by 0.1 % more or less than it just did, and never back.
+TEST(WhiteBalance, AStepOfOneKelvinIsAsLongAsTheOneBefore) {
+  for (double tint : {-1.0, 0.0, 1.0}) {
+    White white = white_of(2001, tint);
+    White before = white_of(2000, tint);
+    for (int kelvin = 2002; kelvin <= 25000; ++kelvin) {
+      const White next = white_of(kelvin, tint);
+      const double x = white.x - before.x, y = white.y - before.y;
+      const double next_x = next.x - white.x, next_y = next.y - white.y;
+      ASSERT_NEAR(std::hypot(next_x, next_y) / std::hypot(x, y), 1.0, 1e-3) << kelvin << " " << tint;
+      ASSERT_GT(x * next_x + y * next_y, 0.999 * std::hypot(x, y) * std::hypot(next_x, next_y))
+          << kelvin << " " << tint;
+      before = white;
+      white = next;
+    }
+  }
+}
+
+// At 2222 and 4000 K the cubics of Kang et al. have joints. With tint 1 at 4000 K the blue of a grey is 44
+// times itself, and moves by 1 % from one kelvin to the next.
+TEST(WhiteBalance, AGreyMovesSmoothlyOverItsTemperature) {
+  for (double kelvin : {2222.0, 4000.0, 9000.0}) {
+    for (double tint : {-1.0, 0.0, 1.0}) {
+      const Rgb below = grey(kelvin - 1, tint), at = grey(kelvin, tint), above = grey(kelvin + 1, tint);
+      for (size_t k = 0; k < 3; ++k) {
+        const double rounding = 2e-7 * std::max(1.0, std::abs(at[k]));  // of the matrix
+        EXPECT_NEAR(at[k], (below[k] + above[k]) / 2, 0.02 * std::abs(above[k] - below[k]) + rounding)
+            << kelvin << " " << tint << " " << k;
+      }
+    }
   }
 }
 
@@ -75,8 +116,8 @@ TEST(WhiteBalance, ATintIsADistanceFromTheLocusTowardsGreen) {
 
 TEST(WhiteBalance, DaylightIsItselfBalanced) {
   const White d65 = white_of(6504, 0.064);
-  EXPECT_NEAR(d65.x, 0.3127, 4e-4);
-  EXPECT_NEAR(d65.y, 0.3290, 4e-4);
+  EXPECT_NEAR(d65.x, 0.3127, 1e-4);
+  EXPECT_NEAR(d65.y, 0.3290, 1e-4);
 }
 
 TEST(WhiteBalance, TheScenesWhiteBecomesNeutral) {

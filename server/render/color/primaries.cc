@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "server/render/color/planck.h"
 
 namespace candela {
 
@@ -52,15 +53,10 @@ struct Uv {
   double v;
 };
 
-// The Planckian locus at a temperature; see white_of().
+// The Planckian locus at a temperature.
 Uv locus(double kelvin) {
-  const double t = 1e3 / kelvin;
-  const double x = kelvin <= 4000 ? ((-0.2661239 * t - 0.2343589) * t + 0.8776956) * t + 0.179910
-                                  : ((-3.0258469 * t + 2.1070379) * t + 0.2226347) * t + 0.240390;
-  const double y = kelvin <= 2222   ? ((-1.1063814 * x - 1.34811020) * x + 2.18555832) * x - 0.20219683
-                   : kelvin <= 4000 ? ((-0.9549476 * x - 1.37418593) * x + 2.09137015) * x - 0.16748867
-                                    : ((3.0817580 * x - 5.87338670) * x + 3.75112997) * x - 0.37001483;
-  const double scale = -2 * x + 12 * y + 3;
+  const auto [x, y, z] = planckian_xyz(kelvin);
+  const double scale = x + 15 * y + 3 * z;
   return {4 * x / scale, 6 * y / scale};
 }
 

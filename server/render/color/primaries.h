@@ -27,9 +27,8 @@ struct White {
 };
 
 // The white of a correlated colour temperature, 2000 .. 25000 K. `tint` moves it perpendicular to the
-// Planckian locus in CIE 1960 uv: 1 is 0.05 above the locus, towards green; -1 is 0.05 below it. Source of
-// the locus: B. Kang et al., "Design of advanced color temperature control system for HDTV applications", J.
-// Korean Phys. Soc. 41(6), 2002. It is within 0.0006 of Planck's law in x and y.
+// Planckian locus in CIE 1960 uv: 1 is 0.05 above the locus, towards green; -1 is 0.05 below it. Both move
+// smoothly.
 White white_of(double kelvin, double tint);
 
 // The 3x3 matrix, row by row, that converts linear RGB of these primaries to linear Rec.709 with a D65 white;

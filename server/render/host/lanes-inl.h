@@ -264,7 +264,7 @@ HWY_INLINE Pixels ingest_wide(const Input& input, const Pixels& wire) {
   const Pixels c = ingest_unrounded(input, wire);
   if (!input.rounds()) return c;
   const Pixels round = rounded(input, c);
-  const MF negative = hn::Lt(hn::Min(hn::Min(c.r, c.g), c.b), hn::Zero(kFloats));
+  const MF negative = hn::Lt(hn::Min(hn::Min(c.r, c.g), c.b), hn::Set(kFloats, shader::NEGATIVE_BELOW));
   return {hn::IfThenElse(negative, c.r, round.r), hn::IfThenElse(negative, c.g, round.g),
           hn::IfThenElse(negative, c.b, round.b), hn::IfThenElse(negative, c.a, round.a)};
 }
