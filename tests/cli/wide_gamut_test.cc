@@ -76,7 +76,7 @@ TEST_F(WideGamutFile, AnAcescgRampByAces1IsWithin3CodesOfOpenColorIO) {
   }
   EXPECT_LE(worst, 3.0);
   EXPECT_LE(sum / static_cast<double>(3 * rec709_.size()), 0.2);
-  EXPECT_EQ(report["verify"]["against"], "OpenColorIO's aces-1 of the uncut light");
+  EXPECT_EQ(report["verify"]["against"], "OpenColorIO's aces-1 of the light, cut to ACES AP1");
   EXPECT_LE(report["verify"]["max_error_codes"], 3.0);
   EXPECT_EQ(report["gamut_cut_components"], 0);
 }

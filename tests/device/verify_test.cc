@@ -182,6 +182,27 @@ TEST_F(Verified, BloomThatStartsCoarserIsHeldAgainstTheWhole) {
             4e-6);
 }
 
+// The tier `reference` does not round the scene, so neither of its numbers is of halves.
+TEST_F(Verified, TheReferenceReportsTheLuminancesOfTheSceneThatItMeters) {
+  constexpr float kDark = 0.1f, kBright = 0.7f;  // neither is a half
+  const WireFrame frame = make_frame(67, 35, v1::PIXEL_FORMAT_RGBA32F, [](uint32_t x, uint32_t) -> Texel {
+    const float v = x == 5 ? kBright : kDark;
+    return {v, v, v, 1};
+  });
+  v1::Settings settings;
+  const FrameReport rounded = must_render(frame, settings).report;
+  settings.set_tier("reference");
+  const FrameReport exact = must_render(frame, settings).report;
+  EXPECT_FLOAT_EQ(exact.stats.min_luminance, kDark);
+  EXPECT_FLOAT_EQ(exact.stats.max_luminance, kBright);
+  EXPECT_EQ(exact.stats.min_luminance, exact.verification->truth.min_luminance);
+  EXPECT_EQ(exact.stats.max_luminance, exact.verification->truth.max_luminance);
+  const double mean = (66 * std::log2(double{kDark}) + std::log2(double{kBright})) / 67;
+  EXPECT_NEAR(exact.stats.mean_log2_luminance, mean, 1e-6);
+  EXPECT_FLOAT_EQ(rounded.stats.max_luminance, imath_half_to_float(imath_float_to_half(kBright)));
+  EXPECT_NE(rounded.stats.max_luminance, exact.stats.max_luminance);
+}
+
 TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
   const FrameReport floats = must_render(natural(67, 35, v1::PIXEL_FORMAT_RGBA32F)).report;
   EXPECT_GT(floats.verification->unrounded.max_codes, 10 * floats.verification->rounded.max_codes);

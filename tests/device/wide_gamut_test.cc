@@ -128,6 +128,45 @@ TEST_F(WideGamut, EveryCurveCountsWhatItCutsAsItsTwinDoes) {
   EXPECT_GT(counts[v1::TONE_CURVE_ACES_HILL], 0u);
 }
 
+// OpenColorIO alone would shift the hue of light outside of AP1 before it cuts.
+TEST_F(WideGamut, EveryTierCutsAces1ToAp1First) {
+  constexpr uint32_t kSide = 64;
+  std::vector<Color> colors;  // of AP1, and some outside of it
+  for (uint32_t i = 0; i < kSide * kSide; ++i) {
+    const float light = std::exp2(static_cast<float>(i % 89) / 8.0f - 6.0f);
+    colors.push_back(
+        {light * noise(i, 1, 0), light * (noise(i, 1, 1) - 0.3f), light * (noise(i, 1, 2) - 0.3f)});
+  }
+  const auto rendered_by = [](const std::vector<Color>& of, const char* tier) {
+    v1::Settings settings = plain(v1::TONE_CURVE_ACES_1);
+    settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
+    settings.set_tier(tier);
+    return render(frame_of(of, kSide), settings, {}, Verify::kYes);
+  };
+  const auto reference = rendered_by(colors, "reference");
+  const auto standard = rendered_by(colors, "standard");
+  ASSERT_TRUE(reference.ok() && standard.ok()) << reference.status() << standard.status();
+  EXPECT_GT(reference->report.gamut_cut_components, colors.size() / 4);
+  EXPECT_LE(standard->report.verification->rounded.max_codes, 6.0);  // as inside of AP1
+  // The cut is all that happens to them.
+  std::vector<Color> inside = colors;
+  for (Color& c : inside) {
+    for (float& v : c) v = std::max(v, 0.0f);
+  }
+  const auto cut = rendered_by(inside, "reference");
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  double most = 0;
+  for (uint32_t y = 0; y < kSide; ++y) {
+    for (uint32_t i = 0; i < kSide * 4; ++i) {
+      uint16_t is, should;
+      std::memcpy(&is, reference->memory.output_row(y).data() + 2 * i, sizeof is);
+      std::memcpy(&should, cut->memory.output_row(y).data() + 2 * i, sizeof should);
+      most = std::max(most, std::abs(is - should) / 257.0);
+    }
+  }
+  EXPECT_LE(most, 0.02) << "codes";
+}
+
 // A component of the scene is negative below -2^-25, 3.0e-8, where its half is not 0.
 TEST_F(WideGamut, LightThatRoundsToZeroAfterAMatrixIsNotNegative) {
   // Red of AP1, whose green is -0.13 in Rec.709.

@@ -42,7 +42,8 @@ std::map<std::string, double> scrape(const Server& server) {
   for (std::string line; std::getline(lines, line);) {
     const size_t space = line.rfind(' ');
     double value = 0;
-    if (absl::StartsWith(line, "candela_") && absl::SimpleAtod(line.substr(space + 1), &value)) {
+    if ((absl::StartsWith(line, "candela_") || absl::StartsWith(line, "process_")) &&
+        absl::SimpleAtod(line.substr(space + 1), &value)) {
       values[line.substr(0, space)] = value;
     }
   }

@@ -47,7 +47,7 @@ std::string time_words(const RenderReport& report) {
 
 // Names the truth that the server compares the image with.
 std::string truth_words(v1::ToneCurve curve) {
-  if (curve == v1::TONE_CURVE_ACES_1) return "OpenColorIO's aces-1 of the uncut light";
+  if (curve == v1::TONE_CURVE_ACES_1) return "OpenColorIO's aces-1 of the light, cut to ACES AP1";
   if (curve == v1::TONE_CURVE_TABLE) return "the view's table, looked up in float64";
   return "the float64 reference";
 }

@@ -65,8 +65,11 @@ absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const Inge
     const HostStage stage(kReferenceStage, &metered->stages);
     textures.metered_scene = meter_scene(textures, plan.matrix, plan.reference, reference::Rounding::kNone);
   }
-  metered->stats.mean_log2_luminance = textures.metered_scene->meter.mean_log2_luminance;
-  metered->stats.metered_weight = textures.metered_scene->meter.weight;
+  const reference::Meter& meter = textures.metered_scene->meter;
+  metered->stats.mean_log2_luminance = meter.mean_log2_luminance;
+  metered->stats.metered_weight = meter.weight;
+  metered->stats.min_luminance = static_cast<float>(meter.min_luminance);
+  metered->stats.max_luminance = static_cast<float>(meter.max_luminance);
   return metered;
 }
 

@@ -1,5 +1,8 @@
 #include "server/render/reference/reference_frame.h"
 
+#include <ImathMatrix.h>
+#include <ImathVec.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -19,14 +22,31 @@ class TwinCheckpoints {
   ~TwinCheckpoints() { reference::after_row = nullptr; }
 };
 
-// aces-1 is computed by OpenColorIO itself, so that the error of the baked table counts. A client's own table
-// is exact by definition.
+// Exposed light, cut to the gamut of ACES AP1. Light inside of it keeps its bits.
+reference::Rgb cut_to_ap1(const reference::Rgb& light) {
+  static constexpr double kFromScene[] = {TABLE_FROM_SCENE_AP1};
+  // Imath multiplies row vectors from the left.
+  static const Imath::M33d to_ap1 =
+      Imath::M33d(kFromScene[0], kFromScene[1], kFromScene[2], kFromScene[3], kFromScene[4], kFromScene[5],
+                  kFromScene[6], kFromScene[7], kFromScene[8])
+          .transposed();
+  static const Imath::M33d from_ap1 = to_ap1.inverse();
+  const Imath::V3d ap1 = Imath::V3d(light[0], light[1], light[2]) * to_ap1;
+  if (ap1.x >= 0.0 && ap1.y >= 0.0 && ap1.z >= 0.0) return light;
+  const Imath::V3d cut =
+      Imath::V3d(std::max(ap1.x, 0.0), std::max(ap1.y, 0.0), std::max(ap1.z, 0.0)) * from_ap1;
+  return {cut.x, cut.y, cut.z};
+}
+
+// aces-1 is computed by OpenColorIO itself, so that the error of the baked table counts. It cuts light where
+// every executor does. A client's own table is exact by definition.
 std::function<reference::Rgb(const reference::Rgb&)> look_of(const Plan& plan) {
   if (plan.reference.resolve.curve == shader::CURVE_TABLE) {
     return [table = plan.table](const reference::Rgb& c) { return reference::look_up(*table, c); };
   }
   if (plan.reference.resolve.curve != shader::CURVE_ACES_1) return nullptr;
-  return [](const reference::Rgb& c) -> reference::Rgb {
+  return [](const reference::Rgb& exposed) -> reference::Rgb {
+    const reference::Rgb c = cut_to_ap1(exposed);
     std::array<float, 3> rgb = {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
     if (!aces_1(rgb).ok()) return {NAN, NAN, NAN};
     return {rgb[0], rgb[1], rgb[2]};
