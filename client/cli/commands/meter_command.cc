@@ -146,7 +146,7 @@ absl::Status meter_image(const MeterOptions& options) {
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image =
       read_image(input, {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                 options.shown);
+                 choice_of(options));
   if (!image.ok()) return image.status();
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;

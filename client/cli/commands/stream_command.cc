@@ -2,6 +2,7 @@
 
 #include <iterator>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <thread>
@@ -67,6 +68,12 @@ std::vector<std::string> paths_of(const Sequence& sequence) {
   return paths;
 }
 
+// The frames' own settings. The table is the session's, and too large to copy for each of them.
+v1::Settings without_table(v1::Settings settings) {
+  settings.clear_table();
+  return settings;
+}
+
 // Renders a sequence: feeds its files to a session and writes the results, several at once.
 class Streaming {
  public:
@@ -86,19 +93,20 @@ class Streaming {
     summary_.last = sequence_.last();
     summary_.missing = to_text(sequence_.missing);
     SessionOptions session;
-    if (absl::Status status = prepare(session.settings); !status.ok()) return status;
+    std::shared_ptr<const BakedView> view;
+    if (absl::Status status = prepare(session.settings, view); !status.ok()) return status;
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
     progress_.show("reading " + sequence_.frames.front().path);
     FrameReader reader(paths_of(sequence_),
                        {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                       kReadAhead, options_.shown);
+                       kReadAhead, choice_of(options_, view.get()));
     FrameFeeder feeder(sequence_,
-                       {.settings = options_.settings,
+                       {.settings = without_table(session.settings),
                         .timeout = options_.timeout,
                         .skip_bad = options_.skip_bad,
                         .rate = shot_.rate(),
-                        .view = options_.view,
+                        .view = view,
                         .alpha_by_default = options_.alpha_by_default,
                         .exposures = shot_.given()},
                        reader);
@@ -125,14 +133,17 @@ class Streaming {
   }
 
  private:
-  absl::Status prepare(v1::Settings& settings) {
+  absl::Status prepare(v1::Settings& settings, std::shared_ptr<const BakedView>& view) {
     settings = options_.settings;
+    summary_.defaults = options_.defaults;
     if (!options_.view.config.empty()) {
       progress_.show("baking " + options_.view.config);
-      absl::StatusOr<BakedView> baked = bake(options_.view);
+      absl::StatusOr<BakedView> baked = bake(options_);
       if (!baked.ok()) return baked.status();
-      *settings.mutable_table() = std::move(baked->table);
+      show_by(*baked, settings);
       summary_.notes.insert(baked->notes.begin(), baked->notes.end());
+      summary_.view = view_words(baked->report);
+      view = std::make_shared<const BakedView>(*std::move(baked));
     }
     return link_.check_tier(settings.tier());
   }

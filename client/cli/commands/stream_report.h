@@ -11,6 +11,7 @@
 #include "client/cli/files/exposure_file.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
+#include "client/cli/options/options.h"
 #include "client/session.h"
 
 namespace candela {
@@ -44,6 +45,8 @@ struct StreamSummary {
   std::string saved;       // the exposure file that is written; "": none
   v1::SessionState state;  // after the last frame, if it is saved
   SessionStats session;
+  PictureDefaults defaults;
+  std::string view;                 // view_words() of --ocio, "" without it
   std::set<std::string> notes;      // notes about the files
   std::set<std::string> primaries;  // words_of() of those that frames had
 };

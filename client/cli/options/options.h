@@ -32,6 +32,17 @@ struct ServerChoice {
   std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
+// What the command chose because of --ocio, as a managed view shows what is there.
+struct PictureDefaults {
+  bool exposure = false;  // 0 EV
+  bool bloom = false;     // none
+};
+
+// ", the default of --ocio" after the exposure, or "".
+std::string default_exposure_words(const PictureDefaults& defaults);
+// ", no bloom" after that, or "".
+std::string default_bloom_words(const PictureDefaults& defaults);
+
 // The settings of frames and the format of images.
 struct PictureOptions {
   PictureChoice shown;    // of the files that hold several pictures
@@ -40,6 +51,7 @@ struct PictureOptions {
   WriteOptions write;
   std::vector<std::string> notes;  // what the user should know before the result
   bool alpha_by_default = false;   // the user chose no alpha, and the output is a .png or .jpg
+  PictureDefaults defaults;        // as they are in `settings`
 };
 
 // Whether an image is compared with the reference.
