@@ -6,10 +6,11 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
+#include <optional>
 #include <vector>
 
-#include "proto/candela/v1/pixel_size.h"
 #include "proto/candela/v1/settings.h"
 #include "server/render/color/primaries.h"
 #include "shaders/reference.h"
@@ -27,9 +28,10 @@ double component(const ViewedFrame& frame, size_t at, size_t k) {
   return frame.header.format() == v1::OUTPUT_FORMAT_RGBA16 ? bits / 65535.0 : imath_half_to_float(bits);
 }
 
+using Show = std::function<void(std::span<float>)>;
+
 // How the frame was drawn, with the view instead of a curve.
-reference::ResolveParams resolve_params(const std::function<void(std::span<float>)>& show,
-                                        const ViewedFrame& frame, const v1::Bloom& bloom) {
+reference::ResolveParams resolve_params(const Show& show, const ViewedFrame& frame, const v1::Bloom& bloom) {
   reference::ResolveParams params;
   params.exposure = std::min<double>(frame.header.exposure() * frame.header.prescale(), shader::MAX_EXPOSURE);
   if (bloom.intensity() > 0) params.bloom = static_cast<uint32_t>(bloom.kind());
@@ -44,24 +46,59 @@ reference::ResolveParams resolve_params(const std::function<void(std::span<float
   return params;
 }
 
+std::array<float, 4> own_values(const ViewedFrame& frame, size_t at) {
+  std::array<float, 4> pixel;
+  if (frame.format == v1::PIXEL_FORMAT_RGBA32F) {
+    std::memcpy(pixel.data(), frame.pixels.data() + at * sizeof pixel, sizeof pixel);
+  } else {
+    std::array<uint16_t, 4> bits;
+    std::memcpy(bits.data(), frame.pixels.data() + at * sizeof bits, sizeof bits);
+    for (size_t k = 0; k < 4; ++k) pixel[k] = imath_half_to_float(bits[k]);
+  }
+  constexpr float kInfinity = 65504.0f;
+  for (float& v : pixel) {
+    if (std::isnan(v)) v = 0.0f;
+    if (std::isinf(v)) v = std::copysign(kInfinity, v);
+  }
+  return pixel;
+}
+
+// The file's values, changed by `to_scene` unless it is null, and then by the matrix.
+reference::Scene scene_of(const ViewedFrame& frame, const Show& to_scene,
+                          const std::optional<std::array<float, 9>>& matrix) {
+  reference::Scene scene{frame.header.width(), frame.header.height(), {}, {}};
+  scene.texels.resize(size_t{scene.width} * scene.height);
+  for (size_t at = 0; at < scene.texels.size(); ++at) {
+    std::array<float, 4> pixel = own_values(frame, at);
+    if (to_scene) to_scene(std::span(pixel).first(3));
+    if (matrix) {
+      const std::array<float, 4> own = pixel;
+      for (size_t r = 0; r < 3; ++r) {
+        double sum = 0.0;
+        for (size_t c = 0; c < 3; ++c) sum += double{(*matrix)[3 * r + c]} * own[c];
+        pixel[r] = static_cast<float>(sum);
+      }
+    }
+    scene.texels[at] = pixel;
+  }
+  return scene;
+}
+
 }  // namespace
 
-absl::StatusOr<ViewError> error_of_view(const std::function<void(std::span<float>)>& show,
-                                        const ViewedFrame& frame) {
+absl::StatusOr<ViewError> error_of_view(const ViewTable& view, const ViewedFrame& frame) {
   v1::Settings settings = frame.settings;
   if (absl::Status status = v1::complete_settings(settings); !status.ok()) return status;
   const auto matrix = scene_matrix(settings);
   if (!matrix.ok()) return matrix.status();
   const uint32_t width = frame.header.width();
   const uint32_t height = frame.header.height();
-  reference::BadCounts bad;
-  const auto ingest = [&](reference::Rounding rounding) {
-    return reference::ingest(frame.pixels, size_t{width} * v1::bytes_per_pixel(frame.format), width, height,
-                             static_cast<uint32_t>(frame.format), *matrix, rounding, &bad);
-  };
-  reference::Scene scene = ingest(reference::Rounding::kHalf);
   const v1::Bloom& bloom = settings.bloom();
-  const reference::ResolveParams params = resolve_params(show, frame, bloom);
+  reference::ResolveParams params = resolve_params(view.show, frame, bloom);
+  const bool untouched = params.exposure == 1.0 && params.bloom == shader::BLOOM_NONE && !*matrix;
+  const bool direct = untouched && view.show_input;
+  if (direct) params = resolve_params(view.show_input, frame, bloom);
+  const reference::Scene scene = scene_of(frame, direct ? nullptr : view.to_scene, *matrix);
   reference::Level level;
   uint32_t levels = 1;
   if (params.bloom != shader::BLOOM_NONE) {
@@ -73,7 +110,6 @@ absl::StatusOr<ViewError> error_of_view(const std::function<void(std::span<float
                               .firefly_weights = bloom.firefly_weights()},
                              frame.header.statistics().mean_log2_luminance(), &levels);
   }
-  if (bad.negative_scene > 0) scene = ingest(reference::Rounding::kHalfUnlessNegative);
   ViewError error;
   std::vector<float> codes;
   double sum = 0.0;

@@ -3,19 +3,19 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <span>
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
+#include "client/color/view_table.h"
 
 namespace candela {
 
-// A frame as it was sent, and what came back. Rows have no padding.
+// A frame as its file has it, and what came back. Rows have no padding.
 struct ViewedFrame {
-  v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
-  std::span<const std::byte> pixels;
-  v1::Settings settings;    // as sent, but the table is not used
+  v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;  // RGBA16F or RGBA32F
+  std::span<const std::byte> pixels;                  // the file's own values
+  v1::Settings settings;                              // as sent, but the table is not used
   v1::ResultHeader header;  // with the image's size and format, the exposure and the metered mean
   std::span<const std::byte> image;
 };
@@ -31,10 +31,12 @@ struct ViewError {
   uint64_t pixels = 0;  // that were compared; 0 if none is opaque
 };
 
-// Makes the scene of the wire's pixels and its bloom in float64, exposes it as the header says, and shows it
-// by `show` (ViewTable::show). The light is not cut. Fails as Settings do on the server, for settings that it
-// would refuse. Takes about 2 seconds a megapixel and 60 bytes a pixel. Any thread.
-absl::StatusOr<ViewError> error_of_view(const std::function<void(std::span<float>)>& show,
-                                        const ViewedFrame& frame);
+// Compares the image with what OpenColorIO itself makes of the file's values. Where nothing changes them on
+// their way to the view (exposure 1, no bloom, no white balance) and ViewTable::input names their colour
+// space, that is all. Otherwise they become scene light, by OpenColorIO or by the primaries of the settings,
+// their bloom is made in float64, and ViewTable::show shows them at the header's exposure. Nothing is rounded
+// to half, and nothing is cut. NaN is taken as 0 and Inf as +-65504. Fails as Settings do on the server, for
+// settings that it would refuse. Takes about 2 seconds a megapixel and 60 bytes a pixel. Any thread.
+absl::StatusOr<ViewError> error_of_view(const ViewTable& view, const ViewedFrame& frame);
 
 }  // namespace candela

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <initializer_list>
 #include <optional>
 #include <random>
 #include <span>
@@ -17,6 +18,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "client/color/view_entry.h"
 #include "server/render/color/primaries.h"
 #include "shaders/reference.h"
 
@@ -26,16 +28,11 @@ namespace {
 namespace ocio = OCIO_NAMESPACE;
 
 constexpr uint32_t kTableSize = 65;
+constexpr char kVariable[] = "$OCIO";  // ViewChoice::source
 // If 99.9 % of the colours are within this error, no other kind of table is tried. In codes.
 constexpr double kGoodCodes = 0.75;
 // On AP1's axes light changes further up, because a film-like view desaturates it only there.
 constexpr float kLeastEndAp1 = 320.0f;
-
-// The names and aliases that configurations use for linear Rec.709.
-constexpr const char* kRec709Names[] = {
-    "lin_rec709_scene",           "lin_rec709_srgb", "lin_rec709",    "lin_srgb",
-    "Linear Rec.709 (sRGB)",      "Linear Rec.709",  "Linear BT.709", "Utility - Linear - sRGB",
-    "Utility - Linear - Rec.709", "Linear sRGB",     "lnf_srgb"};
 
 std::string one_line(const char* text) {
   return absl::StrJoin(absl::StrSplit(text, absl::ByAnyChar("\n\r\t"), absl::SkipWhitespace()), " ");
@@ -67,69 +64,6 @@ absl::Status choose_view(const ocio::ConstConfigRcPtr& config, const ViewChoice&
   if (known) return absl::OkStatus();
   return absl::NotFoundError(absl::StrFormat("%s has no view \"%s\" for display \"%s\"; there are: %s",
                                              choice.config, chosen.view, display, list(views, view_name)));
-}
-
-void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::TransformDirection direction) {
-  const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
-  builtin->setStyle(style);
-  builtin->setDirection(direction);
-  group->appendTransform(builtin);
-}
-
-// The name of the colour space of a role. OpenColorIO loads a configuration whose role names none.
-absl::StatusOr<std::string> space_of_role(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
-                                          const char* role) {
-  const ocio::ConstColorSpaceRcPtr space = config->getColorSpace(role);
-  if (space) return std::string(space->getName());
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s: its role %s names a colour space that it does not have", choice.config, role));
-}
-
-// Appends the transforms from the scene's Rec.709 into the configuration, and sets chosen.input to the
-// resulting colour space.
-absl::Status choose_input(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice,
-                          const ocio::GroupTransformRcPtr& group, ViewTable& chosen) {
-  if (!choice.input.empty()) {
-    if (!config->getColorSpace(choice.input.c_str())) {
-      return absl::NotFoundError(absl::StrFormat(
-          "%s has no colour space \"%s\"; there are: %s", choice.config, choice.input,
-          list(config->getNumColorSpaces(), [&](int i) { return config->getColorSpaceNameByIndex(i); })));
-    }
-    chosen.input = choice.input;
-    return absl::OkStatus();
-  }
-  if (config->hasRole(ocio::ROLE_INTERCHANGE_SCENE)) {
-    absl::StatusOr<std::string> space = space_of_role(config, choice, ocio::ROLE_INTERCHANGE_SCENE);
-    if (!space.ok()) return space.status();
-    append(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_INVERSE);
-    append(group, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_FORWARD);
-    chosen.input = *std::move(space);
-    return absl::OkStatus();
-  }
-  for (const char* name : kRec709Names) {
-    const ocio::ConstColorSpaceRcPtr space = config->getColorSpace(name);
-    if (!space) continue;
-    chosen.input = space->getName();
-    chosen.notes.push_back(absl::StrFormat(
-        "the view gets the scene as \"%s\", taken to be linear Rec.709; --ocio-input names another",
-        chosen.input));
-    return absl::OkStatus();
-  }
-  if (config->hasRole(ocio::ROLE_SCENE_LINEAR)) {
-    absl::StatusOr<std::string> space = space_of_role(config, choice, ocio::ROLE_SCENE_LINEAR);
-    if (!space.ok()) return space.status();
-    chosen.input = *std::move(space);
-    chosen.notes.push_back(absl::StrFormat(
-        "%s does not say what primaries its scene_linear, \"%s\", has: taken to be linear Rec.709; "
-        "--ocio-input names another colour space",
-        choice.config, chosen.input));
-    return absl::OkStatus();
-  }
-  return absl::NotFoundError(absl::StrFormat(
-      "%s has neither a role aces_interchange nor scene_linear; name its linear Rec.709 with --ocio-input: "
-      "%s",
-      choice.config,
-      list(config->getNumColorSpaces(), [&](int i) { return config->getColorSpaceNameByIndex(i); })));
 }
 
 void show(const ocio::ConstCPUProcessorRcPtr& view, std::span<float> rgb) {
@@ -232,6 +166,45 @@ void measure(const ocio::ConstCPUProcessorRcPtr& view, ViewTable& baked) {
   baked.mean_codes = sum / static_cast<double>(codes.size());
 }
 
+// A processor of the transforms without approximations of logarithms and powers.
+ocio::ConstCPUProcessorRcPtr processor(const ocio::ConstConfigRcPtr& config,
+                                       std::initializer_list<ocio::TransformRcPtr> transforms) {
+  const ocio::GroupTransformRcPtr group = ocio::GroupTransform::Create();
+  for (const ocio::TransformRcPtr& transform : transforms) group->appendTransform(transform);
+  return config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
+}
+
+ocio::TransformRcPtr view_of(const ViewTable& chosen, const std::string& input) {
+  const ocio::DisplayViewTransformRcPtr transform = ocio::DisplayViewTransform::Create();
+  transform->setSrc(input.c_str());
+  transform->setDisplay(chosen.display.c_str());
+  transform->setView(chosen.view.c_str());
+  return transform;
+}
+
+// The file's values to scene light; null if they are it.
+std::function<void(std::span<float>)> scene_of(const ocio::ConstConfigRcPtr& config, const std::string& input,
+                                               const ViewEntry& entry) {
+  const ocio::ColorSpaceTransformRcPtr enter = ocio::ColorSpaceTransform::Create();
+  enter->setSrc(input.c_str());
+  enter->setDst(entry.space.c_str());
+  const ocio::TransformRcPtr to_rec709 = entry.from_rec709->createEditableCopy();
+  to_rec709->setDirection(ocio::TRANSFORM_DIR_INVERSE);
+  const ocio::ConstCPUProcessorRcPtr scene = processor(config, {enter, to_rec709});
+  if (scene->isNoOp()) return nullptr;
+  return [scene](std::span<float> rgb) { show(scene, rgb); };
+}
+
+// Whether OpenColorIO lets values pass, because the view or the input is data.
+bool shows_data(const ocio::ConstConfigRcPtr& config, const ViewTable& chosen, const std::string& input) {
+  const auto is_data = [&](const std::string& name) {
+    const ocio::ConstColorSpaceRcPtr space = config->getColorSpace(name.c_str());
+    return space && space->isData();
+  };
+  const std::string shown = config->getDisplayViewColorSpaceName(chosen.display.c_str(), chosen.view.c_str());
+  return is_data(shown == ocio::OCIO_VIEW_USE_DISPLAY_NAME ? chosen.display : shown) || is_data(input);
+}
+
 absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   // OpenColorIO would wait for a pipe's writer. A path that is not there may be one of its own
   // configurations.
@@ -244,18 +217,24 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   const ocio::ConstConfigRcPtr config = ocio::Config::CreateFromFile(choice.config.c_str());
   ViewTable baked;
   if (absl::Status status = choose_view(config, choice, baked); !status.ok()) return status;
-  const ocio::GroupTransformRcPtr group = ocio::GroupTransform::Create();
-  if (absl::Status status = choose_input(config, choice, group, baked); !status.ok()) return status;
-  const ocio::DisplayViewTransformRcPtr transform = ocio::DisplayViewTransform::Create();
-  transform->setSrc(baked.input.c_str());
-  transform->setDisplay(baked.display.c_str());
-  transform->setView(baked.view.c_str());
-  group->appendTransform(transform);
-  // Disables approximations of logarithms and powers.
+  absl::StatusOr<ViewEntry> entry = find_entry(config, choice);
+  baked.as_is = shows_data(config, baked, choice.input);
+  if (!entry.ok() && !(baked.as_is && choice.input.empty())) return entry.status();
+  if (baked.as_is) {
+    baked.input = choice.input;
+    baked.show = [](std::span<float>) {};
+    return baked;
+  }
+  baked.input = choice.input.empty() ? entry->space : choice.input;
+  baked.notes = std::move(entry->notes);
   const ocio::ConstCPUProcessorRcPtr view =
-      config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
-
+      processor(config, {entry->from_rec709, view_of(baked, entry->space)});
   baked.show = [view](std::span<float> rgb) { show(view, rgb); };
+  if (!choice.input.empty()) {
+    const ocio::ConstCPUProcessorRcPtr input = processor(config, {view_of(baked, choice.input)});
+    baked.show_input = [input](std::span<float> rgb) { show(input, rgb); };
+    baked.to_scene = scene_of(config, choice.input, *entry);
+  }
 
   // Chooses the kind of table that fits the view best.
   std::optional<ViewTable> best;
@@ -279,17 +258,25 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
 }  // namespace
 
 absl::StatusOr<ViewTable> bake_view(const ViewChoice& choice) {
+  const auto named = [&choice](const absl::Status& status) {
+    if (choice.source != kVariable) return status;
+    return absl::Status(status.code(),
+                        absl::StrFormat("%s; %s names the configuration, and --curve does without it",
+                                        status.message(), kVariable));
+  };
   std::error_code error;
   if (!std::filesystem::exists(choice.config, error)) {
-    return absl::NotFoundError(
-        absl::StrFormat("%s: no such file; --ocio takes an OpenColorIO configuration", choice.config));
+    return named(absl::NotFoundError(
+        absl::StrFormat("%s: no such file; --ocio takes an OpenColorIO configuration", choice.config)));
   }
   ocio::SetLoggingLevel(ocio::LOGGING_LEVEL_NONE);
   try {
-    return bake(choice);
+    absl::StatusOr<ViewTable> baked = bake(choice);
+    if (!baked.ok()) return named(baked.status());
+    return baked;
   } catch (const std::exception& thrown) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: OpenColorIO cannot use it: %s", choice.config, one_line(thrown.what())));
+    return named(absl::InvalidArgumentError(
+        absl::StrFormat("%s: OpenColorIO cannot use it: %s", choice.config, one_line(thrown.what()))));
   }
 }
 

@@ -7,18 +7,22 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/options/option_words.h"
 
 namespace candela {
 
-void HeldImages::begin(SessionOptions session, const ImageLimits& limits, const FrameFeeder& feeder) {
+void HeldImages::begin(SessionOptions session, const ImageLimits& limits, FeedOptions feed,
+                       const FrameFeeder& feeder) {
   session_ = std::move(session);
   // A frame alone has no frames after it, and another session may be open under the name.
   session_.name.clear();
   session_.lookahead = 0;
   session_.return_state = false;
   limits_ = limits;
+  feed_ = std::move(feed);
+  feed_.skip_bad = false;
   said_rate_ = feeder.said_rate();
 }
 
@@ -65,15 +69,11 @@ absl::StatusOr<HeldImages::Rendered> HeldImages::render_alone(int64_t number, co
   Sequence alone;
   alone.frames = {{.number = number, .path = path}};
   alone.zero = sequence_.zero;
-  FrameReader reader({path}, limits_, 1, options_.shown);
-  FrameFeeder feeder(alone,
-                     {.settings = options_.settings,
-                      .timeout = options_.timeout,
-                      .rate = summary_.rate.rate,
-                      .view = options_.view,
-                      .alpha_by_default = options_.alpha_by_default,
-                      .exposures = exposures_of(number)},
-                     reader);
+  FrameReader reader({path}, limits_, 1, choice_of(options_, feed_.view.get()));
+  FeedOptions feed = feed_;
+  feed.rate = summary_.rate.rate;
+  feed.exposures = exposures_of(number);
+  FrameFeeder feeder(alone, std::move(feed), reader);
   Rendered rendered;
   const absl::StatusOr<const Image*> image = feeder.first();
   rendered.status = image.status();

@@ -32,9 +32,9 @@ class HeldImages {
         images_(images),
         summary_(summary) {}
 
-  // Call it first. `session` has the options that the sequence's session is opened with, and `feeder` knows
-  // the frame rate.
-  void begin(SessionOptions session, const ImageLimits& limits, const FrameFeeder& feeder);
+  // Call it first. `session` has the options that the sequence's session is opened with, `feed` those with
+  // which `feeder` feeds it, and `feeder` knows the frame rate.
+  void begin(SessionOptions session, const ImageLimits& limits, FeedOptions feed, const FrameFeeder& feeder);
 
   // The last image is that of the file with this number.
   void has_image(int64_t number, const std::string& path);
@@ -64,6 +64,7 @@ class HeldImages {
   StreamSummary& summary_;
   SessionOptions session_;
   ImageLimits limits_;
+  FeedOptions feed_;
   std::optional<FrameRate> said_rate_;
   std::string image_of_;  // the file whose image is the last one; "": there is none
   // Files with smaller numbers are not worth a try: they are image_of_, come before it or are bad.

@@ -151,7 +151,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image =
-      read_image(input, image_limits(*limits, options.max_chunk_mib), options.shown);
+      read_image(input, image_limits(*limits, options.max_chunk_mib), choice_of(options));
   if (!image.ok()) return image.status();
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;

@@ -1,7 +1,9 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <optional>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -54,7 +56,7 @@ class Shared {
   absl::Status bake() {
     if (options_.view.config.empty()) return absl::OkStatus();
     const absl::Time begin = absl::Now();
-    absl::StatusOr<BakedView> baked = candela::bake(options_.view);
+    absl::StatusOr<BakedView> baked = candela::bake(options_);
     if (!baked.ok()) return baked.status();
     view_ = *std::move(baked);
     bake_ms_ = ms_since(begin);
@@ -143,7 +145,7 @@ class Rendering {
     report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !shared_.locked();
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
-    report_.tone_curve = options_.settings.curve();
+    report_.defaults = options_.defaults;
     if (shared_.view()) {
       report_.view = shared_.view()->report;
       report_.curve = report_.view->view;
@@ -151,7 +153,7 @@ class Rendering {
     }
     absl::StatusOr<Image> image = read();
     if (!image.ok()) return image.status();
-    report_.primaries = primaries_used(*image, options_.settings);
+    report_.primaries = primaries_of(*image, options_.settings, view());
     report_.missing_pixels = image->missing_pixels;
     absl::StatusOr<Image> picture = render(*std::move(image));
     if (!picture.ok()) return picture.status();
@@ -165,8 +167,19 @@ class Rendering {
   absl::StatusOr<Image> read_input() {
     const absl::StatusOr<v1::Limits> limits = shared_.limits();
     if (!limits.ok()) return limits.status();
-    return read_image(job_.input, image_limits(*limits, options_.max_chunk_mib), options_.shown);
+    absl::StatusOr<Image> image =
+        read_image(job_.input, image_limits(*limits, options_.max_chunk_mib), choice_of(options_, view()));
+    if (!image.ok()) return image;
+    if (verifies_view() && view()->view.to_scene) {
+      const std::span<const std::byte> values = image->pixels.span();
+      own_values_.assign(values.begin(), values.end());
+    }
+    enter_scene(view(), *image);
+    return image;
   }
+
+  const BakedView* view() const { return shared_.view() ? &*shared_.view() : nullptr; }
+  bool verifies_view() const { return options_.verify.verify && view() != nullptr; }
 
   absl::StatusOr<Image> read() {
     progress_.show("reading " + job_.input);
@@ -177,8 +190,6 @@ class Rendering {
     if (!image.ok()) return image;
     add_notes(std::exchange(image->notes, {}));
     add_note(cube_map_note(*image));
-    absl::Status status = check_view_input(*image, job_.input, options_.settings, options_.view);
-    if (!status.ok()) return status;
     return image;
   }
 
@@ -193,13 +204,13 @@ class Rendering {
     view.exposure = shared_.locked();
     view.verify = options_.verify.verify;
     view.error_map = !options_.verify.error_map.empty();
-    const bool verify_view = options_.verify.verify && shared_.view() && shared_.view()->show;
     // The picture will need the memory.
-    if (only_ && !verify_view) view.on_sent = [&frame] { frame.pixels = {}; };
+    if (only_ && !verifies_view()) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.ignore_empty_alpha) add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
-    if (shared_.view()) *settings.mutable_table() = shared_.view()->table;
+    if (shared_.view()) show_by(*shared_.view(), settings);
+    report_.tone_curve = settings.curve();
     absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
@@ -210,10 +221,10 @@ class Rendering {
       add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
     }
     add_note(gamut_note(report_.header, settings).value_or(""));
-    if (verify_view) {
-      const absl::StatusOr<ViewError> error =
-          error_of_view(shared_.view()->show,
-                        {view.format, view.pixels, std::move(settings), result->header, result->pixels()});
+    if (verifies_view()) {
+      const std::span<const std::byte> own = own_values_.empty() ? view.pixels : own_values_;
+      const absl::StatusOr<ViewError> error = error_of_view(
+          shared_.view()->view, {view.format, own, std::move(settings), result->header, result->pixels()});
       if (!error.ok()) return error.status();
       report_.view_error = *error;
       frame.pixels = {};
@@ -314,6 +325,7 @@ class Rendering {
   Progress& progress_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
+  std::vector<std::byte> own_values_;  // the file's, if they are not what is sent and the view is verified
   double read_ms_ = 0;
 };
 

@@ -21,6 +21,7 @@ std::string metered_exposure_words(const RenderReport& report) {
       absl::StrFormat("%.4g (%+.2f EV)", header.exposure(), std::log2(header.exposure()));
   const std::string prescale =
       header.prescale() == 1 ? "" : absl::StrFormat(", times prescale %.4g", header.prescale());
+  if (report.defaults.exposure) return factor + default_exposure_words(report.defaults) + prescale;
   if (!report.metered) return factor + ", as set" + prescale;
   return absl::StrFormat("%s, metered from mean luminance 2^%.3f%s", factor,
                          header.statistics().mean_log2_luminance(), prescale);
@@ -110,17 +111,19 @@ nlohmann::ordered_json to_json(const std::optional<ViewReport>& view) {
   return {{"display", view->display},       {"view", view->view},
           {"input", view->input},           {"table_size", view->table_size},
           {"table_end", view->table_end},   {"max_codes", view->max_codes},
-          {"p999_codes", view->p999_codes}, {"mean_codes", view->mean_codes}};
+          {"p999_codes", view->p999_codes}, {"mean_codes", view->mean_codes},
+          {"config", view->config},         {"from", view->source}};
 }
 
 std::string summary_line(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
   const std::string missing =
       report.missing_pixels > 0 ? absl::StrFormat("%d pixels missing; ", report.missing_pixels) : "";
-  return absl::StrFormat("%s -> %s: %dx%d; %s%s; exposure %.4g (%+.2f EV); %s; %.2f s\n", report.input,
+  return absl::StrFormat("%s -> %s: %dx%d; %s%s; exposure %.4g (%+.2f EV%s)%s; %s; %.2f s\n", report.input,
                          report.output, header.width(), header.height(), missing, words_of(report.primaries),
-                         header.exposure(), std::log2(header.exposure()), report.curve,
-                         report.total_ms / 1000);
+                         header.exposure(), std::log2(header.exposure()),
+                         default_exposure_words(report.defaults), default_bloom_words(report.defaults),
+                         report.view ? view_words(*report.view) : report.curve, report.total_ms / 1000);
 }
 
 void add_everything(const RenderReport& report, std::string& text,
@@ -138,9 +141,14 @@ void add_everything(const RenderReport& report, std::string& text,
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");
   if (report.view) {
-    line("view", absl::StrFormat("%s, %s, from %s; table of %d^3 points, error at most %.2g codes, mean %.2g",
-                                 report.view->display, report.view->view, report.view->input,
-                                 report.view->table_size, report.view->max_codes, report.view->mean_codes));
+    const ViewReport& view = *report.view;
+    const std::string table =
+        view.table_size == 0
+            ? "the file's own values"
+            : absl::StrFormat("from %s; table of %d^3 points, error at most %.2g codes, mean %.2g",
+                              view.input, view.table_size, view.max_codes, view.mean_codes);
+    line("view",
+         absl::StrFormat("%s, %s, of %s (%s); %s", view.display, view.view, view.config, view.source, table));
   }
   for (int i = 0; i < header.plan_size(); ++i) line(i == 0 ? "plan" : "", header.plan(i));
   add_verification(report, line);
@@ -148,6 +156,10 @@ void add_everything(const RenderReport& report, std::string& text,
 }
 
 }  // namespace
+
+std::string view_words(const ViewReport& view) {
+  return view.source == "--ocio" ? view.view : absl::StrCat(view.view, " of ", view.source);
+}
 
 std::string curve_word(v1::Settings settings) {
   (void)v1::complete_settings(settings);  // the default, if the user chose none; parsing has checked the rest

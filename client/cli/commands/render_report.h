@@ -10,6 +10,7 @@
 
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/primaries_used.h"
+#include "client/cli/options/options.h"
 #include "client/color/view_error.h"
 
 namespace candela {
@@ -25,7 +26,12 @@ struct ViewReport {
   double max_codes = 0;
   double p999_codes = 0;
   double mean_codes = 0;
+  std::string config;  // its path
+  std::string source;  // what named it, "--ocio" or "$OCIO"
 };
+
+// "ACES", or "ACES of $OCIO" if the environment chose the view.
+std::string view_words(const ViewReport& view);
 
 struct RenderReport {
   std::string input;
@@ -37,6 +43,7 @@ struct RenderReport {
   v1::ResultHeader header;
   std::string error_map;  // "" if none is written
   bool metered = true;    // false if the user set the exposure
+  PictureDefaults defaults;
   std::optional<ViewReport> view;
   std::optional<ViewError> view_error;                    // only with --verify
   v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
@@ -81,12 +88,13 @@ std::vector<std::string> notes_for_user(const RenderReport& report);
 // primaries {name, xy, from} (name null if they have none; from is assumed, file or option), curve, device,
 // tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
 // max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, view
-// {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes} (null without --ocio), gamut_cut_components,
-// plan, stage_ms, total_ms, notes. A verified frame also has verify and verify_unrounded {against,
-// max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components,
-// meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes, p999_error_codes,
-// mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map it has error_map {file,
-// least_codes, most_codes, scale}. Numbers read back to the same bits. An infinite number becomes null.
+// {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes, config, from} (null
+// without --ocio; from is --ocio or $OCIO), gamut_cut_components, plan, stage_ms, total_ms, notes. A verified
+// frame also has verify and verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes,
+// worst_pixel [x, y], differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view
+// {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with
+// --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An
+// infinite number becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

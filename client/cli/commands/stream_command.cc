@@ -1,5 +1,6 @@
 #include <OpenEXR/ImfThreading.h>
 
+#include <memory>
 #include <optional>
 #include <set>
 #include <thread>
@@ -41,6 +42,12 @@ std::vector<std::string> paths_of(const Sequence& sequence) {
   return paths;
 }
 
+// The frames' own settings. The table is the session's, and too large to copy for each of them.
+v1::Settings without_table(v1::Settings settings) {
+  settings.clear_table();
+  return settings;
+}
+
 // Renders a sequence: feeds its files to a session and writes the results, several at once.
 class Streaming {
  public:
@@ -61,27 +68,27 @@ class Streaming {
     summary_.last = sequence_.last();
     summary_.missing = to_text(sequence_.missing);
     SessionOptions session;
-    if (absl::Status status = prepare(session.settings); !status.ok()) return status;
+    std::shared_ptr<const BakedView> view;
+    if (absl::Status status = prepare(session.settings, view); !status.ok()) return status;
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
     const ImageLimits files = image_limits(*limits, options_.max_chunk_mib);
     progress_.show("reading " + named_.front().input);
-    FrameReader reader(paths_of(sequence_), files, kReadAhead, options_.shown);
-    FrameFeeder feeder(sequence_,
-                       {.settings = options_.settings,
-                        .timeout = options_.timeout,
-                        .skip_bad = options_.skip_bad,
-                        .rate = shot_.rate(),
-                        .view = options_.view,
-                        .ignore_empty_alpha = options_.ignore_empty_alpha,
-                        .exposures = shot_.given()},
-                       reader);
+    FrameReader reader(paths_of(sequence_), files, kReadAhead, choice_of(options_, view.get()));
+    const FeedOptions feed{.settings = without_table(session.settings),
+                           .timeout = options_.timeout,
+                           .skip_bad = options_.skip_bad,
+                           .rate = shot_.rate(),
+                           .view = view,
+                           .ignore_empty_alpha = options_.ignore_empty_alpha,
+                           .exposures = shot_.given()};
+    FrameFeeder feeder(sequence_, feed, reader);
     const absl::StatusOr<const Image*> first = feeder.first();
     if (!first.ok()) return failure_of(FailureKind::kInput, first.status());
     summary_.rate = feeder.rate();
     if (shot_.fixes_rate()) summary_.rate.from = "exposures";
     session = session_options(std::move(session.settings));
-    held_.begin(session, files, feeder);
+    held_.begin(session, files, feed, feeder);
     absl::Status status = repeat_each(sequence_.holds_before.size(), 0);
     // Files at the beginning that could not be read.
     if (status.ok()) status = add_skipped(feeder, sequence_.frames.size());
@@ -104,14 +111,17 @@ class Streaming {
   }
 
  private:
-  absl::Status prepare(v1::Settings& settings) {
+  absl::Status prepare(v1::Settings& settings, std::shared_ptr<const BakedView>& view) {
     settings = options_.settings;
+    summary_.defaults = options_.defaults;
     if (!options_.view.config.empty()) {
       progress_.show("baking " + options_.view.config);
-      absl::StatusOr<BakedView> baked = bake(options_.view);
+      absl::StatusOr<BakedView> baked = bake(options_);
       if (!baked.ok()) return baked.status();
-      *settings.mutable_table() = std::move(baked->table);
+      show_by(*baked, settings);
       summary_.notes.insert(baked->notes.begin(), baked->notes.end());
+      summary_.view = view_words(baked->report);
+      view = std::make_shared<const BakedView>(*std::move(baked));
     }
     return link_.check_tier(settings.tier());
   }

@@ -136,10 +136,13 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
         [](const ExposedFrame& a, const ExposedFrame& b) { return a.exposure < b.exposure; });
     const auto cuts = std::count_if(summary.curve.begin(), summary.curve.end(),
                                     [](const ExposedFrame& point) { return point.cut; });
-    line("exposure", absl::StrFormat("%.4g .. %.4g (%+.2f .. %+.2f EV)%s", least->exposure, most->exposure,
-                                     std::log2(least->exposure), std::log2(most->exposure),
-                                     cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
+    line("exposure",
+         absl::StrFormat("%.4g .. %.4g (%+.2f .. %+.2f EV%s)%s%s", least->exposure, most->exposure,
+                         std::log2(least->exposure), std::log2(most->exposure),
+                         default_exposure_words(summary.defaults), default_bloom_words(summary.defaults),
+                         cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
   }
+  if (!summary.view.empty()) line("view", summary.view);
   if (!summary.primaries.empty()) line("primaries", absl::StrJoin(summary.primaries, "; "));
   if (where.empty() || !summary.saved.empty()) {
     line("locked", absl::StrFormat("%.6g (%+.3f EV), one exposure for all frames", summary.locked,

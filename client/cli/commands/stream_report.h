@@ -13,6 +13,7 @@
 #include "client/cli/files/exposure_file.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
+#include "client/cli/options/options.h"
 #include "client/session.h"
 
 namespace candela {
@@ -40,15 +41,17 @@ struct StreamSummary {
   ChosenRate rate;
   uint64_t written = 0;  // without held ones
   uint64_t held = 0;
-  uint64_t skipped = 0;    // unreadable, or refused by the server
+  uint64_t skipped = 0;                    // unreadable, or refused by the server
   std::optional<FailureKind> skipped_for;  // their common kind; nothing: none was skipped
-  absl::Duration time;     // from the first frame to the last image
-  absl::Duration latency;  // the sum over all frames
+  absl::Duration time;                     // from the first frame to the last image
+  absl::Duration latency;                  // the sum over all frames
   std::vector<ExposedFrame> curve;
   double locked = 1;       // the locked exposure of the curve
   std::string saved;       // the exposure file that is written; "": none
   v1::SessionState state;  // after the last frame, if it is saved
   SessionStats session;
+  PictureDefaults defaults;
+  std::string view;                 // view_words() of --ocio, "" without it
   std::set<std::string> notes;      // notes about the files
   std::set<std::string> primaries;  // words_of() of those that frames had
 };
@@ -56,8 +59,8 @@ struct StreamSummary {
 // One line with the keys frame (its number), input, output, media_time_ns, and either error (text) and code
 // (the exit code of such a failure), held (true) or all three, or primaries {name, xy, from}, width, height,
 // exposure, exposure_before, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance,
-// bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, gamut_cut_components, cut, tier, stage_ms,
-// latency_ms.
+// bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, gamut_cut_components,
+// cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 
 // One line with the key summary {frames, first, last, missing, fps, fps_from, written, held, skipped,

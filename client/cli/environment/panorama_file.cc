@@ -28,6 +28,12 @@ v1::EnvironmentStart start_of(const Image& image, const v1::Settings& given) {
   return start;
 }
 
+v1::Settings without_primaries(v1::Settings settings) {
+  settings.clear_input_chromaticities();
+  settings.clear_input_primaries();
+  return settings;
+}
+
 absl::Status check_size(const Image& image, const std::string& path) {
   if (image.width <= v1::kMaxPanoramaWidth && image.height <= v1::kMaxPanoramaHeight) return absl::OkStatus();
   return input_failure(absl::ResourceExhaustedError(absl::StrFormat(
@@ -39,18 +45,16 @@ absl::Status check_size(const Image& image, const std::string& path) {
 }  // namespace
 
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
-                                           const v1::Limits& limits) {
+                                           const v1::Limits& limits, const BakedView* view) {
   const ImageLimits most = image_limits(limits, options.max_chunk_mib);
-  absl::StatusOr<Image> read = read_image(path, most, options.shown);
+  absl::StatusOr<Image> read = read_image(path, most, choice_of(options, view));
   if (!read.ok()) return read.status();
   if (read->is_cube_map) {
     read = panorama_of_cube(*read, v1::kMaxPanoramaWidth, most.max_bytes);
     if (!read.ok()) return name_file(read.status(), path);
   }
   if (absl::Status status = check_size(*read, path); !status.ok()) return status;
-  if (absl::Status status = check_view_input(*read, path, options.settings, options.view); !status.ok()) {
-    return status;
-  }
+  enter_scene(view, *read);
   PanoramaFile file;
   file.notes = std::exchange(read->notes, {});
   const double aspect = static_cast<double>(read->width) / read->height;
@@ -60,8 +64,10 @@ absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const Pictur
         "the sphere",
         path, read->width, read->height));
   }
-  file.primaries = primaries_used(*read, options.settings);
-  file.panorama = panorama_of(*std::move(read), options.settings);
+  file.primaries = primaries_of(*read, options.settings, view);
+  const bool as_is = view != nullptr && view->view.as_is;
+  file.panorama =
+      panorama_of(*std::move(read), as_is ? without_primaries(options.settings) : options.settings);
   return file;
 }
 
@@ -71,8 +77,7 @@ std::shared_ptr<const Panorama> panorama_of(Image image, const v1::Settings& set
 }
 
 v1::Settings without_panorama(v1::Settings settings) {
-  settings.clear_input_chromaticities();
-  settings.clear_input_primaries();
+  settings = without_primaries(std::move(settings));
   settings.clear_bad_values();
   return settings;
 }

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
+#include "client/cli/files/frame_files.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/options/options.h"
 #include "client/environment.h"
@@ -24,9 +25,10 @@ struct PanoramaFile {
 // Reads the picture that `options` choose from the file `path`. Its primaries are those of the options'
 // settings, or else the file's; the treatment of bad values is that of the settings. A note tells of a
 // picture that is far from 2:1. A cube map becomes a panorama (client/image/cube_panorama.h). `limits` are
-// the server's. Fails like read_image(), and with RESOURCE_EXHAUSTED if it is too large for a panorama.
+// the server's. `view` is that of --ocio, null without it. Fails like read_image(), and with
+// RESOURCE_EXHAUSTED if it is too large for a panorama.
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
-                                           const v1::Limits& limits);
+                                           const v1::Limits& limits, const BakedView* view = nullptr);
 
 // The image as a panorama, with the primaries and the treatment of bad values that read_panorama() says.
 std::shared_ptr<const Panorama> panorama_of(Image image, const v1::Settings& settings);

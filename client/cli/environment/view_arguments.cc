@@ -206,6 +206,7 @@ absl::Status finish_panorama_view_options(PanoramaViewArguments& arguments) {
   options.settings.set_alpha(v1::ALPHA_IGNORE);  // a view has none
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
+  choose_view_defaults(options, !options.locked_exposure.empty() || options.previous.exposure() > 0);
   status.Update(check_verify(options));
   status.Update(finish_server_options(options.server));
   return status;

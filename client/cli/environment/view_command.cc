@@ -52,6 +52,7 @@ class OneView {
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
     report_.tone_curve = options_.settings.curve();
+    report_.defaults = options_.defaults;
     absl::Status status = bake_view();
     if (status.ok()) status = read();
     if (status.ok()) status = connect();
@@ -80,13 +81,15 @@ class OneView {
     if (options_.view.config.empty()) return absl::OkStatus();
     progress_.show("baking " + options_.view.config);
     const absl::Time begin = absl::Now();
-    absl::StatusOr<BakedView> baked = bake(options_.view);
+    absl::StatusOr<BakedView> baked = bake(options_);
     if (!baked.ok()) return baked.status();
     report_.stage_ms.emplace_back("ocio", ms_since(begin));
     report_.view = baked->report;
     report_.curve = baked->report.view;
-    add_notes(std::move(baked->notes));
-    *settings_.mutable_table() = std::move(baked->table);
+    add_notes(baked->notes);
+    show_by(*baked, settings_);
+    report_.tone_curve = settings_.curve();
+    view_ = *std::move(baked);
     return absl::OkStatus();
   }
 
@@ -95,7 +98,8 @@ class OneView {
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
     const absl::Time begin = absl::Now();
-    absl::StatusOr<PanoramaFile> file = read_panorama(options_.panorama, options_, *limits);
+    absl::StatusOr<PanoramaFile> file =
+        read_panorama(options_.panorama, options_, *limits, view_ ? &*view_ : nullptr);
     if (!file.ok()) return file.status();
     report_.stage_ms.emplace_back("read", ms_since(begin));
     report_.primaries = file->primaries;
@@ -190,6 +194,7 @@ class OneView {
   ServerLink link_;
   v1::Settings settings_;
   FrameView frame_;
+  std::optional<BakedView> view_;
   std::shared_ptr<const Panorama> panorama_;
   std::string bad_values_;  // a note about the panorama's, or ""
   std::vector<uint16_t> error_map_;

@@ -55,12 +55,15 @@ class ViewSequence {
  private:
   absl::Status prepare(v1::Settings& settings) {
     settings = without_panorama(options_.settings);
+    summary_.defaults = options_.defaults;
     if (!options_.view.config.empty()) {
       progress_.show("baking " + options_.view.config);
-      absl::StatusOr<BakedView> baked = bake(options_.view);
+      absl::StatusOr<BakedView> baked = bake(options_);
       if (!baked.ok()) return baked.status();
-      *settings.mutable_table() = std::move(baked->table);
+      show_by(*baked, settings);
       summary_.notes.insert(baked->notes.begin(), baked->notes.end());
+      summary_.view = view_words(baked->report);
+      view_ = *std::move(baked);
     }
     if (!options_.locked_exposure.empty()) {
       const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
@@ -74,7 +77,8 @@ class ViewSequence {
     progress_.show("reading " + options_.panorama);
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
-    absl::StatusOr<PanoramaFile> file = read_panorama(options_.panorama, options_, *limits);
+    absl::StatusOr<PanoramaFile> file =
+        read_panorama(options_.panorama, options_, *limits, view_ ? &*view_ : nullptr);
     if (!file.ok()) return file.status();
     summary_.notes.insert(file->notes.begin(), file->notes.end());
     summary_.primaries.insert(words_of(file->primaries));
@@ -207,6 +211,7 @@ class ViewSequence {
   PanoramaFile file_;
   std::string environment_;  // its id
   v1::Settings settings_;
+  std::optional<BakedView> view_;
   std::optional<double> exposure_given_;
   absl::Time begin_;
   bool said_gamut_ = false;

@@ -128,9 +128,7 @@ absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
       if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
       continue;
     }
-    absl::Status input =
-        check_view_input(*next_->image, reader_.path(next_->index), options_.settings, options_.view);
-    if (!input.ok()) return input;
+    enter_scene(options_.view.get(), *next_->image);
     const absl::StatusOr<std::optional<double>> exposure =
         options_.exposures.of(sequence_.frames[next_->index].number);
     if (!exposure.ok()) {
@@ -163,7 +161,8 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read, std::optional<double
   const std::vector<std::string> differences = this->differences(index, read);
   {
     const absl::MutexLock lock(&mutex_);
-    facts_[index] = {read.has_alpha, read.pixel_aspect,  said_rate_, primaries_used(read, options_.settings),
+    facts_[index] = {read.has_alpha, read.pixel_aspect,
+                     said_rate_,     primaries_of(read, options_.settings, options_.view.get()),
                      read.kept,      read.missing_pixels};
     notes_.insert(read.notes.begin(), read.notes.end());
     if (read.is_cube_map) notes_.insert(cube_map_note(read));

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -18,10 +19,10 @@
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/exposure_file.h"
+#include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/sequence.h"
-#include "client/color/view_table.h"
 #include "client/image/image.h"
 #include "client/session.h"
 
@@ -43,7 +44,7 @@ struct FeedOptions {
   absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server
   bool skip_bad = false;                              // files that cannot be read do not end it
   std::optional<FrameRate> rate;                      // --fps
-  ViewChoice view;                                    // of --ocio
+  std::shared_ptr<const BakedView> view;              // of --ocio; null without it
   bool ignore_empty_alpha = false;                    // as in PictureOptions
   GivenExposures exposures;                           // of the frames, by their numbers
 };

@@ -1,5 +1,8 @@
 #include "client/cli/files/frame_files.h"
 
+#include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <utility>
 
@@ -51,16 +54,6 @@ v1::Settings settings_for(const Image& image, v1::Settings settings) {
   return settings;
 }
 
-absl::Status check_view_input(const Image& image, const std::string& path, const v1::Settings& settings,
-                              const ViewChoice& view) {
-  if (view.input.empty() || !image.chromaticities || has_primaries(settings)) return absl::OkStatus();
-  return usage_error(
-      absl::StrFormat("%s: its chromaticities convert it to Rec.709, and --ocio-input %s would convert it "
-                      "once more; leave out "
-                      "--ocio-input, or add --primaries rec709 to give the view the file's own values",
-                      path, view.input));
-}
-
 std::string cube_map_note(const Image& image) {
   if (!image.is_cube_map) return "";
   return "the file is a cube map (envmap): its faces are rendered as they lie in it; candela view and "
@@ -83,7 +76,8 @@ absl::Status name_file(const absl::Status& status, const std::string& path) {
   return about_input(reworded(status, absl::StrFormat("%s: %s", path, status.message())), path);
 }
 
-absl::StatusOr<BakedView> bake(const ViewChoice& choice) {
+absl::StatusOr<BakedView> bake(const PictureOptions& options) {
+  const ViewChoice& choice = options.view;
   absl::StatusOr<ViewTable> baked = bake_view(choice);
   if (!baked.ok()) return input_failure(baked.status(), choice.config);
   const ColorTable& table = baked->table;
@@ -92,11 +86,64 @@ absl::StatusOr<BakedView> bake(const ViewChoice& choice) {
   view.table.set_axes(static_cast<v1::ColorTable::Axes>(table.axes));
   view.table.set_end(table.end);
   view.table.set_values(table.values.data(), table.values.size() * sizeof table.values[0]);
-  view.report = {baked->display, baked->view,      baked->input,      table.size,
-                 table.end,      baked->max_codes, baked->p999_codes, baked->mean_codes};
-  view.notes = std::move(baked->notes);
-  view.show = std::move(baked->show);
+  view.report = {baked->display,   baked->view,       baked->input,      table.size,    table.end,
+                 baked->max_codes, baked->p999_codes, baked->mean_codes, choice.config, choice.source};
+  view.notes = std::exchange(baked->notes, {});
+  if (baked->as_is && has_primaries(options.settings)) {
+    view.notes.push_back("--primaries changes nothing: the view shows the file's own values");
+  }
+  baked->table = {};
+  view.view = *std::move(baked);
   return view;
+}
+
+void show_by(const BakedView& view, v1::Settings& settings) {
+  if (!view.view.as_is) {
+    *settings.mutable_table() = view.table;
+    return;
+  }
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.set_transfer(v1::TRANSFER_LINEAR);
+  settings.clear_input_primaries();
+  settings.clear_input_chromaticities();
+}
+
+PictureChoice choice_of(const PictureOptions& options, const BakedView* view) {
+  PictureChoice choice = options.shown;
+  choice.own_values =
+      has_primaries(options.settings) || !options.view.input.empty() || (view != nullptr && view->view.as_is);
+  choice.as_floats = view != nullptr && view->view.to_scene;
+  return choice;
+}
+
+void enter_scene(const BakedView* view, Image& image) {
+  if (view == nullptr || !view->view.to_scene) return;
+  std::vector<float> rgb(size_t{3} * image.width);
+  for (uint32_t y = 0; y < image.height; ++y) {
+    std::byte* const row = image.pixels.data() + y * image.row_bytes();
+    const auto each = [&](auto change) {
+      for (size_t x = 0; x < image.width; ++x) {
+        std::array<float, 4> pixel;
+        std::memcpy(pixel.data(), row + x * sizeof pixel, sizeof pixel);
+        const float alpha = pixel[3] > 0 && std::isfinite(pixel[3]) ? pixel[3] : 1.0f;
+        for (size_t c = 0; c < 3; ++c) change(pixel[c], rgb[3 * x + c], alpha);
+        std::memcpy(row + x * sizeof pixel, pixel.data(), sizeof pixel);
+      }
+    };
+    each([](float component, float& value, float alpha) { value = component / alpha; });
+    view->view.to_scene(rgb);
+    each([](float& component, float value, float alpha) { component = value * alpha; });
+  }
+}
+
+PrimariesUsed primaries_of(const Image& image, const v1::Settings& given, const BakedView* view) {
+  PrimariesUsed used = primaries_used(image, given);
+  if (view != nullptr && view->view.as_is) used.source = PrimariesUsed::Source::kValues;
+  if (view != nullptr && !view->view.as_is && view->view.show_input) {
+    used.source = PrimariesUsed::Source::kView;
+    used.space = view->view.input;
+  }
+  return used;
 }
 
 }  // namespace candela

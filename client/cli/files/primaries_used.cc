@@ -37,6 +37,8 @@ PrimariesUsed primaries_used(const Image& image, const v1::Settings& given) {
 }
 
 std::string words_of(const PrimariesUsed& primaries) {
+  if (primaries.source == PrimariesUsed::Source::kValues) return "the file's own values";
+  if (primaries.source == PrimariesUsed::Source::kView) return primaries.space + ", from --ocio-input";
   const NamedPrimaries* known = find_primaries(primaries.xy);
   const char* from = primaries.source == PrimariesUsed::Source::kFile     ? "from the file"
                      : primaries.source == PrimariesUsed::Source::kOption ? "from --primaries"
@@ -45,6 +47,12 @@ std::string words_of(const PrimariesUsed& primaries) {
 }
 
 nlohmann::ordered_json to_json(const PrimariesUsed& primaries) {
+  if (primaries.source == PrimariesUsed::Source::kValues) {
+    return {{"name", nullptr}, {"xy", nullptr}, {"from", "values"}};
+  }
+  if (primaries.source == PrimariesUsed::Source::kView) {
+    return {{"name", primaries.space}, {"xy", nullptr}, {"from", "ocio-input"}};
+  }
   const NamedPrimaries* known = find_primaries(primaries.xy);
   const char* from = primaries.source == PrimariesUsed::Source::kFile     ? "file"
                      : primaries.source == PrimariesUsed::Source::kOption ? "option"

@@ -43,6 +43,15 @@ struct Row {
 // The first row that applies to an option counts.
 const Row kRows[] = {
     {{"--compensation", "--key", "--min-exposure", "--max-exposure", "--adaptation", "--speed-up",
+      "--speed-down", "--elapsed", "--lookahead"},
+     [](const Request& r) { return is_fixed(r) && !r.given.contains("--exposure"); },
+     "changes nothing: with --ocio the exposure is 0 EV; --exposure auto meters"},
+    {{"--metering", "--percentiles", "--weights", "--spot", "--ignore-below"},
+     [](const Request& r) {
+       return is_fixed(r) && !r.given.contains("--exposure") && !has_bloom(r, v1::Bloom::KIND_GAUSSIAN);
+     },
+     "changes nothing: with --ocio the exposure is 0 EV; --exposure auto meters"},
+    {{"--compensation", "--key", "--min-exposure", "--max-exposure", "--adaptation", "--speed-up",
       "--speed-down", "--previous-exposure", "--elapsed", "--lookahead"},
      is_fixed,
      "changes nothing: --exposure fixes the exposure"},

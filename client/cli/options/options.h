@@ -32,6 +32,17 @@ struct ServerChoice {
   std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
+// What the command chose because of --ocio, as a managed view shows what is there.
+struct PictureDefaults {
+  bool exposure = false;  // 0 EV
+  bool bloom = false;     // none
+};
+
+// ", the default of --ocio" after the exposure, or "".
+std::string default_exposure_words(const PictureDefaults& defaults);
+// ", no bloom" after that, or "".
+std::string default_bloom_words(const PictureDefaults& defaults);
+
 // The settings of frames and the format of images.
 struct PictureOptions {
   PictureChoice shown;         // of the files that hold several pictures
@@ -40,9 +51,10 @@ struct PictureOptions {
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;
   std::vector<std::string> notes;  // what the user should know before the result
-  // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and the
-  // user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
+  // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and
+  // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
   bool ignore_empty_alpha = false;
+  PictureDefaults defaults;  // as they are in `settings`
 };
 
 // Whether an image is compared with the reference.

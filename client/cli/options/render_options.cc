@@ -115,6 +115,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   absl::Status status = finish_picture_options(options, arguments.picture, output);
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
+  choose_view_defaults(options, !options.locked_exposure.empty() || options.previous.exposure() > 0);
   status.Update(check_error_map(options));
   status.Update(finish_server_options(options.server));
   return status;

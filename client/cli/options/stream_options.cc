@@ -83,6 +83,8 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
                                        jpeg ? "JPEG" : "PNG", options.output));
   }
   if (absl::Status status = finish_exposure_options(options); !status.ok()) return status;
+  choose_view_defaults(
+      options, !options.exposures.empty() || !options.locked_exposure.empty() || !options.state.empty());
   return finish_server_options(options.server);
 }
 

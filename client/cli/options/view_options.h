@@ -12,8 +12,13 @@ namespace candela {
 // Defines --ocio, --display, --view and --ocio-input. Parsing fills `view`, which outlives the app.
 void add_view_options(CLI::App& app, ViewChoice& view);
 
-// After parsing: refuses options that conflict, and notes those that have no effect. `encoded` says that
-// `output` holds display values and not light.
+// After parsing: takes the configuration of the variable OCIO if there is none, unless the user chose a
+// curve. Refuses options that conflict, and notes those that have no effect. `encoded` says that `output`
+// holds display values and not light.
 absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded);
+
+// After the checks of the exposure: with --ocio, exposure is 0 EV unless the user chose one or
+// `exposure_given`, and there is no bloom unless the user gave an option of it.
+void choose_view_defaults(PictureOptions& options, bool exposure_given);
 
 }  // namespace candela

@@ -1,0 +1,31 @@
+// Where scene light enters an OpenColorIO configuration.
+#pragma once
+
+#include <OpenColorIO/OpenColorIO.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/color/view_table.h"
+
+namespace candela {
+
+struct ViewEntry {
+  OCIO_NAMESPACE::GroupTransformRcPtr from_rec709;  // linear Rec.709 to the colour space; may be empty
+  std::string space;
+  std::vector<std::string> notes;  // assumptions
+};
+
+// Takes ACES2065-1 if the configuration has the role aces_interchange, else a colour space named like linear
+// Rec.709, or else the role scene_linear, which is taken to be linear Rec.709. Assumptions are noted.
+// NOT_FOUND if there is none of these, and INVALID_ARGUMENT if the role names a colour space that is not
+// there.
+//
+// With choice.input, at exposure 1 the entry changes nothing that is seen, so there are no notes and no
+// errors. Then colour spaces named like ACES2065-1 and ACEScg are entries, too, and the last one is the input
+// itself. NOT_FOUND if the configuration lacks it.
+absl::StatusOr<ViewEntry> find_entry(const OCIO_NAMESPACE::ConstConfigRcPtr& config,
+                                     const ViewChoice& choice);
+
+}  // namespace candela
