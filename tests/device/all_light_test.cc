@@ -6,6 +6,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "proto/candela/v1/settings.h"
 #include "server/render/plan/metering.h"
 #include "shaders/reference.h"
 #include "tests/support/frame_error.h"
@@ -17,9 +18,9 @@ namespace {
 constexpr float kMost = 0x1p30f;
 
 // natural() with suns of up to 2^30 in it. Some pixels have one bright component.
-TexelFunction suns() {
-  return [](uint32_t x, uint32_t y) -> Texel {
-    const Texel c = ordinary(scenes::natural())(x, y);
+TexelFunction suns(uint32_t width, uint32_t height) {
+  return [scene = ordinary(scenes::natural(width, height))](uint32_t x, uint32_t y) -> Texel {
+    const Texel c = scene(x, y);
     const float sun = std::exp2(16.0f + 14.0f * noise(x, y, 7));
     if (noise(x / 5, y / 5, 8) < 0.05f) return {sun, 0.9f * sun, 0.8f * sun, 1};
     if (noise(x, y, 9) < 0.01f) return {c[0], sun, c[2], 1};
@@ -59,7 +60,8 @@ TEST_F(AllLight, IsMeteredAsItIs) {
 
 TEST_F(AllLight, IsMeteredWithinTheBoundWithEveryStatisticAndWeight) {
   for (const Size& size : {Size{1, 1}, Size{67, 35}, Size{641, 359}}) {
-    const WireFrame frame = make_frame(size.width, size.height, v1::PIXEL_FORMAT_RGBA32F, suns());
+    const WireFrame frame =
+        make_frame(size.width, size.height, v1::PIXEL_FORMAT_RGBA32F, suns(size.width, size.height));
     reference::BadCounts bad;
     const reference::Scene scene =
         reference::ingest(frame.pixels, frame.desc.row_bytes(), size.width, size.height,
@@ -118,7 +120,7 @@ TEST_F(AllLight, IsExposedAndBloomedWithinTheBound) {
         v1::Settings settings = at_ev(ev);
         settings.mutable_bloom()->set_kind(kind);
         settings.set_curve(curve);
-        check(make_frame(333, 129, v1::PIXEL_FORMAT_RGBA32F, suns()), settings,
+        check(make_frame(333, 129, v1::PIXEL_FORMAT_RGBA32F, suns(333, 129)), settings,
               v1::word_of(kind) + " at " + std::to_string(ev));
       }
     }
@@ -204,7 +206,7 @@ TEST_F(AllLight, IgnoreBelowAndThresholdsGoAsFar) {
   const auto limit = metering_settings(kStatistics[0], kWeights[0], 5e5f);
   EXPECT_NEAR(stats_of(frame, limit).mean_log2_luminance, std::log2(1e6), 8e-6);
   v1::Settings settings = at_ev(-20);
-  settings.mutable_bloom()->set_threshold(2e6f);
+  settings.mutable_bloom()->set_threshold(2.5e6f);  // with its knee 1.25e6
   EXPECT_FALSE(must_render(frame, settings).report.plan.bloom());
   settings.mutable_bloom()->set_threshold(5e5f);
   EXPECT_TRUE(must_render(frame, settings).report.plan.bloom());

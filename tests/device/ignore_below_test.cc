@@ -28,9 +28,12 @@ reference::Scene scene_of(const WireFrame& frame) {
                            &bad);
 }
 
-// The plain definition, without the reference's meter(). natural()'s alpha is above 0, and in part below 1.
+// The plain definition, without the reference's meter(). No alpha is 0.
 uint64_t weight_of(const reference::Scene& scene, const reference::MeterParams& params) {
-  const bool center = params.weights == shader::WEIGHTS_CENTER;
+  const auto code = [](const auto& c) { return std::lround(255.0 * c[3]); };
+  const bool parts =
+      std::any_of(scene.texels.begin(), scene.texels.end(), [&](const auto& c) { return code(c) < 255; });
+  const double unit = parts && params.weights != shader::WEIGHTS_CENTER ? 255.0 : 1.0;
   uint64_t weight = 0;
   for (uint32_t y = 0; y < scene.height; ++y) {
     for (uint32_t x = 0; x < scene.width; ++x) {
@@ -38,7 +41,7 @@ uint64_t weight_of(const reference::Scene& scene, const reference::MeterParams& 
       const float l = (0.2126f * c[0] + 0.7152f * c[1]) + 0.0722f * c[2];
       if (l < params.ignore_below) continue;
       const uint32_t whole = reference::meter_weight(x, y, scene.width, scene.height, params);
-      weight += std::lround((center ? 1.0 : 255.0) * whole * std::lround(255.0 * c[3]) / 255.0);
+      weight += std::lround(unit * whole * static_cast<double>(code(c)) / 255.0);
     }
   }
   return weight;

@@ -97,13 +97,17 @@ double sorted_percentile_mean(const reference::Scene& scene, const v1::Metering&
     for (uint32_t x = 0; x < scene.width; ++x) {
       const auto& c = scene.at(x, y);
       const double l = 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-      const double weight = reference::meter_weight(
+      const double whole = reference::meter_weight(
           x, y, scene.width, scene.height,
           {false,
            0,
            0,
            static_cast<uint32_t>(metering.weights()),
            {metering.spot().x0(), metering.spot().y0(), metering.spot().x1(), metering.spot().y1()}});
+      // By its alpha in 255 steps, rounded with the weights that have as many.
+      const double covered = whole * static_cast<double>(std::lround(255.0 * c[3])) / 255.0;
+      const double weight =
+          metering.weights() == v1::Metering::WEIGHTS_CENTER ? std::round(covered) : covered;
       texels.emplace_back(std::log2(std::max(l, 1e-4)), weight);
       total += weight;
     }

@@ -41,8 +41,8 @@ std::vector<std::string> files_of_word(const std::string& word) {
   std::vector<std::string> files{word};
   const size_t equals = word.find('=');
   if (absl::StartsWith(word, "--") && equals != std::string::npos) files.push_back(word.substr(equals + 1));
-  const absl::StatusOr<std::vector<std::string>> matched = find_frames({files.back()});
-  if (matched.ok()) files.insert(files.end(), matched->begin(), matched->end());
+  const absl::StatusOr<FoundFiles> matched = find_frames({files.back()});
+  if (matched.ok()) files.insert(files.end(), matched->paths.begin(), matched->paths.end());
   return files;
 }
 
