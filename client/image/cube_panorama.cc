@@ -94,6 +94,7 @@ void fill(const Image& image, Image& panorama) {
     for (const Rgba& sum : row) {
       T pixel[4];
       for (size_t c = 0; c < 4; ++c) pixel[c] = static_cast<T>(sum[c] * weight);
+      if (!image.has_alpha) pixel[3] = static_cast<T>(1.0f);  // whatever the sum was rounded to
       std::memcpy(out, pixel, sizeof pixel);
       out += sizeof pixel;
     }

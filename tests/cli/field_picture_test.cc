@@ -145,7 +145,9 @@ TEST_F(FieldPicture, EveryChoiceThatAMessageAdvisesWorks) {
 }
 
 TEST_F(FieldPicture, AChunkMayTakeAShareOfTheMemory) {
-  expect_c("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "400"});
+  const Image image = picture("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "400"});
+  EXPECT_EQ(image.width, 3840u);
+  EXPECT_NEAR(pixel(image, 0, 0)[0], 0.25f, 1e-3);
   EXPECT_LT(said_.peak_kib, 3 << 20);
   EXPECT_NE(
       error("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "300"}).find("--max-chunk-mib, for which 387 MiB"),

@@ -129,7 +129,7 @@ class Bench:
         lit = {name: (lambda x, y, value=value: value(x, y) if x % 5 else 0.0) for name, value in red.items()}
         write_exr(self.folder / "alpha.exr", 16, 12, {"channels": lit | half})
         write_exr(self.folder / "layers.exr", 16, 12, {"channels": grey | {f"key.{n}": v for n, v in red.items()}})
-        write_exr(self.folder / "chunk.exr", 8192, 1, {"channels": {f"k{i}.Y": lambda x, y: 0.5 for i in range(72)}})
+        write_exr(self.folder / "chunk.exr", 1024, 1, {"channels": {f"k{i}.Y": lambda x, y: 0.5 for i in range(600)}})
         write_exr(self.folder / "parts.exr", 16, 12, {"name": "beauty", "channels": grey}, {"name": "sun", "channels": red})
         write_exr(self.folder / "views.exr", 16, 12,
                   {"channels": grey | {f"right.{n}": v for n, v in red.items()}, "views": ["left", "right"]})
