@@ -1,7 +1,7 @@
 #include "client/cli/files/sequence.h"
 
 #include <algorithm>
-#include <cstdlib>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -11,6 +11,7 @@
 
 namespace candela {
 namespace {
+
 constexpr size_t kMostRangesSaid = 8;
 
 // The distance of the numbers if it is the same between all files and above 1, else 1.
