@@ -39,8 +39,8 @@ struct PictureOptions {
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;
   std::vector<std::string> notes;  // what the user should know before the result
-  // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and the
-  // user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
+  // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and
+  // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
   bool ignore_empty_alpha = false;
 };
 
