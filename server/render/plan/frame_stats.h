@@ -40,8 +40,8 @@ struct FrameStats {
 };
 
 // The result of phase A. If the float64 reference meters, the mean log2 luminance, the smallest and the
-// largest luminance and the metered weight are the reference's, of the scene that it does not round; the other
-// statistics are those of the device's or the host's passes.
+// largest luminance and the metered weight are the reference's, of the scene that it does not round; the
+// other statistics are those of the device's or the host's passes.
 struct Metered {
   FrameStats stats;
   bool scrubbed = false;   // the frame was read once more, with the scrub
