@@ -60,6 +60,7 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
 struct ImageLimits {
   uint32_t max_dimension = 16384;  // width or height, in pixels
   uint64_t max_bytes = 1u << 29;   // bytes of pixels in the format that the file is read to
+  uint64_t max_pixels = 0;         // 0: no limit of their own
   // OpenEXR decodes whole chunks, which are some rows or a tile of all channels, and several of them at once.
   // A header may ask for chunks of any size.
   uint64_t max_chunk_bytes = 256u << 20;
@@ -68,9 +69,10 @@ struct ImageLimits {
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the first
 // part, view and layer with colour.
 struct PictureChoice {
-  std::string part{};   // its name, or its number, counted from 1
-  std::string layer{};  // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey
-  std::string view{};   // of a stereo or multi-view file, such as "left"
+  std::string part{};  // its name, or its number, counted from 1
+  std::string
+      layer{};         // NAME of the channels NAME.R, NAME.G ...; or the full name of a channel, read as grey
+  std::string view{};  // of a stereo or multi-view file, such as "left"
 
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };

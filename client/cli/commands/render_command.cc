@@ -163,9 +163,7 @@ class Rendering {
   absl::StatusOr<Image> read_input() {
     const absl::StatusOr<v1::Limits> limits = shared_.limits();
     if (!limits.ok()) return limits.status();
-    return read_image(job_.input,
-                      {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                      options_.shown);
+    return read_image(job_.input, image_limits(*limits, options_), options_.shown);
   }
 
   absl::StatusOr<Image> read() {

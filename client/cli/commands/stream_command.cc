@@ -91,9 +91,7 @@ class Streaming {
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
     progress_.show("reading " + sequence_.frames.front().path);
-    FrameReader reader(paths_of(sequence_),
-                       {.max_dimension = limits->max_dimension(), .max_bytes = limits->max_frame_bytes()},
-                       kReadAhead, options_.shown);
+    FrameReader reader(paths_of(sequence_), image_limits(*limits, options_), kReadAhead, options_.shown);
     FrameFeeder feeder(sequence_,
                        {.settings = options_.settings,
                         .timeout = options_.timeout,
@@ -274,9 +272,9 @@ class Streaming {
     const size_t frames = sequence_.frames.size();
     const auto all = static_cast<double>(frames);
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
-    progress_.show_bar(done / all,
-                       absl::StrFormat("%d/%d, %.1f fps, %s, %.0f s left", index + 1, frames, done / seconds,
-                                       exposure_words(exposure_), seconds / done * (all - done)));
+    progress_.show_bar(done / all, absl::StrFormat("%d/%d, %.1f fps, exposure %s, %.0f s left", index + 1,
+                                                   frames, done / seconds, exposure_words(exposure_),
+                                                   seconds / done * (all - done)));
   }
 
   const StreamOptions& options_;
@@ -338,7 +336,10 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
   const absl::StatusOr<SequenceChoice> choice = shot.choice();
   if (!choice.ok()) return choice.status();
   absl::StatusOr<Sequence> sequence = find_sequence(*choice);
-  if (!sequence.ok()) return failure_of(FailureKind::kInput, sequence.status());
+  if (!sequence.ok()) {
+    const std::vector<std::string>& inputs = choice->inputs;
+    return input_failure(sequence.status(), inputs.size() == 1 ? inputs.front() : "");
+  }
   plan.sequence = *std::move(sequence);
   absl::StatusOr<std::vector<std::string>> notes = shot.check(plan.sequence);
   if (!notes.ok()) return failure_of(FailureKind::kInput, notes.status());

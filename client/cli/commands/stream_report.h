@@ -38,10 +38,10 @@ struct StreamSummary {
   ChosenRate rate;
   uint64_t written = 0;  // without held ones
   uint64_t held = 0;
-  uint64_t skipped = 0;    // unreadable, or refused by the server
+  uint64_t skipped = 0;                    // unreadable, or refused by the server
   std::optional<FailureKind> skipped_for;  // their common kind; nothing: none was skipped
-  absl::Duration time;     // from the first frame to the last image
-  absl::Duration latency;  // the sum over all frames
+  absl::Duration time;                     // from the first frame to the last image
+  absl::Duration latency;                  // the sum over all frames
   std::vector<ExposedFrame> curve;
   double locked = 1;       // the locked exposure of the curve
   std::string saved;       // the exposure file that is written; "": none
@@ -52,9 +52,9 @@ struct StreamSummary {
 };
 
 // One line with the keys frame (its number), input, output, media_time_ns, and either error (text) and code
-// (the exit code of such a failure), or held (true), or primaries {name, xy, from}, width, height, exposure, exposure_before, target, target_before_limits,
-// mean_log2_luminance, min_luminance, max_luminance, bad_values {nan, inf, negative}, absent_pixels,
-// gamut_cut_components, cut, tier, stage_ms, latency_ms.
+// (the exit code of such a failure), or held (true), or primaries {name, xy, from}, width, height, exposure,
+// exposure_before, target, target_before_limits, mean_log2_luminance, min_luminance, max_luminance,
+// bad_values {nan, inf, negative}, absent_pixels, gamut_cut_components, cut, tier, stage_ms, latency_ms.
 std::string to_json(const StreamFrame& frame);
 
 // One line with the key summary {frames, first, last, missing, fps, fps_from, written, held, skipped,
@@ -66,9 +66,6 @@ std::string to_text(const StreamSummary& summary, const std::string& where);
 
 // Says that the session lost a server and resumed, in one sentence.
 std::string resume_words(const SessionStats& stats);
-
-// "exposure 1.25 (+0.32 EV)"
-std::string exposure_words(double exposure);
 
 // Draws exposure, target and luminance over media time. The
 // extension of `path`, .png or .svg, sets the format.

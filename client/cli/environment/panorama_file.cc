@@ -39,8 +39,7 @@ absl::Status check_size(const Image& image, const std::string& path) {
 
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
                                            const v1::Limits& limits) {
-  const ImageLimits most{.max_dimension = limits.max_dimension(), .max_bytes = limits.max_frame_bytes()};
-  absl::StatusOr<Image> read = read_image(path, most, options.shown);
+  absl::StatusOr<Image> read = read_image(path, image_limits(limits, options), options.shown);
   if (!read.ok()) return read.status();
   if (absl::Status status = check_size(*read, path); !status.ok()) return status;
   if (absl::Status status = check_view_input(*read, path, options.settings, options.view); !status.ok()) {

@@ -7,6 +7,7 @@
 #include "client/base/failure.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
+#include "client/image/describe.h"
 
 namespace candela {
 namespace {
@@ -25,6 +26,12 @@ bool has_primaries(const v1::Settings& settings) {
 
 v1::PixelFormat wire_format(ImageFormat format) {
   return format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
+}
+
+ImageLimits image_limits(const v1::Limits& server, const PictureOptions& options) {
+  return {.max_dimension = server.max_dimension(),
+          .max_bytes = server.max_frame_bytes(),
+          .max_pixels = options.max_pixels};
 }
 
 FrameView view_of(const Image& image) {
@@ -67,7 +74,16 @@ absl::Status name_file(const absl::Status& status, const std::string& path) {
 
 absl::StatusOr<BakedView> bake(const ViewChoice& choice) {
   absl::StatusOr<ViewTable> baked = bake_view(choice);
-  if (!baked.ok()) return input_failure(baked.status(), choice.config);
+  if (!baked.ok()) {
+    const bool is_image = describe_image(choice.config).ok();
+    return input_failure(
+        is_image ? absl::InvalidArgumentError(absl::StrFormat(
+                       "%s: OpenColorIO cannot use it: it is an image; --ocio takes a configuration, such as "
+                       "config.ocio",
+                       choice.config))
+                 : baked.status(),
+        choice.config);
+  }
   const ColorTable& table = baked->table;
   BakedView view;
   view.table.set_size(table.size);

@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/commands/render_report.h"
+#include "client/cli/options/options.h"
 #include "client/color/view_table.h"
 #include "client/connection.h"
 #include "client/image/image.h"
@@ -19,6 +20,9 @@ namespace candela {
 
 // The wire format of an image as a reader returns it.
 v1::PixelFormat wire_format(ImageFormat format);
+
+// What an image may have: what the server takes, and no more pixels than the options allow.
+ImageLimits image_limits(const v1::Limits& server, const PictureOptions& options);
 
 // A view of the image's pixels; the image must outlive it.
 FrameView view_of(const Image& image);

@@ -34,9 +34,10 @@ struct ServerChoice {
 
 // The settings of frames and the format of images.
 struct PictureOptions {
-  PictureChoice shown;    // of the files that hold several pictures
-  v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
-  ViewChoice view;        // its config is empty if the user chose no view
+  PictureChoice shown;      // of the files that hold several pictures
+  uint64_t max_pixels = 0;  // of an image that is read; 0: as many as the server takes
+  v1::Settings settings;    // output_format fits the output's extension; only what the user gave is present
+  ViewChoice view;          // its config is empty if the user chose no view
   WriteOptions write;
   std::vector<std::string> notes;  // what the user should know before the result
   bool alpha_by_default = false;   // the user chose no alpha, and the output is a .png or .jpg

@@ -163,6 +163,7 @@ INPUT = {  # of render, stream, meter, view and environment
     "--primaries": lambda c: each_word("--primaries"),
     "--layer": lambda c: changes("--layer key", line=one_file(c, "layers")),
     "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
+    "--max-pixels": lambda c: needs("--max-pixels 100000000", "--max-pixels 5", words="--max-pixels allows 5"),
     "--view": lambda c: changes("--view right", line=one_file(c, "views")),
 }
 METERED = {  # of render, stream, meter and view
