@@ -29,6 +29,9 @@ build/release/bin/candelad --listen "$socket" >"$scratch/log" 2>&1 &
 daemon=$!
 trap 'kill "$daemon" 2>/dev/null || true; wait "$daemon" 2>/dev/null || true; rm -rf "$scratch"' EXIT
 
+# Names the temporary server's socket and folder by what they are.
+without_scratch() { sed -e "s|$socket|the temporary candelad|g" -e "s|$scratch|its folder|g"; }
+
 # Wait until it serves. If it cannot, its log says why.
 for _ in $(seq 300); do
   "$candela" health --server "$socket" >/dev/null 2>&1 && break
@@ -36,7 +39,7 @@ for _ in $(seq 300); do
   sleep 0.1
 done
 if ! "$candela" health --server "$socket" >/dev/null 2>&1; then
-  cat "$scratch/log" >&2
+  without_scratch <"$scratch/log" >&2
   echo "candelad did not start" >&2
   exit 1
 fi
@@ -50,11 +53,16 @@ for frame in "${frames[@]}"; do
   # Two inputs with the same name get different pictures.
   for ((copy = 2; ${written[$picture]:-0}; copy++)); do picture=out/${name%.*}-$copy.png; done
   written[$picture]=1
-  if "$candela" render "$frame" "$picture" --server "$socket"; then
-    passed=$((passed + 1))
+  code=0
+  "$candela" render "$frame" "$picture" --server "$socket" 2>"$scratch/words" || code=$?
+  if [ "$code" -eq 4 ]; then
+    # The server is this script's own, so its address would help nobody.
+    echo "$frame: candelad did not render it; its log:" >&2
+    tail -n 5 "$scratch/log" | without_scratch >&2
   else
-    failed=$((failed + 1))
+    without_scratch <"$scratch/words" >&2
   fi
+  if [ "$code" -eq 0 ]; then passed=$((passed + 1)); else failed=$((failed + 1)); fi
 done
 kill -TERM "$daemon"
 wait "$daemon" || { echo "candelad did not stop cleanly" >&2; failed=$((failed + 1)); }

@@ -25,7 +25,7 @@ FailureKind kind_of(const absl::Status& status) {
 }
 
 absl::Status about_input(absl::Status status, const std::string& path) {
-  if (!status.GetPayload(kInputPath)) status.SetPayload(kInputPath, absl::Cord(path));
+  if (!path.empty() && !status.GetPayload(kInputPath)) status.SetPayload(kInputPath, absl::Cord(path));
   return status;
 }
 

@@ -25,7 +25,7 @@ absl::Status failure_of(FailureKind kind, absl::Status status);
 // kOther if none was set.
 FailureKind kind_of(const absl::Status& status);
 
-// The status with the input file that failed, unless it has one already.
+// The status with the input file that failed, unless it has one already or `path` is "".
 absl::Status about_input(absl::Status status, const std::string& path);
 
 // Of the kind kInput, and about this file: both of the above.

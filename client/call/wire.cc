@@ -8,7 +8,10 @@
 #include <optional>
 #include <utility>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/strip.h"
 #include "client/call/channel_credentials.h"
 #include "client/call/retry_info.h"
 #include "client/call/tls_probe.h"
@@ -29,12 +32,28 @@ bool is_address(const std::string& address) {
   return v1::is_unix_address(address) || (at && at->port >= 1);
 }
 
+// What somebody means who writes a port, a URL, a path or a bare IPv6 address; "" if that is unknown.
+std::string meant_address(absl::string_view address) {
+  if (address.find_first_not_of("0123456789") == absl::string_view::npos && !address.empty()) {
+    return absl::StrCat("; on this machine it is 127.0.0.1:", address);
+  }
+  if (absl::ConsumePrefix(&address, "http://") || absl::ConsumePrefix(&address, "https://") ||
+      absl::ConsumePrefix(&address, "grpc://")) {
+    return absl::StrCat("; leave out what stands before ", address);
+  }
+  if (absl::StrContains(address, '/')) return absl::StrCat("; a socket is unix:", address);
+  const bool is_ipv6 = std::count(address.begin(), address.end(), ':') > 1 &&
+                       address.find_first_not_of("0123456789abcdefABCDEF:.") == absl::string_view::npos;
+  return is_ipv6 ? absl::StrCat("; an IPv6 address has brackets, [", address, "]:50051") : "";
+}
+
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, absl::Duration ping_interval,
                                                          grpc::ChannelArguments arguments) {
   const std::string& address = peer.address;
   if (!is_address(address)) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH", address));
+        absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH%s", address,
+                        meant_address(address)));
   }
   auto credentials = channel_credentials(address, peer.security, arguments);
   if (!credentials.ok()) return credentials.status();

@@ -66,6 +66,12 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
         absl::StrFormat("%s: the %s is %dx%d pixels; the limit is %d on a side, so crop it or scale it down",
                         path, what, width, height, limits.max_dimension));
   }
+  if (limits.max_pixels > 0 &&
+      static_cast<uint64_t>(width) * static_cast<uint64_t>(height) > limits.max_pixels) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("%s: the %s is %dx%d, %d pixels; --max-pixels allows %d", path, what, width, height,
+                        width * height, limits.max_pixels));
+  }
   // Divides, because a product might overflow 64 bits.
   const uint32_t pixel_bytes = bytes_per_pixel(format);
   if (static_cast<uint64_t>(height) > limits.max_bytes / (static_cast<uint64_t>(width) * pixel_bytes)) {

@@ -65,6 +65,7 @@ absl::StatusOr<Image> to_floats(Image image);
 struct ImageLimits {
   uint32_t max_dimension = 16384;  // width or height, in pixels
   uint64_t max_bytes = 1u << 29;   // bytes of pixels in the format that the file is read to
+  uint64_t max_pixels = 0;         // 0: no limit of their own
   // OpenEXR decodes whole chunks, which are some rows or a tile of all channels, and several of them at once.
   // A header may ask for chunks of any size.
   uint64_t max_chunk_bytes = 256u << 20;

@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
+#include "client/base/number_words.h"
 #include "client/image/primaries.h"
 #include "client/image/read/readers.h"
 
@@ -60,8 +61,8 @@ void set_pixel_aspect(double aspect, Image& image) {
   if (std::isfinite(aspect) && aspect >= 0.01 && aspect <= 100) {
     image.pixel_aspect = aspect;
   } else {
-    image.notes.push_back(
-        absl::StrFormat("the file's pixel aspect of %g is not within 0.01 .. 100 and was ignored", aspect));
+    image.notes.push_back(absl::StrFormat(
+        "the file's pixel aspect of %s is not within 0.01 .. 100 and was ignored", in_digits(aspect, 6)));
   }
 }
 

@@ -78,7 +78,7 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "in.exr", "out.jpg", "--quality", "0"}, "1 .. 100"},
            {{"render", "in.exr", "out.gif"}, "use .png, .jpg, .jpeg, .exr or .pfm"},
            {{"render", "in.exr", "out"}, "use .png, .jpg, .jpeg, .exr or .pfm"},
-           {render({"--server", "nowhere"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
+           {render({"--server", "nowhere:port"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
            {render({"--server", "a:1", "--device", "0"}), "give one of them"},
            {render({"--error-map", "map.jpg"}), "--error-map is map.jpg; it must end in .png"},
            {render({"--error-map", "out.png"}), "OUT is the same file"},

@@ -134,7 +134,8 @@ TEST_F(Limits, APictureNeedsAPlainFile) {
     expect_failure(candela({"render", in_, path, "-q"}), words, 5);
     expect_failure(candela({"render", in_, out_, "-q", "--error-map", path}), words, 5);
     expect_failure(candela({"view", in_, path, "-q"}), words, 5);
-    expect_failure(candela({"environment", in_, folder_.path("sky.ktx2"), "-q", "--preview", path}), words, 5);
+    expect_failure(candela({"environment", in_, folder_.path("sky.ktx2"), "-q", "--preview", path}), words,
+                   5);
   }
   const Outcome device = candela({"render", in_, "/dev/full", "-q"});
   EXPECT_EQ(device.code, 2) << device.err;
@@ -263,8 +264,8 @@ TEST_F(Limits, AKeyThatAnExposureFileHoldsTwiceIsRefused) {
   ASSERT_NE(at, std::string::npos);
   text.insert(at, "\"locked\": 1e-3,\n ");
   write_file(shot, text);
-  expect_failure(candela({"render", in_, out_, "-q", "--locked-exposure", shot}),
-                 "\"locked\" is there twice", 3);
+  expect_failure(candela({"render", in_, out_, "-q", "--locked-exposure", shot}), "\"locked\" is there twice",
+                 3);
 }
 
 }  // namespace

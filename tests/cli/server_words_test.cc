@@ -149,7 +149,8 @@ TEST(ServerErrors, NoMachineHasTheName) {
 
 TEST(ServerErrors, SomethingElseListens) {
   const RawServer http1(speak_http1);
-  expect_failure(candela({"health", "--server", http1.address()}), "it does not speak gRPC; check the port", 1);
+  expect_failure(candela({"health", "--server", http1.address()}), "it does not speak gRPC; check the port",
+                 1);
   const RawServer not_found([](int socket) { answer_http2(socket, "\x8d"); });
   expect_failure(candela({"health", "--server", not_found.address()}),
                  not_found.address() + " is a web server and no candelad (HTTP status 404)", 1);

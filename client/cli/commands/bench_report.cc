@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/base/number_words.h"
 
 namespace candela {
 namespace {
@@ -93,7 +94,7 @@ std::string to_text(const BenchOptions& options, const BenchReport& report) {
   const double rate = frames_per_second(report);
   std::string text = absl::StrFormat("%d sessions of %dx%d halves at %s for %.1f s, on %s\n",
                                      options.sessions, options.width, options.height,
-                                     options.fps > 0 ? absl::StrFormat("%g fps", options.fps) : "full speed",
+                                     options.fps > 0 ? in_digits(options.fps, 6) + " fps" : "full speed",
                                      report.seconds, report.device);
   const auto line = [&text](const char* name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-11s %s\n", name, words);

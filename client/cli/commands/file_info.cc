@@ -7,6 +7,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
+#include "client/base/number_words.h"
+#include "client/cli/files/terminal.h"
 #include "client/image/primaries.h"
 
 namespace candela {
@@ -86,7 +88,7 @@ Json to_json(const PartFacts& part) {
 }  // namespace
 
 std::string to_text(const std::string& path, const FileFacts& facts) {
-  std::string text = absl::StrFormat("%s: %s\n", path, facts.kind);
+  std::string text = absl::StrFormat("%s: %s\n", escaped(path), facts.kind);
   const auto line = [&text](const std::string& name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
@@ -103,8 +105,8 @@ std::string to_text(const std::string& path, const FileFacts& facts) {
     line("stored", part.storage + (part.compression.empty() ? "" : ", compression " + part.compression));
     line("primaries", primaries_words(part));
     if (part.pixel_aspect != 1)
-      line("aspect", absl::StrFormat("%g, width to height of a pixel", part.pixel_aspect));
-    if (part.frames_per_second > 0) line("rate", absl::StrFormat("%.6g frames/s", part.frames_per_second));
+      line("aspect", in_digits(part.pixel_aspect, 6) + ", width to height of a pixel");
+    if (part.frames_per_second > 0) line("rate", in_digits(part.frames_per_second, 6) + " frames/s");
     if (!part.views.empty()) line("views", absl::StrJoin(part.views, ", "));
     if (!part.layers.empty()) line("layers", absl::StrJoin(part.layers, ", "));
     if (!part.channels.empty()) line("channels", channel_words(part.channels));

@@ -1,6 +1,7 @@
 #include "client/cli/commands/gamut_note.h"
 
 #include "absl/strings/str_format.h"
+#include "client/base/number_words.h"
 
 namespace candela {
 namespace {
@@ -34,8 +35,8 @@ std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::
   const double components = 3.0 * result.width() * result.height();
   const double share = static_cast<double>(result.gamut_cut_components()) / components;
   if (!(share > kNotedShare)) return std::nullopt;
-  return absl::StrFormat("%.2g %% of the colour components lie outside the curve's gamut and were cut; %s",
-                         100.0 * share, advice(settings));
+  return absl::StrFormat("%s %% of the colour components lie outside the curve's gamut and were cut; %s",
+                         in_digits(100.0 * share, 2), advice(settings));
 }
 
 }  // namespace candela

@@ -6,6 +6,8 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "client/base/failure.h"
+#include "client/base/number_words.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
@@ -40,9 +42,7 @@ struct Words {
   std::vector<std::string> formats, output_formats, curves, transfers;
 };
 
-std::string mib(uint64_t bytes) {
-  return absl::StrFormat("%.4g MiB", static_cast<double>(bytes) / (1 << 20));
-}
+std::string mib(uint64_t bytes) { return in_digits(static_cast<double>(bytes) / (1 << 20), 4) + " MiB"; }
 
 // "within 0.0851 codes, with bloom without a bound; 1024x512 in 8.2 ms"
 std::string numbers_of(const v1::Tier& tier) {
@@ -53,7 +53,7 @@ std::string numbers_of(const v1::Tier& tier) {
   std::string text = absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),
                                      codes(tier.max_error_codes_with_bloom()));
   for (const v1::TierTime& time : tier.times()) {
-    absl::StrAppendFormat(&text, "; %dx%d in %.3g ms", time.width(), time.height(), time.ms());
+    absl::StrAppendFormat(&text, "; %dx%d in %s ms", time.width(), time.height(), in_digits(time.ms(), 3));
   }
   return text;
 }

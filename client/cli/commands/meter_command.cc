@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
+#include "client/base/number_words.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/held_exposure.h"
 #include "client/cli/commands/render_report.h"
@@ -65,16 +66,18 @@ std::string histogram_text(const v1::MeterResponse& metered) {
 std::string to_text(const std::string& path, const Image& image, const PrimariesUsed& primaries,
                     const v1::MeterResponse& metered) {
   const v1::FrameStatistics& statistics = metered.statistics();
-  std::string text = absl::StrFormat("%s\n", path);
+  std::string text = absl::StrFormat("%s\n", escaped(path));
   const auto line = [&text](const char* name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
   line("size", absl::StrFormat("%dx%d", image.width, image.height));
   line("primaries", words_of(primaries));
-  line("exposure", absl::StrFormat("%.6g (%+.3f EV), target %.6g", metered.exposure(),
-                                   std::log2(metered.exposure()), metered.target()));
-  line("luminance", absl::StrFormat("%.4g .. %.4g, mean 2^%.3f", statistics.min_luminance(),
-                                    statistics.max_luminance(), statistics.mean_log2_luminance()));
+  line("exposure",
+       absl::StrFormat("%s (%s EV), target %s", in_digits(metered.exposure(), 6),
+                       with_sign(std::log2(metered.exposure()), 3), in_digits(metered.target(), 6)));
+  line("luminance", absl::StrFormat("%s .. %s, mean 2^%s", in_digits(statistics.min_luminance(), 4),
+                                    in_digits(statistics.max_luminance(), 4),
+                                    in_decimals(statistics.mean_log2_luminance(), 3)));
   if (statistics.nan_components() + statistics.infinite_components() + statistics.negative_components() > 0) {
     line("bad values",
          absl::StrFormat("%d NaN, %d infinite, %d negative components", statistics.nan_components(),
@@ -151,7 +154,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
   const absl::StatusOr<Image> image =
-      read_image(input, image_limits(*limits, options.max_chunk_mib), choice_of(options));
+      read_image(input, image_limits(*limits, options), choice_of(options));
   if (!image.ok()) return image.status();
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;

@@ -168,7 +168,7 @@ class Rendering {
     const absl::StatusOr<v1::Limits> limits = shared_.limits();
     if (!limits.ok()) return limits.status();
     absl::StatusOr<Image> image =
-        read_image(job_.input, image_limits(*limits, options_.max_chunk_mib), choice_of(options_, view()));
+        read_image(job_.input, image_limits(*limits, options_), choice_of(options_, view()));
     if (!image.ok()) return image;
     if (verifies_view() && view()->view.to_scene) {
       const std::span<const std::byte> values = image->pixels.span();

@@ -7,7 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/base/number_words.h"
 #include "client/cli/files/error_map.h"
+#include "client/cli/files/terminal.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -17,14 +19,13 @@ constexpr char kLine[] = "  %-10s %s\n";
 
 std::string metered_exposure_words(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
-  const std::string factor =
-      absl::StrFormat("%.4g (%+.2f EV)", header.exposure(), std::log2(header.exposure()));
+  const std::string factor = exposure_words(header.exposure());
   const std::string prescale =
-      header.prescale() == 1 ? "" : absl::StrFormat(", times prescale %.4g", header.prescale());
+      header.prescale() == 1 ? "" : absl::StrCat(", times prescale ", in_digits(header.prescale(), 4));
   if (report.defaults.exposure) return factor + default_exposure_words(report.defaults) + prescale;
   if (!report.metered) return factor + ", as set" + prescale;
-  return absl::StrFormat("%s, metered from mean luminance 2^%.3f%s", factor,
-                         header.statistics().mean_log2_luminance(), prescale);
+  return absl::StrFormat("%s, metered from mean luminance 2^%s%s", factor,
+                         in_decimals(header.statistics().mean_log2_luminance(), 3), prescale);
 }
 
 std::string bad_value_words(const v1::FrameStatistics& statistics) {
@@ -41,7 +42,7 @@ std::string bad_value_words(const v1::FrameStatistics& statistics) {
 
 std::string time_words(const RenderReport& report) {
   const auto stage = [](std::string* out, const std::pair<std::string, double>& s) {
-    absl::StrAppendFormat(out, "%s %.3g", s.first, s.second);
+    absl::StrAppend(out, s.first, " ", in_digits(s.second, 3));
   };
   return absl::StrFormat("%.0f ms: %s", report.total_ms, absl::StrJoin(report.stage_ms, ", ", stage));
 }
@@ -58,9 +59,9 @@ constexpr char kViewTruth[] = "OpenColorIO's view of the uncut light";
 std::string view_error_words(const ViewError& e) {
   if (e.pixels == 0) return absl::StrCat("no pixel is opaque, so none is compared with ", kViewTruth);
   return absl::StrFormat(
-      "error against %s, the image's rounding included: at most %.3g codes (at %d,%d), "
-      "p99.9 %.3g, mean %.3g",
-      kViewTruth, e.max_codes, e.worst_x, e.worst_y, e.p999_codes, e.mean_codes);
+      "error against %s, the image's rounding included: at most %s codes (at %d,%d), p99.9 %s, mean %s",
+      kViewTruth, in_digits(e.max_codes, 3), e.worst_x, e.worst_y, in_digits(e.p999_codes, 3),
+      in_digits(e.mean_codes, 3));
 }
 
 void add_verification(const RenderReport& report, const std::function<void(const char*, std::string)>& line) {
@@ -68,21 +69,22 @@ void add_verification(const RenderReport& report, const std::function<void(const
   if (!header.has_verify()) return;
   const v1::Verification& v = header.verify();
   const auto errors = [](const v1::Verification& e) {
-    return absl::StrFormat("at most %.3g codes (at %d,%d), p99.9 %.3g, mean %.3g", e.max_error_codes(),
-                           e.worst_x(), e.worst_y(), e.p999_error_codes(), e.mean_error_codes());
+    return absl::StrFormat("at most %s codes (at %d,%d), p99.9 %s, mean %s",
+                           in_digits(e.max_error_codes(), 3), e.worst_x(), e.worst_y(),
+                           in_digits(e.p999_error_codes(), 3), in_digits(e.mean_error_codes(), 3));
   };
   if (report.view_error) line("verify", view_error_words(*report.view_error));
   line(report.view_error ? "" : "verify",
        absl::StrFormat("error against %s: %s", truth_words(report.tone_curve), errors(v)));
   if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
-    line("",
-         absl::StrFormat("%.3g %% of the components differ once quantised", 100 * v.differing_components()));
+    line("", absl::StrFormat("%s %% of the components differ once quantised",
+                             in_digits(100 * v.differing_components(), 3)));
   }
-  line("", absl::StrFormat("error of the metering %.2g EV, of the bloom %.2g of its largest value",
-                           v.meter_error_ev(), v.bloom_error()));
+  line("", absl::StrFormat("error of the metering %s EV, of the bloom %s of its largest value",
+                           in_digits(v.meter_error_ev(), 2), in_digits(v.bloom_error(), 2)));
   line("", "without rounding the scene to half: " + errors(header.verify_unrounded()));
   if (!report.error_map.empty()) {
-    line("error map", absl::StrFormat("%s: %s", report.error_map, error_scale_words()));
+    line("error map", absl::StrFormat("%s: %s", escaped(report.error_map), error_scale_words()));
   }
 }
 
@@ -119,25 +121,27 @@ std::string summary_line(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
   const std::string missing =
       report.missing_pixels > 0 ? absl::StrFormat("%d pixels missing; ", report.missing_pixels) : "";
-  return absl::StrFormat("%s -> %s: %dx%d; %s%s; exposure %.4g (%+.2f EV%s)%s; %s; %.2f s\n", report.input,
-                         report.output, header.width(), header.height(), missing, words_of(report.primaries),
-                         header.exposure(), std::log2(header.exposure()),
-                         default_exposure_words(report.defaults), default_bloom_words(report.defaults),
-                         report.view ? view_words(*report.view) : report.curve, report.total_ms / 1000);
+  return absl::StrFormat("%s -> %s: %dx%d; %s%s; exposure %s%s; %s; %.2f s\n", escaped(report.input),
+                         escaped(report.output), header.width(), header.height(), missing,
+                         words_of(report.primaries), exposure_words(header.exposure(), report.defaults),
+                         default_bloom_words(report.defaults),
+                         escaped(report.view ? view_words(*report.view) : report.curve),
+                         report.total_ms / 1000);
 }
 
 void add_everything(const RenderReport& report, std::string& text,
                     const std::function<void(const char*, std::string)>& line) {
   const v1::ResultHeader& header = report.header;
   const v1::FrameStatistics& statistics = header.statistics();
-  text = absl::StrFormat("%s -> %s\n", report.input, report.output);
+  text = absl::StrFormat("%s -> %s\n", escaped(report.input), escaped(report.output));
   line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
   if (!header.tier_reason().empty()) line("", header.tier_reason());
   line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
   if (report.missing_pixels > 0) line("missing", absl::StrFormat("%d pixels", report.missing_pixels));
   line("primaries", words_of(report.primaries));
   line("exposure", metered_exposure_words(report));
-  line("luminance", absl::StrFormat("%.4g .. %.4g", statistics.min_luminance(), statistics.max_luminance()));
+  line("luminance", absl::StrFormat("%s .. %s", in_digits(statistics.min_luminance(), 4),
+                                    in_digits(statistics.max_luminance(), 4)));
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");
   if (report.view) {
@@ -145,8 +149,8 @@ void add_everything(const RenderReport& report, std::string& text,
     const std::string table =
         view.table_size == 0
             ? "the file's own values"
-            : absl::StrFormat("from %s; table of %d^3 points, error at most %.2g codes, mean %.2g",
-                              view.input, view.table_size, view.max_codes, view.mean_codes);
+            : absl::StrFormat("from %s; table of %d^3 points, error at most %s codes, mean %s", view.input,
+                              view.table_size, in_digits(view.max_codes, 2), in_digits(view.mean_codes, 2));
     line("view",
          absl::StrFormat("%s, %s, of %s (%s); %s", view.display, view.view, view.config, view.source, table));
   }
@@ -159,6 +163,11 @@ void add_everything(const RenderReport& report, std::string& text,
 
 std::string view_words(const ViewReport& view) {
   return view.source == "--ocio" ? view.view : absl::StrCat(view.view, " of ", view.source);
+}
+
+std::string exposure_words(double exposure, const PictureDefaults& defaults) {
+  return absl::StrFormat("%s (%s EV%s)", in_digits(exposure, 4), with_sign(std::log2(exposure), 2),
+                         default_exposure_words(defaults));
 }
 
 std::string curve_word(v1::Settings settings) {

@@ -56,6 +56,9 @@ struct RenderReport {
   std::vector<std::string> notes;
 };
 
+// "1.25 (+0.32 EV)"
+std::string exposure_words(double exposure, const PictureDefaults& defaults = {});
+
 // The word of the curve that the settings ask for.
 std::string curve_word(v1::Settings settings);
 

@@ -27,7 +27,7 @@ absl::Status make_sequence(const SampleOptions& options) {
   return print(absl::StrFormat(
       "%s: %d frames of %dx%d; the second half is 2^12 times brighter. To see the exposure adapt, run "
       "`candela stream %s out --exposure-plot exposure.svg`\n",
-      of, options.frames, options.width, options.height, options.sequence));
+      escaped(of), options.frames, options.width, options.height, escaped(options.sequence)));
 }
 
 // Writes a scene or a panorama.
@@ -59,12 +59,12 @@ absl::Status run_sample(const SampleOptions& options) {
   if (options.quiet) return absl::OkStatus();
   if (!options.panorama.empty()) {
     return print(absl::StrFormat(
-        "%s: %dx%d, a panorama with a sun of 65504. To look into it, run `candela view %s view.png`\n", path,
-        options.width, options.height, path));
+        "%s: %dx%d, a panorama with a sun of 65504. To look into it, run `candela view %s view.png`\n",
+        escaped(path), options.width, options.height, escaped(path)));
   }
   return print(absl::StrFormat(
       "%s: %dx%d, with a sun of 1e5 and shadows of 1e-3. To view it, run `candela render %s scene.png`\n",
-      path, options.width, options.height, path));
+      escaped(path), options.width, options.height, escaped(path)));
 }
 
 }  // namespace candela

@@ -72,7 +72,7 @@ class Streaming {
     if (absl::Status status = prepare(session.settings, view); !status.ok()) return status;
     const absl::StatusOr<v1::Limits> limits = link_.limits();
     if (!limits.ok()) return limits.status();
-    const ImageLimits files = image_limits(*limits, options_.max_chunk_mib);
+    const ImageLimits files = image_limits(*limits, options_);
     progress_.show("reading " + named_.front().input);
     FrameReader reader(paths_of(sequence_), files, kReadAhead, choice_of(options_, view.get()));
     const FeedOptions feed{.settings = without_table(session.settings),
@@ -284,9 +284,9 @@ class Streaming {
     const size_t frames = sequence_.frames.size();
     const auto all = static_cast<double>(frames);
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
-    progress_.show_bar(done / all,
-                       absl::StrFormat("%d/%d, %.1f fps, %s, %.0f s left", index + 1, frames, done / seconds,
-                                       exposure_words(exposure_), seconds / done * (all - done)));
+    progress_.show_bar(done / all, absl::StrFormat("%d/%d, %.1f fps, exposure %s, %.0f s left", index + 1,
+                                                   frames, done / seconds, exposure_words(exposure_),
+                                                   seconds / done * (all - done)));
   }
 
   const StreamOptions& options_;

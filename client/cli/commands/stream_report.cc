@@ -8,10 +8,12 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/base/number_words.h"
 #include "client/cli/commands/render_report.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/plot.h"
+#include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
 
@@ -119,13 +121,13 @@ std::string to_json(const StreamSummary& summary) {
 
 std::string to_text(const StreamSummary& summary, const std::string& where) {
   std::string text = absl::StrFormat("%d of %d frames %s\n", summary.written, summary.frames,
-                                     where.empty() ? "metered" : "-> " + where);
+                                     where.empty() ? "metered" : "-> " + escaped(where));
   const auto line = [&text](const char* name, const std::string& words) {
     absl::StrAppendFormat(&text, "  %-10s %s\n", name, words);
   };
   line("time",
-       absl::StrFormat("%.2f s, %.4g frames/s, mean latency %.0f ms", absl::ToDoubleSeconds(summary.time),
-                       per_second(summary), mean_latency_ms(summary)));
+       absl::StrFormat("%.2f s, %s frames/s, mean latency %.0f ms", absl::ToDoubleSeconds(summary.time),
+                       in_digits(per_second(summary), 4), mean_latency_ms(summary)));
   line("rate", to_text(summary.rate));
   if (!summary.missing.empty()) {
     line("missing", summary.missing + (summary.held > 0 ? ", held" : ""));
@@ -137,18 +139,19 @@ std::string to_text(const StreamSummary& summary, const std::string& where) {
     const auto cuts = std::count_if(summary.curve.begin(), summary.curve.end(),
                                     [](const ExposedFrame& point) { return point.cut; });
     line("exposure",
-         absl::StrFormat("%.4g .. %.4g (%+.2f .. %+.2f EV%s)%s%s", least->exposure, most->exposure,
-                         std::log2(least->exposure), std::log2(most->exposure),
-                         default_exposure_words(summary.defaults), default_bloom_words(summary.defaults),
+         absl::StrFormat("%s .. %s (%s .. %s EV%s)%s%s", in_digits(least->exposure, 4),
+                         in_digits(most->exposure, 4), with_sign(std::log2(least->exposure), 2),
+                         with_sign(std::log2(most->exposure), 2), default_exposure_words(summary.defaults),
+                         default_bloom_words(summary.defaults),
                          cuts > 0 ? absl::StrFormat(", %d cuts", cuts) : ""));
   }
   if (!summary.view.empty()) line("view", summary.view);
   if (!summary.primaries.empty()) line("primaries", absl::StrJoin(summary.primaries, "; "));
   if (where.empty() || !summary.saved.empty()) {
-    line("locked", absl::StrFormat("%.6g (%+.3f EV), one exposure for all frames", summary.locked,
-                                   std::log2(summary.locked)));
+    line("locked", absl::StrFormat("%s (%s EV), one exposure for all frames", in_digits(summary.locked, 6),
+                                   with_sign(std::log2(summary.locked), 3)));
   }
-  if (!summary.saved.empty()) line("saved", summary.saved);
+  if (!summary.saved.empty()) line("saved", escaped(summary.saved));
   if (summary.skipped > 0) line("skipped", absl::StrFormat("%d frames", summary.skipped));
   if (summary.session.resumes > 0) {
     line("resumed", absl::StrFormat("%d time%s, last on %s; %d frames resent, %.2f s without results",
@@ -167,10 +170,6 @@ std::string resume_words(const SessionStats& stats) {
   return absl::StrFormat("%s; resumed on %s after %.2f s without losing a frame",
                          loss.substr(0, loss.find(';')), stats.server,
                          absl::ToDoubleSeconds(stats.time_without_results));
-}
-
-std::string exposure_words(double exposure) {
-  return absl::StrFormat("exposure %.4g (%+.2f EV)", exposure, std::log2(exposure));
 }
 
 absl::Status check_plot(const std::string& path) {

@@ -73,9 +73,6 @@ std::string to_text(const StreamSummary& summary, const std::string& where);
 // Says that the session lost a server and resumed, in one sentence.
 std::string resume_words(const SessionStats& stats);
 
-// "exposure 1.25 (+0.32 EV)"
-std::string exposure_words(double exposure);
-
 // Draws exposure, target and luminance over media time. The
 // extension of `path`, .png or .svg, sets the format.
 absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::string& path);

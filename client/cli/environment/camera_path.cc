@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/base/number_words.h"
 #include "client/cli/environment/json_fields.h"
 
 namespace candela {
@@ -53,9 +54,9 @@ absl::StatusOr<CameraPath> CameraPath::read(const std::string& path, const v1::C
     const std::string name = absl::StrFormat("keys[%d].", keys.size());
     keys.push_back(key_from(object, name, camera, status));
     if (keys.size() > 1 && keys.back().time <= keys[keys.size() - 2].time) {
-      status.Update(absl::InvalidArgumentError(
-          absl::StrFormat("%stime is %g; it must be greater than keys[%d].time, %g", name, keys.back().time,
-                          keys.size() - 2, keys[keys.size() - 2].time)));
+      status.Update(absl::InvalidArgumentError(absl::StrFormat(
+          "%stime is %s; it must be greater than keys[%d].time, %s", name, in_digits(keys.back().time, 6),
+          keys.size() - 2, in_digits(keys[keys.size() - 2].time, 6))));
     }
   }
   if (status.ok()) return CameraPath(std::move(keys));

@@ -187,6 +187,7 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
       ->option_text(" ");
   add_cube_options(app, arguments);
   add_choice_options(app, options);
+  add_max_pixels_option(app, options);
   add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
            options.shown.view);
   add_settings_options(app, options.settings, is_about_panoramas);
@@ -201,6 +202,7 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
 
 absl::Status finish_environment_options(EnvironmentArguments& arguments) {
   EnvironmentOptions& options = arguments.options;
+  if (absl::Status status = check_input_names({options.panorama}); !status.ok()) return status;
   if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
   if (absl::Status status = choose_layout(arguments); !status.ok()) return status;
   if (!options.levels && options.layout != EnvironmentLayout::kFaces) options.levels = 1;

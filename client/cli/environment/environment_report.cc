@@ -2,8 +2,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/base/number_words.h"
 #include "client/cli/commands/render_report.h"
+#include "client/cli/files/terminal.h"
 #include "proto/candela/v1/rgb9e5.h"
 #include "proto/candela/v1/settings.h"
 
@@ -36,7 +39,7 @@ Json losses_of(const v1::BakeHeader& bake) {
 std::string errors_of(const v1::BakeHeader& bake) {
   std::string errors;
   for (const v1::BakedLevel& level : bake.levels()) {
-    if (level.has_error()) absl::StrAppendFormat(&errors, " %.2g%%", 100 * level.error());
+    if (level.has_error()) absl::StrAppend(&errors, " ", in_digits(100 * level.error(), 2), "%");
   }
   return errors.empty() ? "" : "; errors" + errors;
 }
@@ -58,8 +61,8 @@ std::string losses_note(const v1::BakeHeader& bake, CubeFormat format) {
 std::string to_text(const EnvironmentReport& report, const EnvironmentOptions& options) {
   const int levels = report.bake.levels_size();
   const bool faces = options.layout == EnvironmentLayout::kFaces;
-  return absl::StrFormat("%s -> %s: %dx%d, %d level%s, %s, %s%s%s; %s; %.2f s\n", options.panorama,
-                         options.output, report.bake.size(), report.bake.size(), levels,
+  return absl::StrFormat("%s -> %s: %dx%d, %d level%s, %s, %s%s%s; %s; %.2f s\n", escaped(options.panorama),
+                         escaped(options.output), report.bake.size(), report.bake.size(), levels,
                          levels == 1 ? "" : "s", word_of(options.layout), name(options.format),
                          faces ? absl::StrFormat(", %s-handed", name(options.handedness)) : "",
                          errors_of(report.bake), words_of(report.primaries), report.total_ms / 1000);

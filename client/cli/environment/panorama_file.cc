@@ -46,7 +46,7 @@ absl::Status check_size(const Image& image, const std::string& path) {
 
 absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const PictureOptions& options,
                                            const v1::Limits& limits, const BakedView* view) {
-  const ImageLimits most = image_limits(limits, options.max_chunk_mib);
+  const ImageLimits most = image_limits(limits, options);
   absl::StatusOr<Image> read = read_image(path, most, choice_of(options, view));
   if (!read.ok()) return read.status();
   if (read->is_cube_map) {

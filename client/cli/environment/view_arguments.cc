@@ -176,6 +176,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_camera_options(app, options);
   add_move_options(app, options);
   add_choice_options(app, options);
+  add_max_pixels_option(app, options);
   add_settings_options(app, options.settings, is_for_views);
   add_view_options(app, options.view);
   add_previous_options(app, options.previous);
@@ -198,6 +199,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
 
 absl::Status finish_panorama_view_options(PanoramaViewArguments& arguments) {
   PanoramaViewOptions& options = arguments.options;
+  if (absl::Status status = check_input_names({options.panorama}); !status.ok()) return status;
   if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
   if (absl::Status status = check_kind(options); !status.ok()) return status;
   const absl::StatusOr<std::string> name = sample_name(options);

@@ -196,9 +196,9 @@ class ViewSequence {
     const auto done = static_cast<double>(frame.number + 1), all = static_cast<double>(scene_.frames());
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
     progress_.show_bar(
-        done / all,
-        absl::StrFormat("%d/%d, %.1f fps, %s, %.0f s left", frame.number + 1, scene_.frames(), done / seconds,
-                        exposure_words(frame.header.exposure()), seconds / done * (all - done)));
+        done / all, absl::StrFormat("%d/%d, %.1f fps, exposure %s, %.0f s left", frame.number + 1,
+                                    scene_.frames(), done / seconds, exposure_words(frame.header.exposure()),
+                                    seconds / done * (all - done)));
   }
 
   const PanoramaViewOptions& options_;

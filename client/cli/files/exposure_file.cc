@@ -77,7 +77,8 @@ class Members {
     const double number = value.is_number() ? value.get<double>() : range.min;
     // Written so that NaN fails.
     if (!value.is_number() || !(number >= range.min && number <= range.max)) {
-      fail(key, absl::StrFormat("a number between %g and %g", range.min, range.max));
+      fail(key, absl::StrFormat("a number between %s and %s", v1::format_number(range.min),
+                                v1::format_number(range.max)));
     }
     return number;
   }
@@ -183,8 +184,9 @@ v1::SessionState state_from(const Json& object, int64_t zero, absl::Status& stat
   for (const Json& cell : picture) {
     const double ev = cell.is_number() ? cell.get<double>() : 0;
     if (!cell.is_null() && (!cell.is_number() || !(ev >= v1::kPictureEv.min && ev <= v1::kPictureEv.max))) {
-      members.fail("picture", absl::StrFormat("made of numbers between %g and %g, and null",
-                                              v1::kPictureEv.min, v1::kPictureEv.max));
+      members.fail("picture", absl::StrFormat("made of numbers between %s and %s, and null",
+                                              v1::format_number(v1::kPictureEv.min),
+                                              v1::format_number(v1::kPictureEv.max)));
     }
     state.add_picture(cell.is_null() ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(ev));
   }

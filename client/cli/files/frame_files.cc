@@ -11,6 +11,7 @@
 #include "client/cli/commands/embedded_server.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
+#include "client/image/describe.h"
 
 namespace candela {
 namespace {
@@ -31,11 +32,12 @@ v1::PixelFormat wire_format(ImageFormat format) {
   return format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
 }
 
-ImageLimits image_limits(const v1::Limits& server, uint64_t max_chunk_mib) {
+ImageLimits image_limits(const v1::Limits& server, const PictureOptions& options) {
   ImageLimits limits = default_image_limits();
   limits.max_dimension = server.max_dimension();
   limits.max_bytes = server.max_frame_bytes();
-  if (max_chunk_mib > 0) limits.max_chunk_bytes = max_chunk_mib << 20;
+  limits.max_pixels = options.max_pixels;
+  if (options.max_chunk_mib > 0) limits.max_chunk_bytes = options.max_chunk_mib << 20;
   return limits;
 }
 
@@ -79,7 +81,16 @@ absl::Status name_file(const absl::Status& status, const std::string& path) {
 absl::StatusOr<BakedView> bake(const PictureOptions& options) {
   const ViewChoice& choice = options.view;
   absl::StatusOr<ViewTable> baked = bake_view(choice);
-  if (!baked.ok()) return input_failure(baked.status(), choice.config);
+  if (!baked.ok()) {
+    const bool is_image = describe_image(choice.config, default_image_limits()).ok();
+    return input_failure(
+        is_image ? absl::InvalidArgumentError(absl::StrFormat(
+                       "%s: OpenColorIO cannot use it: it is an image; --ocio takes a configuration, such as "
+                       "config.ocio",
+                       choice.config))
+                 : baked.status(),
+        choice.config);
+  }
   const ColorTable& table = baked->table;
   BakedView view;
   view.table.set_size(table.size);

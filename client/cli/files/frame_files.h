@@ -21,9 +21,10 @@ namespace candela {
 // The wire format of an image as a reader returns it.
 v1::PixelFormat wire_format(ImageFormat format);
 
-// The limits for reading images for a server. A chunk of an OpenEXR file may take `max_chunk_mib`, or an
-// eighth of the memory that this process may use if that is 0.
-ImageLimits image_limits(const v1::Limits& server, uint64_t max_chunk_mib = 0);
+// The limits for reading images for a server: what it takes, and no more pixels than the options allow. A
+// chunk of an OpenEXR file may take options.max_chunk_mib, or an eighth of the memory that this process may
+// use if that is 0.
+ImageLimits image_limits(const v1::Limits& server, const PictureOptions& options);
 
 // The same without a server.
 ImageLimits default_image_limits();

@@ -88,7 +88,8 @@ absl::Status make_folder(const std::string& folder) {
   if (folder.empty() || fs::is_directory(folder, failed)) return absl::OkStatus();
   if (absl::Status status = make_folder_of(folder); !status.ok()) return status;
   if (fs::create_directory(folder, failed)) made_folders().push_back(fs::absolute(folder));
-  if (failed) return cannot_write(folder, failed.value());
+  const int error = failed.value();
+  if (error != 0) return cannot_write(folder, fs::exists(folder, failed) ? ENOTDIR : error);
   return fs::is_directory(folder, failed) ? absl::OkStatus() : cannot_write(folder, ENOTDIR);
 }
 

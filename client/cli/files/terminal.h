@@ -4,9 +4,14 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 
 namespace candela {
+
+// Text for a terminal: line ends and control characters, which a path or a server's message may contain, and
+// bytes that are no UTF-8 become escapes such as \n and \x1b.
+std::string escaped(absl::string_view text);
 
 // Prints `candela: error: ...` on stderr, always as a single line.
 void print_error(const absl::Status& status);

@@ -1,12 +1,47 @@
 #include "client/cli/options/check_words.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/near_words.h"
 
 namespace candela {
 namespace {
+
+// Options that other programs have, and what does here what they mean.
+constexpr std::pair<const char*, const char*> kOfOthers[] = {
+    {"-o", "the output is the last argument"},
+    {"--output", "the output is the last argument"},
+    {"--out", "the output is the last argument"},
+    {"-i", "the input is an argument by itself"},
+    {"--input", "the input is an argument by itself"},
+    {"--gamma", "--transfer gamma22 is that of a display"},
+    {"--tonemap", "--curve chooses the tone curve"},
+    {"--tonemapper", "--curve chooses the tone curve"},
+    {"--ev", "--exposure takes EV"},
+    {"--colorspace", "--primaries are those of the input"},
+    {"--resize", "an image keeps its size"},
+    {"--scale", "an image keeps its size; --prescale multiplies its light"},
+    {"--start", "--range chooses frames"},
+    {"--end", "--range chooses frames"},
+    {"--frames", "--range chooses frames"}};
+
+// "did you mean --exposure? ", or "--curve chooses the tone curve; "; "" if nothing is like it.
+std::string meant_option(const std::string& name, const std::vector<std::string>& known) {
+  const auto has = [&known](absl::string_view words) {
+    const std::string option(words.substr(0, words.find(' ')));
+    return !absl::StartsWith(option, "--") || std::find(known.begin(), known.end(), option) != known.end();
+  };
+  for (const auto& [other, words] : kOfOthers) {
+    if (name == other && has(words)) return absl::StrCat(words, "; ");
+  }
+  const std::string meant = v1::did_you_mean(v1::near_words(name, known));
+  return meant.empty() ? "" : meant + " ";
+}
 
 std::vector<std::string> option_names(const CLI::App& app) {
   std::vector<std::string> names;
@@ -63,9 +98,8 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
       if (absl::Status status = check_value(*command, *option, words[++at]); !status.ok()) return status;
       continue;
     }
-    const std::string meant = v1::did_you_mean(v1::near_words(name, option_names(*command)));
     return usage_error(absl::StrFormat("unknown option %s; %ssee candela%s --help", name,
-                                       meant.empty() ? "" : meant + " ",
+                                       meant_option(name, option_names(*command)),
                                        command == &app ? "" : " " + command->get_name()));
   }
   return absl::OkStatus();

@@ -41,6 +41,9 @@ const Instead kInstead[] = {
     {v1::Metering::Statistic_descriptor, {"none", "off", "no"}, "--exposure EV fixes the exposure."},
     {v1::ToneCurve_descriptor, {"none", "off", "no"}, "linear only cuts light at 0 and 1."},
     {v1::ToneCurve_descriptor, {"srgb", "gamma22"}, "--transfer chooses the display encoding."},
+    {v1::Alpha_descriptor, {"none", "off", "no", "opaque"}, "ignore takes every pixel as opaque."},
+    {v1::Alpha_descriptor, {"premultiplied", "premult"}, "associated is that."},
+    {v1::Alpha_descriptor, {"unassociated", "unpremultiplied"}, "straight is that."},
     {v1::Transfer_descriptor, {"none", "off", "no"}, "linear writes light as it is."},
 };
 

@@ -43,7 +43,8 @@ constexpr char kExamples[] =
     "  candela stream 'in/*.exr' out/%04d.png  render a sequence, exposure adapting over time\n"
     "  candela view pano.hdr view.png        look into a panorama\n"
     "  candela info                          describe the device this machine renders on\n"
-    "`candela help COMMAND` lists a command's options. $CANDELA_SERVER is the default of --server.";
+    "`candela help COMMAND` lists a command's options. $CANDELA_SERVER is the default of --server.\n"
+    "Exit codes: 2 wrong usage, 3 an input, 4 the server or the device, 5 an output, 1 anything else.";
 
 constexpr char kRenderExamples[] =
     "Examples:\n"
@@ -363,7 +364,9 @@ absl::StatusOr<Invocation> finish(const CLI::App& app, const std::vector<std::st
     return arguments.report;
   }
   if (app.got_subcommand("info")) {
-    if (absl::Status status = finish_server_options(arguments.info.server); !status.ok()) return status;
+    absl::Status status = check_input_names(arguments.info.files);
+    status.Update(finish_server_options(arguments.info.server));
+    if (!status.ok()) return status;
     return arguments.info;
   }
   if (app.got_subcommand("health")) return finish_health(std::move(arguments.health));

@@ -1,6 +1,8 @@
 #include "client/cli/options/idle_options.h"
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <set>
 
 #include "absl/status/status.h"
@@ -20,6 +22,21 @@ bool has_bloom(const Request& r, v1::Bloom::Kind kind) {
 
 bool is_light(const Request& r) {
   return r.kind && *r.kind != OutputKind::kPng && *r.kind != OutputKind::kJpeg && !r.view;
+}
+
+// Whole numbers up to 255, of which one is far above white.
+bool has_codes_as_background(const Request& r) {
+  constexpr float kLeast = 16, kMost = 255;
+  const v1::Background& background = r.settings.background();
+  const float rgb[] = {background.red(), background.green(), background.blue()};
+  const auto is_code = [](float c) { return c <= kMost && c == std::floor(c); };
+  return std::all_of(std::begin(rgb), std::end(rgb), is_code) &&
+         *std::max_element(std::begin(rgb), std::end(rgb)) >= kLeast;
+}
+
+// A high percentile up to 1.
+bool has_percentiles_as_fractions(const Request& r) {
+  return r.given.contains("--percentiles") && r.settings.exposure().metering().percentile_high() <= 1;
 }
 
 bool is_float(const Request& r) { return r.kind == OutputKind::kExr || r.kind == OutputKind::kPfm; }
@@ -66,6 +83,13 @@ const Row kRows[] = {
     {{"--metering"},
      [](const Request& r) { return contradicts(r, "--metering", "--percentiles", "percentile"); },
      "changes nothing: --percentiles asks for percentile metering"},
+    {{"--percentiles"},
+     has_percentiles_as_fractions,
+     "are in percent, so these meter at most the darkest hundredth; 10 % to 90 % are --percentiles 10,90"},
+    {{"--background"},
+     has_codes_as_background,
+     "is light, where 1 is white at 0 EV, and no code of 0 .. 255; the red of code 255 is --background "
+     "1,0,0"},
     {{"--weights"},
      [](const Request& r) { return contradicts(r, "--weights", "--spot", "spot"); },
      "changes nothing: --spot asks for the weights spot"},

@@ -1,4 +1,5 @@
-// Options that change nothing beside the others of a command line. They are no error, but the user is told.
+// Options that change nothing beside the others of a command line, or whose values look like others than are
+// meant. They are no error, but the user is told.
 #pragma once
 
 #include <map>
@@ -23,7 +24,7 @@ struct Request {
   std::vector<std::string> servers = {};          // addresses; none: the built-in server
 };
 
-// A note for each given option that changes nothing.
+// A note for each given option that changes nothing, or looks like a slip.
 std::vector<std::string> idle_options(Request request);
 
 }  // namespace candela

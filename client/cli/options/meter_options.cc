@@ -17,6 +17,7 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
       ->option_text(" ");
   add_session_options(app, options);
   add_choice_options(app, options);
+  add_max_pixels_option(app, options);
   add_text(app, kInputSection, "--view", "NAME", "View of a multi-view OpenEXR file, such as left",
            options.shown.view);
   add_settings_options(app, options.settings, changes_metering);
@@ -30,7 +31,8 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
 
 absl::Status finish_meter_options(MeterOptions& options) {
   options.ignore_empty_alpha = options.settings.alpha() == v1::ALPHA_UNSPECIFIED;
-  absl::Status status = check_settings_options(options.settings);
+  absl::Status status = check_input_names(options.sequence.inputs);
+  status.Update(check_settings_options(options.settings));
   status.Update(finish_server_options(options.server));
   return status;
 }

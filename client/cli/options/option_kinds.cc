@@ -6,6 +6,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/settings.h"
 
@@ -32,14 +33,48 @@ CLI::Option* add_text(CLI::App& app, const std::string& section, const std::stri
   });
 }
 
+namespace {
+
+// What somebody means who writes a number with a unit, with a comma or as an illuminant; "" if that is
+// unknown.
+std::string meant_number(const std::string& name, const std::string& text) {
+  constexpr std::pair<const char*, int> kIlluminants[] = {
+      {"A", 2856}, {"D50", 5003}, {"D55", 5503}, {"D65", 6504}, {"D75", 7504}};
+  for (const auto& [word, kelvin] : kIlluminants) {
+    if (name == "--white-balance" && absl::EqualsIgnoreCase(text, word)) {
+      return absl::StrFormat("; for %s write %d", word, kelvin);
+    }
+  }
+  double value = 0;
+  const size_t end = text.find_last_of("0123456789.") + 1;  // 0 if there is none
+  const std::string number = text.substr(0, end);
+  const bool has_unit = end > 0 && text.find_first_of("0123456789,") != std::string::npos;
+  if (has_unit && absl::SimpleAtod(number, &value) && std::isfinite(value)) {
+    const std::string unit = text.substr(end);
+    const bool is_kelvin = name == "--white-balance" && unit == "K";
+    for (const auto& [prefix, factor] : {std::pair("k", 1e3), std::pair("K", 1e3), std::pair("M", 1e6)}) {
+      if (unit == prefix && !is_kelvin)
+        return absl::StrFormat("; write %s", v1::format_number(value * factor));
+    }
+    return absl::StrFormat("; write %s, without a unit", number);
+  }
+  const std::string with_point = absl::StrReplaceAll(text, {{",", "."}});
+  if (with_point != text && absl::SimpleAtod(with_point, &value)) {
+    return absl::StrFormat("; write %s, with a point", with_point);
+  }
+  return "";
+}
+
+}  // namespace
+
 std::string format_range(v1::Range<double> range) { return v1::format_range(range.min, range.max); }
 
 absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
                                     bool whole) {
   double value = 0;
   if (!absl::SimpleAtod(text, &value) || std::isnan(value)) {
-    return usage_error(absl::StrFormat("%s is \"%s\", which is not a number; it must be %s", name, text,
-                                       format_range(range)));
+    return usage_error(absl::StrFormat("%s is \"%s\", which is not a number; it must be %s%s", name, text,
+                                       format_range(range), meant_number(name, text)));
   }
   if (value < range.min || value > range.max || (whole && value != std::floor(value))) {
     return usage_error(absl::StrFormat("%s is %s; it must be %s%s", name, text,

@@ -47,6 +47,7 @@ std::string default_bloom_words(const PictureDefaults& defaults);
 struct PictureOptions {
   PictureChoice shown;         // of the files that hold several pictures
   uint64_t max_chunk_mib = 0;  // of an OpenEXR file; 0: as image_limits() chooses it
+  uint64_t max_pixels = 0;     // of an image that is read; 0: as many as the server takes
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
   WriteOptions write;

@@ -1,7 +1,9 @@
 #include "client/cli/options/picture_options.h"
 
+#include <filesystem>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
@@ -16,6 +18,7 @@ namespace candela {
 namespace {
 
 constexpr v1::Range<double> kChunkMib{1, 65536};
+constexpr v1::Range<double> kMaxPixels{1, double{v1::kMaxDimension} * v1::kMaxDimension};
 constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
 
 EncodedTransfer encoded_transfer(v1::Transfer transfer) {
@@ -73,6 +76,18 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
       });
 }
 
+void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
+  add_text(app, kInputSection, "--max-pixels", "N",
+           absl::StrFormat("Refuse an image of more pixels by its header, before it is decoded; %s (default: "
+                           "as many as the server takes)",
+                           format_range(kMaxPixels)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> pixels = parse_number("--max-pixels", text, kMaxPixels, true);
+             if (pixels.ok()) options.max_pixels = static_cast<uint64_t>(*pixels);
+             return pixels.status();
+           });
+}
+
 void add_image_options(CLI::App& app, PictureArguments& arguments) {
   add_text(app, kOutputSection, "--bits", "8|16", "Bits per component of a .png (default 8)",
            [&arguments](const std::string& text) {
@@ -87,13 +102,32 @@ void add_image_options(CLI::App& app, PictureArguments& arguments) {
       [&arguments](double n) { arguments.quality = static_cast<int>(n); }, true);
 }
 
-absl::Status check_output_name(const std::string& output) {
-  if (!absl::StartsWith(output, "-")) return absl::OkStatus();
-  if (output == "-") {
+absl::Status check_input_names(const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    if (input != "-") continue;
     return usage_error(
-        "OUT is \"-\", but images cannot be written to a pipe; give a file, or ./- for a file or "
-        "folder of that name");
+        "IN is \"-\", but images cannot be read from a pipe; give a file, or ./- for a file of that name");
   }
+  return absl::OkStatus();
+}
+
+absl::Status check_output_name(const std::string& output) {
+  if (output.empty()) return usage_error("OUT is empty; give a file");
+  for (const absl::string_view pipe : {"-", "/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/"}) {
+    if (output != pipe && !(absl::EndsWith(pipe, "fd/") && absl::StartsWith(output, pipe))) continue;
+    return usage_error(absl::StrFormat("OUT is \"%s\", but images cannot be written to a pipe; give a file%s",
+                                       output,
+                                       output == "-" ? ", or ./- for a file or folder of that name" : ""));
+  }
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
+  for (const char* video : {".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mxf", ".mpg"}) {
+    if (extension != video) continue;
+    return usage_error(absl::StrFormat(
+        "OUT is %s, a video, and candela writes images; write out/%%04d.png, and make a video of them with "
+        "ffmpeg -i out/%%04d.png %s",
+        output, output));
+  }
+  if (!absl::StartsWith(output, "-")) return absl::OkStatus();
   return usage_error(absl::StrFormat("OUT is \"%s\", which looks like an option; write ./%s if it is a name",
                                      output, output));
 }
@@ -120,7 +154,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
 }
 
 absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height) {
-  const std::vector<std::string> parts = absl::StrSplit(text, 'x');
+  const std::vector<std::string> parts = absl::StrSplit(text, absl::ByAnyChar("xX"));
   uint32_t w = 0, h = 0;
   const auto fits = [](uint32_t pixels) { return pixels >= 1 && pixels <= v1::kMaxDimension; };
   if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &w) || !absl::SimpleAtoi(parts[1], &h) || !fits(w) ||

@@ -3,6 +3,7 @@
 
 #include <CLI/App.hpp>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "client/cli/options/options.h"
@@ -20,6 +21,9 @@ struct PictureArguments {
 // app.
 void add_choice_options(CLI::App& app, PictureOptions& options);
 
+// Defines --max-pixels, for a command that reads images.
+void add_max_pixels_option(CLI::App& app, PictureOptions& options);
+
 // Defines --bits and --quality; parsing fills `arguments`, which outlives the app.
 void add_image_options(CLI::App& app, PictureArguments& arguments);
 
@@ -27,7 +31,10 @@ void add_image_options(CLI::App& app, PictureArguments& arguments);
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output);
 
-// A usage error for an output that begins with "-": it is a pipe or looks like an option.
+// A usage error for "-": images are not read from a pipe.
+absl::Status check_input_names(const std::vector<std::string>& inputs);
+
+// A usage error for an output that is a pipe or a video, or that looks like an option.
 absl::Status check_output_name(const std::string& output);
 
 // Parses "WIDTHxHEIGHT"; each is at most kMaxDimension.

@@ -38,6 +38,27 @@ bool is_pattern(const std::string& input) {
   return input.find_first_of("*?[%#@") != std::string::npos;
 }
 
+// The name with a space that two words are, if there is such a file: a shell splits it without quotes.
+std::string name_with_space(const std::vector<std::string>& words) {
+  std::error_code failed;
+  for (size_t i = 0; i + 1 < words.size(); ++i) {
+    const std::string name = words[i] + " " + words[i + 1];
+    if (!std::filesystem::exists(words[i], failed) && std::filesystem::exists(name, failed)) return name;
+  }
+  return "";
+}
+
+// Whether a picture that is not there is to become an image that is.
+bool are_swapped(const std::string& input, const std::string& output) {
+  std::error_code failed;
+  const absl::StatusOr<OutputKind> from = output_kind(input), to = output_kind(output);
+  const bool picture = from.ok() && (*from == OutputKind::kPng || *from == OutputKind::kJpeg);
+  const bool light =
+      to.ok() ? *to == OutputKind::kExr || *to == OutputKind::kPfm : absl::EndsWithIgnoreCase(output, ".hdr");
+  return picture && light && !std::filesystem::exists(input, failed) &&
+         std::filesystem::exists(output, failed);
+}
+
 // Splits the files into inputs and output.
 absl::Status set_files(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
@@ -46,7 +67,15 @@ absl::Status set_files(RenderArguments& arguments) {
   }
   options.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
+  if (absl::Status status = check_input_names(options.inputs); !status.ok()) return status;
   if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
+  if (const std::string name = name_with_space(arguments.files); !name.empty()) {
+    return usage_error(absl::StrFormat("%s has a space in its name; write it in quotes, '%s'", name, name));
+  }
+  if (options.inputs.size() == 1 && are_swapped(options.inputs.front(), options.output)) {
+    return usage_error(absl::StrFormat("the input comes first: candela render %s %s", options.output,
+                                       options.inputs.front()));
+  }
   const bool several = options.inputs.size() > 1 || is_pattern(options.inputs.front());
   const bool named = std::filesystem::path(options.output).has_extension();
   if (!is_folder(options.output) && (!several || named)) {
@@ -88,6 +117,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
       ->required()
       ->option_text(" ");
   add_choice_options(app, options);
+  add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_view_options(app, options.view);
   add_previous_options(app, options.previous);

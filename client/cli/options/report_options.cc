@@ -5,6 +5,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/options/option_kinds.h"
+#include "client/cli/options/picture_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 
@@ -53,7 +54,11 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
 
 absl::Status finish_report_options(ReportOptions& options) {
   if (options.megapixels.empty()) options.megapixels = {0.25, 1, 2, 8, 33};
-  return finish_server_options(options.server);
+  absl::Status status = check_output_name(options.directory);
+  status.Update(check_input_names(options.images));
+  status.Update(check_input_names(options.panoramas));
+  status.Update(finish_server_options(options.server));
+  return status;
 }
 
 }  // namespace candela

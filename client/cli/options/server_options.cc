@@ -28,15 +28,16 @@ absl::Status set_servers(const std::string& source, const std::string& text, Ser
           absl::StrFormat("%s is \"%s\"; it must be addresses separated by commas", source, text));
     }
   }
-  choice.address = addresses.front();
-  choice.others.assign(addresses.begin() + 1, addresses.end());
+  choice.address = v1::with_default_port(addresses.front());
+  choice.others.clear();
+  for (size_t i = 1; i < addresses.size(); ++i) choice.others.push_back(v1::with_default_port(addresses[i]));
   choice.source = source;
   return absl::OkStatus();
 }
 
 std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice) {
   return [&choice](const std::string& address) {
-    choice.address = address;
+    choice.address = v1::with_default_port(address);
     choice.source = kOption;
     return absl::OkStatus();
   };
@@ -66,7 +67,7 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
 void add_server_options(CLI::App& app, ServerChoice& choice) {
   add_text(
       app, kServerSection, kOption, "ADDRESS",
-      "A running candelad, HOST:PORT or unix:PATH (default: $CANDELA_SERVER, or else a server built into "
+      "A running candelad, HOST[:PORT] or unix:PATH (default: $CANDELA_SERVER, or else a server built into "
       "this process)",
       set_server(choice));
   add_security_and_device(app, choice);
@@ -75,7 +76,7 @@ void add_server_options(CLI::App& app, ServerChoice& choice) {
 void add_servers_options(CLI::App& app, ServerChoice& choice) {
   add_text(
       app, kServerSection, kOption, "ADDRESS[,...]",
-      "Running candelads, HOST:PORT or unix:PATH: the first that answers, and the next one if it is lost "
+      "Running candelads, HOST[:PORT] or unix:PATH: the first that answers, and the next one if it is lost "
       "(default: $CANDELA_SERVER, or else a server built into this process)",
       [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
   choice.takes_several = true;
@@ -89,7 +90,7 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
 void add_running_server_option(CLI::App& app, const std::string& section, ServerChoice& choice) {
   add_text(
       app, section, kOption, "ADDRESS",
-      absl::StrFormat("The candelad to ask, HOST:PORT or unix:PATH (default: $CANDELA_SERVER, or else %s)",
+      absl::StrFormat("The candelad to ask, HOST[:PORT] or unix:PATH (default: $CANDELA_SERVER, or else %s)",
                       v1::kDefaultAddress),
       set_server(choice));
 }

@@ -2,15 +2,18 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
@@ -156,8 +159,27 @@ void add_alpha(CLI::App& app, v1::Settings& settings, const SettingField& settin
            });
 }
 
+// The light of a colour "#f00" or "#ff0000", as an option takes it; "" for any other text.
+std::string light_of_code(absl::string_view text) {
+  if (!absl::ConsumePrefix(&text, "#") || (text.size() != 3 && text.size() != 6)) return "";
+  const size_t digits = text.size() / 3;
+  std::vector<std::string> light;
+  for (size_t i = 0; i < 3; ++i) {
+    int code = 0;
+    if (!absl::SimpleHexAtoi(text.substr(i * digits, digits), &code)) return "";
+    const double shown = code / (digits == 1 ? 15.0 : 255.0);
+    const double linear = shown <= 0.04045 ? shown / 12.92 : std::pow((shown + 0.055) / 1.055, 2.4);
+    light.push_back(absl::StrFormat("%.3g", linear));
+  }
+  return absl::StrJoin(light, ",");
+}
+
 // Parsed after --alpha.
 absl::Status set_background(v1::Settings& settings, v1::Range<double> range, const std::string& text) {
+  if (const std::string light = light_of_code(text); !light.empty()) {
+    return usage_error(absl::StrFormat(
+        "--background is \"%s\", a code for a display; it is light, so write --background %s", text, light));
+  }
   const auto rgb = parse_list("--background", text, 3, range);
   if (!rgb.ok()) return rgb.status();
   if (settings.alpha() != v1::ALPHA_UNSPECIFIED && settings.alpha() != v1::ALPHA_OVER) {

@@ -33,6 +33,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
       ->option_text(" ");
   add_session_options(app, options);
   add_choice_options(app, options);
+  add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_given_exposure_options(app, options);
   add_view_options(app, options.view);
@@ -63,6 +64,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   }
   options.sequence.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
+  if (absl::Status status = check_input_names(options.sequence.inputs); !status.ok()) return status;
   if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
   const bool jpeg = options.encoding == v1::ENCODING_JPEG;
   const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");

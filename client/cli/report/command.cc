@@ -100,7 +100,7 @@ absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& option
   const double most = options.quick ? kQuickImageMegapixels : kImageMegapixels;
   std::vector<ReportImage> images;
   for (const std::string& path : options.images) {
-    absl::StatusOr<Image> image = read_image(path, image_limits(limits));
+    absl::StatusOr<Image> image = read_image(path, image_limits(limits, {}));
     if (!image.ok()) return image.status();
     absl::StatusOr<ReportImage> cut =
         cut_to(most, std::filesystem::path(path).filename().string(), *std::move(image));

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/base/number_words.h"
 #include "client/cli/report/pictures.h"
 #include "proto/candela/v1/settings.h"
 
@@ -87,9 +88,10 @@ Json verified_row(const ReportSession& session, Json row, v1::Settings settings,
   row["inf"] = header.statistics().infinite_components();
   row["negative"] = header.statistics().negative_components();
   row["picture"] = picture_codes(*codes);
-  row["note"] = previous ? absl::StrFormat("exposure from %.4g to %.4g, target %.4g", previous->exposure(),
-                                           header.exposure(), header.target())
-                         : "";
+  row["note"] = previous
+                    ? absl::StrFormat("exposure from %s to %s, target %s", in_digits(previous->exposure(), 4),
+                                      in_digits(header.exposure(), 4), in_digits(header.target(), 4))
+                    : "";
   return row;
 }
 
@@ -141,7 +143,7 @@ absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::stri
   const absl::StatusOr<double> varies = flicker(session, settings);
   if (!varies.ok()) return failed(std::move(row), varies.status());
   row["flicker"] = json_number(*varies);
-  row["note"] = absl::StrFormat("its light varies by %.3g %% of the mean", 100 * *varies);
+  row["note"] = absl::StrFormat("its light varies by %s %% of the mean", in_digits(100 * *varies, 3));
   return row;
 }
 

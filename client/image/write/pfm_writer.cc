@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "client/base/number_words.h"
 #include "client/image/write/writers.h"
 
 namespace candela {
@@ -32,7 +33,8 @@ absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&
   }
   if (image.has_alpha) notes.push_back("alpha dropped: .pfm has none");
   if (image.pixel_aspect != 1.0) {
-    notes.push_back(absl::StrFormat("pixel aspect %g dropped: .pfm has none", image.pixel_aspect));
+    notes.push_back(
+        absl::StrFormat("pixel aspect %s dropped: .pfm has none", in_digits(image.pixel_aspect, 6)));
   }
   return absl::OkStatus();
 }

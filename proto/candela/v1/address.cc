@@ -2,6 +2,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 
 namespace candela::v1 {
@@ -9,6 +10,7 @@ namespace candela::v1 {
 namespace {
 constexpr absl::string_view kUnix = "unix:";
 constexpr uint32_t kMaxPort = 65535;
+constexpr absl::string_view kDefaultPort = ":50051";  // of kDefaultAddress
 }  // namespace
 
 bool is_unix_address(absl::string_view address) {
@@ -25,6 +27,14 @@ std::optional<HostPort> parse_host_port(absl::string_view address) {
   if (parsed.host.empty()) return std::nullopt;
   if (!bracketed && parsed.host.find_first_of("[]:/") != absl::string_view::npos) return std::nullopt;
   return parsed;
+}
+
+std::string with_default_port(absl::string_view address) {
+  const bool bracketed = absl::StartsWith(address, "[") && absl::EndsWith(address, "]");
+  const bool bare = address.find_first_of("[]:/") == absl::string_view::npos &&
+                    address.find_first_not_of("0123456789") != absl::string_view::npos;  // a port
+  const std::string whole = absl::StrCat(address, kDefaultPort);
+  return (bracketed || bare) && parse_host_port(whole) ? whole : std::string(address);
 }
 
 bool is_loopback(absl::string_view host) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "absl/strings/string_view.h"
 
@@ -21,6 +22,10 @@ struct HostPort {
 
 // Parses "HOST:PORT", with an IPv6 host in brackets. Returns nothing for any other form.
 std::optional<HostPort> parse_host_port(absl::string_view address);
+
+// "HOST:50051" for "HOST", a name or an IPv4 address, and "[IPV6]:50051" for "[IPV6]": the port that candelad
+// listens on by default. Other texts, and a number by itself, stay as they are.
+std::string with_default_port(absl::string_view address);
 
 // True for localhost, ::1 and 127.0.0.0/8. Other names are never resolved, even if they lead to this machine.
 bool is_loopback(absl::string_view host);

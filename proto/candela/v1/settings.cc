@@ -235,7 +235,9 @@ std::string format_number(double value) {
   if (std::frexp(value, &exponent) == 0.5 && std::abs(exponent - 1) >= 20) {
     return absl::StrFormat("2^%d", exponent - 1);
   }
-  return absl::StrFormat("%.7g", value);
+  // Few people read 1e+09.
+  const bool is_large = std::fabs(value) >= 1e6 && std::fabs(value) < 1e15;
+  return absl::StrFormat(is_large ? "%.0f" : "%.7g", value);
 }
 
 std::string format_range(double min, double max) {

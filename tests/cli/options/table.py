@@ -167,6 +167,7 @@ INPUT = {  # of render, stream, meter, view and environment
                                     "--incomplete fill"),
     "--max-chunk-mib": lambda c: needs("--max-chunk-mib 2", "--max-chunk-mib 1",
                                        f"{c} chunk.exr {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "--max-chunk-mib"),
+    "--max-pixels": lambda c: needs("--max-pixels 100000000", "--max-pixels 5", words="--max-pixels allows 5"),
     "--view": lambda c: changes("--view right", line=one_file(c, "views")),
 }
 METERED = {  # of render, stream, meter and view
