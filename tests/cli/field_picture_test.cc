@@ -111,37 +111,43 @@ TEST_F(FieldPicture, NamesAreUtf8AndCanBePassedBack) {
   EXPECT_EQ(layer, "Gl\xc3\xbchen");
 }
 
-// Runs what a message advises.
+// Reads what messages advise.
 TEST_F(FieldPicture, EveryChoiceThatAMessageAdvisesWorks) {
   int advised = 0;
   for (const std::string& path : data_files("field")) {
-    if (path.find("/S0") != std::string::npos) continue;
-    const std::string name = path.substr(file("").size());
-    const Outcome told = candela({"render", path, folder_.path("told.png")});
-    const Outcome wrong = candela({"render", path, folder_.path("told.png"), "--layer", "no such layer"});
+    if (absl::StrContains(path, "/S0")) continue;
+    const std::string out = folder_.path("told.png");
+    const Outcome told = candela({"render", path, out});
+    const Outcome wrong = candela({"render", path, out, "--layer", "no such layer"});
     const std::string words = told.err + wrong.err;
+    std::vector<PictureChoice> choices;
     const std::regex option("--(part|layer|incomplete) ([^ ,;\n]+)");
     for (auto i = std::sregex_iterator(words.begin(), words.end(), option); i != std::sregex_iterator();
          ++i) {
-      const Outcome run =
-          candela({"render", path, folder_.path("advised.png"), "--" + (*i)[1].str(), (*i)[2].str()});
-      EXPECT_EQ(run.code, 0) << name << " " << i->str() << ": " << run.err;
-      ++advised;
+      PictureChoice& choice = choices.emplace_back();
+      if ((*i)[1] == "part") choice.part = (*i)[2];
+      if ((*i)[1] == "layer") choice.layer = (*i)[2];
+      if ((*i)[1] == "incomplete") choice.fills_gaps = (*i)[2] == "fill";
     }
     // "there are: A, B" lists layers and channels.
     const size_t list = wrong.err.find("there are: ");
-    if (list == std::string::npos) continue;
-    const std::string names = wrong.err.substr(list + 11, wrong.err.find('\n', list) - list - 11);
+    const std::string names =
+        list == std::string::npos ? "" : wrong.err.substr(list + 11, wrong.err.find('\n', list) - list - 11);
     const std::regex one("([^,]+)(, |$)");
     for (auto i = std::sregex_iterator(names.begin(), names.end(), one); i != std::sregex_iterator(); ++i) {
-      if ((*i)[1] == "...") continue;
-      const Outcome run = candela({"render", path, folder_.path("advised.png"), "--layer", (*i)[1].str()});
-      EXPECT_TRUE(run.code == 0 || absl::StrContains(run.err, "unfinished"))
-          << name << " --layer " << (*i)[1] << ": " << run.err;
+      if ((*i)[1] != "...") choices.push_back({.layer = (*i)[1]});
+    }
+    // A chunk of K02 takes seconds.
+    if (absl::StrContains(path, "K02")) choices.resize(std::min<size_t>(choices.size(), 2));
+    const bool fills = absl::StrContains(told.err, "--incomplete fill");
+    for (PictureChoice& choice : choices) {
+      choice.fills_gaps = choice.fills_gaps || fills;
+      const absl::StatusOr<Image> image = read_image(path, {.max_chunk_bytes = 1u << 30}, choice);
+      EXPECT_TRUE(image.ok()) << choice.part << " " << choice.layer << ": " << image.status();
       ++advised;
     }
   }
-  EXPECT_GT(advised, 20);
+  EXPECT_GT(advised, 40);
 }
 
 TEST_F(FieldPicture, AChunkMayTakeAShareOfTheMemory) {
