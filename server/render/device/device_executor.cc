@@ -80,11 +80,10 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   }
   recorder_.barrier();
   const Box groups = ingest_groups(textures.layout);
-  status = submissions.pass(name(Pass::kIngest), {&groups, 1}, kIngestGroupTexels,
-                            [&](uint64_t first, uint64_t last) {
-                              return record_ingest(plan, read, textures, pipelines_, recorder_,
-                                                   rows_of(first, last));
-                            });
+  status = submissions.pass(
+      name(Pass::kIngest), {&groups, 1}, kIngestGroupTexels, [&](uint64_t first, uint64_t last) {
+        return record_ingest(plan, read, textures, pipelines_, recorder_, rows_of(first, last));
+      });
   if (!status.ok()) return status;
   if (textures.tiles_readback) {
     recorder_.barrier();

@@ -104,7 +104,8 @@ absl::Status Submissions::submit() {
   for (const auto& [stage, cost] : costs_) {
     if (cost == 0) continue;
     // A device without times of its own: each stage has its share.
-    pace_.learn(stage, cost, took.empty() ? cost * pace_.of(stage) * seconds / expected_seconds_ : took[stage]);
+    pace_.learn(stage, cost,
+                took.empty() ? cost * pace_.of(stage) * seconds / expected_seconds_ : took[stage]);
   }
   costs_.clear();
   expected_seconds_ = 0.0;
