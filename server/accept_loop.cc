@@ -48,7 +48,8 @@ size_t OpenConnections::count() {
 
 bool OpenConnections::has(const std::string& client) const {
   const absl::MutexLock lock(&mutex_);
-  return std::any_of(known_.begin(), known_.end(), [&](const Known& known) { return known.client == client; });
+  return std::any_of(known_.begin(), known_.end(),
+                     [&](const Known& known) { return known.client == client; });
 }
 
 std::set<std::string> OpenConnections::clients() {

@@ -102,7 +102,8 @@ class Ports {
 
   const Port& choose(int descriptor) {
     std::string client = client_of(descriptor);
-    auto port = std::find_if(ports_.begin(), ports_.end(), [&](const Port& p) { return p.open->has(client); });
+    auto port =
+        std::find_if(ports_.begin(), ports_.end(), [&](const Port& p) { return p.open->has(client); });
     if (port == ports_.end()) {
       std::vector<size_t> open;
       for (const Port& p : ports_) open.push_back(p.open->count());
@@ -127,8 +128,8 @@ absl::Status open_doors(const Config& config, const std::string& address, grpc::
   for (ListeningSocket& socket : *sockets) {
     listener.own_doors.push_back({socket.local(), tls});
     const int listening = socket.descriptor();
-    doors.push_back({std::move(socket),
-                     [ports, listening](int descriptor) { ports->take(listening, descriptor); }});
+    doors.push_back(
+        {std::move(socket), [ports, listening](int descriptor) { ports->take(listening, descriptor); }});
   }
   return absl::OkStatus();
 }
@@ -146,8 +147,7 @@ absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_conne
   GrpcListener listener;
   std::vector<AcceptLoop::Door> doors;
   for (const std::string& address : config.listen) {
-    if (absl::Status status =
-            open_doors(config, address, builder, access, metrics, listener, doors);
+    if (absl::Status status = open_doors(config, address, builder, access, metrics, listener, doors);
         !status.ok()) {
       return status;
     }

@@ -171,7 +171,8 @@ struct Metrics::Impl final : prometheus::Collectable {
       connections.Set(static_cast<double>(sample.connections));
       log_lines_lost.Increment(static_cast<double>(candela::log_lines_lost()) - log_lines_lost.Value());
       if (sample.certificate_expires) {
-        certificate_expiry.Add({}).Set(absl::ToDoubleSeconds(*sample.certificate_expires - absl::UnixEpoch()));
+        certificate_expiry.Add({}).Set(
+            absl::ToDoubleSeconds(*sample.certificate_expires - absl::UnixEpoch()));
       }
     }
     std::vector<prometheus::MetricFamily> all = registry.Collect();

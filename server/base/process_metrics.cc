@@ -60,7 +60,8 @@ double start_time(const ProcessStat& stat) {
   static const double start = [&] {
     timespec running{};
     clock_gettime(CLOCK_BOOTTIME, &running);
-    const double since_boot = static_cast<double>(running.tv_sec) + 1e-9 * static_cast<double>(running.tv_nsec);
+    const double since_boot =
+        static_cast<double>(running.tv_sec) + 1e-9 * static_cast<double>(running.tv_nsec);
     return absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()) - since_boot + stat.started_seconds;
   }();
   return start;
@@ -79,8 +80,10 @@ std::vector<MetricFamily> process_metrics() {
   if (const std::optional<ProcessStat> stat = read_stat()) {
     all.push_back(family("process_cpu_seconds_total", "CPU time of the process, user and system, in seconds",
                          stat->cpu_seconds, MetricType::Counter));
-    all.push_back(family("process_resident_memory_bytes", "Resident memory of the process", stat->resident_bytes));
-    all.push_back(family("process_virtual_memory_bytes", "Virtual memory of the process", stat->virtual_bytes));
+    all.push_back(
+        family("process_resident_memory_bytes", "Resident memory of the process", stat->resident_bytes));
+    all.push_back(
+        family("process_virtual_memory_bytes", "Virtual memory of the process", stat->virtual_bytes));
     all.push_back(family("process_threads", "Threads of the process", stat->threads));
     all.push_back(family("process_start_time_seconds", "Start time of the process, in seconds since 1970",
                          start_time(*stat)));

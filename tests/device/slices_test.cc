@@ -77,7 +77,8 @@ TEST_F(Slices, TheReferenceCanPauseAtEveryRowAndItsResultsAreTheSame) {
   }
 }
 
-// What the passes of a large frame have to get through: bloom, a colour table, a histogram, dither, long rows.
+// What the passes of a large frame have to get through: bloom, a colour table, a histogram, dither, long
+// rows.
 std::vector<Case> large_frames() {
   std::vector<Case> all(5);
   all[0] = {"bright", 2304, 1024, {}};
@@ -124,7 +125,9 @@ TEST_F(Slices, ALargeFramePausesInEveryPassAndOthersInBetweenChangeNoneOfItsBits
     for (const Case& c : large_frames()) {
       SCOPED_TRACE(::testing::Message() << passes_word(passes) << ", " << c.name);
       const WireFrame frame = trying(c.width, c.height);
-      const auto render_it = [&] { return render_on(by, frame, c.settings, {.sequence = 3, .previous = {}}); };
+      const auto render_it = [&] {
+        return render_on(by, frame, c.settings, {.sequence = 3, .previous = {}});
+      };
       const absl::StatusOr<Rendered> whole = render_it();
       std::optional<absl::StatusOr<Rendered>> sliced;
       SlicedWork work([&] { sliced = render_it(); });

@@ -19,12 +19,15 @@ def main() -> None:
         control = harness.beside_fair_neighbour(daemon.address, seconds / 3)
         before = daemon.series("candela_bytes_total")['direction="in"']
         bystander = harness.Bystander(daemon.address)
+
+        def arrived() -> float:
+            return (daemon.series("candela_bytes_total")['direction="in"'] - before) / frame_bytes
+
         with harness.fair_neighbour(daemon.address, size):
             time.sleep(seconds)
+            harness.expect(harness.wait_until(lambda: arrived() > 2, 400), f"only {arrived():.1f} frames arrive")
             beside = bystander.result()
-            arrived = (daemon.series("candela_bytes_total")['direction="in"'] - before) / frame_bytes
-        harness.report(size=size, arrived=round(arrived, 1), control=control, beside=beside)
-        harness.expect(arrived > 2, f"only {arrived:.1f} frames arrived")
+        harness.report(size=size, arrived=round(arrived(), 1), control=control, beside=beside)
         harness.expect_undisturbed(beside, control, f"a stream of {size}", harness.NIGHTLY_NOISE_MS)
 
 

@@ -124,7 +124,8 @@ TEST(MetricsPort, HasTheUsualMetricsOfAProcess) {
   std::map<std::string, double> after = scrape(*server);
   while (after.at("process_cpu_seconds_total") < cpu + 0.05) after = scrape(*server);
   EXPECT_LT(after.at("process_cpu_seconds_total"), cpu + 600);
-  EXPECT_GT(after.at("process_resident_memory_bytes"), before.at("process_resident_memory_bytes") + (32 << 20));
+  EXPECT_GT(after.at("process_resident_memory_bytes"),
+            before.at("process_resident_memory_bytes") + (32 << 20));
   EXPECT_GT(after.at("process_open_fds"), before.at("process_open_fds"));
   EXPECT_EQ(after.at("process_start_time_seconds"), before.at("process_start_time_seconds"));
   EXPECT_EQ(large.back(), std::byte{1});

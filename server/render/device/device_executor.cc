@@ -60,7 +60,7 @@ absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestP
 absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, const IngestPlan& plan,
                                                 const IngestRead& read, bool upload,
                                                 std::vector<StageTime>* stages) {
-  Submissions submissions(recorder_, pace_, stages);
+  Submissions submissions(recorder_, pace_, !textures.upload, stages);
   absl::Status status = submissions.begin();
   if (!status.ok()) return status;
   if (upload && textures.upload) {
@@ -82,11 +82,10 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   }
   recorder_.barrier();
   const Box groups = ingest_groups(textures.layout);
-  status = submissions.pass(name(Pass::kIngest), {&groups, 1}, kIngestGroupTexels,
-                            [&](uint64_t first, uint64_t last) {
-                              return record_ingest(plan, read, textures, pipelines_, recorder_,
-                                                   rows_of(first, last));
-                            });
+  status = submissions.pass(
+      name(Pass::kIngest), {&groups, 1}, kIngestGroupTexels, [&](uint64_t first, uint64_t last) {
+        return record_ingest(plan, read, textures, pipelines_, recorder_, rows_of(first, last));
+      });
   if (!status.ok()) return status;
   if (textures.tiles_readback) {
     recorder_.barrier();
@@ -108,7 +107,7 @@ absl::StatusOr<Drawn> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan
     if (!points.ok()) return points.status();
     table = *std::move(points);
   }
-  Submissions submissions(recorder_, pace_, stages);
+  Submissions submissions(recorder_, pace_, !textures.upload, stages);
   absl::Status status = submissions.begin();
   if (status.ok()) status = record_passes(textures, plan, table.get(), submissions);
   if (status.ok() && textures.exact) status = record_verification(textures, plan, table.get(), submissions);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 
 #include "server/base/slices.h"
 
@@ -13,6 +14,9 @@ using Clock = std::chrono::steady_clock;
 
 // Less is not worth a submission.
 constexpr double kLeastSeconds = 0.002;
+// Less is not cut further: each piece of a box of groups is a dispatch of its own, so many small submissions
+// take longer than a few.
+constexpr double kLeastCost = 1 << 18;
 constexpr uint64_t kCopyUnit = uint64_t{1} << 20;
 constexpr double kTexelBytes = 16;  // of a copy, which costs as much as a texel of a pass at most
 
@@ -27,10 +31,11 @@ std::vector<double> costs_of_rows(std::span<const Box> groups, double texels) {
 
 }  // namespace
 
-Submissions::Submissions(Recorder& recorder, Pace& pace, std::vector<StageTime>* stages)
+Submissions::Submissions(Recorder& recorder, Pace& pace, bool pages, std::vector<StageTime>* stages)
     : recorder_(recorder),
       pace_(pace),
       stages_(stages),
+      first_cost_(pages ? kLeastCost : std::numeric_limits<double>::infinity()),
       in_slices_(slice_end() != Clock::time_point::max()) {}
 
 absl::Status Submissions::begin() {
@@ -58,11 +63,13 @@ absl::Status Submissions::copy(const char* stage, uint64_t bytes, Record record)
 
 absl::Status Submissions::cut(const char* stage, std::span<const double> costs, uint64_t unit, uint64_t end,
                               Record record) {
-  const double pace = pace_.of(stage);
+  double most_cost = first_cost_;  // twice as much for each submission of the stage
   for (size_t first = 0; first < costs.size();) {
+    const double pace = pace_.of(stage);
+    double left = std::min((most_seconds_ - expected_seconds_) / pace, most_cost);
+    if (expected_seconds_ == 0 && most_seconds_ > 0) left = std::max(left, kLeastCost);
     double cost = costs[first];
     size_t last = first + 1;
-    const double left = (most_seconds_ - expected_seconds_) / pace;
     while (last < costs.size() && cost + costs[last] <= left) cost += costs[last++];
     if (cost > left && expected_seconds_ > 0) {
       if (absl::Status status = submit(); !status.ok()) return status;
@@ -76,6 +83,10 @@ absl::Status Submissions::cut(const char* stage, std::span<const double> costs, 
     expected_seconds_ += cost * pace;
     costs_[stage] += cost;
     first = last;
+    if (first == costs.size()) break;
+    if (absl::Status status = submit(); !status.ok()) return status;
+    if (absl::Status status = begin(); !status.ok()) return status;
+    most_cost *= 2;
   }
   return absl::OkStatus();
 }
@@ -85,10 +96,16 @@ absl::Status Submissions::submit() {
   const Clock::time_point begin = Clock::now();
   if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
   const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-  for (const Recorder::Timing& timing : recorder_.timings()) add_time({timing.name, timing.ns}, stages_);
-  // All stages by the same factor: a device may have no times of its own.
+  std::map<const char*, double> took;
+  for (const Recorder::Timing& timing : recorder_.timings()) {
+    add_time({timing.name, timing.ns}, stages_);
+    took[timing.name] += 1e-9 * static_cast<double>(timing.ns);
+  }
   for (const auto& [stage, cost] : costs_) {
-    if (cost > 0) pace_.learn(stage, cost, cost * pace_.of(stage) * seconds / expected_seconds_);
+    if (cost == 0) continue;
+    // A device without times of its own: each stage has its share.
+    pace_.learn(stage, cost,
+                took.empty() ? cost * pace_.of(stage) * seconds / expected_seconds_ : took[stage]);
   }
   costs_.clear();
   expected_seconds_ = 0.0;

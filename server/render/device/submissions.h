@@ -24,8 +24,9 @@ class Submissions {
   // Records units `first` to `last` - 1 of a stage.
   using Record = absl::FunctionRef<absl::Status(uint64_t first, uint64_t last)>;
 
-  // Adds times to *stages. All of them outlive it.
-  Submissions(Recorder& recorder, Pace& pace, std::vector<StageTime>* stages);
+  // Adds times to *stages. `pages`: the device's memory is the host's, so a stage that writes fresh pages is
+  // far slower than the last frame's, and begins with little. All of them outlive it.
+  Submissions(Recorder& recorder, Pace& pace, bool pages, std::vector<StageTime>* stages);
 
   absl::Status begin();
   // A pass with these work groups, each of which makes `texels`. The units are rows of groups. Rows that have
@@ -45,6 +46,7 @@ class Submissions {
   Recorder& recorder_;
   Pace& pace_;
   std::vector<StageTime>* stages_;
+  const double first_cost_;
   const bool in_slices_;
   double most_seconds_ = 0.0;              // that the submission may take
   double expected_seconds_ = 0.0;          // of what is recorded

@@ -5,7 +5,7 @@
 namespace candela {
 
 absl::StatusOr<std::shared_ptr<const Buffer>> TableCache::get(const std::shared_ptr<const ColorTable>& table,
-                                              Recorder& recorder) {
+                                                              Recorder& recorder) {
   if (std::shared_ptr<const Buffer> found = tables_.find(table)) return found;
   tables_.make_room();
   const uint64_t bytes = point_count(*table) * sizeof(TablePoint);

@@ -18,7 +18,8 @@ class TableCache {
   // The device's copy of an equal table. If the table is new and the device's
   // memory is not mapped, this uploads it in a separate submission. RESOURCE_EXHAUSTED if the device has no
   // memory for it; otherwise fails as Recorder::submit_and_wait does.
-  absl::StatusOr<std::shared_ptr<const Buffer>> get(const std::shared_ptr<const ColorTable>& table, Recorder& recorder);
+  absl::StatusOr<std::shared_ptr<const Buffer>> get(const std::shared_ptr<const ColorTable>& table,
+                                                    Recorder& recorder);
 
  private:
   Device& device_;
