@@ -97,7 +97,7 @@ class FieldFrames : public ::testing::Test {
   std::string told_;  // stderr of the last stream
 };
 
-class Field : public FieldFrames {
+class FieldSequence : public FieldFrames {
  protected:
   void SetUp() override {
     if (data_folder().empty() || !std::filesystem::exists(data("S01_negative"))) {
@@ -107,7 +107,7 @@ class Field : public FieldFrames {
   static std::string data(const std::string& name) { return data_folder() + "/field/" + name; }
 };
 
-TEST_F(Field, NegativeFramesPlayInTheirOrderByEveryInput) {
+TEST_F(FieldSequence, NegativeFramesPlayInTheirOrderByEveryInput) {
   const std::string s01 = data("S01_negative");
   for (const std::string& input :
        {s01, s01 + "/*.exr", s01 + "/test_frame.%04d.exr", s01 + "/test_frame.####.exr",
@@ -132,7 +132,7 @@ TEST_F(Field, NegativeFramesPlayInTheirOrderByEveryInput) {
   EXPECT_EQ(names_in("two"), (std::vector<std::string>{"-6.png", "-9.png"}));
 }
 
-TEST_F(Field, FramesAround0PlayInTheirOrderByEveryInput) {
+TEST_F(FieldSequence, FramesAround0PlayInTheirOrderByEveryInput) {
   const std::string s02 = data("S02_around0");
   for (const std::string& input : {s02, s02 + "/f.%04d.exr", s02 + "/f.####.exr"}) {
     const std::vector<Json> lines = stream(input, path("out"), {});

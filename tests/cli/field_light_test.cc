@@ -37,7 +37,7 @@ void write_sun(const std::string& path, float sun) {
   ASSERT_TRUE(write_image(path, *image).ok());
 }
 
-class Field : public ::testing::Test {
+class FieldLight : public ::testing::Test {
  protected:
   void SetUp() override {
     if (data_folder().empty()) GTEST_SKIP() << "no test data: set CANDELA_DATA to its folder";
@@ -55,13 +55,13 @@ class Field : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(Field, LightBeyondHalvesIsMeteredAndExposedAsItIs) {
+TEST_F(FieldLight, LightBeyondHalvesIsMeteredAndExposedAsItIs) {
   const Json metered = candela_json({"meter", file("V03_bright.exr")});
   EXPECT_NEAR(metered.at("mean_log2_luminance").get<double>(), 17.11, 0.005);
   EXPECT_NEAR(at_ev("V03_bright.exr", "-20", 0, 0)[1], 0.954, 0.001);
 }
 
-TEST_F(Field, ASunGivesTheHarmonicsOfAllItsLight) {
+TEST_F(FieldLight, ASunGivesTheHarmonicsOfAllItsLight) {
   const Json json = candela_json({"environment", file("V01_sun_5e5.exr"), folder_.path("a.ktx2"), "--sh",
                                   folder_.path("sh.json"), "--format", "rgba32f"});
   const Json sh = Json::parse(read_file(folder_.path("sh.json")), nullptr, false);
@@ -72,13 +72,13 @@ TEST_F(Field, ASunGivesTheHarmonicsOfAllItsLight) {
   EXPECT_EQ(json.at("losses"), (Json{{"negative", 0}, {"clamped", 0}}));
 }
 
-TEST_F(Field, ARadianceFileKeepsTheHueOfItsLight) {
+TEST_F(FieldLight, ARadianceFileKeepsTheHueOfItsLight) {
   const auto rgb = at_ev("H11_sun.hdr", "-20", 0, 0);
   const double expected[] = {0.477, 0.381, 0.286};
   for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(rgb[k], expected[k], 0.001);
 }
 
-TEST_F(Field, ACandleOnATransparentGroundIsExposedAsACandle) {
+TEST_F(FieldLight, ACandleOnATransparentGroundIsExposedAsACandle) {
   const Json metered = candela_json({"meter", data_folder() + "/exr/CandleGlass.exr"});
   EXPECT_NEAR(metered.at("target").get<double>(), 16.34, 0.005);
 }
