@@ -3,8 +3,8 @@
 #include <Imath/half.h>
 
 #include <algorithm>
-#include <cmath>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <utility>
 #include <vector>
@@ -23,17 +23,16 @@
 namespace candela {
 namespace {
 
-// What is below this rounds to the largest half, or to a smaller one.
-constexpr float kBeyondHalves = 65520;
-
 // Counts in `header` what the format does not hold of the components.
 void count_losses(const std::vector<float>& rgb, v1::PixelFormat format, v1::BakeHeader& header) {
   if (format == v1::PIXEL_FORMAT_RGBA32F) return;
   const bool rgb9e5 = format == v1::PIXEL_FORMAT_RGB9E5;
-  const auto negative = std::count_if(rgb.begin(), rgb.end(), [=](float c) { return rgb9e5 && c < 0; });
-  const auto clamped = std::count_if(rgb.begin(), rgb.end(), [=](float c) {
-    return rgb9e5 ? c > v1::kMaxRgb9e5 : std::abs(c) >= kBeyondHalves;
-  });
+  const auto is_negative = [=](float c) { return rgb9e5 && c < 0; };
+  // What is less than half a step above the largest half is rounded to it.
+  constexpr float kHalfEnd = shader::MAX_HALF + 16;
+  const auto is_clamped = [=](float c) { return rgb9e5 ? c > v1::kMaxRgb9e5 : std::fabs(c) >= kHalfEnd; };
+  const auto negative = std::count_if(rgb.begin(), rgb.end(), is_negative);
+  const auto clamped = std::count_if(rgb.begin(), rgb.end(), is_clamped);
   header.set_negative_components(header.negative_components() + static_cast<uint64_t>(negative));
   header.set_clamped_components(header.clamped_components() + static_cast<uint64_t>(clamped));
 }
