@@ -218,6 +218,7 @@ TEST_F(FailureEnds, AServerThatTakesNoSuchFrameMakesItTheInputs) {
 TEST_F(FailureEnds, ATokenOrTlsThatDoesNotFitIsServer) {
   write_file(folder_.path("tokens"), "the-right-token-of-this-test\n");
   write_file(folder_.path("token"), "another-token-of-this-test\n");
+  for (const char* name : {"tokens", "token"}) chmod(folder_.path(name).c_str(), 0600);
   const ListeningDaemon daemon({"--token-file", folder_.path("tokens")});
   expect_failure({"info", "--server", daemon.address()}, kServer);
   expect_failure({"render", in_, out_, "--server", daemon.address(), "--token-file", folder_.path("token")},
@@ -236,6 +237,7 @@ TEST_F(FailureEnds, SeveralFailuresOfOneKindHaveItsCodeAndOthersHaveOne) {
   EXPECT_EQ(candela({"render", text_, missing_, in_, folder, "-q"}).code, kInput);
   EXPECT_EQ(candela({"info", text_, missing_, in_}).code, kInput);
   // The picture of in.exr cannot be written.
+  std::filesystem::remove(frames_ + "/in.png");
   std::filesystem::create_directories(frames_ + "/in.png");
   EXPECT_EQ(candela({"render", film_ + "/0001.exr", in_, folder, "-q"}).code, kOutput);
   const Outcome mixed = candela({"render", text_, in_, film_ + "/0001.exr", folder, "--json", "-"});

@@ -50,7 +50,7 @@ TEST_F(Slips, ANumberWithAUnitOrACommaIsShownWithout) {
 TEST_F(Slips, AnIlluminantIsShownInKelvin) {
   expect_line(render({"--white-balance", "D65"}), 2, "; for D65 write 6504");
   expect_line(render({"--white-balance", "d50"}), 2, "; for D50 write 5003");
-  expect_line(render({"--exposure", "A"}), 2, "is not a number; it must be -40 .. 40, or auto\n");
+  expect_line(render({"--key", "A"}), 2, "is not a number; it must be 1e-06 .. 1000000\n");
 }
 
 TEST_F(Slips, APercentileBelowOneIsTakenAndNoted) {
