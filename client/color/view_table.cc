@@ -88,7 +88,7 @@ class Random {
 
 // The lowest end of the axes such that cutting light there changes 99 % of the values by at most half a code.
 float axis_end(const ocio::ConstCPUProcessorRcPtr& view, uint32_t axes) {
-  constexpr float kEnds[] = {2.0f, 8.0f, 32.0f, 128.0f, 512.0f, 2048.0f, 8192.0f};
+  constexpr float kEnds[] = {1.0f, 2.0f, 8.0f, 32.0f, 128.0f, 512.0f, 2048.0f, 8192.0f};
   constexpr size_t kColors = 1000;
   for (const float end : kEnds) {
     Random random;

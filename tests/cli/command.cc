@@ -57,6 +57,7 @@ std::vector<std::string> with_passes(std::vector<std::string> arguments) {
 
 Outcome run(const std::vector<std::string>& arguments, int signal, int ms,
             const std::string& program = CANDELA_PROGRAM) {
+  unsetenv("OCIO");  // a machine's own view would change every picture
   Pipe output, error;
   Outcome outcome;
   const pid_t pid = spawn(program, with_passes(arguments), output.ends[1], error.ends[1]);

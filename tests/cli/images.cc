@@ -4,6 +4,7 @@
 #include <half.h>
 
 #include <cstring>
+#include <sstream>
 
 #include "client/image/image.h"
 #include "tests/support/files.h"
@@ -28,6 +29,21 @@ PngFacts png_facts(const std::string& path) {
     if (file.compare(at + 4, 4, "pHYs") == 0) facts.pixel_aspect = double(word(at + 12)) / word(at + 8);
   }
   return facts;
+}
+
+std::vector<float> pfm_values(const std::string& path) {
+  const std::string bytes = read_file(path);
+  std::istringstream header(bytes);
+  std::string kind, order;
+  size_t width = 0;
+  size_t height = 0;
+  header >> kind >> width >> height >> order;
+  std::vector<float> values(width * height * 3);
+  const size_t size = values.size() * sizeof(float);
+  EXPECT_EQ(kind, "PF");
+  EXPECT_GE(bytes.size(), size);
+  if (bytes.size() >= size) std::memcpy(values.data(), bytes.data() + bytes.size() - size, size);
+  return values;
 }
 
 void write_small_exr(const std::string& path, bool alpha_and_aspect) {

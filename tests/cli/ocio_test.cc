@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <sstream>
 
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
@@ -58,21 +56,6 @@ colorspaces:
 constexpr char kStudioRoles[] =
     "  aces_interchange: ACES2065-1\n  cie_xyz_d65_interchange: CIE-XYZ-D65\n  scene_linear: ACEScg\n";
 
-std::vector<float> pfm_values(const std::string& path) {
-  const std::string bytes = read_file(path);
-  std::istringstream header(bytes);
-  std::string kind, order;
-  size_t width = 0;
-  size_t height = 0;
-  header >> kind >> width >> height >> order;
-  std::vector<float> values(width * height * 3);
-  const size_t size = values.size() * sizeof(float);
-  EXPECT_EQ(kind, "PF");
-  EXPECT_GE(bytes.size(), size);
-  if (bytes.size() >= size) std::memcpy(values.data(), bytes.data() + bytes.size() - size, size);
-  return values;
-}
-
 class Ocio : public ::testing::Test {
  protected:
   Ocio() {
@@ -102,7 +85,8 @@ TEST_F(Ocio, AnAcesViewIsTheCurveAces1) {
   EXPECT_LE(report["view"]["mean_codes"], 0.06);
   EXPECT_NE(report["notes"].dump().find("view's display values"), std::string::npos) << report["notes"];
   EXPECT_TRUE(report["stage_ms"].contains("view"));
-  const auto curve = candela_json({"render", in_, folder_.path("curve.pfm"), "--curve", "aces-1"});
+  const auto curve = candela_json({"render", in_, folder_.path("curve.pfm"), "--curve", "aces-1",
+                                   "--exposure", "0", "--bloom-intensity", "0"});
   EXPECT_TRUE(curve["view"].is_null());
   const std::vector<float> view = pfm_values(folder_.path("view.pfm"));
   const std::vector<float> light = pfm_values(folder_.path("curve.pfm"));
@@ -218,6 +202,70 @@ TEST_F(Ocio, TransferChangesNothing) {
       candela_json({"render", in_, folder_.path("b.png"), "--ocio", studio_, "--transfer", "linear"});
   EXPECT_NE(linear["notes"].dump().find("--transfer changes nothing"), std::string::npos) << linear["notes"];
   EXPECT_EQ(read_file(folder_.path("a.png")), read_file(folder_.path("b.png")));
+}
+
+// A managed view shows what is there.
+TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
+  const std::string out = folder_.path("out.png");
+  const Outcome plain = candela({"render", in_, out, "--ocio", studio_});
+  ASSERT_EQ(plain.code, 0) << plain.err;
+  EXPECT_NE(plain.out.find("exposure 1 (+0.00 EV, the default of --ocio), no bloom; ACES;"),
+            std::string::npos)
+      << plain.out;
+  const std::string shown = read_file(out);
+  ASSERT_EQ(
+      candela({"render", in_, out, "--ocio", studio_, "--exposure", "0", "--bloom-intensity", "0"}).code, 0);
+  EXPECT_EQ(read_file(out), shown);
+
+  const auto metered = candela_json({"render", in_, out, "--ocio", studio_, "--exposure", "auto"});
+  EXPECT_NE(metered.at("exposure"), 1.0);
+  EXPECT_EQ(metered.at("exposure"), candela_json({"render", in_, out}).at("exposure"));
+  ASSERT_EQ(candela({"render", in_, out, "--ocio", studio_, "--bloom", "conserve", "-q"}).code, 0);
+  EXPECT_NE(read_file(out), shown);
+  const auto idle = candela_json({"render", in_, out, "--ocio", studio_, "--compensation", "1"});
+  EXPECT_NE(idle.at("notes").dump().find("--compensation changes nothing: with --ocio the exposure is 0 EV"),
+            std::string::npos)
+      << idle.at("notes");
+  // Whoever asks to adapt gets it.
+  EXPECT_NE(candela_json({"render", in_, out, "--ocio", studio_, "--previous-exposure", "4"}).at("exposure"),
+            1.0);
+
+  const Outcome stream = candela({"stream", in_, folder_.path("s_%d.png"), "--ocio", studio_});
+  ASSERT_EQ(stream.code, 0) << stream.err;
+  EXPECT_NE(stream.out.find("+0.00 EV, the default of --ocio), no bloom"), std::string::npos) << stream.out;
+}
+
+TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
+  const std::string out = folder_.path("out.png");
+  const auto with = [&](const std::string& value, std::vector<std::string> options) {
+    options.insert(options.begin(), {"render", in_, out});
+    return candela_in_shell("export OCIO=" + value, options);
+  };
+  const Outcome chosen = with(studio_, {});
+  ASSERT_EQ(chosen.code, 0) << chosen.err;
+  EXPECT_NE(chosen.out.find("; ACES of $OCIO;"), std::string::npos) << chosen.out;
+  const std::string shown = read_file(out);
+  ASSERT_EQ(candela({"render", in_, out, "--ocio", studio_}).code, 0);
+  EXPECT_EQ(read_file(out), shown);
+  EXPECT_EQ(with(studio_, {"--view", "Plain"}).code, 0);
+  EXPECT_NE(read_file(out), shown);
+
+  // A curve, another configuration and an empty variable do without it.
+  for (const std::vector<std::string>& options :
+       {std::vector<std::string>{"--curve", "agx"}, {"--ocio", studio_, "-q"}}) {
+    const Outcome other = with(folder_.path("missing.ocio"), options);
+    EXPECT_EQ(other.code, 0) << other.err;
+    EXPECT_EQ(other.out.find("$OCIO"), std::string::npos) << other.out;
+  }
+  const Outcome empty = with("", {});
+  EXPECT_EQ(empty.code, 0) << empty.err;
+  EXPECT_EQ(empty.out.find("OCIO"), std::string::npos) << empty.out;
+  for (const std::string& missing : {folder_.path("missing.ocio"), std::string("ocio://default")}) {
+    expect_error(with(missing, {"-q"}), 1,
+                 missing +
+                     ": no such file; --ocio takes an OpenColorIO configuration; $OCIO names the "
+                     "configuration, and --curve does without it");
+  }
 }
 
 }  // namespace

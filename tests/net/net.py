@@ -186,6 +186,7 @@ def parse() -> argparse.Namespace:
 
 def main() -> int:
     options = parse()
+    os.environ.pop("OCIO", None)  # it would choose a view for every picture
     data = pathlib.Path(os.environ.get("CANDELA_DATA") or ROOT.parent / "shared/data")
     here = machine.this_machine(options.bin / "candela")
     other = options.against or options.build

@@ -88,7 +88,7 @@ nlohmann::ordered_json bad_values_json(const Message& counted) {
 std::vector<std::string> notes_for_user(const RenderReport& report);
 
 // One object on one line, with the keys input, output, environment (only of a view), size {width, height},
-// primaries {name, xy, from} (name null if they have none; from is assumed, file or option), curve, device,
+// primaries {name, xy, from} (name null if they have none; from as in primaries_used.h), curve, device,
 // tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
 // max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, view
 // {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes, config, from} (null

@@ -52,7 +52,7 @@ class Bench:
         self.runs = 0
         self.ends = contextlib.ExitStack()
         # Without the variables that change what a command does.
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("CANDELA")}
+        self.environment = {name: value for name, value in os.environ.items() if not name.startswith(("CANDELA", "OCIO"))}
 
     def __enter__(self):
         self._make_scenes()
