@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 
 namespace candela {
 
@@ -19,8 +20,9 @@ void FrameReader::read_ahead() {
       try {
         return read_image(path, limits_, choice_);
       } catch (const std::bad_alloc&) {
-        return absl::ResourceExhaustedError(
-            absl::StrFormat("%s: out of memory; give this process more memory (ulimit -v)", path));
+        return failure_of(FailureKind::kOther,
+                          absl::ResourceExhaustedError(absl::StrFormat(
+                              "%s: out of memory; give this process more memory (ulimit -v)", path)));
       }
     }));
   }
