@@ -261,7 +261,7 @@ TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
   EXPECT_EQ(empty.code, 0) << empty.err;
   EXPECT_EQ(empty.out.find("OCIO"), std::string::npos) << empty.out;
   for (const std::string& missing : {folder_.path("missing.ocio"), std::string("ocio://default")}) {
-    expect_error(with(missing, {"-q"}), 1,
+    expect_error(with(missing, {"-q"}), 3,
                  missing +
                      ": no such file; --ocio takes an OpenColorIO configuration; $OCIO names the "
                      "configuration, and --curve does without it");

@@ -203,8 +203,9 @@ TEST_F(Report, EveryResultSaysWhichPrimariesWereUsedAndWhoSaidSo) {
 TEST_F(Report, InfoDescribesFiles) {
   const Outcome text = candela({"info", in_});
   ASSERT_EQ(text.code, 0) << text.err;
-  for (const char* words : {": OpenEXR\n", "  renders    R G B\n", "  size       31x17 at 0,0\n",
-                            "compression ZIP", "  primaries  Rec.709\n", "  channels   B G R half\n"}) {
+  for (const char* words :
+       {": OpenEXR\n", "  renders    R G B\n", "  size       31x17 at 0,0\n", "compression ZIP",
+        "  primaries  Rec.709; colorInteropID lin_rec709_scene\n", "  channels   B G R half\n"}) {
     EXPECT_NE(text.out.find(words), std::string::npos) << words << " is not in\n" << text.out;
   }
   const nlohmann::json file = candela_json({"info", in_});

@@ -246,7 +246,7 @@ TEST(ServerVariables, ErrorsSayThatTheAddressIsFromIt) {
     expect_failure(candela({"health"}), "(the address is from CANDELA_SERVER)\n", 1);
   }
   for (const auto& [value, words] :
-       {std::pair("nowhere", "neither HOST:PORT"), {"a:1,,b:2", "CANDELA_SERVER is \"a:1,,b:2\""}}) {
+       {std::pair("nowhere:x", "neither HOST:PORT"), {"a:1,,b:2", "CANDELA_SERVER is \"a:1,,b:2\""}}) {
     const ServerVariable variable(value);
     const Outcome outcome = candela({"info"});
     EXPECT_EQ(outcome.code, 2);
@@ -260,7 +260,7 @@ TEST(Health, AsksWhereCandeladListensByDefault) {
     EXPECT_EQ(outcome.out, "SERVING\n");
     return;
   }
-  expect_failure(outcome, "127.0.0.1:50051");
+  expect_failure(outcome, "127.0.0.1:50051", 1);
   EXPECT_TRUE(says(outcome.err, "(the address is candelad's default; --server names another)"))
       << outcome.err;
 }

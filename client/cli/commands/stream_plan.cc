@@ -82,14 +82,19 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
   const absl::StatusOr<SequenceChoice> choice = shot.choice();
   if (!choice.ok()) return choice.status();
   absl::StatusOr<Sequence> sequence = find_sequence(*choice);
-  if (!sequence.ok()) return failure_of(FailureKind::kInput, sequence.status());
+  if (!sequence.ok()) {
+    const std::vector<std::string>& inputs = options.sequence.inputs;
+    return input_failure(sequence.status(), inputs.size() == 1 ? inputs.front() : "");
+  }
   plan.sequence = *std::move(sequence);
   absl::StatusOr<std::vector<std::string>> notes = shot.check(plan.sequence);
   if (!notes.ok()) return failure_of(FailureKind::kInput, notes.status());
   std::move(notes->begin(), notes->end(), std::back_inserter(plan.sequence.notes));
   if (plan.sequence.frames.empty() && !plan.names) {
-    return failure_of(FailureKind::kInput, absl::NotFoundError(absl::StrFormat(
-        "--range %s: there is no such frame to meter; give another --range", to_text(choice->range))));
+    return failure_of(
+        FailureKind::kInput,
+        absl::NotFoundError(absl::StrFormat(
+            "--range %s: there is no such frame to meter; give another --range", to_text(choice->range))));
   }
   plan.images = named_images(plan.sequence, plan.names, options.first);
   if (plan.names && !plan.names->keeps_sign() && options.first.value_or(plan.images.front().number) < 0) {

@@ -47,9 +47,12 @@ std::vector<std::string> files_of_word(const std::string& word) {
 }
 
 // Whether fail() may write this path although no command has checked it.
-bool may_be_replaced(const std::string& path, const std::vector<std::string>& words) {
+bool may_be_replaced(const std::string& name, const std::vector<std::string>& words) {
   std::error_code failed;
-  if (path == "-" || !std::filesystem::is_regular_file(path, failed)) return true;
+  if (name == "-") return true;
+  // A folder that is missing will be made, and the name may lead out of it again: missing/../file.
+  const std::filesystem::path path = std::filesystem::weakly_canonical(name, failed);
+  if (!std::filesystem::is_regular_file(path, failed)) return true;
   std::ifstream file(path);
   const int first = file.get();
   if (!file.is_open() || (first != '{' && first != std::ifstream::traits_type::eof())) return false;
