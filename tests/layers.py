@@ -9,7 +9,7 @@ SERVER = ["server/base", "server/encode", "server/vulkan", "server/render/color"
           "server/render/device", "server/render/host", "server/render/environment", "server/render/reference", "server/render", "server/schedule", "server/session", "server/access",
           "server/rpc", "server", "server/daemon"]
 ALLOWED = {"proto": [], "shaders": [], "client/base": [], "client/image": ["client/base", "server/encode", "shaders"], "client/color": ["shaders", "proto", "server/render/color"],
-           "client/environment": ["client/base", "client/image", "proto"], "client": ["client/image", "proto"],
+           "client/environment": ["client/base", "client/image", "proto"], "client": ["client/base", "client/image", "proto"],
            "client/cli": ["client", "client/base", "client/image", "client/color", "client/environment", "proto"]}
 for depth, folder in enumerate(SERVER):
     ALLOWED[folder] = ["proto", "shaders"] + SERVER[:depth]

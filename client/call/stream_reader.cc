@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
+#include "client/base/failure.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
@@ -99,8 +101,10 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   result_.bytes = header.encoded_bytes() > 0 ? header.encoded_bytes() : raw_bytes;
   result_.data.reset(new (std::nothrow) std::byte[result_.bytes]);
   if (result_.data == nullptr) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("out of memory for an image of %d bytes; give this process more", result_.bytes));
+    // This process lacks it, and not the server.
+    return failure_of(FailureKind::kOther,
+                      absl::ResourceExhaustedError(absl::StrFormat(
+                          "out of memory for an image of %d bytes; give this process more", result_.bytes)));
   }
   encoded_ = 0;
   if (header.encoded_bytes() == 0) {

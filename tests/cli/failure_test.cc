@@ -175,8 +175,9 @@ TEST_F(FailureEnds, AFullDiskIsOutput) {
 TEST_F(FailureEnds, AMachineWithoutMemoryOrThreadsIsNone) {
   EXPECT_EQ(candela_with_ulimit("-v $((500 * 1024))", {"render", in_, out_, "-q"}).code, kOther);
   EXPECT_EQ(candela_with_ulimit("-n 10", {"render", in_, out_, "-q"}).code, kOther);
-  EXPECT_EQ(candela_on_failing_machine("CANDELA_TEST_NO_THREADS", "1", {"stream", film_, frames_, "-q"}).code,
-            kOther);
+  EXPECT_EQ(
+      candela_on_failing_machine("CANDELA_TEST_STD_THREADS", "0", {"stream", film_, frames_, "-q"}).code,
+      kOther);
 }
 #endif
 
