@@ -9,7 +9,6 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/base/failure.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"

@@ -4,6 +4,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
+#include "client/base/failure.h"
 
 namespace candela {
 namespace {
@@ -101,9 +102,10 @@ std::optional<absl::Status> not_from_candelad(const std::string& address, const 
           address));
     case grpc::RESOURCE_EXHAUSTED:
       if (!absl::StrContains(message, "message larger than max")) return std::nullopt;
-      return absl::ResourceExhaustedError(absl::StrFormat(
-          "a message was larger than %s or this client takes; update the older one of them (gRPC says: %s)",
-          address, message));
+      return failure_of(FailureKind::kServer, absl::ResourceExhaustedError(absl::StrFormat(
+                                                  "a message was larger than %s or this client takes; update "
+                                                  "the older one of them (gRPC says: %s)",
+                                                  address, message)));
     case grpc::INTERNAL:
     case grpc::UNKNOWN:
       if (translated(kLost, message).empty()) return std::nullopt;

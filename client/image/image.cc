@@ -33,8 +33,11 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
   image.format = format;
   image.pixels = PixelBuffer(image.bytes());
   if (image.pixels.size() != image.bytes() || image.pixels.empty()) {
-    return absl::ResourceExhaustedError(absl::StrFormat(
-        "not enough memory for the %d bytes of a %dx%d image; scale it down", image.bytes(), width, height));
+    return failure_of(FailureKind::kOther,
+                      absl::ResourceExhaustedError(absl::StrFormat(
+                          "not enough memory for the %d bytes of a %dx%d image; give this process more, or "
+                          "scale it down",
+                          image.bytes(), width, height)));
   }
   return image;
 }

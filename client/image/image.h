@@ -94,7 +94,8 @@ struct PictureChoice {
 // what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND (also for a
 // part, layer or view, with a list of those that exist), PERMISSION_DENIED, INVALID_ARGUMENT (not an image,
 // damaged, unfinished, nothing to render, nothing to choose from), RESOURCE_EXHAUSTED (beyond the limits) or
-// UNIMPLEMENTED (deep images, a compression or a version that this OpenEXR does not know). Their kind is kInput (client/base/failure.h).
+// UNIMPLEMENTED (deep images, a compression or a version that this OpenEXR does not know). Their kind is
+// kInput, or kOther if this machine lacks memory (client/base/failure.h).
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
 

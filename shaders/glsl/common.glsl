@@ -37,7 +37,7 @@ float at_most(float x, float high) { return intBitsToFloat(min(floatBitsToInt(x)
 vec3 at_least(vec3 x, float low) { return intBitsToFloat(max(floatBitsToInt(x), floatBitsToInt(low))); }
 vec3 at_most(vec3 x, float high) { return intBitsToFloat(min(floatBitsToInt(x), floatBitsToInt(high))); }
 
-// Rounds a float to the nearest half, ties to even. The result is a float. |x| <= 65504.
+// Rounds a float to the nearest half, ties to even. The result is a float. Right only for |x| <= 65504.
 float round_to_half(float x) {
   uint bits = floatBitsToUint(x);
   uint magnitude = bits & 0x7fffffffu;

@@ -42,9 +42,24 @@ TEST_F(Slips, ANumberWithAUnitOrACommaIsShownWithout) {
   expect_line(render({"--white-balance", "6500K"}), 2, "; write 6500, without a unit");
   expect_line(render({"--exposure", "-2EV"}), 2, "; write -2, without a unit");
   expect_line(render({"--exposure", "1,5"}), 2, "; write 1.5, with a point");
-  expect_line(render({"--key", "18%"}), 2, "; write 18, without a unit");
+  expect_line(render({"--key", "18%"}), 2, "; write a number without a unit, in the unit that --help names");
+  expect_line(render({"--elapsed", "40ms"}), 2, "; write a number without a unit, in the unit that --help");
   expect_line({"view", in_, out_, "--fov", "60deg"}, 2, "; write 60, without a unit");
   expect_line(render({"--exposure", "much"}), 2, "it must be -40 .. 40, or auto\n");
+}
+
+TEST_F(Slips, AnOptionForJsonReplacesNothingElse) {
+  const std::string image = read_file(in_), notes = folder_.path("notes.txt"), json = folder_.path("a.json");
+  write_file(notes, "mine\n");
+  write_file(json, "{\"old\": 1}\n");
+  expect_line({"info", "--json", in_}, 2,
+              "holds no JSON, so it is not replaced; name another file, or - for stdout");
+  expect_line({"meter", "--save-exposures", notes, in_}, 2, "name another file");
+  expect_line(render({"--json", notes}), 2, notes + ": this file is there and holds no JSON");
+  EXPECT_EQ(read_file(in_), image);
+  EXPECT_EQ(read_file(notes), "mine\n");
+  EXPECT_EQ(candela(render({"--json", json, "-q"})).code, 0);
+  EXPECT_NE(read_file(json).find("exposure"), std::string::npos);
 }
 
 TEST_F(Slips, AnIlluminantIsShownInKelvin) {
@@ -95,10 +110,12 @@ TEST_F(Slips, PipesAreNoImages) {
   }
   // The JSON may go there.
   EXPECT_EQ(candela(render({"-q", "--json", "-"})).code, 0);
+  const std::filesystem::path here = std::filesystem::current_path();
   std::filesystem::current_path(folder_.path(""));
   std::filesystem::copy_file(in_, folder_.path("-"));
   EXPECT_EQ(candela({"render", "./-", out_, "-q"}).code, 0);
   EXPECT_EQ(candela({"render", "-q", "--", "-", out_}).code, 0);
+  std::filesystem::current_path(here);
 }
 
 TEST_F(Slips, AVideoIsNoOutput) {

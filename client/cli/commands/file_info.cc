@@ -8,6 +8,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
 #include "client/base/number_words.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/terminal.h"
 #include "client/image/primaries.h"
 
@@ -125,7 +126,7 @@ std::string to_json(const std::string& path, const FileFacts& facts) {
   const Json json = {{"file", path},   {"kind", facts.kind},   {"shown", shown},
                      {"error", error}, {"notes", facts.notes}, {"parts", parts}};
   // A path may not be UTF-8, so invalid bytes are replaced.
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return line_of(json);
 }
 
 }  // namespace candela

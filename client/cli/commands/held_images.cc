@@ -5,8 +5,10 @@
 #include <utility>
 
 #include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/cli/commands/render_report.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/options/option_words.h"
@@ -43,6 +45,8 @@ absl::Status HeldImages::repeat(StreamFrame frame) {
       image_of_ = file->second;
       frame.held = true;
       frame.input = image_of_;
+      const std::string bad = bad_values_note(rendered->image.header.statistics());
+      if (!bad.empty()) summary_.notes.insert(absl::StrCat(image_of_, ": ", bad));
       return images_.write(std::move(frame), std::move(rendered->image), rendered->facts);
     }
     if (!options_.skip_bad) return rendered->status;

@@ -170,7 +170,7 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
       {"frames_rendered", info.frames_rendered()},
       {"settings", settings},
   };
-  return server.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return line_of(server);
 }
 
 absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
@@ -202,7 +202,10 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
       print_error(facts.status());
       ++failed;
       add_failure(failed_for, facts.status());
-      if (absl::Status status = json.add(failure_line(facts.status())); !status.ok()) return status;
+      const std::string line = line_of({{"file", file},
+                                        {"error", std::string(facts.status().message())},
+                                        {"code", exit_code(kind_of(facts.status()))}});
+      if (absl::Status status = json.add(line); !status.ok()) return status;
       continue;
     }
     absl::Status status;

@@ -12,6 +12,7 @@
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/commands/stream_report.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
@@ -120,7 +121,7 @@ std::string to_json(const std::string& path, const Image& image, const Primaries
         {"bins_per_ev", metered.histogram_bins_per_ev()},
         {"weights", std::vector<uint64_t>(metered.histogram().begin(), metered.histogram().end())}}},
       {"stage_ms", stages}};
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return line_of(json);
 }
 
 // True if the user gave an option that only a sequence or a session has.
@@ -153,8 +154,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   ServerLink link(options.server, options.quiet);
   const absl::StatusOr<v1::Limits> limits = link.limits();
   if (!limits.ok()) return limits.status();
-  const absl::StatusOr<Image> image =
-      read_image(input, image_limits(*limits, options), choice_of(options));
+  const absl::StatusOr<Image> image = read_image(input, image_limits(*limits, options), choice_of(options));
   if (!image.ok()) return image.status();
   if (const auto server = link.connection(); !server.ok()) return server.status();
   if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
@@ -172,8 +172,8 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   if (!options.quiet) {
     for (const std::string& note : options.notes) print_note(note);
     for (const std::string& note : image->notes) print_note(note);
-    for (const std::string& note :
-         {alpha_note, held_words(metered->target(), metered->target_before_limits())}) {
+    for (const std::string& note : {alpha_note, cube_map_note(*image),
+                                    held_words(metered->target(), metered->target_before_limits())}) {
       if (!note.empty()) print_note(note);
     }
     if (!json.to_stdout()) {

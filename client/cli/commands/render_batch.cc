@@ -29,11 +29,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Result = absl::StatusOr<RenderReport>;
 
-// A path may not be UTF-8, so invalid bytes are replaced.
-std::string line_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 // The threads, each with one image. While one image is rendered, others are read and written; an image takes
 // memory for its pixels, so there are not many.
 size_t threads_for(size_t jobs) {

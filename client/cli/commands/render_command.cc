@@ -179,6 +179,8 @@ class Rendering {
   }
 
   const BakedView* view() const { return shared_.view() ? &*shared_.view() : nullptr; }
+  // Numbers, which no gamut cuts.
+  bool shows_data() const { return view() != nullptr && view()->view.as_is; }
   bool verifies_view() const { return options_.verify.verify && view() != nullptr; }
 
   absl::StatusOr<Image> read() {
@@ -220,7 +222,7 @@ class Rendering {
     if (!shared_.locked()) {
       add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
     }
-    add_note(gamut_note(report_.header, settings).value_or(""));
+    if (!shows_data()) add_note(gamut_note(report_.header, settings).value_or(""));
     if (verifies_view()) {
       const std::span<const std::byte> own = own_values_.empty() ? view.pixels : own_values_;
       const absl::StatusOr<ViewError> error = error_of_view(

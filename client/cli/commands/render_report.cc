@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "client/base/number_words.h"
 #include "client/cli/files/error_map.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/terminal.h"
 #include "proto/candela/v1/settings.h"
 
@@ -121,12 +122,11 @@ std::string summary_line(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
   const std::string missing =
       report.missing_pixels > 0 ? absl::StrFormat("%d pixels missing; ", report.missing_pixels) : "";
-  return absl::StrFormat("%s -> %s: %dx%d; %s%s; exposure %s%s; %s; %.2f s\n", escaped(report.input),
-                         escaped(report.output), header.width(), header.height(), missing,
-                         words_of(report.primaries), exposure_words(header.exposure(), report.defaults),
-                         default_bloom_words(report.defaults),
-                         escaped(report.view ? view_words(*report.view) : report.curve),
-                         report.total_ms / 1000);
+  return absl::StrFormat(
+      "%s -> %s: %dx%d; %s%s; exposure %s%s; %s; %.2f s\n", escaped(report.input), escaped(report.output),
+      header.width(), header.height(), missing, words_of(report.primaries),
+      exposure_words(header.exposure(), report.defaults), default_bloom_words(report.defaults),
+      escaped(report.view ? view_words(*report.view) : report.curve), report.total_ms / 1000);
 }
 
 void add_everything(const RenderReport& report, std::string& text,
@@ -254,7 +254,7 @@ std::string to_json(const RenderReport& report) {
                           {"scale", error_scale_words()}};
   }
   // A path may not be UTF-8, so invalid bytes are replaced.
-  return frame.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return line_of(frame);
 }
 
 }  // namespace candela

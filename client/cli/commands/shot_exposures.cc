@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
@@ -29,7 +30,9 @@ absl::StatusOr<ShotExposures> ShotExposures::open(const StreamOptions& options) 
 
 absl::Status ShotExposures::prepare_save() const {
   if (!saved()) return absl::OkStatus();
-  if (absl::Status status = make_folder_of(options_.save_exposures); !status.ok()) return status;
+  absl::Status status = replaces_only_json("--save-exposures", options_.save_exposures);
+  status.Update(make_folder_of(options_.save_exposures));
+  if (!status.ok()) return status;
   return writable_destination(options_.save_exposures).status();
 }
 

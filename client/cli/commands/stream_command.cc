@@ -29,6 +29,7 @@
 #include "client/cli/files/sequence.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/option_words.h"
+#include "client/cli/options/usage.h"
 
 namespace candela {
 namespace {
@@ -122,6 +123,7 @@ class Streaming {
       summary_.notes.insert(baked->notes.begin(), baked->notes.end());
       summary_.view = view_words(baked->report);
       view = std::make_shared<const BakedView>(*std::move(baked));
+      shows_data_ = view->view.as_is;
     }
     return link_.check_tier(settings.tier());
   }
@@ -178,9 +180,9 @@ class Streaming {
 
   absl::Status take(size_t index, FrameResult& result, const FrameFacts& facts) {
     StreamFrame frame = frame_of(index);
-    frame.status = in_options(result.status, options_.settings);
     if (!result.status.ok()) {
-      if (!options_.skip_bad) return name_file(frame.status, frame.input);
+      frame.status = name_file(in_options(result.status, options_.settings), frame.input);
+      if (!options_.skip_bad) return frame.status;
       return skip(index, std::move(frame));
     }
     frame.header = result.image.header;
@@ -211,7 +213,7 @@ class Streaming {
     };
     const v1::FrameStatistics& statistics = frame.header.statistics();
     say_once(said_bad_, bad_values_note(statistics));
-    say_once(said_gamut_, gamut_note(frame.header, settings_).value_or(""));
+    if (!shows_data_) say_once(said_gamut_, gamut_note(frame.header, settings_).value_or(""));
     if (!options_.exposures.empty() || !options_.locked_exposure.empty()) return;
     say_once(said_held_, held_words(frame.header.target(), frame.header.target_before_limits()));
   }
@@ -301,6 +303,7 @@ class Streaming {
   absl::Time begin_;
   v1::Settings settings_;  // those of the first frame
   bool said_bad_ = false;
+  bool shows_data_ = false;  // numbers, which no gamut cuts
   bool said_gamut_ = false;
   bool said_held_ = false;
   double exposure_ = 1;
@@ -329,6 +332,12 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
   const absl::StatusOr<StreamPlan> plan = plan_stream(options, *shot);
   if (!plan.ok()) return plan.status();
   const auto& [names, sequence, images] = *plan;
+  const bool wants_exposures = shot->saved() || !options.plot.empty();
+  if (sequence.frames.empty() && wants_exposures) {
+    return usage_error(
+        "every image repeats a frame before --range, so there are no exposures to save or to draw; leave out "
+        "--save-exposures and --exposure-plot, or give another --range");
+  }
   if (absl::Status status = shot->prepare_save(); !status.ok()) return status;
   if (!options.plot.empty()) {
     if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
@@ -346,10 +355,11 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
       Streaming(options, *shot, sequence, images, json, progress).run();
   progress.clear();
   if (!summary.ok()) return summary.status();
-  if (summary->curve.empty() && (shot->saved() || !options.plot.empty())) {
-    return absl::NotFoundError(
-        "every image repeats a frame before --range, so there are no exposures to save or to draw; leave out "
-        "--save-exposures and --exposure-plot, or give another --range");
+  if (summary->curve.empty() && wants_exposures) {
+    return failure_of(
+        FailureKind::kInput,
+        absl::NotFoundError("no frame of its own was rendered, so there is no exposure to save or "
+                            "to draw"));
   }
   if (shot->saved()) {
     absl::Status status = shot->save(sequence, summary->rate.rate, summary->curve, summary->state);

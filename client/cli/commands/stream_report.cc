@@ -35,11 +35,6 @@ constexpr char kPlotStyle[] =
     "set y2tics\n"
     "set offsets 0, 0, graph 0.05, graph 0.05\n";
 
-// A path may not be UTF-8, so invalid bytes are replaced.
-std::string line_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 double per_second(const StreamSummary& summary) {
   const double seconds = absl::ToDoubleSeconds(summary.time);
   return seconds > 0 ? static_cast<double>(summary.written) / seconds : 0;

@@ -98,6 +98,7 @@ class EnvironmentJob {
     if (!file.ok()) return file.status();
     add_stage("read", ms_since(begin));
     report_.primaries = file->primaries;
+    report_.missing_pixels = file->missing_pixels;
     std::move(file->notes.begin(), file->notes.end(), std::back_inserter(report_.notes));
     panorama_ = std::move(file->panorama);
     return absl::OkStatus();
@@ -202,8 +203,7 @@ class EnvironmentJob {
       result = server.render(preview_settings(), view_of(*sheet), begin + kBakeTimeout);
       return result.status();
     });
-    if (!status.ok())
-      return reworded(status, absl::StrFormat("%s: %s", options_.preview, status.message()));
+    if (!status.ok()) return reworded(status, absl::StrFormat("%s: %s", options_.preview, status.message()));
     const absl::StatusOr<Image> picture = picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
     if (!picture.ok()) return picture.status();
     if (const auto notes = write_image(options_.preview, *picture); !notes.ok()) return notes.status();

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "client/base/number_words.h"
 #include "client/cli/commands/render_report.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/terminal.h"
 #include "proto/candela/v1/rgb9e5.h"
 #include "proto/candela/v1/settings.h"
@@ -89,13 +90,14 @@ std::string to_json(const EnvironmentReport& report, const EnvironmentOptions& o
                      {"had_it", panorama.had_it()},
                      {"bad_values", bad_values_json(panorama)},
                      {"clamped_components", panorama.clamped_components()},
+                     {"missing_pixels", report.missing_pixels},
                      {"losses", losses_of(report.bake)},
                      {"files", report.files},
                      {"stage_ms", stages},
                      {"total_ms", report.total_ms},
                      {"notes", report.notes}};
   // A path may not be UTF-8, so invalid bytes are replaced.
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return line_of(json);
 }
 
 }  // namespace candela

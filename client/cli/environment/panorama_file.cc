@@ -51,12 +51,13 @@ absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const Pictur
   if (!read.ok()) return read.status();
   if (read->is_cube_map) {
     read = panorama_of_cube(*read, v1::kMaxPanoramaWidth, most.max_bytes);
-    if (!read.ok()) return name_file(read.status(), path);
+    if (!read.ok()) return failure_of(FailureKind::kInput, name_file(read.status(), path));
   }
   if (absl::Status status = check_size(*read, path); !status.ok()) return status;
   enter_scene(view, *read);
   PanoramaFile file;
   file.notes = std::exchange(read->notes, {});
+  file.missing_pixels = read->missing_pixels;
   const double aspect = static_cast<double>(read->width) / read->height;
   if (aspect < kLeastAspect || aspect > kMostAspect) {
     file.notes.push_back(absl::StrFormat(

@@ -20,6 +20,7 @@ struct PanoramaFile {
   std::shared_ptr<const Panorama> panorama;
   PrimariesUsed primaries;
   std::vector<std::string> notes;
+  uint64_t missing_pixels = 0;  // of the file, as in Image
 };
 
 // Reads the picture that `options` choose from the file `path`. Its primaries are those of the options'

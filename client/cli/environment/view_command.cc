@@ -103,6 +103,7 @@ class OneView {
     if (!file.ok()) return file.status();
     report_.stage_ms.emplace_back("read", ms_since(begin));
     report_.primaries = file->primaries;
+    report_.missing_pixels = file->missing_pixels;
     add_notes(std::exchange(file->notes, {}));
     panorama_ = std::move(file->panorama);
     return absl::OkStatus();
@@ -130,7 +131,7 @@ class OneView {
     error_map_ = std::move(result->error_map);
     if (!frame_.exposure)
       add_note(held_words(result->header.target(), result->header.target_before_limits()));
-    add_note(gamut_note(result->header, settings_).value_or(""));
+    if (!view_ || !view_->view.as_is) add_note(gamut_note(result->header, settings_).value_or(""));
     return picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
   }
 

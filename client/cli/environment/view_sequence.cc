@@ -156,6 +156,7 @@ class ViewSequence {
     frame.output = names_.path(frame.number, "");
     frame.media_time_ns = media_time_ns(result.sequence, scene_.rate());
     frame.primaries = file_.primaries;
+    frame.missing_pixels = file_.missing_pixels;
     frame.header = result.image.header;
     frame.latency = result.latency;
     add_notes_on(frame.header);
@@ -176,7 +177,7 @@ class ViewSequence {
     const auto say_once = [&](bool& said, const std::string& words) {
       if (!words.empty() && !std::exchange(said, true)) summary_.notes.insert(words);
     };
-    say_once(said_gamut_, gamut_note(header, settings_).value_or(""));
+    if (!view_ || !view_->view.as_is) say_once(said_gamut_, gamut_note(header, settings_).value_or(""));
     if (!exposure_given_) say_once(said_held_, held_words(header.target(), header.target_before_limits()));
   }
 

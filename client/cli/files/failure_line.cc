@@ -28,6 +28,10 @@ End end_of(FailureKind kind) {
 
 }  // namespace
 
+std::string line_of(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 int exit_code(FailureKind kind) { return end_of(kind).code; }
 
 std::string failure_line(const absl::Status& status) {
@@ -38,10 +42,7 @@ std::string failure_line(const absl::Status& status) {
       {"kind", end.word},
       {"message", std::string(status.message())},
       {"input", input.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(input)}};
-  // A path may not be UTF-8, so invalid bytes are replaced.
-  return nlohmann::ordered_json{{"error", error}}.dump(-1, ' ', false,
-                                                       nlohmann::ordered_json::error_handler_t::replace) +
-         "\n";
+  return line_of({{"error", error}});
 }
 
 }  // namespace candela

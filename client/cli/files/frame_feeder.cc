@@ -3,6 +3,7 @@
 #include <memory>
 #include <new>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
@@ -164,7 +165,10 @@ SessionFrame FrameFeeder::frame(uint64_t index, Image read, std::optional<double
     facts_[index] = {read.has_alpha, read.pixel_aspect,
                      said_rate_,     primaries_of(read, options_.settings, options_.view.get()),
                      read.kept,      read.missing_pixels};
-    notes_.insert(read.notes.begin(), read.notes.end());
+    for (const std::string& note : read.notes) {
+      // How much is missing is another number in each file.
+      notes_.insert(read.missing_pixels > 0 ? absl::StrCat(sequence_.frames[index].path, ": ", note) : note);
+    }
     if (read.is_cube_map) notes_.insert(cube_map_note(read));
     notes_.insert(differences.begin(), differences.end());
   }

@@ -46,6 +46,13 @@ std::vector<std::string> files_of_word(const std::string& word) {
   return files;
 }
 
+// True of an empty file, too.
+bool holds_json(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  const int first = file.get();
+  return file.is_open() && (first == '{' || first == std::ifstream::traits_type::eof());
+}
+
 // Whether fail() may write this path although no command has checked it.
 bool may_be_replaced(const std::string& name, const std::vector<std::string>& words) {
   std::error_code failed;
@@ -53,9 +60,7 @@ bool may_be_replaced(const std::string& name, const std::vector<std::string>& wo
   // A folder that is missing will be made, and the name may lead out of it again: missing/../file.
   const std::filesystem::path path = std::filesystem::weakly_canonical(name, failed);
   if (!std::filesystem::is_regular_file(path, failed)) return true;
-  std::ifstream file(path);
-  const int first = file.get();
-  if (!file.is_open() || (first != '{' && first != std::ifstream::traits_type::eof())) return false;
+  if (!holds_json(path)) return false;
   for (size_t i = 0; i < words.size(); ++i) {
     if (words[i] == kOption && i + 1 < words.size()) {
       ++i;
@@ -70,6 +75,15 @@ bool may_be_replaced(const std::string& name, const std::vector<std::string>& wo
 }
 
 }  // namespace
+
+absl::Status replaces_only_json(const char* option, const std::string& path) {
+  std::error_code failed;
+  const std::filesystem::path file = std::filesystem::weakly_canonical(path, failed);
+  if (!std::filesystem::is_regular_file(file, failed) || holds_json(file)) return absl::OkStatus();
+  return usage_error(absl::StrFormat(
+      "%s %s: this file is there and holds no JSON, so it is not replaced; name another file%s", option, path,
+      absl::string_view(option) == kOption ? ", or - for stdout" : ""));
+}
 
 absl::Status JsonOutput::open() {
   absl::Status status = open_path();
@@ -97,6 +111,7 @@ absl::Status JsonOutput::open_path() {
   if (exists && !S_ISREG(info.st_mode)) {
     return access(path_.c_str(), W_OK) == 0 ? absl::OkStatus() : cannot_write(path_, errno);
   }
+  if (absl::Status status = replaces_only_json(kOption, path_); !status.ok()) return status;
   if (absl::Status status = make_folder_of(path_); !status.ok()) return status;
   absl::StatusOr<AtomicFile> file = AtomicFile::create(path_);
   if (!file.ok()) return file.status();

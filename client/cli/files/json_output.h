@@ -13,6 +13,9 @@
 
 namespace candela {
 
+// A usage error if this option's file is there and holds no JSON, such as an image that was named by mistake.
+absl::Status replaces_only_json(const char* option, const std::string& path);
+
 // Used by one thread.
 class JsonOutput {
  public:
@@ -21,8 +24,8 @@ class JsonOutput {
   // as /dev/stdout, is "-".
   explicit JsonOutput(std::string path) : path_(std::move(path)) {}
 
-  // Call it before the work, so that a path that cannot be written fails early, and after check_outputs_apart().
-  // Fails if stdout was closed, and for the file that stderr goes to.
+  // Call it before the work, so that a path that cannot be written fails early, and after
+  // check_outputs_apart(). Fails if stdout was closed, and for the file that stderr goes to.
   absl::Status open();
 
   bool to_stdout() const { return path_ == "-"; }

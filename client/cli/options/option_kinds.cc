@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "absl/algorithm/container.h"
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
@@ -35,6 +37,16 @@ CLI::Option* add_text(CLI::App& app, const std::string& section, const std::stri
 
 namespace {
 
+// Whether numbers of the option have this unit.
+bool is_own_unit(const std::string& name, const std::string& unit) {
+  constexpr std::pair<const char*, const char*> kUnits[] = {
+      {"--white-balance", "K"}, {"--exposure", "EV"}, {"--compensation", "EV"}, {"--fov", "deg"},
+      {"--yaw", "deg"},         {"--pitch", "deg"},   {"--roll", "deg"},        {"--turn", "deg"}};
+  return absl::c_any_of(kUnits, [&](const auto& own) {
+    return name == own.first && absl::EqualsIgnoreCase(absl::StripLeadingAsciiWhitespace(unit), own.second);
+  });
+}
+
 // What somebody means who writes a number with a unit, with a comma or as an illuminant; "" if that is
 // unknown.
 std::string meant_number(const std::string& name, const std::string& text) {
@@ -56,7 +68,8 @@ std::string meant_number(const std::string& name, const std::string& text) {
       if (unit == prefix && !is_kelvin)
         return absl::StrFormat("; write %s", v1::format_number(value * factor));
     }
-    return absl::StrFormat("; write %s, without a unit", number);
+    return is_own_unit(name, unit) ? absl::StrFormat("; write %s, without a unit", number)
+                                   : "; write a number without a unit, in the unit that --help names";
   }
   const std::string with_point = absl::StrReplaceAll(text, {{",", "."}});
   if (with_point != text && absl::SimpleAtod(with_point, &value)) {

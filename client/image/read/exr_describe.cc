@@ -108,10 +108,10 @@ absl::StatusOr<FileFacts> describe_exr(FileReader& opened, const ImageLimits& li
     }
     if (facts.renderable.ok()) facts.shown = shown_words(file, *picture);
     if (!file.partComplete(picture->part)) {
-      facts.notes.push_back(
-          "the file is unfinished: not all of its rows or tiles were written; --incomplete fill renders what "
-          "is "
-          "there");
+      const bool luma_chroma = picture->channels.kind == ExrChannels::Kind::kLumaChroma;
+      facts.notes.push_back(absl::StrCat(
+          "the file is unfinished: not all of its rows or tiles were written; --incomplete fill ",
+          luma_chroma ? "does not read luminance and chroma" : "renders what is there"));
     }
     return absl::OkStatus();
   });

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
+#include "client/base/failure.h"
 #include "client/image/read/exr_header.h"
 #include "client/image/read/readers.h"
 
@@ -53,8 +54,10 @@ absl::Status with_exr_file(FileReader& opened,
     Imf::MultiPartInputFile file(stream, threads);
     return use(file);
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: not enough memory to decode it; scale it down", path));
+    return failure_of(
+        FailureKind::kOther,
+        absl::ResourceExhaustedError(absl::StrFormat(
+            "%s: not enough memory to decode it; give this process more, or scale it down", path)));
   } catch (const std::exception& error) {
     // Removes the file's name, which the library adds and our message has already. The text may quote the
     // file's content.

@@ -187,7 +187,7 @@ HWY_INLINE VF luminance(VF r, VF g, VF b) {
 // max(x, 0) with the bits of common.glsl's at_least().
 HWY_INLINE VF without_negatives(VF x) { return floats(hn::Max(bits(x), hn::Zero(kInts))); }
 
-// Rounds to the nearest half, ties to even; the result is a float. |x| <= 65504.
+// Rounds to the nearest half, ties to even; the result is a float. Right only for |x| <= 65504.
 HWY_INLINE VF round_to_half(VF x) {
   const hn::Rebind<hwy::float16_t, DF> halves;
   return hn::PromoteTo(kFloats, hn::DemoteTo(halves, x));
