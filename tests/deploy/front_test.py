@@ -191,7 +191,7 @@ def a_call_too_many_is_unavailable_until_another_ends() -> None:
         run(binary("candela"), "sample", FOLDER / "scene.pfm", "--size", "16x9", "-q")
         command = (binary("candela"), "render", FOLDER / "scene.pfm", FOLDER / "out.png", "--server", front.address)
         refused = attempt(*command, "--resume", 0)
-        expect(refused.returncode == 1 and "takes no more calls from this address" in refused.stderr, f"the command says: {refused.stderr}")
+        expect(refused.returncode == 4 and "takes no more calls from this address" in refused.stderr, f"the command says: {refused.stderr}")
         with concurrent.futures.ThreadPoolExecutor() as pool:
             waiting = pool.submit(attempt, *command)
             expect(not concurrent.futures.wait([waiting], 2).done, f"the command does not wait for its turn: {waiting.done() and waiting.result()}")

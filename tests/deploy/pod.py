@@ -39,7 +39,7 @@ def kube_play_brings_it_up(folder: pathlib.Path, version: str) -> None:
                    + attempt("podman", "logs", "candela-pod-0-proxy").stderr)
         expect(inside("sample", "a.exr", "--size", "320x180").returncode == 0, "no sample")
         refused = inside("render", "a.exr", "a.png")
-        expect(refused.returncode == 1 and "token" in refused.stderr, f"a call without a token: {refused}")
+        expect(refused.returncode == 4 and "token" in refused.stderr, f"a call without a token: {refused}")
         token = ("--token-file", "/etc/candela/secret/tokens")
         for words in (("info", *token), ("render", "a.exr", "a.png", *token)):
             done = inside(*words)

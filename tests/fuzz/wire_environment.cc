@@ -34,7 +34,8 @@ void check_bake(const BakeStart& start) {
          "a cube's size is a power of two within its range");
   expect(start.spec.quality.cube_samples > 0 && start.spec.quality.specular_detail > 0,
          "a bake has a quality");
-  expect(start.format == v1::PIXEL_FORMAT_RGBA16F || start.format == v1::PIXEL_FORMAT_RGB9E5,
+  expect(start.format == v1::PIXEL_FORMAT_RGBA16F || start.format == v1::PIXEL_FORMAT_RGBA32F ||
+             start.format == v1::PIXEL_FORMAT_RGB9E5,
          "a bake has one of its formats");
 }
 

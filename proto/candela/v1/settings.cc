@@ -237,7 +237,7 @@ std::string format_number(double value) {
   }
   // Few people read 1e+09.
   const bool is_large = std::fabs(value) >= 1e6 && std::fabs(value) < 1e15;
-  return absl::StrFormat(is_large ? "%.0f" : "%.7g", value);
+  return is_large ? absl::StrFormat("%.0f", value) : absl::StrFormat("%.7g", value);
 }
 
 std::string format_range(double min, double max) {
