@@ -50,25 +50,40 @@ struct AnyRun {
 
   // Reads `count` texels from column x on.
   void meter(const std::byte* at, uint32_t x, uint32_t count) {
-    for (; count >= kLanes; count -= kLanes, x += kLanes, at += kLanes * texel_bytes(kPixels))
-      add(at, x, kLanes);
-    if (count > 0) add(PartOfRow<kPixels>(at, 0, count).bytes, x, count);
+    if (work.constants.scrub != 0 || input.scrub || input.matrix) {
+      add_all<true, true>(at, x, count);
+    } else if (work.constants.alpha == shader::METER_COVERAGE) {
+      add_all<false, true>(at, x, count);
+    } else {
+      add_all<false, false>(at, x, count);
+    }
     const VL high = add_wide(hn::Zero(kLongs), log2_high);
     sums.log2_sum = hn::Add(add_wide(sums.log2_sum, log2_low), hn::ShiftLeft<16>(high));
   }
 
+  // Apart, because what a scrub, a matrix or coverage needs takes registers from the others. kConverts: there
+  // may be a scrub or a matrix. kCovers: there may be coverage.
+  template <bool kConverts, bool kCovers>
+  HWY_INLINE void add_all(const std::byte* at, uint32_t x, uint32_t count) {
+    for (; count >= kLanes; count -= kLanes, x += kLanes, at += kLanes * texel_bytes(kPixels))
+      add<kConverts, kCovers>(at, x, kLanes);
+    if (count > 0) add<kConverts, kCovers>(PartOfRow<kPixels>(at, 0, count).bytes, x, count);
+  }
+
+  template <bool kConverts, bool kCovers>
   HWY_INLINE void add(const std::byte* at, uint32_t x, uint32_t count) {
     const MF here = first_pixels(count);
     const Pixels wire = load_pixels<kPixels>(at);
-    note_wire(wire, x, here);
-    const Pixels scene = ingest(input, wire);
-    if (input.matrix) {
+    note_wire<kConverts>(wire, x, here);
+    const Input as_it_is{input.frame, kPixels, false, false};
+    const Pixels scene = ingest(kConverts ? input : as_it_is, wire);
+    if (kConverts && input.matrix) {
       sums.negative_scene_components += negatives(scene, here);
       sums.max_magnitude = hn::Max(sums.max_magnitude, magnitude(ingest_unrounded(input, wire)));
     }
     const VF l = luminance(scene.r, scene.g, scene.b);
-    add_metered(hn::Sub(fixed_log2(l), hn::Set(kUints, kLog2Offset)), weights(x, scene.a, here),
-                metered(wire, l, here));
+    add_metered(hn::Sub(fixed_log2(l), hn::Set(kUints, kLog2Offset)), weights<kCovers>(x, scene.a, here),
+                metered<kConverts>(wire, l, here));
     sums.max_luminance = hn::Max(sums.max_luminance, bits(l));
     sums.min_luminance = hn::Min(sums.min_luminance, bits(l));
     const VF light =
@@ -84,10 +99,11 @@ struct AnyRun {
            count_of(hn::And(here, hn::Lt(c.b, zero)));
   }
 
+  template <bool kConverts>
   HWY_INLINE void note_wire(const Pixels& wire, uint32_t x, MF here) {
     sums.negative_components += negatives(wire, here);
     VI largest = magnitude(wire);
-    if (work.constants.scrub != 0) count_bad(wire, x, here);
+    if (kConverts && work.constants.scrub != 0) count_bad(wire, x, here);
     if (work.constants.alpha != shader::METER_OPAQUE) {
       largest = hn::Max(largest, size(wire.a));
     } else {
@@ -131,6 +147,7 @@ struct AnyRun {
   }
 
   // The texels that are neither too dark nor absent.
+  template <bool kConverts>
   HWY_INLINE MF metered(const Pixels& wire, VF l, MF here) {
     MF mask = here;
     if (work.constants.ignore != 0) {
@@ -138,7 +155,7 @@ struct AnyRun {
       mask = hn::AndNot(hn::RebindMask(kFloats, dark), mask);
     }
     if (work.constants.alpha != shader::METER_OPAQUE) {
-      const Pixels c = input.scrub ? scrub(wire) : wire;
+      const Pixels c = kConverts && input.scrub ? scrub(wire) : wire;
       const VI light = hn::Or(hn::Or(bits(c.r), bits(c.g)), bits(c.b));
       const auto missing =
           hn::And(hn::Eq(hn::Add(light, light), hn::Zero(kInts)), hn::Lt(bits(c.a), hn::Set(kInts, 1)));
@@ -157,9 +174,11 @@ struct AnyRun {
     if (bins != nullptr) add_to_bins(fixed, weight);
   }
 
+  template <bool kCovers>
   HWY_INLINE VU weights(uint32_t x, VF alpha, MF here) {
     const VU weight = weights(x);
-    return work.constants.alpha == shader::METER_COVERAGE ? covered(weight, alpha, here) : weight;
+    if (kCovers && work.constants.alpha == shader::METER_COVERAGE) return covered(weight, alpha, here);
+    return weight;
   }
 
   // Of texels that alpha covers in part. Without WEIGHTS_CENTER a weight of 1 stands as 255.
