@@ -28,7 +28,7 @@ FailureKind kind_of(const absl::Status& status);
 // The status with the input file that failed, unless it has one already or `path` is "".
 absl::Status about_input(absl::Status status, const std::string& path);
 
-// Of the kind kInput, and about this file: both of the above.
+// A failure of the kind kInput that is about this file: failure_of() and about_input() together.
 absl::Status input_failure(const absl::Status& status, const std::string& path);
 
 // That file; "" if the failure is about none.

@@ -66,8 +66,7 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
     const uint32_t width = kept->environment.width;
     return absl::InvalidArgumentError(
         absl::StrFormat("pixel (%d, %d) of the panorama is NaN, Inf or beyond 2^30, and bad_values is "
-                        "REJECT; use SCRUB or mend "
-                        "the file",
+                        "REJECT; use SCRUB or mend the file",
                         *bad.first_bad_texel % width, *bad.first_bad_texel / width));
   }
   {

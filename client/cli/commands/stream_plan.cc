@@ -64,8 +64,7 @@ absl::Status check_outputs(const StreamOptions& options, const Sequence& sequenc
 std::string sign_note(const OutputNames& names, const NamedImage& first) {
   return absl::StrFormat(
       "%s: its minus will be read as a hyphen, because a sign stands only at the beginning of a name and "
-      "after . "
-      "or _; write to a pattern such as out/%%04d%s",
+      "after . or _; write to a pattern such as out/%%04d%s",
       first.output, names.extension());
 }
 

@@ -59,8 +59,7 @@ v1::Settings settings_for(const Image& image, v1::Settings settings) {
 std::string cube_map_note(const Image& image) {
   if (!image.is_cube_map) return "";
   return "the file is a cube map (envmap): its faces are rendered as they lie in it; candela view and "
-         "candela "
-         "environment show what they surround";
+         "candela environment show what they surround";
 }
 
 absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect) {

@@ -52,8 +52,8 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
            shown.part);
   add_text(app, kInputSection, "--layer", "NAME",
            "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one channel by its full name, as "
-           "grey; RGB "
-           "for the channels without a layer, XYZ for X, Y and Z as CIE XYZ (default: as for --part)",
+           "grey; RGB for the channels without a layer, XYZ for X, Y and Z as CIE XYZ (default: as for "
+           "--part)",
            shown.layer);
   add_text(app, kInputSection, "--incomplete", "error|fill",
            "What an unfinished or damaged file is: an error (default), or the pixels that there are, and the "

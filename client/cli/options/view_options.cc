@@ -21,8 +21,7 @@ void add_view_options(CLI::App& app, ViewChoice& view) {
   };
   add("--ocio", "CONFIG",
       "Instead of a curve: a view of this OpenColorIO configuration, at 0 EV and without bloom unless their "
-      "options "
-      "are given (default: $OCIO)",
+      "options are given (default: $OCIO)",
       view.config);
   add("--display", "NAME", "Display of --ocio (default: the configuration's)", view.display);
   add("--view", "NAME",

@@ -36,8 +36,8 @@ absl::Status check_chunk(const std::string& path, const Imf::Header& header, uin
   if (pixels > max_bytes || pixels * pixel_bytes > max_bytes) {
     return absl::ResourceExhaustedError(
         absl::StrFormat("%s: its chunks of %d pixels with %d bytes each exceed the limit of %d bytes; store "
-                        "fewer channels or "
-                        "smaller tiles, or raise the limit with --max-chunk-mib, for which %d MiB are enough",
+                        "fewer channels or smaller tiles, or raise the limit with --max-chunk-mib, "
+                        "for which %d MiB are enough",
                         path, pixels, pixel_bytes, max_bytes, (pixels * pixel_bytes >> 20) + 1));
   }
   return absl::OkStatus();
