@@ -107,7 +107,7 @@ TEST_F(Report, ManualExposureIsTwoToTheEv) {
 
 TEST_F(Report, JsonGoesToAFileOrADeviceAndTheTextToStdout) {
   const std::string path = folder_.path("frame.json");
-  write_file(path, "old");
+  write_file(path, "{}");
   const Outcome outcome = candela({"render", in_, out_, "--json", path});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("exposure"), std::string::npos);
