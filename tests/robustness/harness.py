@@ -80,7 +80,7 @@ class Daemon:
                  wait: float = 60, metrics: bool = True):
         self.folder = tempfile.TemporaryDirectory(prefix="candela-attacked-")
         self.log = pathlib.Path(self.folder.name) / "log"
-        self.address = listen or f"127.0.0.1:{free_port()}"
+        self.address = listen or "127.0.0.1:0"  # candelad chooses a port, which it prints
         self.metrics = f"127.0.0.1:{free_port()}" if metrics else ""
         command = [binary("candelad"), "--listen", self.address, "--cache-dir", f"{self.folder.name}/cache", *options]
         if metrics:
@@ -95,10 +95,13 @@ class Daemon:
     def _wait_until_listening(self, wait: float) -> bool:
         os.set_blocking(self.process.stdout.fileno(), False)
         said, end = b"", time.monotonic() + wait
-        while time.monotonic() < end and self.process.poll() is None and b"listening" not in said:
+        while time.monotonic() < end and self.process.poll() is None and b"\n" not in said:
             said += self.process.stdout.read() or b""
             time.sleep(0.02)
-        return b"listening" in said
+        listening = re.match(rb"listening on ([^\s,]+)", said)
+        if listening and self.address.endswith(":0"):
+            self.address = listening[1].decode()
+        return bool(listening)
 
     def __enter__(self):
         expect(self.listening, f"candelad did not start: {self.words()}")
