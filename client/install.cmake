@@ -17,7 +17,7 @@ install(FILES ${CMAKE_SOURCE_DIR}/proto/candela/v1/render.proto DESTINATION ${CM
 
 install(TARGETS candela candelad)
 set_target_properties(candela_client_connection PROPERTIES EXPORT_NAME client)
-install(TARGETS candela_client_connection candela_client_base candela_address candela_environment_id candela_wire candela_proto candela_messages EXPORT candelaTargets)
+install(TARGETS candela_client_connection candela_client_base candela_words candela_environment_id candela_wire candela_proto candela_messages EXPORT candelaTargets)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/candela)
 install(EXPORT candelaTargets NAMESPACE candela:: DESTINATION ${package})
 configure_package_config_file(client/candelaConfig.cmake.in ${CMAKE_BINARY_DIR}/install/candelaConfig.cmake

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 #include "server/listen_address.h"
 #include "server/option_table.h"
 
@@ -29,7 +29,7 @@ absl::Status check_tls(const Config& config) {
 
 // Port 0 picks another port each time.
 bool is_picked(const std::string& address) {
-  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  const std::optional<HostPort> at = parse_host_port(address);
   return at && at->port == 0;
 }
 

@@ -8,7 +8,7 @@
 #include <climits>
 #include <utility>
 
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 #include "server/access/client_identity.h"
 #include "server/base/listening_socket.h"
 #include "server/memory_budget.h"
@@ -76,7 +76,7 @@ class Ports {
  public:
   Ports(grpc::ServerBuilder& builder, const Config& config, const std::string& address, Access& access,
         Metrics& metrics) {
-    const bool by_client = !config.token_file.empty() && !v1::is_unix_address(address);
+    const bool by_client = !config.token_file.empty() && !is_unix_address(address);
     ports_.resize(by_client ? kPortsForTokens : 1);
     for (Port& port : ports_) {
       port.acceptor = builder.experimental().AddExternalConnectionAcceptor(
@@ -124,7 +124,7 @@ absl::Status open_doors(const Config& config, const std::string& address, grpc::
   if (!sockets.ok()) return sockets.status();
   listener.addresses.push_back(sockets->front().address());
   const auto ports = std::make_shared<Ports>(builder, config, address, access, metrics);
-  const bool tls = !config.tls_cert.empty() && !v1::is_unix_address(address);
+  const bool tls = !config.tls_cert.empty() && !is_unix_address(address);
   for (ListeningSocket& socket : *sockets) {
     listener.own_doors.push_back({socket.local(), tls});
     const int listening = socket.descriptor();

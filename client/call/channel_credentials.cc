@@ -14,7 +14,7 @@
 #include "absl/synchronization/mutex.h"
 #include "client/call/plain_file.h"
 #include "client/call/tls_probe.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 
 namespace candela {
 namespace {
@@ -22,8 +22,8 @@ namespace {
 constexpr size_t kMaxBytes = size_t{1} << 20;  // of a certificate or a token
 
 bool stays_here(const std::string& address) {
-  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
-  return v1::is_unix_address(address) || (at && v1::is_loopback(at->host));
+  const std::optional<HostPort> at = parse_host_port(address);
+  return is_unix_address(address) || (at && is_loopback(at->host));
 }
 
 absl::StatusOr<std::string> read_file(const char* what, const std::string& path) {
@@ -107,7 +107,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> tls_credentials(const 
 
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
     const std::string& address, const ClientSecurity& security, grpc::ChannelArguments& arguments) {
-  const bool is_unix = v1::is_unix_address(address);
+  const bool is_unix = is_unix_address(address);
   const bool tls = security.wants_tls() && !is_unix;
   std::shared_ptr<grpc::ChannelCredentials> channel = grpc::InsecureChannelCredentials();
   if (tls) {

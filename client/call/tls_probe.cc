@@ -11,7 +11,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 
 namespace candela {
 namespace {
@@ -129,7 +129,7 @@ bool may_be_about_tls(absl::string_view message) {
 }
 
 std::string why_tls_fails(const std::string& address, const ClientSecurity& security) {
-  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  const std::optional<HostPort> at = parse_host_port(address);
   if (!at) return "";
   const Bio connection = connect_to(address);
   if (connection == nullptr) return "";

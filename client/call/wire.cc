@@ -16,7 +16,7 @@
 #include "client/call/retry_info.h"
 #include "client/call/tls_probe.h"
 #include "client/call/transport_words.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
 
@@ -28,8 +28,8 @@ constexpr int kSlowestReconnectMs = 1000;
 constexpr int kFastestPingMs = 1000;  // gRPC does not ping more often
 
 bool is_address(const std::string& address) {
-  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
-  return v1::is_unix_address(address) || (at && at->port >= 1);
+  const std::optional<HostPort> at = parse_host_port(address);
+  return is_unix_address(address) || (at && at->port >= 1);
 }
 
 // What somebody means who writes a port, a URL, a path or a bare IPv6 address; "" if that is unknown.

@@ -26,8 +26,8 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/temporary_path.h"
-#include "proto/candela/v1/end_process.h"
-#include "proto/candela/v1/variables.h"
+#include "server/base/end_process.h"
+#include "server/base/variables.h"
 
 namespace candela {
 namespace {
@@ -133,7 +133,7 @@ std::string json_path(const Invocation& invocation) {
 
 // A variable with a typing error would otherwise go unnoticed.
 void tell_of_unknown_variables() {
-  for (const auto& [name, words] : v1::unknown_variables(EmbeddedServer::daemon_variables())) {
+  for (const auto& [name, words] : unknown_variables(EmbeddedServer::daemon_variables())) {
     print_note(absl::StrFormat("nothing reads the variable %s%s", name, words.empty() ? "" : "; " + words));
   }
 }
@@ -188,4 +188,4 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace candela
 
-int main(int argc, char** argv) { candela::v1::end_process(candela::run(argc, argv)); }
+int main(int argc, char** argv) { candela::end_process(candela::run(argc, argv)); }

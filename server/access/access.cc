@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
 
@@ -52,7 +52,7 @@ class Access::Port final : public grpc::ServerCredentials {
        std::function<std::set<std::string>()> clients)
       : access_(access),
         metrics_(metrics),
-        local_(v1::is_unix_address(address)),
+        local_(is_unix_address(address)),
         clients_(std::move(clients)) {
     if (access.tls() && !local_) {
       const auto request = access.files_.client_ca.empty()
@@ -181,7 +181,7 @@ void Access::read_again() {
 
 std::shared_ptr<grpc::ServerCredentials> Access::credentials(const std::string& address, Metrics& metrics,
                                                              std::function<std::set<std::string>()> clients) {
-  const bool with_tls = tls() && !v1::is_unix_address(address);
+  const bool with_tls = tls() && !is_unix_address(address);
   if (!with_tls && token_file_.empty()) return grpc::InsecureServerCredentials();
   return ports_.emplace_back(std::make_shared<Port>(*this, metrics, address, std::move(clients)));
 }

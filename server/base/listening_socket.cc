@@ -18,7 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 
 namespace candela {
 namespace {
@@ -91,7 +91,7 @@ int listen_everywhere(uint32_t port) {
 
 // One socket for each address of the host.
 absl::StatusOr<std::vector<int>> listen_on_name(absl::string_view option, const std::string& address,
-                                                const v1::HostPort& at) {
+                                                const HostPort& at) {
   addrinfo wanted{};
   wanted.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
   wanted.ai_socktype = SOCK_STREAM;
@@ -117,7 +117,7 @@ absl::StatusOr<std::vector<int>> listen_on_name(absl::string_view option, const 
 }
 
 absl::StatusOr<std::vector<int>> listen_on_tcp(absl::string_view option, const std::string& address) {
-  const std::optional<v1::HostPort> at = v1::parse_host_port(address);
+  const std::optional<HostPort> at = parse_host_port(address);
   if (!at) return cannot(option, address, "it is not HOST:PORT");
   if (at->host != "0.0.0.0" && at->host != "::") return listen_on_name(option, address, *at);
   const int descriptor = listen_everywhere(at->port);

@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 namespace candela {
 namespace {
@@ -21,7 +21,7 @@ const Option& option_named(const std::string& key, int line) {
     if (key == option.name) return option;
     names.emplace_back(option.name);
   }
-  const std::string meant = v1::did_you_mean(v1::near_words(key, names));
+  const std::string meant = did_you_mean(near_words(key, names));
   throw ConfigLineError{line, absl::StrFormat("unknown key \"%s\"; %ssee candelad --print-config", key,
                                               meant.empty() ? "" : meant + " ")};
 }

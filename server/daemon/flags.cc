@@ -8,8 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "proto/candela/v1/address.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/address.h"
+#include "server/base/near_words.h"
 #include "server/base/option_file.h"
 #include "server/base/units.h"
 #include "server/daemon/config_file.h"
@@ -145,7 +145,7 @@ std::string unknown_argument(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) names.push_back(option->get_name());
   const std::string word = app.remaining().empty() ? "" : app.remaining().front();
-  const std::string meant = v1::did_you_mean(v1::near_words(word, names));
+  const std::string meant = did_you_mean(near_words(word, names));
   return absl::StrFormat("unknown argument \"%s\"; %ssee candelad --help", word,
                          meant.empty() ? "" : meant + " ");
 }
@@ -182,7 +182,7 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 
 absl::StatusOr<Invocation> parse_invocation(int argc, const char* const* argv) {
   Invocation invocation;
-  invocation.config.listen = {v1::kDefaultAddress};
+  invocation.config.listen = {kDefaultAddress};
   const Config defaults = invocation.config;
   bool print_config = false;
   CLI::App app("candelad: a gRPC server that renders HDR frames.\n", "candelad");

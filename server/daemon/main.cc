@@ -16,9 +16,9 @@
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "proto/candela/v1/address_space.h"
-#include "proto/candela/v1/end_process.h"
-#include "proto/candela/v1/variables.h"
+#include "server/base/address_space.h"
+#include "server/base/end_process.h"
+#include "server/base/variables.h"
 #include "server/base/cgroup.h"
 #include "server/base/descriptors.h"
 #include "server/base/driver_environment.h"
@@ -139,7 +139,7 @@ void keep_freed_memory() {
 
 // A variable with a typing error would otherwise go unnoticed.
 void warn_of_unknown_variables() {
-  for (const auto& [name, words] : v1::unknown_variables(variable_names())) {
+  for (const auto& [name, words] : unknown_variables(variable_names())) {
     log_event(LogLevel::kWarning, "nothing reads this environment variable",
               {{"name", name}, {"hint", words}});
   }
@@ -153,7 +153,7 @@ int serve(const Invocation& invocation) {
   warn_of_unknown_variables();
   raise_descriptor_limit();
   if (absl::Status status = check_descriptor_limit(); !status.ok()) return fail(status, kFailed);
-  if (absl::Status status = v1::check_address_space(v1::server_bytes(), "candelad", ""); !status.ok()) {
+  if (absl::Status status = check_address_space(server_bytes(), "candelad", ""); !status.ok()) {
     return fail(status, kFailed);
   }
   keep_freed_memory();
@@ -193,7 +193,7 @@ int serve(const Invocation& invocation) {
   flush_log();
   if (!signals.failed()) return 0;
   // The device may hang, and then neither it nor its driver can be taken down.
-  v1::end_process(kFailed);
+  end_process(kFailed);
 }
 
 int run(int argc, char** argv) {
@@ -209,4 +209,4 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace candela
 
-int main(int argc, char** argv) { candela::v1::end_process(candela::run(argc, argv)); }
+int main(int argc, char** argv) { candela::end_process(candela::run(argc, argv)); }

@@ -1,11 +1,11 @@
 // Words that do not exist, and the variables of the environment that nothing reads.
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 
-#include "proto/candela/v1/variables.h"
+#include "server/base/variables.h"
 
 namespace candela::v1 {
 namespace {

@@ -1,4 +1,4 @@
-#include "proto/candela/v1/rounded_up.h"
+#include "server/base/rounded_up.h"
 
 #include <gtest/gtest.h>
 

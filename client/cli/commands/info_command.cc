@@ -16,7 +16,7 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
-#include "proto/candela/v1/rounded_up.h"
+#include "server/base/rounded_up.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -47,7 +47,7 @@ std::string mib(uint64_t bytes) { return in_digits(static_cast<double>(bytes) / 
 // "within 0.0851 codes, with bloom without a bound; 1024x512 in 8.2 ms"
 std::string numbers_of(const v1::Tier& tier) {
   const auto codes = [](double bound) {
-    return bound >= 0 && bound < 255 ? absl::StrCat("within ", v1::rounded_up(bound), " codes")
+    return bound >= 0 && bound < 255 ? absl::StrCat("within ", rounded_up(bound), " codes")
                                      : std::string("without a bound");
   };
   std::string text = absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),

@@ -11,7 +11,7 @@
 #include "client/cli/options/option_words.h"
 #include "client/cli/options/usage.h"
 #include "client/retry.h"
-#include "proto/candela/v1/address_space.h"
+#include "server/base/address_space.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -34,7 +34,7 @@ absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
 ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tiers)
     : choice_(choice), quiet_(quiet) {
   if (!choice_.address.empty()) return;
-  absl::Status room = v1::check_address_space(v1::server_bytes(), "the built-in server",
+  absl::Status room = check_address_space(server_bytes(), "the built-in server",
                                               ", or name a running candelad with --server");
   if (!room.ok()) {
     std::promise<Started> refused;
@@ -118,7 +118,7 @@ absl::StatusOr<Session> ServerLink::open_one(const SessionOptions& session) {
     if (!server.ok()) return server.status();
     return Session::open({(*server)->channel()}, options);
   }
-  if (absl::Status room = v1::check_address_space(v1::session_bytes(), "a session", ""); !room.ok()) {
+  if (absl::Status room = check_address_space(session_bytes(), "a session", ""); !room.ok()) {
     return failure_of(FailureKind::kOther, room);
   }
   SessionOptions there = options;

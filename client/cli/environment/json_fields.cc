@@ -8,7 +8,7 @@
 #include "client/base/failure.h"
 #include "client/call/plain_file.h"
 #include "client/cli/options/option_kinds.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 namespace candela {
 namespace {
@@ -49,7 +49,7 @@ void JsonFields::allow(std::initializer_list<const char*> members) {
   const std::vector<std::string> known(members.begin(), members.end());
   for (const auto& [key, value] : object_.items()) {
     if (std::find(known.begin(), known.end(), key) != known.end()) continue;
-    const std::string meant = v1::did_you_mean(v1::near_words(key, known));
+    const std::string meant = did_you_mean(near_words(key, known));
     status_.Update(absl::InvalidArgumentError(
         absl::StrFormat("unknown key %s%s; %s", name_, key,
                         meant.empty() ? "there are: " + absl::StrJoin(known, ", ") : meant)));

@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/options/usage.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 namespace candela {
 namespace {
@@ -39,7 +39,7 @@ std::string meant_option(const std::string& name, const std::vector<std::string>
   for (const auto& [other, words] : kOfOthers) {
     if (name == other && has(words)) return absl::StrCat(words, "; ");
   }
-  const std::string meant = v1::did_you_mean(v1::near_words(name, known));
+  const std::string meant = did_you_mean(near_words(name, known));
   return meant.empty() ? "" : meant + " ";
 }
 

@@ -8,7 +8,7 @@
 #include "absl/strings/str_join.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/options/usage.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -57,13 +57,13 @@ std::vector<std::string> other_names(const EnumDescriptor& type, const std::stri
 }
 
 absl::Status unknown_choice(const EnumDescriptor& type, const std::string& what, const std::string& word) {
-  const std::string typed = v1::folded(word);
+  const std::string typed = folded(word);
   std::vector<std::string> names;
   for (const std::string& own : choice_words(type)) {
     names.push_back(own);
     for (std::string& other : other_names(type, own)) names.push_back(std::move(other));
   }
-  std::string hint = v1::did_you_mean(v1::near_words(word, names));
+  std::string hint = did_you_mean(near_words(word, names));
   for (const Instead& instead : kInstead) {
     if (instead.type() != &type) continue;
     if (std::find(instead.typed.begin(), instead.typed.end(), typed) != instead.typed.end()) {
@@ -95,15 +95,15 @@ std::string choice_help(const EnumDescriptor& type) {
 }
 
 absl::StatusOr<int> enum_value(const EnumDescriptor& type, const std::string& what, const std::string& word) {
-  std::string typed = v1::folded(word);
+  std::string typed = folded(word);
   for (const OtherName& other : kOtherNames) {
-    if (other.type() == &type && v1::folded(other.name) == typed) typed = v1::folded(other.word);
+    if (other.type() == &type && folded(other.name) == typed) typed = folded(other.word);
   }
   const std::vector<std::string> words = choice_words(type);
   for (int i = 0; i < type.value_count(); ++i) {
     const std::string own = v1::enum_word(type, type.value(i)->number());
     const bool may = std::find(words.begin(), words.end(), own) != words.end();
-    if (may && v1::folded(own) == typed) return type.value(i)->number();
+    if (may && folded(own) == typed) return type.value(i)->number();
   }
   return unknown_choice(type, what, word);
 }

@@ -26,7 +26,7 @@
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/stream_options.h"
 #include "client/cli/options/usage.h"
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 
 #ifndef CANDELA_VERSION
 #error "the build sets CANDELA_VERSION"
@@ -337,7 +337,7 @@ absl::StatusOr<Invocation> finish_help(const CLI::App& app, const std::string& c
 absl::StatusOr<Invocation> finish_health(HealthOptions health) {
   if (absl::Status status = finish_server_options(health.server); !status.ok()) return status;
   if (health.server.address.empty()) {
-    health.server.address = v1::kDefaultAddress;
+    health.server.address = kDefaultAddress;
     health.server.source = "candelad's default; --server names another";
   }
   return health;

@@ -7,8 +7,8 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/address.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/address.h"
+#include "server/base/near_words.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -42,13 +42,13 @@ bool has_percentiles_as_fractions(const Request& r) {
 bool is_float(const Request& r) { return r.kind == OutputKind::kExr || r.kind == OutputKind::kPfm; }
 
 bool all_unix(const Request& r) {
-  return !r.servers.empty() && std::all_of(r.servers.begin(), r.servers.end(), v1::is_unix_address);
+  return !r.servers.empty() && std::all_of(r.servers.begin(), r.servers.end(), is_unix_address);
 }
 
 // Whether `option` is given with another value than the one that `stronger` implies.
 bool contradicts(const Request& r, const char* option, const char* stronger, const char* implied) {
   const auto at = r.given.find(option);
-  return at != r.given.end() && r.given.contains(stronger) && v1::folded(at->second) != implied;
+  return at != r.given.end() && r.given.contains(stronger) && folded(at->second) != implied;
 }
 
 struct Row {

@@ -11,8 +11,8 @@
 #include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
-#include "proto/candela/v1/address.h"
-#include "proto/candela/v1/variables.h"
+#include "server/base/address.h"
+#include "server/base/variables.h"
 
 namespace candela {
 namespace {
@@ -28,16 +28,16 @@ absl::Status set_servers(const std::string& source, const std::string& text, Ser
           absl::StrFormat("%s is \"%s\"; it must be addresses separated by commas", source, text));
     }
   }
-  choice.address = v1::with_default_port(addresses.front());
+  choice.address = with_default_port(addresses.front());
   choice.others.clear();
-  for (size_t i = 1; i < addresses.size(); ++i) choice.others.push_back(v1::with_default_port(addresses[i]));
+  for (size_t i = 1; i < addresses.size(); ++i) choice.others.push_back(with_default_port(addresses[i]));
   choice.source = source;
   return absl::OkStatus();
 }
 
 std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice) {
   return [&choice](const std::string& address) {
-    choice.address = v1::with_default_port(address);
+    choice.address = with_default_port(address);
     choice.source = kOption;
     return absl::OkStatus();
   };
@@ -91,7 +91,7 @@ void add_running_server_option(CLI::App& app, const std::string& section, Server
   add_text(
       app, section, kOption, "ADDRESS",
       absl::StrFormat("The candelad to ask, HOST[:PORT] or unix:PATH (default: $CANDELA_SERVER, or else %s)",
-                      v1::kDefaultAddress),
+                      kDefaultAddress),
       set_server(choice));
 }
 
@@ -106,14 +106,14 @@ void add_security_options(CLI::App& app, const std::string& section, ClientSecur
          "Use TLS and trust this system's CAs; $CANDELA_CLIENT_TLS=true does the same; unix:PATH has no TLS")
       ->option_text(" ")
       ->group(section)
-      ->envname(v1::kTlsVariable);
-  add("--tls-ca", v1::kTlsCaVariable, "FILE", security.ca_file, "Use TLS and trust the CAs in this PEM file");
-  add("--tls-name", v1::kTlsNameVariable, "NAME", security.server_name,
+      ->envname(kTlsVariable);
+  add("--tls-ca", kTlsCaVariable, "FILE", security.ca_file, "Use TLS and trust the CAs in this PEM file");
+  add("--tls-name", kTlsNameVariable, "NAME", security.server_name,
       "Use TLS and expect this name in the server's certificate instead of the address");
-  add("--tls-cert", v1::kTlsCertVariable, "FILE", security.cert_file,
+  add("--tls-cert", kTlsCertVariable, "FILE", security.cert_file,
       "Use TLS and show this client certificate, PEM");
-  add("--tls-key", v1::kTlsKeyVariable, "FILE", security.key_file, "Private key of --tls-cert, PEM");
-  add("--token-file", v1::kTokenFileVariable, "FILE", security.token_file,
+  add("--tls-key", kTlsKeyVariable, "FILE", security.key_file, "Private key of --tls-cert, PEM");
+  add("--token-file", kTokenFileVariable, "FILE", security.token_file,
       "File with the bearer token to send: its first line that is no comment; never sent unencrypted to "
       "another machine");
 }
@@ -127,13 +127,13 @@ absl::Status finish_server_options(ServerChoice& choice) {
     return usage_error(
         "--passes is an option of the built-in server and has no effect with --server; give one of them");
   }
-  const char* variable = std::getenv(v1::kServerVariable);
+  const char* variable = std::getenv(kServerVariable);
   if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||
       *variable == '\0') {
     return absl::OkStatus();
   }
-  absl::Status status = set_servers(v1::kServerVariable, variable, choice);
-  choice.source = absl::StrCat("from ", v1::kServerVariable);
+  absl::Status status = set_servers(kServerVariable, variable, choice);
+  choice.source = absl::StrCat("from ", kServerVariable);
   if (!choice.takes_several) choice.others.clear();
   return status;
 }

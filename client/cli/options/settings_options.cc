@@ -17,7 +17,7 @@
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 namespace candela {
 namespace {
@@ -61,7 +61,7 @@ absl::Status set_exposure(v1::Exposure& exposure, const std::string& text) {
   exposure.clear_manual_ev();
   exposure.set_mode(v1::Exposure::MODE_AUTO);
   if (absl::EqualsIgnoreCase(text, "auto")) return absl::OkStatus();
-  if (!v1::near_words(text, {"auto"}).empty()) {
+  if (!near_words(text, {"auto"}).empty()) {
     return usage_error(absl::StrFormat("--exposure is \"%s\"; did you mean auto? It is auto or an EV, %s",
                                        text, format_range(ev_range)));
   }

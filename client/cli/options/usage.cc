@@ -3,7 +3,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 namespace candela {
 
@@ -19,7 +19,7 @@ absl::Status empty_value(const std::string& option) {
 
 absl::Status unknown_word(const std::string& what, const std::string& typed,
                           const std::vector<std::string>& words) {
-  const std::string meant = v1::did_you_mean(v1::near_words(typed, words));
+  const std::string meant = did_you_mean(near_words(typed, words));
   return usage_error(
       absl::StrFormat("unknown %s \"%s\"; %s %s", what, typed,
                       meant.empty() ? "there are:" : meant + " There are:", absl::StrJoin(words, ", ")));

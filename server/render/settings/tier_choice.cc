@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "proto/candela/v1/rounded_up.h"
+#include "server/base/rounded_up.h"
 
 namespace candela {
 
@@ -23,7 +23,7 @@ std::string words(const v1::Settings& settings) {
 
 std::string words(const Tier& tier, double bound) {
   return bound < kNoBound
-             ? absl::StrFormat("%s is within %s codes of the reference", tier.name, v1::rounded_up(bound))
+             ? absl::StrFormat("%s is within %s codes of the reference", tier.name, rounded_up(bound))
              : absl::StrFormat("%s has no bound", tier.name);
 }
 

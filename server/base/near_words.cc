@@ -1,4 +1,4 @@
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
 #include <algorithm>
 #include <numeric>
@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 
-namespace candela::v1 {
+namespace candela {
 namespace {
 
 constexpr int kMostThatBegin = 4;
@@ -63,4 +63,4 @@ std::string did_you_mean(std::vector<std::string> near) {
   return absl::StrCat("did you mean ", absl::StrJoin(near, ", "), near.empty() ? "" : " or ", last, "?");
 }
 
-}  // namespace candela::v1
+}  // namespace candela

@@ -5,7 +5,7 @@
 
 #include <cstdio>
 
-namespace candela::v1 {
+namespace candela {
 
 // Ends the process at once, with its output written. exit() would also clean up OpenSSL, while a thread of
 // gRPC that is about to end still uses it: https://github.com/grpc/grpc/issues/38539.
@@ -14,4 +14,4 @@ namespace candela::v1 {
   _exit(code);
 }
 
-}  // namespace candela::v1
+}  // namespace candela

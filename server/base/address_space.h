@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 
-namespace candela::v1 {
+namespace candela {
 
 // The addresses that a server needs. The threads of the driver and of gRPC reserve far more than they use.
 uint64_t server_bytes();
@@ -18,4 +18,4 @@ uint64_t session_bytes();
 // server". Without this check libraries would end the process when they find no memory.
 absl::Status check_address_space(uint64_t bytes, const std::string& what, const std::string& way_out);
 
-}  // namespace candela::v1
+}  // namespace candela

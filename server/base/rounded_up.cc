@@ -1,11 +1,11 @@
-#include "proto/candela/v1/rounded_up.h"
+#include "server/base/rounded_up.h"
 
 #include <cmath>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 
-namespace candela::v1 {
+namespace candela {
 namespace {
 
 double value_of(const std::string& text) {
@@ -23,4 +23,4 @@ std::string rounded_up(double bound) {
   return value_of(nearest) >= bound ? nearest : absl::StrFormat("%.3g", value_of(nearest) + digit);
 }
 
-}  // namespace candela::v1
+}  // namespace candela

@@ -6,7 +6,7 @@
 
 #include "absl/strings/string_view.h"
 
-namespace candela::v1 {
+namespace candela {
 
 // The word in lower case and without spaces, dots, hyphens and underscores: "Rec.709" is "rec709".
 std::string folded(absl::string_view word);
@@ -19,4 +19,4 @@ std::vector<std::string> near_words(absl::string_view typed, const std::vector<s
 // "did you mean aces-1, aces-hill or aces-narkowicz?" for these near words; "" for none.
 std::string did_you_mean(std::vector<std::string> near);
 
-}  // namespace candela::v1
+}  // namespace candela

@@ -1,4 +1,4 @@
-#include "proto/candela/v1/address_space.h"
+#include "server/base/address_space.h"
 
 #include <sys/resource.h>
 
@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_format.h"
 
-namespace candela::v1 {
+namespace candela {
 namespace {
 
 constexpr uint64_t kMiB = uint64_t{1} << 20;
@@ -33,4 +33,4 @@ absl::Status check_address_space(uint64_t bytes, const std::string& what, const 
                       bytes / kMiB, limit.rlim_cur / kMiB, way_out));
 }
 
-}  // namespace candela::v1
+}  // namespace candela

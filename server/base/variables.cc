@@ -1,4 +1,4 @@
-#include "proto/candela/v1/variables.h"
+#include "server/base/variables.h"
 
 #include <unistd.h>
 
@@ -13,9 +13,9 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
-#include "proto/candela/v1/near_words.h"
+#include "server/base/near_words.h"
 
-namespace candela::v1 {
+namespace candela {
 namespace {
 
 constexpr absl::string_view kPrefix = "CANDELA_";
@@ -65,4 +65,4 @@ std::vector<UnknownVariable> unknown_variables(const std::vector<std::string>& d
   return result;
 }
 
-}  // namespace candela::v1
+}  // namespace candela

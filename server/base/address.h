@@ -7,7 +7,7 @@
 
 #include "absl/strings/string_view.h"
 
-namespace candela::v1 {
+namespace candela {
 
 // candelad listens here by default, and `candela health` asks there.
 inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
@@ -30,4 +30,4 @@ std::string with_default_port(absl::string_view address);
 // True for localhost, ::1 and 127.0.0.0/8. Other names are never resolved, even if they lead to this machine.
 bool is_loopback(absl::string_view host);
 
-}  // namespace candela::v1
+}  // namespace candela

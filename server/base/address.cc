@@ -1,11 +1,11 @@
-#include "proto/candela/v1/address.h"
+#include "server/base/address.h"
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 
-namespace candela::v1 {
+namespace candela {
 
 namespace {
 constexpr absl::string_view kUnix = "unix:";
@@ -42,4 +42,4 @@ bool is_loopback(absl::string_view host) {
   return host == "localhost" || host == "::1" || (all_digits && absl::StartsWith(host, "127."));
 }
 
-}  // namespace candela::v1
+}  // namespace candela

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace candela::v1 {
+namespace candela {
 
 // The variables of `candela`. Those of candelad are in server/option_table.h.
 inline constexpr char kServerVariable[] = "CANDELA_SERVER";
@@ -26,4 +26,4 @@ struct UnknownVariable {
 // are the links that Kubernetes sets for a Service whose name begins with candela.
 std::vector<UnknownVariable> unknown_variables(const std::vector<std::string>& daemon_variables);
 
-}  // namespace candela::v1
+}  // namespace candela
