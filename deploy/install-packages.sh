@@ -8,7 +8,7 @@ for list in "$@"; do
   while read -r package; do
     case $package in '' | '#'*) continue ;; esac
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
-  done <"packages-$list.txt"
+  done <"packages/$list.txt"
 done
 [ ${#missing[@]} -gt 0 ] || exit 0
 

@@ -65,7 +65,7 @@ SAMPLES = [
 
 
 def packages_of(name: str) -> list[str]:
-    lines = (ROOT / f"deploy/packages-{name}.txt").read_text().splitlines()
+    lines = (ROOT / f"deploy/packages/{name}.txt").read_text().splitlines()
     return [line for line in lines if line and not line.startswith("#")]
 
 
@@ -161,10 +161,10 @@ def check(kind: str, table: dict[str, str], needs: dict[str, set[str]], installe
             said = f"{file}: {name}"
             if name not in table:
                 wrong.append(f"{said} is in no package that a list names; add "
-                             f"{' or '.join(sorted(owners)) or 'its package'} to a deploy/packages-*.txt and to {kind} here")
+                             f"{' or '.join(sorted(owners)) or 'its package'} to a deploy/packages/*.txt and to {kind} here")
             elif not any(table[name] in packages_of(one) for one in lists):
                 wrong.append(f"{said} is in the package {table[name]}, which none of "
-                             f"{', '.join(f'packages-{one}.txt' for one in lists)} names")
+                             f"{', '.join(f'packages/{one}.txt' for one in lists)} names")
             elif owners and not owners & installed.brought_by({table[name]}) and installed.providers.get(table[name]):
                 wrong.append(f"{said} is in {' or '.join(sorted(owners))}, which {table[name]} does not bring")
     return wrong + [f"{kind} here has {name}, which nothing needs" for name in sorted(table.keys() - used)]
