@@ -1,7 +1,6 @@
 #include "server/config.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <optional>
 #include <string>
 
@@ -50,15 +49,6 @@ absl::Status check_distinct(const Config& config) {
 }
 
 }  // namespace
-
-std::string default_cache_dir() {
-  const auto folder = [](const char* variable, const char* below) {
-    const char* value = std::getenv(variable);
-    return value != nullptr && *value == '/' ? absl::StrCat(value, below) : std::string();
-  };
-  const std::string cache = folder("XDG_CACHE_HOME", "/candela");
-  return cache.empty() ? folder("HOME", "/.cache/candela") : cache;
-}
 
 absl::Status check_config(const Config& config) {
   absl::Status status = check_ranges(config);

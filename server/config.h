@@ -28,7 +28,6 @@ struct Config {
   std::string device;             // device index or part of its name; empty: the best device
   Passes passes = Passes::kAuto;  // who makes a frame's passes
   bool validation = false;        // enable Vulkan's validation layers
-  std::string cache_dir;          // for device measurements; empty: kept in memory only
   uint64_t memory_budget_bytes = 0;       // for the texture pool; 0: see choose_memory_budget
   uint64_t environment_budget_bytes = 0;  // for environments; 0: a quarter of memory_budget_bytes
   uint32_t client_share = 50;             // percent of the memory that other clients leave; see ClientBudget
@@ -62,9 +61,6 @@ struct Config {
   // The render thread turns to other work after this much of a long job.
   absl::Duration slice = kSlice;
 };
-
-// $XDG_CACHE_HOME/candela or ~/.cache/candela; empty if neither variable is set to an absolute path.
-std::string default_cache_dir();
 
 // INVALID_ARGUMENT if an option is out of its range or contradicts another one. The message names the option,
 // its value and its range.

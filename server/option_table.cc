@@ -45,10 +45,6 @@ const Option kOptions[] = {
      "AVX-512 or NEON. auto: the host where it can, else the device."},
     {"validation", FlagOption{&Config::validation}, "Enable Vulkan's validation layers (slow)",
      "They need the package vulkan-validationlayers."},
-    {"cache-dir", TextOption{&Config::cache_dir, "PATH"},
-     "Folder for measurements of the device; empty: the user's cache folder",
-     "The measurements are in tiers.json. The user's cache folder is $XDG_CACHE_HOME/candela or "
-     "~/.cache/candela."},
     {"memory-budget", BytesOption{&Config::memory_budget_bytes, kMemoryBudgetBytes, kZeroIsAutomatic},
      "Memory for textures; 0: 2GiB, or 3/8 of the cgroup's memory limit if that is less",
      "It holds frames in flight and textures that are kept for later frames."},

@@ -3,7 +3,6 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <optional>
 #include <utility>
 
@@ -72,14 +71,6 @@ void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const De
             {{"limit", format_bytes(*limits.memory_bytes)}, {"limit_from", limits.memory_from}});
 }
 
-// Measured tier numbers hold for one version, device, driver, maker of the passes and number of threads: of
-// the host, and of the software device.
-std::string tier_benchmark_key(const DeviceSummary& device, const std::string& passes) {
-  const char* device_threads = std::getenv("LP_NUM_THREADS");
-  return absl::StrCat(CANDELA_VERSION, "|", device.name, "|", device.driver, "|", passes, "|", usable_cpus(),
-                      " ", device_threads == nullptr ? "all" : device_threads);
-}
-
 }  // namespace
 
 struct Server::Impl {
@@ -104,9 +95,10 @@ struct Server::Impl {
   std::unique_ptr<Access> access;
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<DeviceKeeper> devices;
-  std::unique_ptr<TierBenchmark> tier_benchmark;
   std::unique_ptr<RenderLoop> loop;
   std::optional<Ticket> measuring;
+  absl::Mutex tier_times_mutex;
+  TierTimes tier_times ABSL_GUARDED_BY(tier_times_mutex);
   std::unique_ptr<WorkerPool> encoders;
   std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
@@ -129,10 +121,6 @@ void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper
       first, std::move(open), *metrics,
       DeviceKeeper::Events{.on_replaced = [this] { state->environments.forget_others(*devices->renderer()); },
                            .on_gone = std::move(on_gone)});
-  tier_benchmark = std::make_unique<TierBenchmark>(
-      [d = devices.get()] { return d->renderer(); },
-      tier_benchmark_key(device, first->renderer->passes_words()),
-      config.cache_dir.empty() ? "" : absl::StrCat(config.cache_dir, "/tiers.json"));
 }
 
 void Server::Impl::make_service(TokenKeys keys) {
@@ -145,7 +133,11 @@ void Server::Impl::make_service(TokenKeys keys) {
   state.reset(new ServiceState{
       .rendering = {.renderer = [d = devices.get()] { return d->renderer(); },
                     .loop = *loop,
-                    .tier_benchmark = *tier_benchmark,
+                    .tier_times =
+                        [this] {
+                          const absl::MutexLock lock(&tier_times_mutex);
+                          return tier_times;
+                        },
                     .encoders = *encoders,
                     .device = device.name},
       .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight,
@@ -211,19 +203,21 @@ absl::Status Server::Impl::listen() {
 }
 
 void Server::Impl::measure_tiers() {
-  if (!config.measure_tiers || !tier_benchmark->measured(tiers().front(), kUsualFormat, {}).empty()) return;
+  if (!config.measure_tiers) return;
   FrameJob job;
   job.flow = state->sessions.next_flow.fetch_add(2);
-  job.task = [benchmark = tier_benchmark.get()] {
-    // If it fails, the times are missing from the answers, and the frames that fail next say why.
-    const absl::Status measured = benchmark->measure(kUsualFormat, {}, [] {
-      checkpoint();
+  job.task = [this] {
+    const std::shared_ptr<Renderer> renderer = devices->renderer();  // outlives its memory
+    absl::StatusOr<TierTimes> measured = candela::measure_tiers(*renderer);
+    if (measured.ok()) {
+      const absl::MutexLock lock(&tier_times_mutex);
+      tier_times = *std::move(measured);
       return absl::OkStatus();
-    });
-    if (!measured.ok()) {
-      log_event(LogLevel::kWarning, "tiers not measured", {{"reason", std::string(measured.message())}});
     }
-    return measured;
+    // The times are missing from the answers then, and the frames that fail next say why.
+    log_event(LogLevel::kWarning, "tiers not measured",
+              {{"reason", std::string(measured.status().message())}});
+    return measured.status();
   };
   job.done = [](const absl::StatusOr<RenderedFrame>&) {};
   if (const absl::StatusOr<Ticket> ticket = loop->submit(std::move(job)); ticket.ok()) measuring = *ticket;

@@ -55,8 +55,6 @@ const char* word(Rejection reason) {
       return "size";
     case Rejection::kRequest:
       return "request";
-    case Rejection::kPromise:
-      return "promise";
     case Rejection::kToken:
       return "token";
     case Rejection::kAccess:

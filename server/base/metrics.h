@@ -23,7 +23,6 @@ enum class Rejection {
   kMemory,   // the memory budget is full of frames in flight
   kSize,     // a frame that can never fit
   kRequest,  // an invalid message, or a session name that is taken
-  kPromise,  // no tier can keep the promise
   kToken,    // a resume token that cannot be used
   kAccess,   // a missing or unknown bearer token
 };

@@ -17,12 +17,12 @@
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "server/base/address_space.h"
-#include "server/base/end_process.h"
-#include "server/base/variables.h"
 #include "server/base/cgroup.h"
 #include "server/base/descriptors.h"
 #include "server/base/driver_environment.h"
+#include "server/base/end_process.h"
 #include "server/base/log.h"
+#include "server/base/variables.h"
 #include "server/daemon/flags.h"
 #include "server/daemon/service_manager.h"
 #include "server/option_table.h"
@@ -165,7 +165,6 @@ int serve(const Invocation& invocation) {
   tell_service_manager("STATUS=starting");
   Config config = invocation.config;
   config.measure_tiers = true;
-  if (config.cache_dir.empty()) config.cache_dir = default_cache_dir();
 #ifdef CANDELA_HANG_AFTER
   config.hang_limit = absl::Seconds(15);
 #endif

@@ -15,7 +15,6 @@
 #include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
 #include "server/render/reference/verify.h"
-#include "server/render/settings/tier_choice.h"
 
 namespace candela {
 
@@ -115,7 +114,7 @@ absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& se
     report.tier_reason = reason_for(tier, bound, settings, facts);
     return absl::OkStatus();
   }
-  return no_tier_keeps(settings, facts);
+  return absl::InternalError("no tier is within max_error_codes, although the reference keeps every one");
 }
 
 absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,

@@ -5,13 +5,13 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/base/slices.h"
-#include "server/render/settings/tiers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
 
 constexpr absl::Duration kRetryInterval = absl::Milliseconds(5);
-constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less than a measurement takes
+constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less than a preparation takes
 
 absl::StatusOr<EnvironmentUse> find_environment(const std::string& id, const EnvironmentUse& held,
                                                 ServiceState& state) {
@@ -39,15 +39,9 @@ absl::Status use_view(const v1::View& message, const EnvironmentUse& held, Servi
 absl::Status Admission::expect(Request request) {
   request_ = std::move(request);
   stages_.clear();
-  choice_.reset();
-  if (!request_.choose_tier) return check_memory(request_.settings);
-  // The tier that the promise chooses decides what the frame needs.
-  absl::Status status;
-  for (const Tier& tier : tiers()) {
-    status = check_memory(request_.settings.within(tier.name));
-    if (status.ok()) break;
-  }
-  return status;
+  ASSIGN_OR_RETURN(const uint64_t bytes,
+                   rendering_.renderer()->bytes_for(request_.desc, request_.settings, request_.verify));
+  return check_lookahead(bytes);
 }
 
 void Admission::begin(Done done) {
@@ -72,38 +66,7 @@ void Admission::proceed() {
   if (!done_) return;
   if (request_.environment != nullptr && !request_.environment->ready_for(request_.view))
     return prepare_environment();
-  if (request_.choose_tier && !choice_) return choose_tier();
   allocate();
-}
-
-void Admission::choose_tier() {
-  const auto numbers = rendering_.tier_benchmark.known(request_.desc, request_.settings);
-  if (!numbers) return measure_tiers();
-  absl::StatusOr<TierChoice> choice = choose_by_time(*numbers, request_.settings);
-  if (!choice.ok()) return complete(choice.status());
-  request_.settings = request_.settings.within(choice->tier);
-  choice_ = *std::move(choice);
-  deadline_ = absl::Now() + request_.patience;
-  allocate();
-}
-
-// Another client may measure the same at the same time. The first that ends ends both.
-void Admission::measure_tiers() {
-  turn_ = rendering_.tier_benchmark.take_turn(client_);
-  if (!turn_) return proceed_after(kTurnInterval);
-  const auto measure = [&benchmark = rendering_.tier_benchmark, desc = request_.desc,
-                        settings = request_.settings] {
-    return benchmark.measure(desc.format, settings, [&] {
-      checkpoint();
-      return benchmark.known(desc, settings) ? absl::AlreadyExistsError("measured meanwhile")
-                                             : absl::OkStatus();
-    });
-  };
-  work(measure, [this](const absl::Status& status) {
-    if (retry_after(status)) return;
-    if (!status.ok() && !absl::IsAlreadyExists(status)) return complete(status);
-    proceed();
-  });
 }
 
 // What the environment's views read is made when the first of them comes.
@@ -173,7 +136,7 @@ void Admission::allocate() {
     };
   }
   frame->stages = std::exchange(stages_, {});
-  complete(Admitted{std::move(frame), std::move(choice_)});
+  complete(std::move(frame));
 }
 
 absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
@@ -190,12 +153,6 @@ absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
   if (memory.ok()) memory->account(*std::move(claim));
   if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(*bytes, absl::Now());
   return memory;
-}
-
-absl::Status Admission::check_memory(const Settings& settings) const {
-  const absl::StatusOr<uint64_t> bytes =
-      rendering_.renderer()->bytes_for(request_.desc, settings, request_.verify);
-  return bytes.ok() ? check_lookahead(*bytes) : bytes.status();
 }
 
 absl::Status Admission::check_lookahead(uint64_t frame_bytes) const {
@@ -232,7 +189,7 @@ void Admission::proceed_after(absl::Duration delay) {
   alarm_ = call_.if_running_after(delay, [this] { proceed(); });
 }
 
-void Admission::complete(absl::StatusOr<Admitted> outcome) {
+void Admission::complete(absl::StatusOr<std::shared_ptr<Frame>> outcome) {
   // Cleared first, because `done` may end the call or begin the next frame.
   std::exchange(done_, nullptr)(std::move(outcome));
 }

@@ -1,4 +1,4 @@
-// Admission of a frame: its tier, its memory and its session's look-ahead, when its first pixels are here.
+// Admission of a frame: its memory and its session's look-ahead, when its first pixels are here.
 #pragma once
 
 #include <grpcpp/alarm.h>
@@ -27,23 +27,17 @@ class Admission {
     uint64_t sequence = 0;
     Settings settings;
     Verify verify = Verify::kNo;
-    bool choose_tier = false;  // max_ms has to choose a tier
-    Flow flow = 0;             // is charged for measuring the tiers, and for preparing an environment
+    Flow flow = 0;                         // is charged for preparing an environment
     EnvironmentUse environment = nullptr;  // of a view; null: the frame has pixels
     View view = {};
     uint32_t lookahead = 0;  // frames; memory for as many more is reserved
-    // The time to retry, once for the tier and once for the memory, while either is UNAVAILABLE. 0: refuse at
-    // once.
+    // The time to retry while there is no memory. 0: refuse at once.
     absl::Duration patience = absl::ZeroDuration();
   };
-  struct Admitted {
-    std::shared_ptr<Frame> frame;
-    std::optional<TierChoice> choice;  // if max_ms chose a tier
-  };
   // Called once, under the call's mutex: within begin(), on the render thread or on a thread of gRPC. Fails
-  // as TierBenchmark::measure, choose_by_time, Renderer::allocate and RenderLoop::submit do, and with
-  // RESOURCE_EXHAUSTED or UNAVAILABLE if there is no memory for the look-ahead.
-  using Done = std::function<void(absl::StatusOr<Admitted>)>;
+  // as Renderer::allocate and RenderLoop::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there is
+  // no memory for the look-ahead.
+  using Done = std::function<void(absl::StatusOr<std::shared_ptr<Frame>>)>;
 
   // `call` owns this object. Its frames are `client`'s.
   Admission(ServerCall& call, ServiceState& state, ClientId client)
@@ -66,8 +60,6 @@ class Admission {
 
  private:
   void proceed();
-  void choose_tier();
-  void measure_tiers();
   void prepare_environment();
   // Runs `task` on the render thread, in slices, in the request's flow and within turn_; then calls `then`
   // with its status, under the call's mutex.
@@ -75,13 +67,11 @@ class Admission {
   void stop_working();
   void allocate();
   absl::StatusOr<FrameMemory> take_memory(Renderer& renderer);
-  // RESOURCE_EXHAUSTED if the frame or its look-ahead can never fit with these settings.
-  absl::Status check_memory(const Settings& settings) const;
   absl::Status check_lookahead(uint64_t frame_bytes) const;
   absl::Status reserve_lookahead(uint64_t frame_bytes);
   bool retry_after(const absl::Status& status);
   void proceed_after(absl::Duration delay);
-  void complete(absl::StatusOr<Admitted> outcome);
+  void complete(absl::StatusOr<std::shared_ptr<Frame>> outcome);
 
   ServerCall& call_;
   Rendering& rendering_;
@@ -89,9 +79,8 @@ class Admission {
   EnvironmentStore& environments_;
   const ClientId client_;
   Request request_;
-  Done done_;  // null if there is no frame to admit
-  std::optional<TierChoice> choice_;
-  std::optional<Ticket> working_;  // the job that measures the tiers or prepares the environment
+  Done done_;                      // null if there is no frame to admit
+  std::optional<Ticket> working_;  // the job that prepares the environment
   std::shared_ptr<void> turn_;     // held while it does
   std::vector<StageTime> stages_;  // of the environment's preparation
   absl::Time deadline_;

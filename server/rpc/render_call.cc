@@ -67,7 +67,6 @@ absl::Status RenderCall::take_start() {
                            .sequence = start_->sequence,
                            .settings = start_->settings,
                            .verify = start_->verify,
-                           .choose_tier = start_->settings->has_max_ms(),
                            .flow = flow_};
   const bool views = request.start().frame().has_view();
   if (views) {
@@ -87,14 +86,13 @@ absl::Status RenderCall::take_start() {
 
 void RenderCall::admit() {
   state_ = State::kAdmission;
-  admission_.begin([this](absl::StatusOr<Admission::Admitted> admitted)
+  admission_.begin([this](absl::StatusOr<std::shared_ptr<Frame>> admitted)
                        ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
 }
 
-void RenderCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
+void RenderCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   if (!admitted.ok()) return finish(admitted.status());
-  if (admitted->choice) tier_reason_ = admitted->choice->reason;
-  frame_ = std::move(admitted->frame);
+  frame_ = *std::move(admitted);
   state_ = State::kBands;
   last_progress_ = absl::Now();
   admitted_ = last_progress_;
@@ -152,7 +150,6 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   }
   v1::RenderResponse response;
   *response.mutable_header() = result_header(*frame_, start_->desc, *rendered, service_.rendering.device);
-  if (response.header().tier_reason().empty()) response.mutable_header()->set_tier_reason(tier_reason_);
   result_.emplace(frame_, v1::pack(response));
   send_next();
 }

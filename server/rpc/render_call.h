@@ -47,7 +47,7 @@ class RenderCall final : public ServerCall {
 
   absl::Status take_start() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void admit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void on_admitted(absl::StatusOr<Admission::Admitted> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_band() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status enqueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_rendered(absl::StatusOr<RenderedFrame> rendered) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -66,7 +66,6 @@ class RenderCall final : public ServerCall {
   Admission admission_ ABSL_GUARDED_BY(mutex_);
   State state_ ABSL_GUARDED_BY(mutex_) = State::kStart;
   std::optional<RenderStart> start_ ABSL_GUARDED_BY(mutex_);
-  std::string tier_reason_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<Frame> frame_ ABSL_GUARDED_BY(mutex_);
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
   Ticket ticket_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -23,12 +23,10 @@ constexpr int kBakeEnvironmentIndex = 6;
 
 using RawHandler = grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>;
 
-// The times of the tiers, as far as they are measured.
-void add_times(const TierBenchmark& benchmark, v1::GetServerInfoResponse& info) {
-  for (int i = 0; i < info.tiers_size(); ++i) {
-    const Tier& tier = tiers()[static_cast<size_t>(i)];
-    for (const MeasuredTime& time : benchmark.measured(tier, kUsualFormat, Settings())) {
-      v1::TierTime& row = *info.mutable_tiers(i)->add_times();
+void add_times(const TierTimes& times, v1::GetServerInfoResponse& info) {
+  for (size_t i = 0; i < times.size(); ++i) {
+    for (const MeasuredTime& time : times[i]) {
+      v1::TierTime& row = *info.mutable_tiers(static_cast<int>(i))->add_times();
       row.set_width(time.width);
       row.set_height(time.height);
       row.set_ms(time.ms);
@@ -68,7 +66,7 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
                                                        const v1::GetServerInfoRequest*,
                                                        v1::GetServerInfoResponse* response) {
   *response = info_;
-  add_times(state_.rendering.tier_benchmark, *response);
+  add_times(state_.rendering.tier_times(), *response);
   const PoolCounters counters = pool_();
   v1::PoolInfo& pool = *response->mutable_pool();
   pool.set_hits(counters.hits);

@@ -11,7 +11,7 @@
 #include "server/base/metrics.h"
 #include "server/base/worker_pool.h"
 #include "server/render/renderer.h"
-#include "server/render/tier_numbers.h"
+#include "server/render/tier_times.h"
 #include "server/schedule/render_loop.h"
 #include "server/session/call_gate.h"
 #include "server/session/environment_store.h"
@@ -24,7 +24,8 @@ struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
   std::function<std::shared_ptr<Renderer>()> renderer;
   RenderLoop& loop;
-  TierBenchmark& tier_benchmark;
+  // Of the device that the server started with; empty until they are measured.
+  std::function<TierTimes()> tier_times;
   WorkerPool& encoders;
   const std::string device;  // name of the Vulkan device
   std::atomic<uint64_t> frames_rendered{0};

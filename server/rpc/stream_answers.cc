@@ -53,8 +53,7 @@ std::string StreamAnswers::token(const SessionFrames::Entry& frame, const Exposu
                      .epoch = epoch_,
                      .sequence = frame.token_sequence,
                      .exposure = exposure,
-                     .settings_hash = frame.settings_hash,
-                     .tier = frame.tier},
+                     .settings_hash = frame.settings_hash},
                     absl::Now());
 }
 
@@ -63,7 +62,6 @@ grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
   v1::StreamResponse response;
   v1::ResultHeader& header = *response.mutable_header();
   header = result_header(*frame.frame, frame.layout.desc, {*frame.report, frame.queued}, device_);
-  if (header.tier_reason().empty()) header.set_tier_reason(frame.tier_reason);
   header.set_exposure_before(frame.exposure.before);
   header.set_cut(frame.exposure.cut);
   header.set_resume_token(token(frame, exposure));

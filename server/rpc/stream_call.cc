@@ -21,7 +21,7 @@ StreamCall::Open::Open(OpenedSession opened, const ServiceState& state, ClientId
       frames(session.start.lookahead, session.start.cut_threshold_ev, session.point.exposure,
              state.limits.max_frames_in_flight, session.start.draws(), session.resumed_at()),
       answers(state.sessions.keys, session.start, session.epoch, state.rendering.device) {
-  if (session.resumed) settings.resume(session.point.sequence, session.point.tier);
+  if (session.resumed) settings.resume(session.point.sequence);
 }
 
 StreamCall* StreamCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
@@ -134,8 +134,7 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   Admission::Request request{
       .desc = layout->desc,
       .sequence = header.sequence(),
-      .settings = draws ? settings.of_frame() : settings.of_frame().for_metering(/*histogram=*/false),
-      .choose_tier = draws && settings.wants_tier(),
+      .settings = draws ? asked.settings : asked.settings.for_metering(/*histogram=*/false),
       .flow = flow_,
       .lookahead = draws ? start.lookahead : 0,
       .patience = idle_timeout()};
@@ -161,13 +160,10 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   return absl::OkStatus();
 }
 
-void StreamCall::on_admitted(absl::StatusOr<Admission::Admitted> admitted) {
+void StreamCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   if (!admitted.ok()) return refuse(admitted.status());
-  if (admitted->choice) open_->settings.choose(*std::move(admitted->choice));
   Entry& entry = *open_->frames.newest();
-  entry.frame = std::move(admitted->frame);
-  entry.tier = open_->settings.tier();
-  entry.tier_reason = open_->settings.tier_reason();
+  entry.frame = *std::move(admitted);
   entry.begun = absl::Now();
   if (!bands_) return take_view();
   reading_ = Reading::kBands;

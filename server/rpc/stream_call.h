@@ -84,7 +84,7 @@ class StreamCall final : public ServerCall, public SessionCall {
   // Ends a call whose client is silent or too slow. That is no failure of this server, so its frames count as
   // cancelled.
   void give_up_on_client(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void on_admitted(absl::StatusOr<Admission::Admitted> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_band(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_half_close() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

@@ -20,12 +20,12 @@ std::string to_words(absl::Duration duration) {
 
 void StreamCall::admit() {
   reading_ = Reading::kAdmission;
-  admission_.begin([this](absl::StatusOr<Admission::Admitted> admitted)
+  admission_.begin([this](absl::StatusOr<std::shared_ptr<Frame>> admitted)
                        ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { on_admitted(std::move(admitted)); });
 }
 
 absl::Status StreamCall::pass_over(const v1::FrameHeader& header, const WireLayout& layout) {
-  open_->frames.add_passed(header.sequence(), layout, open_->settings.now().hash, open_->settings.tier());
+  open_->frames.add_passed(header.sequence(), layout, open_->settings.now().hash);
   if (header.has_view()) {
     end_passed();
     return absl::OkStatus();

@@ -17,8 +17,6 @@ std::optional<Rejection> rejection_of(const absl::Status& status) {
       return Rejection::kSize;
     case absl::StatusCode::kUnavailable:
       return Rejection::kMemory;
-    case absl::StatusCode::kFailedPrecondition:
-      return Rejection::kPromise;
     default:
       return std::nullopt;
   }

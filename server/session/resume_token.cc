@@ -57,7 +57,6 @@ internal::ResumeBody body_of(const ResumePoint& point, absl::Time expires) {
   body.set_epoch(point.epoch);
   body.set_sequence(point.sequence);
   body.set_settings_hash(point.settings_hash);
-  body.set_tier(point.tier);
   body.set_expires_ns(absl::ToUnixNanos(expires));
   internal::ExposureBody& exposure = *body.mutable_exposure();
   exposure.set_begun(point.exposure.begun);
@@ -79,8 +78,7 @@ ResumePoint point_of(const internal::ResumeBody& body) {
                     .epoch = body.epoch(),
                     .sequence = body.sequence(),
                     .exposure = {},
-                    .settings_hash = body.settings_hash(),
-                    .tier = body.tier()};
+                    .settings_hash = body.settings_hash()};
   const internal::ExposureBody& exposure = body.exposure();
   point.exposure = {.begun = exposure.begun(),
                     .sequence = exposure.sequence(),

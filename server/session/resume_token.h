@@ -23,7 +23,6 @@ struct ResumePoint {
   uint64_t sequence = 0;  // of the last frame that was answered, with a result or a failure
   ExposurePoint exposure;
   std::string settings_hash;  // 16 bytes
-  std::string tier;           // name of a tier; empty if none was chosen
 };
 
 inline constexpr size_t kMinKeyBytes = 32;

@@ -51,14 +51,12 @@ absl::Status SessionFrames::add(const v1::FrameHeader& header, const WireLayout&
   return absl::OkStatus();
 }
 
-void SessionFrames::add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash,
-                               std::string tier) {
+void SessionFrames::add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash) {
   auto entry = std::make_shared<Entry>();
   entry->sequence = sequence;
   entry->token_sequence = *resumed_at_;
   entry->layout = layout;
   entry->settings_hash = std::move(settings_hash);
-  entry->tier = std::move(tier);
   entry->passed_over = true;
   entry->failure = absl::AlreadyExistsError(absl::StrFormat(
       "frame %d was answered before frame %d, whose resume token this session goes on from; it "

@@ -40,8 +40,6 @@ class SessionFrames {
 
     // Set by the caller when the frame is admitted.
     std::shared_ptr<Frame> frame;
-    std::string tier;
-    std::string tier_reason;
     absl::Time begun;
 
     // Set by the methods of SessionFrames.
@@ -86,8 +84,8 @@ class SessionFrames {
   // Whether a frame of this number is passed over: the session was resumed behind it, and no later frame
   // came.
   bool passes_over(uint64_t sequence) const { return resumed_at_ && sequence < *resumed_at_ && !moved_on_; }
-  // Adds such a frame. `settings_hash` and `tier` are those of the resumed session.
-  void add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash, std::string tier);
+  // Adds such a frame. `settings_hash` is the resumed session's.
+  void add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash);
   // All of it came.
   static void passed(Entry& entry);
   // No more frames follow. Frames that waited for them may be decided now.

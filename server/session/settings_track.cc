@@ -10,11 +10,6 @@ namespace candela {
 SettingsTrack::SettingsTrack(SessionSettings opened, v1::Encoding encoding, ClaimTable claim_table)
     : now_(std::move(opened)), encoding_(encoding), claim_table_(std::move(claim_table)) {}
 
-void SettingsTrack::resume(uint64_t sequence, std::string tier) {
-  last_sequence_ = sequence;
-  if (!tier.empty() && now_.settings->has_max_ms()) choice_ = TierChoice{std::move(tier), ""};
-}
-
 absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
   if (last_sequence_ && change.from_sequence() <= *last_sequence_) {
     return absl::InvalidArgumentError(
@@ -44,13 +39,8 @@ void SettingsTrack::advance(uint64_t sequence) {
   last_sequence_ = sequence;
   while (!changes_.empty() && changes_.begin()->first <= sequence) {
     now_ = std::move(changes_.begin()->second);
-    choice_.reset();
     changes_.erase(changes_.begin());
   }
-}
-
-Settings SettingsTrack::of_frame() const {
-  return choice_ ? now_.settings.within(choice_->tier) : now_.settings;
 }
 
 }  // namespace candela

@@ -116,7 +116,7 @@ class Tools:
         for i in range(5):
             cache = self.scratch / f"cache-{i}"
             begin = time.perf_counter()
-            with subprocess.Popen([str(self.binaries / "candelad"), "--listen", "127.0.0.1:0", "--cache-dir", str(cache)],
+            with subprocess.Popen([str(self.binaries / "candelad"), "--listen", "127.0.0.1:0"],
                                   stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
                                   env=os.environ | {"VK_ICD_FILENAMES": lavapipe(), "MESA_SHADER_CACHE_DIR": str(cache)}) as server:
                 if not any("listening" in line for line in server.stdout):

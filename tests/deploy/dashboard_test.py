@@ -139,8 +139,7 @@ def is_answer(panel, values):
 
 def main(scratch):
     daemon_log, prometheus_log, bench_log = (scratch / name for name in ("candelad", "prometheus", "bench"))
-    daemon = [CANDELAD, "--listen", "127.0.0.1:0", "--metrics", "127.0.0.1:0", "--max-sessions", "2", "--log-json",
-              "--cache-dir", str(scratch / "cache")]
+    daemon = [CANDELAD, "--listen", "127.0.0.1:0", "--metrics", "127.0.0.1:0", "--max-sessions", "2", "--log-json"]
     with contextlib.ExitStack() as stack:
         stack.enter_context(running(daemon, daemon_log))
         serving = re.compile(r'"address":"([^"]+)".*"metrics":"([^"]+)"')

@@ -2,21 +2,18 @@
 #include "server/render/settings/tiers.h"
 
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
 #include "server/render/reference/verify.h"
 #include "server/render/settings/error_bound.h"
-#include "server/render/tier_numbers.h"
+#include "server/render/tier_times.h"
 #include "tests/support/device_fixture.h"
-#include "tests/support/files.h"
 #include "tests/support/settings.h"
 
 namespace candela::testing {
@@ -28,10 +25,6 @@ constexpr double kRestBound = 4e-4;
 
 class Tiers : public DeviceTest {
  protected:
-  // A static tier, which must not be deleted.
-  static std::shared_ptr<Renderer> shared_renderer() {
-    return {&renderer(), [](Renderer*) {}};
-  }
   static Verification against(const WireFrame& frame, const v1::Settings& settings,
                               uint32_t bloom_level_size) {
     auto rendered = render(frame, settings, {}, Verify::kYes);
@@ -278,56 +271,15 @@ TEST_F(Promises, ImagesAreThoseOfTheTier) {
   }
 }
 
-TEST_F(Tiers, TimesThatCannotBeReadAreMeasured) {
-  const TemporaryFolder folder;
-  write_file(folder.path("damaged"), "{\"a\": [1, ");
-  ASSERT_EQ(mkfifo(folder.path("pipe").c_str(), 0600), 0);
-  std::filesystem::create_symlink("/dev/zero", folder.path("zero"));
-  const FrameDesc desc = {800, 600, v1::PIXEL_FORMAT_RGBA16F};
-  v1::Settings settings;
-  settings.mutable_bloom()->set_intensity(0);
-  for (const std::string& file : {folder.path("damaged"), folder.path("none"), folder.path("."),
-                                  folder.path("pipe"), folder.path("zero")}) {
-    TierBenchmark benchmark(shared_renderer, "a device", file);
-    EXPECT_FALSE(benchmark.known(desc, checked(settings))) << file;
-    int pieces = 0;
-    const absl::Status measured = benchmark.measure(desc.format, checked(settings), [&pieces] {
-      ++pieces;
-      return absl::OkStatus();
-    });
-    EXPECT_TRUE(measured.ok()) << measured;
-    EXPECT_GT(pieces, 20) << "a piece is one frame";
-    const auto numbers = benchmark.known(desc, checked(settings));
-    ASSERT_TRUE(numbers) << file;
-    ASSERT_EQ(numbers->size(), tiers().size());
-    for (const TierNumbers& n : *numbers) EXPECT_GT(n.ms, 0) << n.tier;
-    const bool kept = file == folder.path("damaged") || file == folder.path("none");
-    EXPECT_EQ(kept, std::filesystem::is_regular_file(std::filesystem::symlink_status(file))) << file;
-    if (!kept) continue;
-    // The next start knows them.
-    EXPECT_TRUE(TierBenchmark(shared_renderer, "a device", file).known(desc, checked(settings))) << file;
-    EXPECT_FALSE(TierBenchmark(shared_renderer, "another", file).known(desc, checked(settings))) << file;
+TEST_F(Tiers, EachHasATimeForTwoSizes) {
+  const absl::StatusOr<TierTimes> times = measure_tiers(renderer());
+  ASSERT_TRUE(times.ok()) << times.status();
+  ASSERT_EQ(times->size(), tiers().size());
+  for (const std::vector<MeasuredTime>& tier : *times) {
+    ASSERT_EQ(tier.size(), 2u);
+    EXPECT_LT(tier[0].width * tier[0].height, tier[1].width * tier[1].height);
+    for (const MeasuredTime& time : tier) EXPECT_GT(time.ms, 0);
   }
-}
-
-TEST_F(Tiers, AClientMeasuresOneThingAtATime) {
-  TierBenchmark benchmark(shared_renderer, "a device", "");
-  std::shared_ptr<void> turn = benchmark.take_turn(1);
-  EXPECT_NE(turn, nullptr);
-  EXPECT_EQ(benchmark.take_turn(1), nullptr);
-  EXPECT_NE(benchmark.take_turn(2), nullptr);
-  turn.reset();
-  EXPECT_NE(benchmark.take_turn(1), nullptr);
-}
-
-TEST_F(Tiers, AMeasurementThatNobodyWaitsForEnds) {
-  TierBenchmark benchmark(shared_renderer, "a device", "");
-  int pieces = 0;
-  const absl::Status ended = benchmark.measure(v1::PIXEL_FORMAT_RGBA16F, {}, [&pieces] {
-    return ++pieces < 3 ? absl::OkStatus() : absl::CancelledError("gone");
-  });
-  EXPECT_TRUE(absl::IsCancelled(ended)) << ended;
-  EXPECT_EQ(pieces, 3);
 }
 
 }  // namespace

@@ -186,7 +186,6 @@ void write_request(const std::string& path, v1::PixelFormat format, uint32_t pix
     frame.set_exposure(kGivenExposure);
     v1::Settings& settings = *request.mutable_start()->mutable_settings();
     settings.set_max_error_codes(1);
-    settings.set_max_ms(20);
     settings.set_input_primaries(v1::PRIMARIES_REC2020);
   }
   WireInput input;

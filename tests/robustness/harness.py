@@ -82,7 +82,7 @@ class Daemon:
         self.log = pathlib.Path(self.folder.name) / "log"
         self.address = listen or "127.0.0.1:0"  # candelad chooses a port, which it prints
         self.metrics = f"127.0.0.1:{free_port()}" if metrics else ""
-        command = [binary("candelad"), "--listen", self.address, "--cache-dir", f"{self.folder.name}/cache", *options]
+        command = [binary("candelad"), "--listen", self.address, *options]
         if metrics:
             command += ["--metrics", self.metrics]
         with open(self.log, "wb") as log:

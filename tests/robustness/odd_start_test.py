@@ -71,9 +71,6 @@ def files() -> None:
         ends(f"--resume-keys {odd}", FAILED, "--resume-keys", odd, words="resume-keys")
         ends(f"--token-file {odd}", FAILED, "--token-file", odd, words="token-file")
         ends(f"--tls-cert {odd}", FAILED, "--tls-cert", odd, "--tls-key", odd, words="tls-cert")
-        cache = new_folder()
-        (cache / "tiers.json").symlink_to(odd)
-        serves(f"tiers.json is {odd}", "--cache-dir", str(cache))
     for what, text, words in (("a key twice", b"max-calls = 3\nmax-calls = 4\n", "line 1"),
                               ("a section", b"[x]\nmax-calls = 3\n", "section"), ("a key that is unknown", b"nonsense = 3\n", "nonsense"),
                               ("NUL", b"\0" * 1000, ""), ("a line of 1 MiB", b"max-calls = " + b"9" * (1 << 20), ""),
@@ -89,24 +86,6 @@ def files() -> None:
         ends(f"--max-calls={number}", USAGE, f"--max-calls={number}", words="max-calls")
     serves("an environment of nonsense", env={"HOME": "", "LANG": "xx", "LC_ALL": "zz", "TMPDIR": "/none"})
     serves("a configuration with lines of CR and LF", "--config", config(b"max-calls = 3\r\n\r\n# x\r\n"))
-
-
-def caches() -> None:
-    """What is in the cache is only a hint, whoever wrote it."""
-    row = b'{"tier":"draft","ms":1,"max_error_codes":1}'
-    for what, text in (("garbage", os.urandom(5000)), ("nothing", b""), ("100 000 lists in each other", b"[" * 100_000),
-                       ("100 000 objects in each other", b'{"a":' * 100_000), ("20 MB", b'{"k":[' + (row + b",") * 450_000 + row + b"]}"),
-                       ("other types", b'{"a":[{"tier":1,"ms":"x"}]}'), ("huge numbers", row.replace(b"1", b"1e999"))):
-        cache = new_folder()
-        (cache / "tiers.json").write_bytes(text)
-        serves(f"tiers.json holds {what}", "--cache-dir", str(cache))
-    loop = new_folder()
-    (loop / "tiers.json").symlink_to("tiers.json")
-    serves("tiers.json is a loop", "--cache-dir", str(loop))
-    file = FOLDER / "file"
-    file.touch()
-    serves("--cache-dir under a file", "--cache-dir", str(file / "cache"))
-    serves("--cache-dir in /proc", "--cache-dir", "/proc/1/none")
 
 
 def drivers_cache() -> None:
@@ -166,7 +145,6 @@ def limits() -> None:
 
 
 files()
-caches()
 drivers_cache()
 addresses()
 limits()

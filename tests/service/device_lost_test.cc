@@ -182,17 +182,6 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
   EXPECT_EQ(server->validation_messages(), 0u);
 }
 
-TEST(DeviceLost, PromisesAreKeptOnTheNewDevice) {
-  const std::unique_ptr<Server> server = start_server(test_config());
-  const Connection connection(server->in_process_channel());
-  server->lose_device();
-  EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(natural(16, 16))).status()));
-  v1::Settings promise;
-  promise.set_max_ms(1e6);
-  const absl::StatusOr<RenderResult> result = connection.render(promise, view(natural(16, 16)));
-  EXPECT_TRUE(result.ok()) << result.status();
-}
-
 TEST(DeviceLost, AGoodFrameBetweenLossesStartsTheCountAnew) {
   std::atomic<int> gone = 0;
   const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(test_config(), [&gone] { ++gone; });

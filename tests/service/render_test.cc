@@ -1,4 +1,5 @@
 // Render calls that succeed.
+#include <google/protobuf/text_format.h>
 #include <grpcpp/support/byte_buffer.h>
 
 #include <algorithm>
@@ -198,12 +199,16 @@ TEST_P(Render, APromiseChoosesTheTier) {
   EXPECT_NE(plain->header.tier_reason().find("draft is within"), std::string::npos)
       << plain->header.tier_reason();
 
-  settings.set_max_ms(0.001);
-  const absl::Status impossible = connection().render(settings, view(frame)).status();
-  EXPECT_TRUE(absl::IsFailedPrecondition(impossible)) << impossible;
-  EXPECT_NE(impossible.message().find("closest: "), std::string::npos) << impossible;
   settings.set_tier("draft");
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, view(frame)).status()));
+}
+
+TEST_P(Render, ASettingThatIsNoMoreIsRefusedByName) {
+  v1::Settings settings;
+  ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString("max_ms: 5", &settings));
+  const absl::Status refused = connection().render(settings, view(natural(8, 8))).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+  EXPECT_NE(refused.message().find("max_ms is no longer a setting"), std::string::npos) << refused;
 }
 
 TEST_P(Render, TheNewSettingsArrive) {

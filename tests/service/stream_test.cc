@@ -295,37 +295,6 @@ TEST_P(Stream, ResumesFromAnyResultWithTheSameBits) {
   }
 }
 
-// With look-ahead, a token is sent after frames with later settings have arrived.
-TEST_P(Stream, ResumesWithTheTierThatWasChosenForTheFrame) {
-  const std::vector<WireFrame> frames(4, natural(200, 100));
-  v1::StreamOpen open = open_of("tiers");
-  open.set_lookahead(2);
-  open.mutable_settings()->set_max_ms(1e6);
-  v1::Settings later;
-  later.set_max_error_codes(0.5);
-  const auto tiers = [&](uint64_t from) {
-    StreamClient client(channel());
-    EXPECT_TRUE(client.open(open));
-    EXPECT_TRUE(client.change(2, later));
-    for (uint64_t i = from; i < frames.size(); ++i) client.send(frames[i], i, film_time_ns(i));
-    client.half_close();
-    std::vector<StreamResult> results = client.read_all();
-    EXPECT_TRUE(client.finish().ok());
-    return results;
-  };
-  const std::vector<StreamResult> whole = tiers(0);
-  ASSERT_EQ(whole.size(), 4u);
-  ASSERT_EQ(whole[1].header.tier(), "reference");
-  ASSERT_NE(whole[2].header.tier(), "reference");
-  open.set_resume_token(whole[0].token());
-  const std::vector<StreamResult> rest = tiers(1);
-  ASSERT_EQ(rest.size(), 3u);
-  for (size_t i = 0; i < rest.size(); ++i) {
-    EXPECT_EQ(rest[i].header.tier(), whole[i + 1].header.tier()) << "frame " << i + 1;
-    EXPECT_TRUE(rest[i].pixels == whole[i + 1].pixels) << "frame " << i + 1;
-  }
-}
-
 TEST_P(Stream, TokensThatDoNotFitAreRefused) {
   const std::string token = stream_all(channel(), open_of("tokens"), {natural(16, 16)}).at(0).token();
   const auto refused = [&](const std::string& session, const v1::Settings& settings,

@@ -102,7 +102,6 @@ TEST(ErrorBound, TheRowsInQuestionBeginAndEndWhereABoundDecides) {
   message.mutable_bloom()->set_intensity(0);
   // Without bloom and negative components every frame is within draft's bound, and no reference is reserved.
   EXPECT_EQ(tiers_in_question({64, 64, v1::PIXEL_FORMAT_RGB9E5}, settings_of(message)).size(), 1u);
-  EXPECT_TRUE(tiers_in_question({64, 64}, settings_of(message).within("draft")).size() == 1u);
 }
 
 using Color = std::array<float, 3>;

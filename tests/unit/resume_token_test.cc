@@ -40,8 +40,7 @@ ResumePoint full_point() {
                                  .cut = true,
                                  .cut_pending = true,
                                  .print = ScenePrint()},
-                    .settings_hash = settings_hash(v1::Settings()),
-                    .tier = "standard"};
+                    .settings_hash = settings_hash(v1::Settings())};
   for (size_t i = 0; i < point.exposure.print->size(); ++i) {
     (*point.exposure.print)[i] = -17.3f + static_cast<float>(i) / 7.0f;
   }
@@ -54,7 +53,6 @@ void expect_equal(const ResumePoint& a, const ResumePoint& b) {
   EXPECT_EQ(a.sequence, b.sequence);
   EXPECT_EQ(a.exposure, b.exposure);
   EXPECT_EQ(a.settings_hash, b.settings_hash);
-  EXPECT_EQ(a.tier, b.tier);
 }
 
 // The refusal's message; empty if there was none.
@@ -77,7 +75,7 @@ TEST(ResumeToken, GivesBackWhatItWasMadeOfInAtMostAKibibyte) {
   ASSERT_TRUE(opened.ok()) << opened.status();
   expect_equal(*opened, full);
 
-  const ResumePoint first{.session = "s", .exposure = {}, .settings_hash = "", .tier = ""};
+  const ResumePoint first{.session = "s", .exposure = {}, .settings_hash = ""};
   const absl::StatusOr<ResumePoint> begun = ours.open(ours.seal(first, kNow), "s", kNow);
   ASSERT_TRUE(begun.ok()) << begun.status();
   expect_equal(*begun, first);

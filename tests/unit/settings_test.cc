@@ -178,7 +178,6 @@ TEST(Settings, ASettingWithoutADefaultStaysAbsent) {
   Settings completed;
   ASSERT_TRUE(complete_settings(completed).ok());
   EXPECT_FALSE(completed.has_max_error_codes());
-  EXPECT_FALSE(completed.has_max_ms());
   EXPECT_FALSE(completed.has_input_chromaticities());
   EXPECT_FALSE(completed.has_table());
   EXPECT_FALSE(completed.exposure().metering().has_spot());

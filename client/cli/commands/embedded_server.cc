@@ -42,7 +42,6 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std:
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   // Its one client may bring the largest panorama.
   config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;
-  config.cache_dir = default_cache_dir();
   config.measure_tiers = measures_tiers;
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
   if (!server.ok()) return server.status();

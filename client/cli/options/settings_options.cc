@@ -322,9 +322,8 @@ void add_settings_options(CLI::App& app, v1::Settings& settings, const SettingFi
 }
 
 absl::Status check_settings_options(const v1::Settings& settings) {
-  if (!settings.tier().empty() && (settings.has_max_error_codes() || settings.has_max_ms())) {
-    return usage_error(
-        "--max-error and --max-ms choose the tier that --tier names; give only one of the two");
+  if (!settings.tier().empty() && settings.has_max_error_codes()) {
+    return usage_error("--max-error chooses the tier that --tier names; give only one of the two");
   }
   const v1::Metering& metering = settings.exposure().metering();
   if (metering.weights() == v1::Metering::WEIGHTS_SPOT && !metering.has_spot()) {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "absl/strings/str_format.h"
+#include "server/base/rounded_up.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 
@@ -125,6 +127,17 @@ double encoded(v1::Transfer transfer, double light) {
   return light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;
 }
 
+std::string words(const Tier& tier, double bound) {
+  return bound < kNoBound
+             ? absl::StrFormat("%s is within %s codes of the reference", tier.name, rounded_up(bound))
+             : absl::StrFormat("%s has no bound", tier.name);
+}
+
+std::string words(const BoundFacts& facts) {
+  return absl::StrFormat("%s%s", facts.blooms ? "it blooms" : "nothing in it blooms",
+                         facts.wide ? " and it has negative components" : "");
+}
+
 }  // namespace
 
 double mean_error(const v1::Metering& metering) {
@@ -178,16 +191,20 @@ std::span<const Tier> tiers_in_question(const FrameDesc& desc, const Settings& s
   const double most = settings->max_error_codes();
   const std::span<const Tier> all = tiers();
   size_t first = 0;
-  while (first < all.size() && error_bound(all[first], settings, easiest_facts()) > most) ++first;
+  while (error_bound(all[first], settings, easiest_facts()) > most) ++first;
   size_t last = first;
-  for (; last < all.size(); ++last) {
-    if (error_bound(all[last], settings, hardest) <= most || &all[last] == settings.costliest_tier()) break;
-  }
-  if (last == all.size() ||
-      (settings.costliest_tier() != nullptr && &all[first] > settings.costliest_tier())) {
-    return {};
-  }
+  while (error_bound(all[last], settings, hardest) > most) ++last;
   return all.subspan(first, last - first + 1);
+}
+
+std::string reason_for(const Tier& tier, double bound, const Settings& settings, const BoundFacts& facts) {
+  std::string cheaper;
+  for (const Tier& other : tiers()) {
+    if (&other >= &tier) break;
+    cheaper += absl::StrFormat("; %s here", words(other, error_bound(other, settings, facts)));
+  }
+  return absl::StrFormat("%s for this frame: %s; it keeps max_error_codes %g%s", words(tier, bound),
+                         words(facts), settings->max_error_codes(), cheaper);
 }
 
 }  // namespace candela

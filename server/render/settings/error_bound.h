@@ -39,8 +39,10 @@ BoundFacts easiest_facts();
 BoundFacts hardest_facts(const FrameDesc& desc, const Settings& settings);
 
 // The rows of tiers() that max_error_codes may take for a frame of these settings: from the first one that
-// keeps it for some frame to the first one that keeps it for every frame, and none beyond the settings'
-// costliest_tier(). Empty if no tier can keep it.
+// keeps it for some frame to the first one that keeps it for every frame. The reference keeps every one.
 std::span<const Tier> tiers_in_question(const FrameDesc& desc, const Settings& settings);
+
+// A line for people: why max_error_codes chose this tier, whose bound for the frame is `bound`.
+std::string reason_for(const Tier& tier, double bound, const Settings& settings, const BoundFacts& facts);
 
 }  // namespace candela

@@ -16,12 +16,6 @@
 namespace candela {
 namespace {
 
-// What stands for all values in a test frame that is timed.
-constexpr float kMeasuredIgnoreBelow = 1e-3f;
-constexpr uint32_t kMeasuredSpot = 1 << 14;  // the whole frame
-constexpr uint32_t kMeasuredLevels = 8;      // further ones take no time
-constexpr std::array<float, 9> kMeasuredMatrix = {0.5f, 0.25f, 0.25f, 0.25f, 0.5f, 0.25f, 0.25f, 0.25f, 0.5f};
-
 absl::Status check_exposure(const v1::Exposure& exposure) {
   if (exposure.min_exposure() > exposure.max_exposure()) {
     return absl::InvalidArgumentError(absl::StrFormat(
@@ -135,11 +129,10 @@ Settings::Settings() {
 }
 
 absl::StatusOr<Settings> Settings::from(v1::Settings message) {
-  if ((message.has_max_error_codes() || message.has_max_ms()) && !message.tier().empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("tier is \"%s\" and there is a promise, max_error_codes or max_ms; the one chooses "
-                        "what the other names",
-                        message.tier()));
+  if (message.has_max_error_codes() && !message.tier().empty()) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "tier is \"%s\" and max_error_codes is %g, which chooses the tier; give only one of the two",
+        message.tier(), message.max_error_codes()));
   }
   if (absl::Status status = v1::complete_settings(message); !status.ok()) return status;
   if (absl::Status status = check_exposure(message.exposure()); !status.ok()) return status;
@@ -167,44 +160,9 @@ Settings Settings::with_tier(const std::string& name) const {
   return Settings(std::move(state));
 }
 
-Settings Settings::within(const std::string& name) const {
-  if (!tier_is_open()) return with_tier(name);
-  auto state = std::make_shared<State>(*state_);
-  state->costliest = find_tier(name);
-  return Settings(std::move(state));
-}
-
-Settings Settings::for_measuring(const Tier& tier) const {
-  const v1::Settings& from = state_->message;
-  auto state = std::make_shared<State>();
-  v1::Settings& message = state->message;
-  message.set_curve(from.curve());
-  message.set_transfer(from.transfer());
-  message.set_output_format(from.output_format());
-  message.set_dither(from.dither());
-  v1::Metering& metering = *message.mutable_exposure()->mutable_metering();
-  metering.set_statistic(from.exposure().metering().statistic());
-  metering.set_weights(from.exposure().metering().weights());
-  metering.mutable_spot()->set_x1(kMeasuredSpot);
-  metering.mutable_spot()->set_y1(kMeasuredSpot);
-  if (from.exposure().metering().ignore_below() > 0) metering.set_ignore_below(kMeasuredIgnoreBelow);
-  v1::Bloom& bloom = *message.mutable_bloom();
-  bloom.set_kind(from.bloom().kind());
-  bloom.set_levels(std::min(from.bloom().levels(), kMeasuredLevels));
-  bloom.set_firefly_weights(from.bloom().firefly_weights());
-  if (from.bloom().intensity() == 0) bloom.set_intensity(0);
-  v1::complete_settings(message).IgnoreError();  // they are settings already
-  message.set_tier(tier.name);
-  state->tier = &tier;
-  state->table = state_->table;
-  if (state_->to_scene) state->to_scene = kMeasuredMatrix;
-  return Settings(std::move(state));
-}
-
 Settings Settings::for_metering(bool histogram) const {
   auto state = std::make_shared<State>(*state_);
   state->message.clear_max_error_codes();
-  state->message.clear_max_ms();
   state->message.mutable_bloom()->set_intensity(0);
   state->wants_histogram = histogram;
   return Settings(std::move(state));
@@ -219,27 +177,6 @@ Settings Settings::with_table_owner(std::shared_ptr<const void> owner) const {
   auto state = std::make_shared<State>(*state_);
   state->table = std::shared_ptr<const ColorTable>(owned, owned->table.get());
   return Settings(std::move(state));
-}
-
-std::string Settings::measurement_key() const {
-  const Settings measured = for_measuring(*state_->tier);  // the tier is not in the key
-  const v1::Settings& message = *measured;
-  const v1::Metering& metering = message.exposure().metering();
-  const v1::Bloom& bloom = message.bloom();
-  std::vector<std::string> words = {v1::word_of(message.curve()), v1::word_of(message.transfer()),
-                                    v1::word_of(message.output_format()), v1::word_of(metering.statistic()),
-                                    v1::word_of(metering.weights())};
-  if (message.dither()) words.push_back("dither");
-  if (metering.ignore_below() > 0) words.push_back("ignore-below");
-  if (measured.to_scene()) words.push_back("matrix");
-  if (const ColorTable* table = measured.table().get()) {
-    words.push_back(absl::StrFormat("table %d %d", table->size, table->axes));
-  }
-  if (bloom.intensity() > 0) {
-    words.push_back(absl::StrFormat("%s bloom %d%s", v1::word_of(bloom.kind()), bloom.levels(),
-                                    bloom.firefly_weights() ? " firefly" : ""));
-  }
-  return absl::StrJoin(words, " ");
 }
 
 v1::Transfer output_transfer(const v1::Settings& settings) {

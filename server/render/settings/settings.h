@@ -39,29 +39,18 @@ class Settings {
   bool wants_histogram() const { return state_->wants_histogram; }
   // Whether max_error_codes has still to choose the tier, for each frame; until then tier() means nothing.
   bool tier_is_open() const { return state_->message.has_max_error_codes() && !state_->tier_is_chosen; }
-  // The last row of tiers() that max_error_codes may choose, because max_ms is given too; null: all of them.
-  const Tier* costliest_tier() const { return state_->costliest; }
   // The largest difference of a root between neighbours of the client's table, 0 .. TABLE_MAX_ROOT; 0 without
   // one, and without max_error_codes.
   double table_step() const { return state_->table_step; }
 
-  // A copy with another tier, which was chosen if there is a promise. `name` must be a tier.
+  // A copy with another tier, which was chosen if there is max_error_codes. `name` must be a tier.
   Settings with_tier(const std::string& name) const;
-  // A copy for the tier that max_ms chose: with that tier, or if there is max_error_codes, too, with the rows
-  // up to it to choose from. `name` must be a tier.
-  Settings within(const std::string& name) const;
-  // A copy for a test frame whose time stands for that of all frames with the same measurement_key().
-  Settings for_measuring(const Tier& tier) const;
   // A copy for a frame that is only metered: without bloom and promises, and with a histogram if it is
   // wanted.
   Settings for_metering(bool histogram) const;
 
   // A copy that keeps `owner` as long as anyone uses the client's table, which there must be.
   Settings with_table_owner(std::shared_ptr<const void> owner) const;
-
-  // A key for measured times: everything in the settings that a frame's time depends on, in words. Settings
-  // that the contract marks `not_measured` are not in it, and of most numbers only whether they are 0.
-  std::string measurement_key() const;
 
  private:
   struct State {
@@ -71,7 +60,6 @@ class Settings {
     std::optional<std::array<float, 9>> to_scene;
     bool wants_histogram = false;
     bool tier_is_chosen = false;
-    const Tier* costliest = nullptr;
     double table_step = 0.0;
   };
   explicit Settings(std::shared_ptr<const State> state) : state_(std::move(state)) {}

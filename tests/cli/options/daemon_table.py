@@ -126,13 +126,6 @@ def validation(bench: Bench, _: str) -> None:
         hold("VkLayer_khronos_validation" in loaded, "the validation layer is not loaded")
 
 
-def cache_dir(bench: Bench, _: str) -> None:
-    folder = bench.folder / "kept"
-    with Daemon("--cache-dir", str(folder)) as daemon:
-        hold(render(daemon.address, settings=v1.Settings(max_ms=1e9))[0] == "OK", "a promise is refused")
-        hold(wait_until(lambda: (folder / "tiers.json").exists(), 5), "no measurement is kept there")
-
-
 def max_calls(bench: Bench, _: str) -> None:
     with Daemon("--max-calls", "1") as daemon:
         held = Held(daemon.address)
@@ -250,7 +243,7 @@ def config(bench: Bench, _: str) -> None:
 
 
 ROWS = {option: limit(option) for option in LIMITS} | {
-    "--listen": listen, "--insecure": insecure, "--device": device, "--passes": passes, "--validation": validation, "--cache-dir": cache_dir,
+    "--listen": listen, "--insecure": insecure, "--device": device, "--passes": passes, "--validation": validation,
     "--max-calls": max_calls, "--max-connections": max_connections, "--client-share": client_share, "--encoder-threads": encoder_threads, "--idle-timeout": idle_timeout,
     "--drain-timeout": drain_timeout, "--pre-drain": pre_drain, "--resume-keys": resume_keys, "--resume-ttl": resume_ttl,
     "--metrics": metrics, "--log-level": log_level, "--log-json": log_json, "--config": config,

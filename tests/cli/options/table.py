@@ -211,9 +211,8 @@ DRAWN = {  # of render, stream and view
     "--transfer": lambda c: each_word("--transfer"),
     "--tier": lambda c: each_word("--tier", words=("draft", "standard", "reference")),
     "--dither": lambda c: changes("--dither"),
-    # Each takes another tier than the default: 0 only the reference keeps, 255 and much time any.
+    # Each takes another tier than the default: 0 only the reference keeps, 255 any.
     "--max-error": lambda c: both(each_word("--max-error", words=("0", "255")), refuses("--max-error -1", words="--max-error")),
-    "--max-ms": lambda c: both(changes("--max-ms 1e9"), refuses("--max-ms 0.001", words="ms")),
     "--bloom": lambda c: each_word("--bloom"),
     "--bloom-intensity": lambda c: changes("--bloom-intensity 1"),
     "--bloom-threshold": lambda c: changes("--bloom-threshold 3", "--bloom-intensity 1"),

@@ -311,7 +311,8 @@ TEST_F(Report, InfoListsTheSettings) {
   EXPECT_EQ(settings["bloom.levels"].at("kind"), "whole-number");
   EXPECT_EQ(settings["bloom.firefly_weights"].at("default"), true);
   EXPECT_EQ(settings["dither"].at("default"), false);
-  EXPECT_EQ(settings["max_ms"].at("default"), nullptr);
+  EXPECT_EQ(settings["max_error_codes"].at("default"), nullptr);
+  EXPECT_FALSE(settings.contains("max_ms")) << "it is deprecated";
   EXPECT_NE(candela({"info", "--help"}).out.find("candela info --json"), std::string::npos);
 }
 

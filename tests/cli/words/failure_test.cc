@@ -230,7 +230,6 @@ TEST_F(FailureEnds, ATokenOrTlsThatDoesNotFitIsServer) {
 
 TEST_F(FailureEnds, ADeviceThatIsNotThereIsServer) {
   expect_failure({"render", in_, out_, "--device", "no such device"}, kServer);
-  expect_failure({"render", in_, out_, "--max-error", "0", "--max-ms", "0.001"}, kServer);
 }
 
 TEST_F(FailureEnds, SeveralFailuresOfOneKindHaveItsCodeAndOthersHaveOne) {
