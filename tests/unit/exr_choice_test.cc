@@ -65,7 +65,7 @@ TEST_F(ExrChoice, TakesAViewOfOnePartOrOfSeveral) {
   EXPECT_EQ(pixel({.view = "left"}), "10 11 12");
   EXPECT_EQ(pixel({.view = "right"}), "20 21 22");
   EXPECT_EQ(pixel({.layer = "spec", .view = "right"}), "40 41 42");
-  EXPECT_EQ(pixel({.layer = "right"}), "20 21 22");  // beside --ocio, whose --view is another
+  EXPECT_EQ(pixel({.layer = "right"}), "20 21 22");
   EXPECT_EQ(pixel({.view = "middle"}), "there is no view \"middle\"; there are: left, right");
 
   write_parts(path_, {{"rgba_r", "right", colour("", 50)}, {"rgba_l", "left", colour("", 60)}});

@@ -178,7 +178,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings, is_for_views);
-  add_view_options(app, options.view);
+  add_view_options(app, options);
   add_previous_options(app, options.previous);
   add_locked_exposure_option(app, options.locked_exposure);
   add_verify_options(app, options.verify);

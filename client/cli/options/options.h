@@ -50,6 +50,7 @@ struct PictureOptions {
   uint64_t max_pixels = 0;     // of an image that is read; 0: as many as the server takes
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
+  std::string view_of_either;  // --view: becomes that of `view` with --ocio, else that of `shown`
   WriteOptions write;
   std::vector<std::string> notes;  // what the user should know before the result
   // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and

@@ -55,6 +55,8 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
            "grey; RGB for the channels without a layer, XYZ for X, Y and Z as CIE XYZ (default: as for "
            "--part)",
            shown.layer);
+  add_text(app, kInputSection, "--exr-view", "NAME", "View of a multi-view OpenEXR file, such as left",
+           shown.view);
   add_text(app, kInputSection, "--incomplete", "error|fill",
            "What an unfinished or damaged file is: an error (default), or the pixels that there are, and the "
            "others absent, with alpha 0",

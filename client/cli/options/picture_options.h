@@ -16,7 +16,8 @@ struct PictureArguments {
   int quality = 0;  // 0: not given
 };
 
-// Defines --part, --layer, --incomplete and --max-chunk-mib. Parsing fills `options`, which outlive the app.
+// Defines --part, --layer, --exr-view, --incomplete and --max-chunk-mib. Parsing fills `options`, which
+// outlive the app.
 void add_choice_options(CLI::App& app, PictureOptions& options);
 
 // Defines --max-pixels, for a command that reads images.

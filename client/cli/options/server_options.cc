@@ -49,17 +49,20 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
            "Render in this process, even if $CANDELA_SERVER is set, on this Vulkan device: part of its name, "
            "or its index (default: the best one)",
            choice.device);
-  add_text(
-      app, kServerSection, "--passes", "WHO",
-      "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
-      "(default: auto, which is host if the Vulkan device is a CPU and the processors can, else device)",
-      [&choice](const std::string& text) {
-        if (text != "auto" && text != "device" && text != "host") {
-          return usage_error(absl::StrFormat("--passes is \"%s\"; it must be auto, device or host", text));
-        }
-        choice.passes = text;
-        return absl::OkStatus();
-      });
+  for (const auto& [name, section] :
+       {std::pair("--executor", kServerSection), std::pair("--passes", kHiddenSection)}) {
+    add_text(
+        app, section, name, "WHO",
+        "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
+        "(default: auto, which is host if the Vulkan device is a CPU and the processors can, else device)",
+        [&choice, name = std::string(name)](const std::string& text) {
+          if (text != "auto" && text != "device" && text != "host") {
+            return usage_error(absl::StrFormat("%s is \"%s\"; it must be auto, device or host", name, text));
+          }
+          choice.passes = text;
+          return absl::OkStatus();
+        });
+  }
 }
 
 }  // namespace
@@ -125,7 +128,7 @@ absl::Status finish_server_options(ServerChoice& choice) {
   }
   if (!choice.address.empty() && !choice.passes.empty()) {
     return usage_error(
-        "--passes is an option of the built-in server and has no effect with --server; give one of them");
+        "--executor is an option of the built-in server and has no effect with --server; give one of them");
   }
   const char* variable = std::getenv(kServerVariable);
   if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||

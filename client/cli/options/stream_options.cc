@@ -36,7 +36,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_given_exposure_options(app, options);
-  add_view_options(app, options.view);
+  add_view_options(app, options);
   add_image_options(app, arguments.picture);
   add_encoding_option(app, kOutputSection, options.encoding,
                       "Who encodes the files: this command (raw) or the server (png, jpeg)");

@@ -15,7 +15,8 @@ constexpr char kVariable[] = "OCIO";  // OpenColorIO's own
 
 }  // namespace
 
-void add_view_options(CLI::App& app, ViewChoice& view) {
+void add_view_options(CLI::App& app, PictureOptions& options) {
+  ViewChoice& view = options.view;
   const auto add = [&](const char* name, const char* placeholder, const char* help, std::string& to) {
     add_text(app, kToneSection, name, placeholder, help, to);
   };
@@ -24,16 +25,13 @@ void add_view_options(CLI::App& app, ViewChoice& view) {
       "options are given (default: $OCIO)",
       view.config);
   add("--display", "NAME", "Display of --ocio (default: the configuration's)", view.display);
-  add("--view", "NAME",
-      "View of --ocio (default: the display's); without --ocio, view of a multi-view OpenEXR file, such as "
-      "left "
-      "(with --ocio use --layer or --part for it)",
-      view.view);
+  add("--ocio-view", "NAME", "View of --ocio (default: the display's)", view.view);
   add("--ocio-input", "NAME",
       "Colour space of --ocio that the file's values are in, whatever the file says (default: light of the "
       "file's "
       "primaries)",
       view.input);
+  add_text(app, kHiddenSection, "--view", "NAME", "", options.view_of_either);
 }
 
 absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded) {
@@ -45,10 +43,13 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
     view.config = variable;
     view.source = "$OCIO";
   }
+  if (!options.view_of_either.empty()) {
+    (view.config.empty() ? options.shown.view : view.view) = options.view_of_either;
+  }
   if (view.config.empty()) {
-    options.shown.view = view.view;
     for (const auto& [name, value] :
-         {std::pair("--display", view.display), std::pair("--ocio-input", view.input)}) {
+         {std::pair("--display", view.display), std::pair("--ocio-view", view.view),
+          std::pair("--ocio-input", view.input)}) {
       if (!value.empty()) {
         return usage_error(
             absl::StrFormat("%s is part of an OpenColorIO configuration; name one with --ocio CONFIG", name));

@@ -9,8 +9,10 @@
 
 namespace candela {
 
-// Defines --ocio, --display, --view and --ocio-input. Parsing fills `view`, which outlives the app.
-void add_view_options(CLI::App& app, ViewChoice& view);
+// Defines --ocio, --display, --ocio-view and --ocio-input, and the hidden --view: with --ocio it is
+// --ocio-view, else
+// --exr-view. Parsing fills `options`, which outlive the app.
+void add_view_options(CLI::App& app, PictureOptions& options);
 
 // After parsing: takes the configuration of the variable OCIO if there is none, unless the user chose a
 // curve. Refuses options that conflict, and notes those that have no effect. `encoded` says that `output`

@@ -134,7 +134,7 @@ TEST_F(Ocio, OneNegativePixelAddsNoErrorToTheOthers) {
 
 TEST_F(Ocio, EveryViewHasItsMeasuredError) {
   const auto plain =
-      candela_json({"render", in_, folder_.path("plain.png"), "--ocio", studio_, "--view", "Plain"});
+      candela_json({"render", in_, folder_.path("plain.png"), "--ocio", studio_, "--ocio-view", "Plain"});
   EXPECT_EQ(plain["view"]["view"], "Plain");
   EXPECT_LE(plain["view"]["max_codes"], 3.0);
   const auto cinema =

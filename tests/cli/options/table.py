@@ -168,7 +168,7 @@ INPUT = {  # of render, stream, meter, view and environment
     "--max-chunk-mib": lambda c: needs("--max-chunk-mib 2", "--max-chunk-mib 1",
                                        f"{c} chunk.exr {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "--max-chunk-mib"),
     "--max-pixels": lambda c: needs("--max-pixels 100000000", "--max-pixels 5", words="--max-pixels allows 5"),
-    "--view": lambda c: changes("--view right", line=one_file(c, "views")),
+    "--exr-view": lambda c: changes("--exr-view right", line=one_file(c, "views")),
 }
 METERED = {  # of render, stream, meter and view
     "--white-balance": lambda c: changes("--white-balance 3200"),
@@ -224,6 +224,7 @@ DRAWN = {  # of render, stream and view
     "--ocio": lambda c: changes("--ocio studio.ocio"),
     "--ocio-input": lambda c: changes("--ocio-input Other", "--ocio studio.ocio"),
     "--display": lambda c: changes("--display Projector", "--ocio studio.ocio"),
+    "--ocio-view": lambda c: changes("--ocio-view Dark", "--ocio studio.ocio"),
 }
 SEQUENCED = {  # of stream and meter
     "--range": lambda c: changes("--range 1-4x2", line=plural("film")[c]),
@@ -389,7 +390,7 @@ def table(command: str) -> dict:
         rows["--quiet"] = quiet(command)
     if command in SERVERS:
         rows["--device"] = needs("--device llvmpipe", "--device no-such-device", at_home(command), "no-such-device")
-        rows["--passes"] = passes(command)
+        rows["--executor"] = executor(command)
     if command != "sample":
         rows["--server"] = elsewhere(at_home(command))
     rows |= OTHERS.get(command, {})
@@ -397,14 +398,14 @@ def table(command: str) -> dict:
     return rows
 
 
-def passes(command: str):
-    """Those of the built-in server; render, view and info say whose they are."""
+def executor(command: str):
+    """Who runs the passes of the built-in server; render, view and info say it."""
     says = {"info": lambda run: run.lines()[0]["device"]["passes"],
             "render": lambda run: run.lines()[0]["plan"][-1], "view": lambda run: run.lines()[0]["plan"][-1]}
-    line, bad = at_home(command), refuses("--passes nobody", at_home(command), "nobody")
+    line, bad = at_home(command), refuses("--executor nobody", at_home(command), "nobody")
     if command not in says:
-        return both(needs("--passes device", "--passes nobody", line, "nobody"), bad)
-    return both(*(shows(line.format(f"--passes {who}"), lambda run, who=who: who in says[command](run), f"not those of the {who}")
+        return both(needs("--executor device", "--executor nobody", line, "nobody"), bad)
+    return both(*(shows(line.format(f"--executor {who}"), lambda run, who=who: who in says[command](run), f"not those of the {who}")
                   for who in ("device", "host")), bad)
 
 
@@ -453,5 +454,5 @@ OTHERS = {
                "--panoramas": quick_report,
                "--server": refuses("--server 127.0.0.1:1", "report OUT --quick {}", "127.0.0.1:1"),
                "--device": refuses("--device no-such-device", "report OUT --quick {}", "no-such-device"),
-               "--passes": refuses("--passes nobody", "report OUT --quick {}", "nobody")},
+               "--executor": refuses("--executor nobody", "report OUT --quick {}", "nobody")},
 }

@@ -88,8 +88,9 @@ TEST_F(Words, AnOptionIsNoValue) {
           "--json needs a value, FILE|-, but --quiet is an option; write --json - for stdout");
   refuses({"--json", "-q"}, "but -q is an option");
   refuses({"--json"}, "--json needs a value");
-  for (const char* name : {"--error-map", "--ocio", "--display", "--view", "--ocio-input", "--server",
-                           "--tls-ca", "--token-file", "--device", "--curve", "--exposure", "--spot"}) {
+  for (const char* name :
+       {"--error-map", "--ocio", "--display", "--ocio-view", "--exr-view", "--ocio-input", "--server",
+        "--tls-ca", "--token-file", "--device", "--curve", "--exposure", "--spot"}) {
     refuses({name, "--quiet"}, std::string(name) + " needs a value");
   }
   for (const char* name : {"--exposure-plot", "--json", "--session"}) {
