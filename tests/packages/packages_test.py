@@ -47,7 +47,7 @@ PROGRAMS = {
 MODULES = {"cv2": "python3-opencv", "grpc": "python3-grpcio", "h2": "python3-h2", "hpack": "python3-h2",
            "kubernetes": "python3-kubernetes", "numpy": "python3-opencv", "yaml": "python3-kubernetes"}
 # What these files do without, and say so.
-OPTIONAL = {("client/cli/files/plot.cc", "gnuplot"), ("deploy/install-packages.sh", "sudo"),
+OPTIONAL = {("deploy/install-packages.sh", "sudo"),
             ("tests/deploy/kube_test.py", "kubectl"), ("tests/interop/ktx_parse/run.sh", "node"),
             ("tests/interop/ktx_parse/run.sh", "npm")}
 # Each of these starts programs a1, a2 ... and none that is called "no".

@@ -21,6 +21,7 @@
 #include "client/cli/commands/stream_images.h"
 #include "client/cli/commands/stream_plan.h"
 #include "client/cli/commands/stream_report.h"
+#include "client/cli/files/exposure_plot.h"
 #include "client/cli/files/frame_feeder.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/ascii.h"
@@ -12,28 +11,12 @@
 #include "client/cli/commands/render_report.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/output_files.h"
-#include "client/cli/files/plot.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/usage.h"
-#include "client/image/write/atomic_file.h"
 
 namespace candela {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr int kPlotWidth = 900;
-constexpr int kPlotHeight = 420;
-constexpr char kPlotStyle[] =
-    "set border 11 lc rgb '#888888'\n"
-    "set tics nomirror tc rgb '#333333'\n"
-    "set grid lc rgb '#dddddd' lt 1\n"
-    "set key above left Left reverse tc rgb '#333333' samplen 2\n"
-    "set xlabel 'media time, s'\n"
-    "set ylabel 'exposure and its target, EV'\n"
-    "set y2label 'mean log2 luminance, EV'\n"
-    "set y2tics\n"
-    "set offsets 0, 0, graph 0.05, graph 0.05\n";
 
 double per_second(const StreamSummary& summary) {
   const double seconds = absl::ToDoubleSeconds(summary.time);
@@ -44,12 +27,6 @@ double mean_latency_ms(const StreamSummary& summary) {
   return summary.written == 0
              ? 0
              : absl::ToDoubleMilliseconds(summary.latency) / static_cast<double>(summary.written);
-}
-
-double seconds(const ExposedFrame& frame) { return static_cast<double>(frame.media_time_ns) * 1e-9; }
-
-bool is_svg(const std::string& path) {
-  return absl::AsciiStrToLower(std::filesystem::path(path).extension().string()) == ".svg";
 }
 
 }  // namespace
@@ -165,51 +142,6 @@ std::string resume_words(const SessionStats& stats) {
   return absl::StrFormat("%s; resumed on %s after %.2f s without losing a frame",
                          loss.substr(0, loss.find(';')), stats.server,
                          absl::ToDoubleSeconds(stats.time_without_results));
-}
-
-absl::Status check_plot(const std::string& path) {
-  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
-  if (extension != ".png" && extension != ".svg") {
-    return usage_error(absl::StrFormat("--exposure-plot is %s; it must end in .png or .svg", path));
-  }
-  if (absl::Status status = check_gnuplot(); !status.ok()) return status;
-  if (absl::Status status = make_folder_of(path); !status.ok()) return status;
-  return writable_destination(path).status();
-}
-
-absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::string& path) {
-  std::string script = std::string(kPlotStyle) + "$curve << EOD\n";
-  for (const ExposedFrame& point : curve) {
-    absl::StrAppendFormat(&script, "%.9g %.9g %.9g %.9g\n", seconds(point), std::log2(point.exposure),
-                          std::log2(point.target), point.mean_log2_luminance);
-  }
-  script += "EOD\n";
-  for (const ExposedFrame& point : curve) {
-    if (!point.cut) continue;
-    absl::StrAppendFormat(&script,
-                          "set arrow from first %.9g, graph 0 to first %.9g, graph 1 nohead dt 3 lc rgb "
-                          "'#888888'\n",
-                          seconds(point), seconds(point));
-  }
-  // gnuplot cannot derive a range from a single point.
-  if (curve.size() == 1) {
-    const double t = seconds(curve.front());
-    absl::StrAppendFormat(&script, "set xrange [%.9g-1:%.9g+1]\n", t, t);
-  }
-  script +=
-      "plot $curve using 1:4 axes x1y2 with steps lw 1.2 lc rgb '#8a8a8a' title 'luminance', "
-      "$curve using 1:3 with steps lw 1.4 dt 2 lc rgb '#d9822b' title 'target', "
-      "$curve using 1:2 with linespoints pt 7 ps 0.35 lw 1.8 lc rgb '#1b4f8a' title 'exposure'";
-  const absl::StatusOr<std::string> drawn = is_svg(path)
-                                                ? plot_svg("exposure", kPlotWidth, kPlotHeight, script)
-                                                : plot_png(kPlotWidth, kPlotHeight, script);
-  if (!drawn.ok()) return drawn.status();
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
-  const std::string head = is_svg(path) ? "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" : "";
-  file->write(head.data(), head.size());
-  file->write(drawn->data(), drawn->size());
-  return file->commit();
 }
 
 }  // namespace candela

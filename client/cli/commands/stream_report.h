@@ -73,12 +73,4 @@ std::string to_text(const StreamSummary& summary, const std::string& where);
 // Says that the session lost a server and resumed, in one sentence.
 std::string resume_words(const SessionStats& stats);
 
-// Draws exposure, target and luminance over media time. The
-// extension of `path`, .png or .svg, sets the format.
-absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::string& path);
-
-// Checks before the work that the plot can be drawn. A usage error for
-// another extension; FAILED_PRECONDITION if gnuplot is missing.
-absl::Status check_plot(const std::string& path);
-
 }  // namespace candela

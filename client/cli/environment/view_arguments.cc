@@ -186,7 +186,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_encoding_option(app, kOutputSection, options.encoding,
                       "Who encodes the files of a sequence: this command (raw) or the server (png, jpeg)");
   add_text(app, kOutputSection, "--exposure-plot", "FILE",
-           "Draw a sequence's exposure over time: .png or .svg (needs gnuplot)", options.plot);
+           "Draw a sequence's exposure over time: a .svg file", options.plot);
   add_json_option(app, kOutputSection,
                   "Write the result's numbers as one line of JSON; for a sequence one line a frame, and one "
                   "for all",

@@ -21,6 +21,7 @@
 #include "client/cli/environment/view_sequence.h"
 #include "client/cli/files/error_map.h"
 #include "client/cli/files/exposure_file.h"
+#include "client/cli/files/exposure_plot.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"

@@ -81,13 +81,14 @@ void add_session_options(CLI::App& app, StreamOptions& options) {
 
 void add_curve_options(CLI::App& app, StreamOptions& options) {
   add_save_exposures_option(app, options);
-  add_text(app, kOutputSection, "--exposure-plot", "FILE",
-           "Draw exposure over time: .png or .svg (needs gnuplot)", options.plot);
+  add_text(app, kOutputSection, "--exposure-plot", "FILE", "Draw exposure over time: a .svg file",
+           options.plot);
 }
 
 void add_session_server_options(CLI::App& app, StreamOptions& options) {
   add_servers_options(app, options.server);
-  add_text(app, kServerSection, "--session", "NAME", "Name of the session (default: a random one)", options.session);
+  add_text(app, kServerSection, "--session", "NAME", "Name of the session (default: a random one)",
+           options.session);
 }
 
 }  // namespace candela

@@ -226,8 +226,6 @@ TEST_F(Stream, ValuesThatAreNoNumbersAreCountedAndSaidOnce) {
 
 TEST_F(Stream, TheExposurePlotIsDrawn) {
   make_frames(6);
-  stream({"--exposure-plot", folder_.path("plot.png"), "--lookahead", "2"});
-  EXPECT_GT(png_facts(folder_.path("plot.png")).width, 400u);
   stream({"--exposure-plot", folder_.path("plot.svg"), "--lookahead", "2"});
   const std::string svg = read_file(folder_.path("plot.svg"));
   for (const char* word : {"<?xml", "<svg", "xmlns", "exposure", "target", "luminance"}) {
@@ -238,26 +236,7 @@ TEST_F(Stream, TheExposurePlotIsDrawn) {
 TEST_F(Stream, TheExposurePlotOfOneLateFrameShowsIt) {
   make_frames(6);
   stream({"--exposure-plot", folder_.path("plot.svg"), "--range", "5", "--fps", "0.001"});
-  EXPECT_NE(read_file(folder_.path("plot.svg")).find(" 5000<"), std::string::npos) << "no tic at 5000 s";
-}
-
-TEST_F(Stream, WithoutAWorkingGnuplotThePlotIsRefusedBeforeTheWork) {
-  make_frames(2);
-  const std::string bin = folder_.path("bin"), path = std::getenv("PATH");
-  std::filesystem::create_directory(bin);
-  const auto plot = [&] {
-    setenv("PATH", bin.c_str(), 1);
-    const Outcome outcome =
-        candela({"stream", in(), folder_.path("out"), "--exposure-plot", folder_.path("plot.svg")});
-    setenv("PATH", path.c_str(), 1);
-    EXPECT_EQ(outcome.code, 1);
-    EXPECT_FALSE(std::filesystem::exists(folder_.path("out")));
-    return outcome.err;
-  };
-  EXPECT_NE(plot().find("install the package gnuplot-nox"), std::string::npos);
-  write_file(bin + "/gnuplot", "#!/bin/sh\necho 'no terminal\n  svg' >&2\nexit 3\n");
-  std::filesystem::permissions(bin + "/gnuplot", std::filesystem::perms::owner_all);
-  EXPECT_NE(plot().find("it ended with code 3: no terminal svg"), std::string::npos);
+  EXPECT_NE(read_file(folder_.path("plot.svg")).find(">5000<"), std::string::npos) << "no tic at 5000 s";
 }
 
 TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
@@ -324,7 +303,7 @@ TEST_F(Stream, WrongUseIsSaidInOneLine) {
                          {{in(), std::string(300, 'a')}, "File name too long", 5},
                          {{in(), in() + "/./%04d.exr"}, "is one of the inputs"},
                          {{in(), out, "--server", "127.0.0.1:1", "--device", "0"}, "one of them"},
-                         {{in(), out, "--exposure-plot", "plot.gif"}, ".png or .svg"},
+                         {{in(), out, "--exposure-plot", "plot.png"}, ".svg"},
                          {{in(), out, "--tier", "standart"}, "did you mean standard?"},
                          {{in() + "/nothing*.exr", out}, "no such file", 3},
                          {{folder_.path("nowhere"), out}, "no such file", 3},

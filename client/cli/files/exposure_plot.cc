@@ -1,0 +1,133 @@
+#include "client/cli/files/exposure_plot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
+#include "client/cli/files/output_files.h"
+#include "client/cli/options/usage.h"
+#include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+constexpr double kWidth = 900, kHeight = 420;                         // of the file
+constexpr double kLeft = 60, kRight = 880, kTop = 40, kBottom = 370;  // of the axes
+
+double seconds(const ExposedFrame& frame) { return static_cast<double>(frame.media_time_ns) * 1e-9; }
+
+struct Curve {
+  const char* name;
+  const char* color;
+  double (*ev)(const ExposedFrame&);
+};
+
+constexpr Curve kCurves[] = {
+    {"luminance", "#8a8a8a", [](const ExposedFrame& f) { return f.mean_log2_luminance; }},
+    {"target", "#d9822b", [](const ExposedFrame& f) { return std::log2(f.target); }},
+    {"exposure", "#1b4f8a", [](const ExposedFrame& f) { return std::log2(f.exposure); }},
+};
+
+// Values along one axis, and where they are drawn.
+struct Axis {
+  double low, high;  // values
+  double from, to;   // their places
+
+  double at(double value) const { return from + (value - low) / (high - low) * (to - from); }
+
+  // Round values at equal distances, at most nine.
+  std::vector<double> tics() const {
+    const double decade = std::pow(10, std::floor(std::log10((high - low) / 8)));
+    double step = decade;
+    for (const double factor : {1, 2, 5, 10}) {
+      step = factor * decade;
+      if ((high - low) / step <= 8) break;
+    }
+    std::vector<double> all;
+    for (double tic = std::ceil(low / step); tic * step <= high; ++tic) all.push_back(tic * step);
+    return all;
+  }
+};
+
+Axis time_axis(const std::vector<ExposedFrame>& curve) {
+  const double begin = seconds(curve.front()), end = seconds(curve.back());
+  return begin < end ? Axis{begin, end, kLeft, kRight} : Axis{begin - 1, begin + 1, kLeft, kRight};
+}
+
+Axis ev_axis(const std::vector<ExposedFrame>& curve) {
+  constexpr double kMargin = 0.25;  // EV
+  double low = kCurves[0].ev(curve.front()), high = low;
+  for (const ExposedFrame& frame : curve) {
+    for (const Curve& of : kCurves) {
+      low = std::min(low, of.ev(frame));
+      high = std::max(high, of.ev(frame));
+    }
+  }
+  return {low - kMargin, high + kMargin, kBottom, kTop};
+}
+
+std::string drawn(const std::vector<ExposedFrame>& curve) {
+  const Axis time = time_axis(curve), ev = ev_axis(curve);
+  std::string svg = absl::StrFormat(
+      "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n"
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %g %g\" font-family=\"sans-serif\" "
+      "font-size=\"13\" fill=\"none\">\n<rect width=\"%g\" height=\"%g\" fill=\"#fff\"/>\n",
+      kWidth, kHeight, kWidth, kHeight);
+  const auto text = [&svg](double x, double y, const char* anchor, const char* color,
+                           const std::string& words) {
+    absl::StrAppendFormat(&svg, "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">%s</text>\n", x,
+                          y, anchor, color, words);
+  };
+  const auto line = [&svg](double x0, double y0, double x1, double y1, const char* style) {
+    absl::StrAppendFormat(&svg, "<path d=\"M%.1f %.1fL%.1f %.1f\" %s/>\n", x0, y0, x1, y1, style);
+  };
+  for (const double tic : time.tics()) {
+    line(time.at(tic), kTop, time.at(tic), kBottom, "stroke=\"#ddd\"");
+    text(time.at(tic), kBottom + 18, "middle", "#333", absl::StrFormat("%.6g", tic));
+  }
+  for (const double tic : ev.tics()) {
+    line(kLeft, ev.at(tic), kRight, ev.at(tic), "stroke=\"#ddd\"");
+    text(kLeft - 8, ev.at(tic) + 4, "end", "#333", absl::StrFormat("%.6g", tic));
+  }
+  for (const ExposedFrame& frame : curve) {
+    if (!frame.cut) continue;
+    line(time.at(seconds(frame)), kTop, time.at(seconds(frame)), kBottom,
+         "stroke=\"#888\" stroke-dasharray=\"3\"");
+  }
+  text((kLeft + kRight) / 2, kHeight - 12, "middle", "#333", "media time, s");
+  text(kLeft, kTop - 14, "end", "#333", "EV");
+  for (const Curve& of : kCurves) {
+    text(kLeft + 20 + 110 * static_cast<double>(&of - kCurves), kTop - 14, "start", of.color, of.name);
+    absl::StrAppendFormat(&svg, "<polyline stroke=\"%s\" stroke-width=\"1.6\" points=\"", of.color);
+    for (const ExposedFrame& frame : curve) {
+      absl::StrAppendFormat(&svg, "%.2f,%.2f ", time.at(seconds(frame)), ev.at(of.ev(frame)));
+    }
+    svg += "\"/>\n";
+    const ExposedFrame& last = curve.back();
+    absl::StrAppendFormat(&svg, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"2.5\" fill=\"%s\"/>\n",
+                          time.at(seconds(last)), ev.at(of.ev(last)), of.color);
+  }
+  return svg + "</svg>\n";
+}
+
+}  // namespace
+
+absl::Status check_plot(const std::string& path) {
+  if (absl::AsciiStrToLower(std::filesystem::path(path).extension().string()) != ".svg") {
+    return usage_error(absl::StrFormat("--exposure-plot is %s; it must end in .svg", path));
+  }
+  RETURN_IF_ERROR(make_folder_of(path));
+  return writable_destination(path).status();
+}
+
+absl::Status plot_exposure(const std::vector<ExposedFrame>& curve, const std::string& path) {
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
+  const std::string svg = drawn(curve);
+  file.write(svg.data(), svg.size());
+  return file.commit();
+}
+
+}  // namespace candela
