@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/metrics.h"
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/render/renderer.h"
 #include "server/vulkan/device.h"
 

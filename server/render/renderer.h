@@ -7,8 +7,8 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/render/device/frame_memory.h"
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/frame_memory.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/render/frame_report.h"
 #include "server/render/passes.h"
 #include "server/render/plan/exposure.h"

@@ -15,13 +15,13 @@
 #include <utility>
 #include <vector>
 
-#include "server/render/device/frame_textures.h"
 #include "server/render/device/passes.h"
 #include "server/render/device/table_cache.h"
 #include "server/render/environment/environment_baker.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/host/bloom/run_bloom.h"
 #include "server/render/host/host_executor.h"
-#include "server/render/host/run_bloom.h"
-#include "server/render/host/run_resolve.h"
+#include "server/render/host/resolve/run_resolve.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "tests/bench/workbench.h"

@@ -7,8 +7,8 @@
 #include <cstring>
 
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
-#include "server/render/host/level_view.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/frame/level_view.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
 

@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "tests/support/device_fixture.h"
 
 namespace candela::testing {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/render/device/meter_frame.h"
 #include "server/render/device/passes.h"
+#include "server/render/frame/meter_frame.h"
 #include "server/render/plan/metering.h"
 
 namespace candela {

@@ -3,11 +3,11 @@
 
 #include <memory>
 
-#include "server/render/device/executor.h"
 #include "server/render/device/pace.h"
 #include "server/render/device/submissions.h"
 #include "server/render/device/table_cache.h"
-#include "server/render/device/tile_sums.h"
+#include "server/render/frame/executor.h"
+#include "server/render/frame/tile_sums.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 

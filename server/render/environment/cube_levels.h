@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 
 namespace candela {
 

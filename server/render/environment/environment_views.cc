@@ -5,10 +5,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
 #include "server/render/environment/view_tiles.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/host/view/view.h"
 #include "shaders/view.spv.h"
 

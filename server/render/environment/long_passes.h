@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/render/device/pace.h"
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "shaders/params.h"

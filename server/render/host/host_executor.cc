@@ -3,11 +3,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/render/device/frame_textures.h"
-#include "server/render/device/meter_frame.h"
-#include "server/render/host/ingest.h"
-#include "server/render/host/run_bloom.h"
-#include "server/render/host/supported.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/frame/meter_frame.h"
+#include "server/render/host/bloom/run_bloom.h"
+#include "server/render/host/ingest/ingest.h"
+#include "server/render/host/lanes/supported.h"
 
 namespace candela {
 

@@ -1,7 +1,7 @@
 // The plan of a frame: everything that executors need to meter and render it, decided by pure functions.
 //
 // A frame is rendered in two phases. Phase A reads it once, meters it and counts its bad values (IngestPlan).
-// Phase B follows when the exposure is decided (Plan). An executor (device/executor.h) renders a plan; it
+// Phase B follows when the exposure is decided (Plan). An executor (frame/executor.h) renders a plan; it
 // reads no settings.
 #pragma once
 

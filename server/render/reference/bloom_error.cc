@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "server/base/slices.h"
-#include "server/render/host/level_view.h"
+#include "server/render/frame/level_view.h"
 #include "shaders/bilinear.h"
 
 namespace candela {

@@ -2,7 +2,7 @@
 // frame.
 #pragma once
 
-#include "server/render/device/executor.h"
+#include "server/render/frame/executor.h"
 
 namespace candela {
 

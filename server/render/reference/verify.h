@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "server/render/device/frame_memory.h"
+#include "server/render/frame/frame_memory.h"
 #include "server/render/plan/plan.h"
 #include "server/render/reference/verification.h"
 

@@ -1,5 +1,5 @@
-// Views of environments on the host: shaders/view.comp for a row of tiles. The mathematics are those of
-// docs/environments.md section 6, for the most part the shader's own text.
+// Views of environments on the host: shaders/environment/view.comp for a row of tiles. The mathematics are
+// those of docs/environments.md section 6, for the most part the shader's own text.
 #pragma once
 
 #include <cstddef>
