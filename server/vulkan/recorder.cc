@@ -83,9 +83,8 @@ void Recorder::mark(const char* name) {
   marks_.push_back(name);
 }
 
-void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                        const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
-                        std::span<const Box> groups) {
+void Recorder::bind(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
+                    const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes) {
   vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
   VkWriteDescriptorSet writes[PipelineCache::kReads + 1] = {};
   auto count = static_cast<uint32_t>(reads.size());
@@ -106,9 +105,10 @@ void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<
   }
   device_->push_descriptors()(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, count, writes);
   vkCmdPushConstants(commands_, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes, push);
-  for (const Box& box : groups) {
-    vkCmdDispatchBase(commands_, box.x0, box.y0, 0, box.x1 - box.x0, box.y1 - box.y0, 1);
-  }
+}
+
+void Recorder::dispatch(uint32_t x0, uint32_t y0, uint32_t x1, uint32_t y1) {
+  vkCmdDispatchBase(commands_, x0, y0, 0, x1 - x0, y1 - y0, 1);
 }
 
 void Recorder::fill_zero(const Buffer& buffer) { fill_zero(buffer, 0, VK_WHOLE_SIZE); }

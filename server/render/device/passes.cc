@@ -54,6 +54,10 @@ std::vector<Box> within(std::span<const Box> groups, const GroupRows& rows) {
   return part;
 }
 
+void dispatch_all(std::span<const Box> groups, Recorder& recorder) {
+  for (const Box& box : groups) recorder.dispatch(box.x0, box.y0, box.x1, box.y1);
+}
+
 // Dispatches as often as it takes to bind all of the target for writing, and tells each part its first row.
 template <typename Inputs>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
@@ -74,8 +78,9 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
     params.first_row = static_cast<uint32_t>(first);
     const VkDescriptorBufferInfo written = {target.buffer.handle(), first * target.row_bytes,
                                             std::min<uint64_t>(rows, target.rows - first) * target.row_bytes};
-    recorder.dispatch(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
-                      sizeof params, part);
+    recorder.bind(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
+                  sizeof params);
+    dispatch_all(part, recorder);
   }
   return absl::OkStatus();
 }
@@ -159,8 +164,8 @@ absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const
   const VkBufferView reads[] = {frame,
                                 textures.center_weights ? textures.center_weights.buffer().view() : frame};
   const Box all = ingest_groups(layout);
-  recorder.dispatch(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params,
-                    within({&all, 1}, rows));
+  recorder.bind(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params);
+  dispatch_all(within({&all, 1}, rows), recorder);
   return absl::OkStatus();
 }
 

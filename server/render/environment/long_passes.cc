@@ -58,9 +58,8 @@ absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params
       const VkDescriptorBufferInfo written = {pass.target->handle(),
                                               pass.target_offset + first * pass.invocation_bytes,
                                               count * pass.invocation_bytes};
-      const Box box = {0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1};
-      recorder_.dispatch(*pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes,
-                         {&box, 1});
+      recorder_.bind(*pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes);
+      recorder_.dispatch(0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1);
       return absl::OkStatus();
     };
     const double cost = pass.cost * static_cast<double>(count);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/render/environment/view.h"
-#include "server/vulkan/box.h"
+#include "server/render/plan/box.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/params.h"
 

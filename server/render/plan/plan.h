@@ -13,12 +13,12 @@
 #include <variant>
 #include <vector>
 
+#include "server/render/plan/box.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/settings/error_bound.h"
 #include "server/render/settings/settings.h"
-#include "server/vulkan/box.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 #include "shaders/reference.h"

@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #include "server/render/frame/level_planes.h"
-#include "server/vulkan/box.h"
+#include "server/render/plan/box.h"
 #include "shaders/params.h"
 
 namespace candela::host {
