@@ -87,9 +87,7 @@ absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& 
                                            const Metered& metered, FrameReport& report) {
   absl::StatusOr<std::shared_ptr<const ColorTable>> table = color_table_of(settings, metered);
   if (!table.ok()) return table.status();
-  // The tier's own: where it blooms it is the one that the memory was taken for.
-  TextureLayout& layout = memory.textures().layout;
-  layout = layout_textures(layout.desc, settings);
+  const TextureLayout& layout = memory.textures().layout;
   report.plan = plan_frame(layout, metered, settings,
                            {.exposure = report.exposure, .sequence = sequence, .table = *std::move(table)});
   if (!layout.by_reference) report.plan.words.push_back(absl::StrCat("passes ", passes_words_));
@@ -105,8 +103,10 @@ absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& se
   for (const Tier& tier : tiers_in_question(memory.desc(), settings)) {
     if (error_bound(tier, settings, facts) > settings->max_error_codes()) continue;
     checkpoint();
-    const absl::StatusOr<Drawn> drawn =
-        draw_image(memory, settings.with_tier(tier.name), sequence, metered, report);
+    const Settings tried = settings.with_tier(tier.name);
+    // The tier's own: where it blooms it is the one that the memory was taken for.
+    memory.textures().layout = layout_textures(memory.desc(), tried);
+    const absl::StatusOr<Drawn> drawn = draw_image(memory, tried, sequence, metered, report);
     if (!drawn.ok()) return drawn.status();
     if (facts.wide && !tier.host_reference) facts.negative_light = drawn->negative_light;
     const double bound = error_bound(tier, settings, facts);

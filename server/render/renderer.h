@@ -75,10 +75,10 @@ class Renderer {
   // Sets passes_ and what follows from it.
   absl::Status choose(Passes passes, uint32_t threads);
   Executor& executor_of(const FrameMemory& memory) const;
-  // Makes the image and fills in the report, except what verification finds.
+  // Makes the image in the memory's layout, and fills in the report except what verification finds.
   absl::StatusOr<Drawn> draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                    const Metered& metered, FrameReport& report);
-  // The same with the cheapest tier that keeps max_error_codes.
+  // The same with the cheapest tier that keeps max_error_codes, in its own layout.
   absl::Status draw_within_error(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                  const Metered& metered, FrameReport& report);
 
