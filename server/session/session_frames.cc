@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -83,7 +84,9 @@ Exposed SessionFrames::decide(Entry& entry, const FrameStats& stats) {
   if (entry.dropped) return {};
   absl::MutexLock lock(&track_mutex_);
   track_.metered(entry.sequence, stats);
-  entry.exposure = track_.next()->point;
+  const std::optional<FrameExposure> decided = track_.next();
+  CHECK(decided && decided->sequence == entry.sequence);
+  entry.exposure = decided->point;
   entry.decided = true;
   return entry.exposure.exposed;
 }

@@ -76,9 +76,10 @@ TEST(SessionFrames, AnswersAreDueInTheOrderOfTheFrames) {
   const auto first = line.queue(0);
   const auto second = line.queue(1);
   EXPECT_EQ(line.frames.due(), nullptr);
+  line.frames.decide(*first, rendered_frame().report.stats);
   line.render(*second);
   EXPECT_EQ(line.frames.due(), nullptr) << "the second frame overtook the first";
-  line.render(*first);
+  SessionFrames::rendered(*first, rendered_frame(), false);
   EXPECT_EQ(line.frames.due(), first);
   line.frames.pop();
   EXPECT_EQ(line.frames.due(), second);

@@ -18,10 +18,11 @@ class DeviceExecutor final : public Executor {
   // The device outlives the executor.
   static absl::StatusOr<std::unique_ptr<DeviceExecutor>> create(Device& device);
 
-  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
-
  private:
+  absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
+                                 std::vector<StageTime>* stages) override;
+
   DeviceExecutor(Device& device, PipelineCache pipelines, Recorder recorder);
 
   // Runs ingest once and adds up its tiles. `upload`: the wire pixels are not on the device yet.

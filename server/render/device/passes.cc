@@ -6,6 +6,7 @@
 #include <span>
 #include <type_traits>
 
+#include "server/base/check.h"
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
 #include "shaders/bright_pass.spv.h"
@@ -68,6 +69,8 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
   // Each part has to begin at a row of work groups, and where a binding may begin.
   const uint64_t step = target.group_rows * PipelineCache::kWriteAlignment / 16;
   const uint64_t rows = PipelineCache::kMaxWriteBytes / target.row_bytes / step * step;
+  CHECK(rows > 0 && target.rows * target.row_bytes <= target.buffer.bytes());
+  for (const Box& box : work) CHECK(box.y1 <= groups(target.rows, target.group_rows));
   for (uint64_t first = 0; first < target.rows; first += rows) {
     const auto begin = static_cast<uint32_t>(first / target.group_rows);
     const auto end =

@@ -28,11 +28,15 @@ class Executor {
   virtual ~Executor() = default;
 
   // Phase A: meters the wire pixels in `memory`.
-  virtual absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) = 0;
+  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan);
   // Phase B: makes the finished image, and the unquantised one if the memory was taken for verification. Adds
   // its times to *stages. A frame may be drawn again, by another plan.
-  virtual absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan,
-                                     std::vector<StageTime>* stages) = 0;
+  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages);
+
+ private:
+  virtual absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) = 0;
+  virtual absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
+                                         std::vector<StageTime>* stages) = 0;
 };
 
 }  // namespace candela

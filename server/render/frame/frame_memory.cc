@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/check.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/vulkan/device.h"
 #include "shaders/params.h"
@@ -114,6 +115,7 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
       pool.reserve(reference_bytes, "the float64 reference of the frame");
   if (!lease.ok()) return lease.status();
   textures.reference = *std::move(lease);
+  CHECK(taken + reference_bytes == textures.bytes);
   return absl::OkStatus();
 }
 
@@ -178,12 +180,14 @@ uint64_t FrameMemory::bytes() const { return textures_->bytes; }
 
 std::span<std::byte> FrameMemory::input_row(uint32_t y) {
   const TextureLayout& layout = textures_->layout;
+  CHECK(y < layout.desc.height);
   const uint64_t pitch_bytes = uint64_t{layout.pitch} * bytes_per_pixel(layout.desc.format);
   return {textures_->host_input().mapped() + y * pitch_bytes, layout.desc.row_bytes()};
 }
 
 std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
   const TextureLayout& layout = textures_->layout;
+  CHECK(y < layout.desc.height);
   const uint64_t texel_bytes = bytes_per_pixel(layout.output_format);
   return {textures_->host_output().mapped() + y * layout.pitch * texel_bytes,
           layout.desc.width * texel_bytes};
@@ -195,6 +199,7 @@ bool FrameMemory::output_contiguous() const {
 
 std::span<const uint16_t> FrameMemory::error_map_row(uint32_t y) const {
   if (!textures_->error_map) return {};
+  CHECK(y < textures_->layout.desc.height);
   const auto* halves = reinterpret_cast<const uint16_t*>(textures_->error_map.buffer().mapped());
   const uint32_t width = textures_->layout.desc.width;
   return {halves + size_t{y} * width, width};
@@ -206,6 +211,7 @@ void FrameMemory::keep_output_only() {
   {
     FrameTextures kept;
     kept.layout = all.layout;
+    kept.stage = FrameStage::kOutputOnly;
     kept.bytes = all.bytes;
     kept.claim = std::move(all.claim);
     kept.error_map = std::move(all.error_map);
@@ -217,17 +223,23 @@ void FrameMemory::keep_output_only() {
     all = std::move(kept);
   }
   // Only after the pool has the others back: whom the claim lets in must find them there.
-  if (all.claim) all.claim->shrink(all.readback.bytes() + all.output.bytes() + all.error_map.bytes());
+  const uint64_t kept_bytes = all.readback.bytes() + all.output.bytes() + all.error_map.bytes();
+  CHECK(kept_bytes <= all.bytes);
+  if (all.claim) all.claim->shrink(kept_bytes);
 }
 
 void FrameMemory::replace_output(uint64_t bytes) {
   FrameTextures& all = *textures_;
+  CHECK(all.stage == FrameStage::kDrawn || all.stage == FrameStage::kOutputOnly);
   const uint64_t image_bytes = all.readback.bytes() + all.output.bytes();
   all.readback = TexturePool::Lease();
   all.output = TexturePool::Lease();
   if (all.claim) all.claim->shrink(std::min(bytes, image_bytes) + all.error_map.bytes());
 }
 
-void FrameMemory::account(std::unique_ptr<MemoryClaim> claim) { textures_->claim = std::move(claim); }
+void FrameMemory::account(std::unique_ptr<MemoryClaim> claim) {
+  CHECK(textures_->claim == nullptr);
+  textures_->claim = std::move(claim);
+}
 
 }  // namespace candela

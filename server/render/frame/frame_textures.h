@@ -19,8 +19,11 @@ struct MeteredScene {
   reference::Meter meter;
 };
 
+enum class FrameStage { kTaken, kMetered, kDrawn, kOutputOnly };
+
 struct FrameTextures {
   TextureLayout layout;
+  FrameStage stage = FrameStage::kTaken;
   uint64_t bytes = 0;                  // of the pool's budget, for all that follows
   std::unique_ptr<MemoryClaim> claim;  // may be null
 

@@ -2,10 +2,13 @@
 
 #include <cstring>
 
+#include "server/base/check.h"
+
 namespace candela {
 
 void write_points(const ColorTable& table, std::byte* to) {
   const size_t points = point_count(table);
+  CHECK(table.values.size() == 3 * points);
   const size_t diagonal = size_t{table.size} * table.size + table.size + 1;
   for (size_t i = 0; i < points; ++i) {
     const size_t next = std::min(i + diagonal, points - 1);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 
 namespace candela {
 
@@ -23,7 +24,11 @@ uint64_t TextureKey::bytes() const {
 TexturePool::TexturePool(Device& device, uint64_t budget_bytes, std::chrono::nanoseconds keep)
     : device_(device), budget_bytes_(budget_bytes), keep_(keep) {}
 
-TexturePool::~TexturePool() = default;
+TexturePool::~TexturePool() {
+  CHECK(counters_.bytes_in_use == 0);
+  for (const auto& entry : idle_) counters_.bytes_idle -= entry->bytes;
+  CHECK(counters_.bytes_idle == 0);
+}
 
 absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint64_t own_bytes) {
   const uint64_t bytes = key.bytes();
@@ -37,6 +42,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
       std::unique_ptr<Entry> entry = std::move(*found);
       idle_.erase(std::next(found).base());
       ++counters_.hits;
+      CHECK(counters_.bytes_idle >= bytes);
       counters_.bytes_idle -= bytes;
       counters_.bytes_in_use += bytes;
       return Lease(this, std::move(entry));
@@ -53,6 +59,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
   }
   if (!buffer.ok()) {
     const std::lock_guard lock(mutex_);
+    CHECK(counters_.bytes_in_use >= bytes);
     counters_.bytes_in_use -= bytes;
     if (!absl::IsResourceExhausted(buffer.status()) || counters_.bytes_in_use <= own_bytes) {
       return buffer.status();
@@ -84,6 +91,7 @@ absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
     give_up_oldest(given_up);
   }
   counters_.bytes_in_use += bytes;
+  CHECK(counters_.bytes_in_use + counters_.bytes_idle <= budget_bytes_);
   counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
   return absl::OkStatus();
 }
@@ -96,6 +104,7 @@ bool TexturePool::give_up_one() {
 }
 
 void TexturePool::give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up) {
+  CHECK(counters_.bytes_idle >= idle_.front()->bytes);
   counters_.bytes_idle -= idle_.front()->bytes;
   given_up->push_back(std::move(idle_.front()));
   idle_.erase(idle_.begin());
@@ -104,6 +113,7 @@ void TexturePool::give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up) 
 void TexturePool::give_back(std::unique_ptr<Entry> entry) {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   const std::lock_guard lock(mutex_);
+  CHECK(counters_.bytes_in_use >= entry->bytes);
   counters_.bytes_in_use -= entry->bytes;
   if (entry->buffer.handle() == VK_NULL_HANDLE) return;
   entry->idle_since = std::chrono::steady_clock::now();
@@ -133,7 +143,10 @@ TexturePool::Lease::~Lease() {
   if (entry_) pool_->give_back(std::move(entry_));
 }
 
-const Buffer& TexturePool::Lease::buffer() const { return entry_->buffer; }
+const Buffer& TexturePool::Lease::buffer() const {
+  CHECK(entry_ != nullptr);
+  return entry_->buffer;
+}
 
 uint64_t TexturePool::Lease::bytes() const { return entry_ ? entry_->bytes : 0; }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "server/base/check.h"
 #include "server/render/plan/metering.h"
 #include "shaders/params.h"
 
@@ -140,6 +141,8 @@ void read_histogram(const FrameTextures& textures, const IngestPlan& plan, const
 
 TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const IngestRead& read) {
   const FrameDesc& desc = textures.layout.desc;
+  CHECK(textures.host_tiles().bytes() >=
+        uint64_t{textures.layout.tiles_x} * textures.layout.tiles_y * sizeof(shader::TileRecord));
   TileSums sums;
   FrameStats& stats = sums.stats;
   const Totals totals = add_tiles(textures, sums);
@@ -150,6 +153,7 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const 
   const uint64_t pixels = uint64_t{desc.width} * desc.height;
   const Units units = units_of(read, constants.weights == shader::WEIGHTS_CENTER, totals.coverage);
   stats.metered_weight = weighted ? totals.weight / units.sums : pixels;
+  CHECK(stats.metered_weight <= pixels * 255 && stats.absent_pixels <= pixels);
   stats.mean_log2_luminance = stats.metered_weight > 0
                                   ? log2_of(totals.fixed_log2 / units.sums, stats.metered_weight)
                                   : kNothingMetered;

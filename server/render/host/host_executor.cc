@@ -23,7 +23,7 @@ absl::Status HostExecutor::usable() const {
   return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
 }
 
-absl::StatusOr<Metered> HostExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+absl::StatusOr<Metered> HostExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
   if (absl::Status status = usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   return meter_frame(
@@ -36,8 +36,8 @@ absl::StatusOr<Metered> HostExecutor::meter(FrameMemory& memory, const IngestPla
       });
 }
 
-absl::StatusOr<Drawn> HostExecutor::draw(FrameMemory& memory, const Plan& plan,
-                                         std::vector<StageTime>* stages) {
+absl::StatusOr<Drawn> HostExecutor::run_draw(FrameMemory& memory, const Plan& plan,
+                                             std::vector<StageTime>* stages) {
   if (absl::Status status = usable(); !status.ok()) return status;
   FrameTextures& textures = memory.textures();
   textures.planar_levels = true;

@@ -27,10 +27,10 @@ class HostExecutor final : public Executor {
   // Its threads, for other work between two calls.
   Crew& crew() { return crew_; }
 
-  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
-
  private:
+  absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
+                                 std::vector<StageTime>* stages) override;
   // UNAVAILABLE if the device is lost: its memory may be, too.
   absl::Status usable() const;
   // Those of the plan's table; null if it has none.

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <variant>
 
+#include "server/base/check.h"
 #include "server/render/host/bloom/bloom_passes.h"
 
 namespace candela::host {
@@ -24,6 +25,7 @@ std::vector<Box> parts_of(const BloomStep& step, const LevelPlanes& to, uint32_t
     const Box box = {group.x0 * step.group_columns, group.y0 * step.group_rows,
                      std::min(group.x1 * step.group_columns, to.width),
                      std::min(group.y1 * step.group_rows, to.height)};
+    CHECK(box.x0 < box.x1 && box.y0 < box.y1);
     boxes.push_back(box);
     texels += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
   }
@@ -71,7 +73,9 @@ void clear(const LevelPlanes& level, Crew& crew) {
 }  // namespace
 
 LevelPlanes level_planes(const FrameTextures& textures, size_t level) {
+  CHECK(level < textures.layout.level_sizes.size());
   const LevelSize& size = textures.layout.level_sizes[level];
+  CHECK(uint64_t{size.width} * size.height * 4 * sizeof(float) <= textures.levels[level].bytes());
   return {reinterpret_cast<float*>(textures.levels[level].buffer().mapped()), size.width, size.height};
 }
 

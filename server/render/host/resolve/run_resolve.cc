@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "absl/synchronization/mutex.h"
+#include "server/base/check.h"
 #include "server/render/host/bloom/run_bloom.h"
 #include "server/render/host/resolve/resolve.h"
 
@@ -29,6 +30,7 @@ std::vector<Band> bands_of(const std::vector<Box>& groups, const FrameDesc& fram
   const uint32_t step = std::clamp<uint32_t>(rows / (kBandsPerThread * threads), 1, most);
   std::vector<Band> bands;
   for (const Box& box : groups) {
+    CHECK(box.y1 <= candela::groups(frame.height, kResolveGroupRows));
     for (uint32_t y = box.y0; y < box.y1; y += step) {
       bands.push_back(
           {y * kResolveGroupRows, std::min(std::min(y + step, box.y1) * kResolveGroupRows, frame.height)});
