@@ -3,7 +3,6 @@
 #include <cmath>
 #include <utility>
 
-#include "shaders/bilinear.h"
 #include "shaders/reference.h"
 
 namespace candela::reference {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "shaders/bilinear.h"
 #include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 

@@ -4,7 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "shaders/bilinear.h"
 #include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 

@@ -8,7 +8,6 @@
 
 #include "proto/candela/v1/settings.h"
 #include "server/render/frame/frame_textures.h"
-#include "server/render/frame/level_view.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
 

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "server/render/device/passes.h"
-#include "server/render/frame/meter_frame.h"
 #include "server/render/plan/metering.h"
 
 namespace candela {

@@ -6,7 +6,6 @@
 
 #include "server/render/environment/cube_levels.h"
 #include "server/render/environment/harmonics.h"
-#include "server/render/environment/roughness.h"
 #include "server/render/frame/texture_pool.h"
 #include "shaders/params.h"
 

@@ -1,11 +1,13 @@
 // The textures of one frame. Internal to server/render and its tests.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
 
 #include "server/render/frame/frame_memory.h"
+#include "server/render/frame/level_planes.h"
 #include "server/render/frame/texture_pool.h"
 #include "server/render/plan/texture_layout.h"
 #include "shaders/reference.h"
@@ -62,6 +64,30 @@ struct FrameTextures {
   }
   const Buffer& host_exact() const { return exact_readback ? exact_readback.buffer() : exact.buffer(); }
   const Buffer& host_level() const { return level_readback ? level_readback.buffer() : levels[0].buffer(); }
+};
+
+// The light of a bloom level, whoever made it. For verification and tests.
+class LevelView {
+ public:
+  // `texels` holds the level, mapped.
+  LevelView(const FrameTextures& textures, const LevelSize& size, const Buffer& texels)
+      : planar_(textures.planar_levels), size_(size), texels_(reinterpret_cast<float*>(texels.mapped())) {}
+
+  const LevelSize& size() const { return size_; }
+
+  std::array<float, 3> at(size_t x, size_t y) const {
+    if (!planar_) {
+      const float* const texel = texels_ + 4 * (y * size_.width + x);
+      return {texel[0], texel[1], texel[2]};
+    }
+    const host::LevelPlanes planes = {texels_, size_.width, size_.height};
+    return {planes.row(y, 0)[x], planes.row(y, 1)[x], planes.row(y, 2)[x]};
+  }
+
+ private:
+  bool planar_;
+  LevelSize size_;
+  float* texels_;
 };
 
 }  // namespace candela

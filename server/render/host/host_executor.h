@@ -14,6 +14,14 @@
 
 namespace candela {
 
+namespace host {
+
+// "AVX2", "AVX-512" or "NEON", whichever they use; null if the processor has none with fused multiply-add, so
+// that no kernel runs.
+const char* instruction_set();
+
+}  // namespace host
+
 // The same image, whatever the number of threads.
 class HostExecutor final : public Executor {
  public:
