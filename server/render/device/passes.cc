@@ -88,22 +88,13 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
   return absl::OkStatus();
 }
 
+// Of a pass of the bloom.
 std::span<const uint32_t> spirv_of(Pass pass) {
-  switch (pass) {
-    case Pass::kIngest:
-      return k_ingest_spirv;
-    case Pass::kBrightPass:
-      return k_bright_pass_spirv;
-    case Pass::kBloomDown:
-      return k_bloom_down_spirv;
-    case Pass::kBloomUp:
-      return k_bloom_up_spirv;
-    case Pass::kGaussian:
-      return k_gaussian_spirv;
-    case Pass::kResolve:
-      return k_resolve_spirv;
-  }
-  return {};
+  if (pass == Pass::kBrightPass) return k_bright_pass_spirv;
+  if (pass == Pass::kBloomDown) return k_bloom_down_spirv;
+  if (pass == Pass::kBloomUp) return k_bloom_up_spirv;
+  CHECK(pass == Pass::kGaussian);
+  return k_gaussian_spirv;
 }
 
 // The texel buffers that a pass of the bloom reads.
