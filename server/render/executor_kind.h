@@ -9,19 +9,21 @@
 
 namespace candela {
 
-enum class Passes : uint32_t {
+enum class ExecutorKind : uint32_t {
   kAuto,    // the host where the device is a CPU and the host can make them, else the device
   kDevice,  // the Vulkan device
   kHost,    // the host's processors, in the device's textures
 };
 
-inline constexpr std::array<const char*, 3> kPassesWords = {"auto", "device", "host"};
+inline constexpr std::array<const char*, 3> kExecutorWords = {"auto", "device", "host"};
 
-inline const char* passes_word(Passes passes) { return kPassesWords[static_cast<uint32_t>(passes)]; }
+inline const char* executor_word(ExecutorKind passes) {
+  return kExecutorWords[static_cast<uint32_t>(passes)];
+}
 
-inline absl::StatusOr<Passes> parse_passes(absl::string_view word) {
-  for (uint32_t i = 0; i < kPassesWords.size(); ++i) {
-    if (word == kPassesWords[i]) return static_cast<Passes>(i);
+inline absl::StatusOr<ExecutorKind> parse_executor(absl::string_view word) {
+  for (uint32_t i = 0; i < kExecutorWords.size(); ++i) {
+    if (word == kExecutorWords[i]) return static_cast<ExecutorKind>(i);
   }
   return absl::InvalidArgumentError("it must be auto, device or host");
 }
