@@ -7,6 +7,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "glsl/common.glsl"
+#include "environment/environment_params.h"
 
 layout(local_size_x = ENVIRONMENT_GROUP) in;
 layout(constant_id = 0) const uint PIXELS = PIXELS_RGBA16F;

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "server/vulkan/pipeline.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

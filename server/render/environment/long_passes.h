@@ -11,7 +11,7 @@
 #include "server/render/frame/texture_pool.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

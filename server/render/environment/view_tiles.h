@@ -11,7 +11,7 @@
 #include "server/render/environment/view.h"
 #include "server/render/plan/box.h"
 #include "server/vulkan/pipeline.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

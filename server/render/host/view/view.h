@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela::host {
 
