@@ -11,7 +11,7 @@
 #include "proto/candela/v1/limits.h"
 #include "server/base/log.h"
 #include "server/base/slices.h"
-#include "server/render/passes.h"
+#include "server/render/executor_kind.h"
 
 namespace candela {
 
@@ -20,17 +20,17 @@ namespace candela {
 struct Config {
   // "HOST:PORT" (port 0 picks a free port) or "unix:PATH"; empty: in-process only
   std::vector<std::string> listen;
-  bool insecure = false;          // allow non-loopback addresses without TLS
-  std::string tls_cert;           // PEM file, reread when it changes; empty: no TLS
-  std::string tls_key;            // PEM file with the key of tls_cert
-  std::string tls_client_ca;      // PEM file of CAs that sign client certificates; empty: none are required
-  std::string token_file;         // bearer tokens; empty: calls need no token
-  std::string device;             // device index or part of its name; empty: the best device
-  Passes passes = Passes::kAuto;  // who makes a frame's passes
-  bool validation = false;        // enable Vulkan's validation layers
-  uint64_t memory_budget_bytes = 0;       // for the texture pool; 0: see choose_memory_budget
-  uint64_t environment_budget_bytes = 0;  // for environments; 0: a quarter of memory_budget_bytes
-  uint32_t client_share = 50;             // percent of the memory that other clients leave; see ClientBudget
+  bool insecure = false;      // allow non-loopback addresses without TLS
+  std::string tls_cert;       // PEM file, reread when it changes; empty: no TLS
+  std::string tls_key;        // PEM file with the key of tls_cert
+  std::string tls_client_ca;  // PEM file of CAs that sign client certificates; empty: none are required
+  std::string token_file;     // bearer tokens; empty: calls need no token
+  std::string device;         // device index or part of its name; empty: the best device
+  ExecutorKind passes = ExecutorKind::kAuto;  // who makes a frame's passes
+  bool validation = false;                    // enable Vulkan's validation layers
+  uint64_t memory_budget_bytes = 0;           // for the texture pool; 0: see choose_memory_budget
+  uint64_t environment_budget_bytes = 0;      // for environments; 0: a quarter of memory_budget_bytes
+  uint32_t client_share = 50;  // percent of the memory that other clients leave; see ClientBudget
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels
   uint32_t max_calls = 64;                               // concurrent Render and Meter calls

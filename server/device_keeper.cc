@@ -9,7 +9,7 @@
 namespace candela {
 
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
-                                                                 uint64_t budget_bytes, Passes passes) {
+                                                                 uint64_t budget_bytes, ExecutorKind passes) {
   absl::StatusOr<std::unique_ptr<Device>> device = Device::create(options);
   if (!device.ok()) return device.status();
   auto opened = std::make_shared<RenderDevice>(*std::move(device), budget_bytes);

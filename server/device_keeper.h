@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/metrics.h"
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/render/renderer.h"
 #include "server/vulkan/device.h"
 
@@ -28,7 +28,7 @@ struct RenderDevice {
 // Opens a device, creates its renderer and compares a test frame with the reference.
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes,
-                                                                 Passes passes = Passes::kAuto);
+                                                                 ExecutorKind passes = ExecutorKind::kAuto);
 
 // The number of times that a device is reopened without a good frame in between.
 inline constexpr int kMaxRebuilds = 3;

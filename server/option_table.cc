@@ -112,7 +112,7 @@ std::string text_of(const std::vector<std::string>& value) { return absl::StrJoi
 std::string text_of(uint32_t value) { return absl::StrCat(value); }
 std::string text_of(uint64_t value) { return format_bytes(value); }
 std::string text_of(absl::Duration value) { return absl::FormatDuration(value); }
-std::string text_of(Passes value) { return passes_word(value); }
+std::string text_of(ExecutorKind value) { return executor_word(value); }
 std::string text_of(LogLevel value) { return log_level_word(value); }
 
 template <typename Kind>

@@ -45,7 +45,7 @@ struct LogLevelOption {
   LogLevel Config::*field;
 };
 struct PassesOption {
-  Passes Config::*field;
+  ExecutorKind Config::*field;
 };
 
 using OptionKind = std::variant<FlagOption, TextOption, AddressListOption, NumberOption, BytesOption,

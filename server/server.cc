@@ -115,8 +115,8 @@ struct Server::Impl {
 void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper::Open open,
                                std::function<void()> on_gone) {
   const DeviceSummary& device = first->device->summary();
-  metrics =
-      std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver, first->renderer->passes_words());
+  metrics = std::make_unique<Metrics>(CANDELA_VERSION, device.name, device.driver,
+                                      first->renderer->executor_words());
   devices = std::make_unique<DeviceKeeper>(
       first, std::move(open), *metrics,
       DeviceKeeper::Events{.on_replaced = [this] { state->environments.forget_others(*devices->renderer()); },
@@ -151,7 +151,7 @@ void Server::Impl::make_service(TokenKeys keys) {
       .environments = EnvironmentStore(config.environment_budget_bytes)});
   service = std::make_unique<RenderService>(
       *state, [d = devices.get()] { return d->current()->pool.counters(); },
-      server_info(config, device, devices->current()->renderer->passes()));
+      server_info(config, device, devices->current()->renderer->executor_kind()));
 }
 
 void Server::Impl::watch_health() {

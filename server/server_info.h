@@ -12,6 +12,6 @@ namespace candela {
 FrameLimits frame_limits(const Config& config, const DeviceSummary& device);
 
 // The answer to GetServerInfo, without the parts that change while the server runs.
-v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary& device, Passes passes);
+v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary& device, ExecutorKind passes);
 
 }  // namespace candela

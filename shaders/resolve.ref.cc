@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "shaders/bilinear.h"
 #include "shaders/reference.h"
 
 namespace candela::reference {

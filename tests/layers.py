@@ -1,22 +1,31 @@
 #!/usr/bin/env python3
-"""Fails if an include climbs (a folder may include only itself and what stands above it here), or if client and server both
-define a type of one name."""
+"""Fails if an include climbs: a folder may include itself and what ALLOWED names for it. Fails if folders include each other in a
+circle, or if client and server both define a type of one name."""
 import pathlib
 import re
 import sys
 
-SERVER = ["server/base", "server/encode", "server/vulkan", "server/render/color", "server/render/settings", "server/render/plan",
-          "server/render/device", "server/render/host", "server/render/environment", "server/render/reference", "server/render", "server/schedule", "server/session", "server/access",
-          "server/rpc", "server", "server/daemon"]
-ALLOWED = {"server/base": [], "proto": ["server/base"], "shaders": [], "client/base": [], "client/image": ["client/base", "server/encode", "shaders"], "client/color": ["shaders", "proto", "server/render/color"],
+# Each may include what stands above it. Siblings may not include each other.
+SERVER = [["server/base"], ["server/encode"], ["server/vulkan"], ["server/render/color"], ["server/render/settings"],
+          ["server/render/plan"], ["server/render/frame"],
+          ["server/render/device", "server/render/host", "server/render/reference"],
+          ["server/render/environment"], ["server/render"], ["server/schedule"], ["server/session"], ["server/access"],
+          ["server/rpc"], ["server"], ["server/daemon"]]
+ALLOWED = {"server/base": [], "proto": ["server/base"], "shaders": [], "client/base": [],
+           "client/image": ["client/base", "server/encode", "shaders"], "client/color": ["shaders", "proto", "server/render/color"],
            "client/environment": ["client/base", "client/image", "proto"], "client": ["client/base", "client/image", "proto"],
            "client/cli": ["client", "client/base", "client/image", "client/color", "client/environment", "proto"]}
 for folder in [folder for folder in ALLOWED if folder.startswith("client")]:
     ALLOWED[folder].append("server/base")
-for depth, folder in enumerate(SERVER[1:], 1):
-    ALLOWED[folder] = ["proto", "shaders"] + SERVER[:depth]
+above = list(SERVER[0])
+for storey in SERVER[1:]:
+    for folder in storey:
+        ALLOWED[folder] = ["proto", "shaders"] + above
+    above += storey
 # The one door from the client into the server.
 DOORS = {"client/cli/commands/embedded_server.cc": ["server", "server/base"]}
+# Rooms whose folders include each other in circles today.
+CIRCLES = ("client/cli/", "client/image/")
 
 root = pathlib.Path(__file__).resolve().parent.parent
 
@@ -27,6 +36,7 @@ def layer(path: str) -> str:
 
 
 climbs = []
+sees = {}  # the folders that each folder includes
 for top in ("proto", "shaders", "server", "client"):
     for source in sorted((root / top).rglob("*")):
         if source.suffix not in (".h", ".cc"):
@@ -36,8 +46,30 @@ for top in ("proto", "shaders", "server", "client"):
         allowed = [own] + ALLOWED[own] + DOORS.get(name, [])
         for line, text in enumerate(source.read_text().splitlines(), 1):
             found = re.match(r'#include "((?:proto|shaders|server|client)/[^"]+)"', text)
-            if found and not found[1].endswith(".spv.h") and layer(found[1]) not in allowed:
+            if not found or found[1].endswith(".spv.h"):
+                continue
+            if not name.startswith(CIRCLES):
+                sees.setdefault(pathlib.PurePath(name).parent, set()).add(pathlib.PurePath(found[1]).parent)
+            if layer(found[1]) not in allowed:
                 climbs.append(f"{name}:{line} includes {found[1]}, which {own} may not")
+
+
+def circle(path: list) -> list:
+    """The folders of a circle that goes on from `path`. A folder and those below it are one room, which may see itself."""
+    for seen in sorted(sees.get(path[-1], ())):
+        if seen in path[:-1]:
+            return path[path.index(seen):]
+        if seen.is_relative_to(path[-1]) or path[-1].is_relative_to(seen) or seen in finished:
+            continue
+        if found := circle(path + [seen]):
+            return found
+    finished.add(path[-1])
+    return []
+
+
+finished = set()
+circles = ["a circle of includes: " + " -> ".join(str(folder) for folder in found + found[:1])
+           for start in sorted(sees) if start not in finished and (found := circle([start])) and found[0] == min(found)]
 
 # The command links both sides, so a type of one name on both would be two definitions of one type.
 TYPE = re.compile(r"^(?:class|struct|enum class) (\w+)[^;{]*\{", re.MULTILINE)
@@ -49,5 +81,5 @@ for side in ("client", "server"):
 twice = [f"{places['server']} defines {name}, as {places['client']} does; rename one"
          for name, places in homes.items() if len(places) == 2]
 
-print("\n".join(climbs + twice) or "no include climbs")
-sys.exit(bool(climbs or twice))
+print("\n".join(climbs + circles + twice) or "no include climbs")
+sys.exit(bool(climbs or circles or twice))

@@ -61,7 +61,7 @@ absl::Status set(const LogLevelOption& kind, const std::string& text, Config& co
 }
 
 absl::Status set(const PassesOption& kind, const std::string& text, Config& config) {
-  return store(parse_passes(text), config.*kind.field);
+  return store(parse_executor(text), config.*kind.field);
 }
 
 // CLI11 reads these by itself in flags and variables.

@@ -7,10 +7,9 @@
 #include "server/base/cgroup.h"
 #include "server/base/slices.h"
 #include "server/render/device/device_executor.h"
-#include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/host/host_executor.h"
-#include "server/render/host/supported.h"
 #include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
@@ -22,34 +21,34 @@ Renderer::Renderer(Device& device, TexturePool& pool) : device_(device), pool_(p
 
 Renderer::~Renderer() = default;
 
-absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool, Passes passes,
-                                                           uint32_t threads) {
+absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool,
+                                                           ExecutorKind passes, uint32_t threads) {
   std::unique_ptr<Renderer> renderer(new Renderer(device, pool));
   if (absl::Status status = renderer->choose(passes, threads); !status.ok()) return status;
   return renderer;
 }
 
-absl::Status Renderer::choose(Passes passes, uint32_t threads) {
+absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
   const std::string not_on_host = HostExecutor::unavailable(device_.summary());
-  if (passes == Passes::kHost && !not_on_host.empty()) {
+  if (passes == ExecutorKind::kHost && !not_on_host.empty()) {
     return absl::FailedPreconditionError(absl::StrCat("the host cannot make the passes: ", not_on_host));
   }
   Crew* crew = nullptr;
-  if (passes != Passes::kDevice && not_on_host.empty()) {
+  if (passes != ExecutorKind::kDevice && not_on_host.empty()) {
     auto executor = std::make_unique<HostExecutor>(device_, threads == 0 ? usable_cpus() : threads);
     crew = &executor->crew();
-    passes_ = Passes::kHost;
-    passes_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(), crew->threads(),
-                                    crew->threads() == 1 ? "" : "s");
-    by_passes_ = std::move(executor);
+    executor_kind_ = ExecutorKind::kHost;
+    executor_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(),
+                                      crew->threads(), crew->threads() == 1 ? "" : "s");
+    by_device_or_host_ = std::move(executor);
   } else {
     absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device_);
     if (!executor.ok()) return executor.status();
-    passes_ = Passes::kDevice;
-    passes_words_ = "on the device";
-    by_passes_ = *std::move(executor);
+    executor_kind_ = ExecutorKind::kDevice;
+    executor_words_ = "on the device";
+    by_device_or_host_ = *std::move(executor);
   }
-  by_reference_ = std::make_unique<ReferenceExecutor>(*by_passes_);
+  by_reference_ = std::make_unique<ReferenceExecutor>(*by_device_or_host_);
   absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker = EnvironmentBaker::create(device_, pool_, crew);
   if (!baker.ok()) return baker.status();
   baker_ = *std::move(baker);
@@ -67,7 +66,7 @@ absl::StatusOr<uint64_t> Renderer::bytes_for(const FrameDesc& desc, const Settin
 }
 
 Executor& Renderer::executor_of(const FrameMemory& memory) const {
-  return memory.textures().layout.by_reference ? *by_reference_ : *by_passes_;
+  return memory.textures().layout.by_reference ? *by_reference_ : *by_device_or_host_;
 }
 
 absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings,
@@ -86,12 +85,10 @@ absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& 
                                            const Metered& metered, FrameReport& report) {
   absl::StatusOr<std::shared_ptr<const ColorTable>> table = color_table_of(settings, metered);
   if (!table.ok()) return table.status();
-  // The tier's own: where it blooms it is the one that the memory was taken for.
-  TextureLayout& layout = memory.textures().layout;
-  layout = layout_textures(layout.desc, settings);
+  const TextureLayout& layout = memory.textures().layout;
   report.plan = plan_frame(layout, metered, settings,
                            {.exposure = report.exposure, .sequence = sequence, .table = *std::move(table)});
-  if (!layout.by_reference) report.plan.words.push_back(absl::StrCat("passes ", passes_words_));
+  if (!layout.by_reference) report.plan.words.push_back(absl::StrCat("passes ", executor_words_));
   report.tier = settings.tier().name;
   const absl::StatusOr<Drawn> drawn = executor_of(memory).draw(memory, report.plan, &report.stages);
   if (drawn.ok()) report.gamut_cut_components = drawn->gamut_cut_components;
@@ -104,8 +101,10 @@ absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& se
   for (const Tier& tier : tiers_in_question(memory.desc(), settings)) {
     if (error_bound(tier, settings, facts) > settings->max_error_codes()) continue;
     checkpoint();
-    const absl::StatusOr<Drawn> drawn =
-        draw_image(memory, settings.with_tier(tier.name), sequence, metered, report);
+    const Settings tried = settings.with_tier(tier.name);
+    // The tier's own: where it blooms it is the one that the memory was taken for.
+    memory.textures().layout = layout_textures(memory.desc(), tried);
+    const absl::StatusOr<Drawn> drawn = draw_image(memory, tried, sequence, metered, report);
     if (!drawn.ok()) return drawn.status();
     if (facts.wide && !tier.host_reference) facts.negative_light = drawn->negative_light;
     const double bound = error_bound(tier, settings, facts);

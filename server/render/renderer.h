@@ -5,14 +5,16 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/render/device/frame_memory.h"
-#include "server/render/device/texture_pool.h"
-#include "server/render/frame_report.h"
-#include "server/render/passes.h"
+#include "server/render/executor_kind.h"
+#include "server/render/frame/frame_memory.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
+#include "server/render/plan/plan.h"
+#include "server/render/reference/verify.h"
 #include "server/render/settings/settings.h"
 
 namespace candela {
@@ -20,6 +22,21 @@ namespace candela {
 class EnvironmentBaker;
 class Executor;
 struct Drawn;
+
+// Everything that is known about a rendered frame, except its image, which is in its FrameMemory.
+struct FrameReport {
+  FrameStats stats;
+  double exposure = 0.0;  // the factor E that was used
+  double target = 0.0;    // the factor that metering chose
+  double target_before_limits = 0.0;
+  uint64_t gamut_cut_components = 0;  // of R, G and B: negative in the curve's own primaries, and cut
+  Plan plan;
+  std::string tier;                   // that the frame was drawn with
+  std::string tier_reason;            // if max_error_codes chose it, a line for people
+  std::optional<double> error_bound;  // if max_error_codes chose the tier: the largest error in codes
+  std::vector<StageTime> stages;
+  std::optional<FrameVerification> verification;  // if the memory was taken for it
+};
 
 // A frame's place in a sequence.
 struct FrameMoment {
@@ -33,7 +50,7 @@ class Renderer {
   // `device` and `pool` outlive the renderer. `threads` of the host make its passes; 0: usable_cpus().
   // FAILED_PRECONDITION, saying why, if the host is to make them and cannot.
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool,
-                                                          Passes passes = Passes::kAuto,
+                                                          ExecutorKind passes = ExecutorKind::kAuto,
                                                           uint32_t threads = 0);
   ~Renderer();
 
@@ -56,8 +73,8 @@ class Renderer {
                                      const FrameMoment& moment = {});
 
   // Who makes the passes, kDevice or kHost, and the same in words: "on the host, AVX2, 2 threads".
-  Passes passes() const { return passes_; }
-  const std::string& passes_words() const { return passes_words_; }
+  ExecutorKind executor_kind() const { return executor_kind_; }
+  const std::string& executor_words() const { return executor_words_; }
 
   // Bakes environments on this device. Their views are made as the passes are.
   EnvironmentBaker& baker() const { return *baker_; }
@@ -73,22 +90,22 @@ class Renderer {
  private:
   Renderer(Device& device, TexturePool& pool);
   // Sets passes_ and what follows from it.
-  absl::Status choose(Passes passes, uint32_t threads);
+  absl::Status choose(ExecutorKind passes, uint32_t threads);
   Executor& executor_of(const FrameMemory& memory) const;
-  // Makes the image and fills in the report, except what verification finds.
+  // Makes the image in the memory's layout, and fills in the report except what verification finds.
   absl::StatusOr<Drawn> draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                    const Metered& metered, FrameReport& report);
-  // The same with the cheapest tier that keeps max_error_codes.
+  // The same with the cheapest tier that keeps max_error_codes, in its own layout.
   absl::Status draw_within_error(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                  const Metered& metered, FrameReport& report);
 
   Device& device_;
   TexturePool& pool_;
-  Passes passes_ = Passes::kDevice;
-  std::string passes_words_;
-  std::unique_ptr<Executor> by_passes_;
+  ExecutorKind executor_kind_ = ExecutorKind::kDevice;
+  std::string executor_words_;
+  std::unique_ptr<Executor> by_device_or_host_;
   std::unique_ptr<Executor> by_reference_;
-  std::unique_ptr<EnvironmentBaker> baker_;  // may use the threads of by_passes_
+  std::unique_ptr<EnvironmentBaker> baker_;  // may use the threads of by_device_or_host_
 };
 
 }  // namespace candela

@@ -213,7 +213,10 @@ absl::Status StreamCall::submit(const EntryPtr& entry, Work work) {
   // A frame that took part in the exposure of others is rendered even if it is late.
   if (work != Work::kDraw) job.deadline = entry->deadline;
   if (work == Work::kRender) {
-    job.decide = [self = self(), entry](const FrameStats& stats) { return self->decide(*entry, stats); };
+    // The render thread does not wait for mutex_, under which messages are read.
+    job.decide = [self = self(), entry, frames = &open_->frames](const FrameStats& stats) {
+      return frames->decide(*entry, stats);
+    };
   } else if (work == Work::kDraw) {
     job.decide = [exposed = entry->exposure.exposed](const FrameStats&) { return exposed; };
   }
@@ -236,11 +239,6 @@ absl::Status StreamCall::submit_decided() {
     if (absl::Status status = submit(entry, Work::kDraw); !status.ok()) return status;
   }
   return absl::OkStatus();
-}
-
-Exposed StreamCall::decide(Entry& entry, const FrameStats& stats) {
-  absl::MutexLock lock(&mutex_);
-  return open_->frames.decide(entry, stats);
 }
 
 void StreamCall::on_worked(const EntryPtr& entry, Work work, absl::StatusOr<RenderedFrame> rendered) {

@@ -91,7 +91,6 @@ class StreamCall final : public ServerCall, public SessionCall {
   // Rendering.
   absl::Status submit(const EntryPtr& entry, Work work) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status submit_decided() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  Exposed decide(Entry& entry, const FrameStats& stats) ABSL_LOCKS_EXCLUDED(mutex_);
   void on_worked(const EntryPtr& entry, Work work, absl::StatusOr<RenderedFrame> rendered)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void on_rendered(const EntryPtr& entry, RenderedFrame rendered) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "server/render/device/frame_memory.h"
+#include "server/render/frame/frame_memory.h"
 #include "server/session/client_budget.h"
 
 namespace candela {

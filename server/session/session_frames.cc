@@ -5,6 +5,8 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -34,10 +36,9 @@ bool SessionFrames::busy() const {
 absl::Status SessionFrames::add(const v1::FrameHeader& header, const WireLayout& layout,
                                 const v1::Exposure& settings, std::string settings_hash, absl::Time now) {
   const std::optional<double> given = header.has_exposure() ? std::optional(header.exposure()) : std::nullopt;
-  if (absl::Status status =
-          track_.add(header.sequence(), header.media_time_ns(), header.cut(), settings, given);
-      !status.ok()) {
-    return status;
+  {
+    absl::MutexLock lock(&track_mutex_);
+    RETURN_IF_ERROR(track_.add(header.sequence(), header.media_time_ns(), header.cut(), settings, given));
   }
   auto entry = std::make_shared<Entry>();
   entry->sequence = header.sequence();
@@ -67,6 +68,11 @@ void SessionFrames::add_passed(uint64_t sequence, const WireLayout& layout, std:
 
 void SessionFrames::passed(Entry& entry) { entry.stage = Stage::kFailed; }
 
+void SessionFrames::close() {
+  absl::MutexLock lock(&track_mutex_);
+  track_.end();
+}
+
 void SessionFrames::submitted(Entry& entry, Work work, Ticket ticket) {
   entry.ticket = ticket;
   entry.stage = work == Work::kDraw ? Stage::kDrawing : Stage::kQueued;
@@ -74,8 +80,11 @@ void SessionFrames::submitted(Entry& entry, Work work, Ticket ticket) {
 
 Exposed SessionFrames::decide(Entry& entry, const FrameStats& stats) {
   if (entry.dropped) return {};
+  absl::MutexLock lock(&track_mutex_);
   track_.metered(entry.sequence, stats);
-  entry.exposure = track_.next()->point;
+  const std::optional<FrameExposure> decided = track_.next();
+  CHECK(decided && decided->sequence == entry.sequence);
+  entry.exposure = decided->point;
   entry.decided = true;
   return entry.exposure.exposed;
 }
@@ -84,12 +93,19 @@ void SessionFrames::metered(Entry& entry, RenderedFrame metered) {
   entry.queued += metered.queued;
   entry.meter_stages = std::move(metered.report.stages);
   entry.stage = Stage::kWaiting;
-  track_.metered(entry.sequence, metered.report.stats);
+  {
+    absl::MutexLock lock(&track_mutex_);
+    track_.metered(entry.sequence, metered.report.stats);
+  }
   if (!draws_) entry.report = std::move(metered.report);
 }
 
 SessionFrames::EntryPtr SessionFrames::next_decided() {
-  const std::optional<FrameExposure> decided = track_.next();
+  std::optional<FrameExposure> decided;
+  {
+    absl::MutexLock lock(&track_mutex_);
+    decided = track_.next();
+  }
   if (!decided) return nullptr;
   const EntryPtr entry = *std::find_if(frames_.begin(), frames_.end(), [&](const EntryPtr& candidate) {
     return candidate->stage == Stage::kWaiting && candidate->sequence == decided->sequence;
@@ -130,6 +146,7 @@ bool SessionFrames::fail(Entry& entry, const absl::Status& status) {
   if (!concerns_the_frame(status) || entry.decided) return false;
   entry.failure = status;
   entry.stage = Stage::kFailed;
+  absl::MutexLock lock(&track_mutex_);
   track_.failed(entry.sequence);
   return true;
 }

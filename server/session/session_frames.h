@@ -1,6 +1,7 @@
 // The frames of one session, in order, from their headers to their answers.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -8,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
+#include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "server/schedule/frame_queue.h"
@@ -25,7 +28,7 @@ namespace candela {
 //
 // Only sessions with look-ahead use waiting and drawing: a frame is metered first, and waits until the frames
 // that it looks ahead to are metered too. A session that draws nothing uses waiting, too: its frames are done
-// once they are decided. Not thread-safe.
+// once they are decided. One thread at a time, except decide().
 class SessionFrames {
  public:
   enum class Stage { kReceiving, kQueued, kWaiting, kDrawing, kEncoding, kDone, kFailed };
@@ -47,8 +50,8 @@ class SessionFrames {
     // Answered before the session was resumed: it is read, dropped and answered with a failure that says so.
     bool passed_over = false;
     uint64_t token_sequence = 0;  // the frame that its token is after; `sequence` unless it is passed over
-    bool dropped = false;         // left the session before it was answered; `stage` is where it was
-    Ticket ticket = 0;            // of its last job
+    std::atomic<bool> dropped = false;  // left the session before it was answered; `stage` is where it was
+    Ticket ticket = 0;                  // of its last job
     bool decided = false;
     ExposurePoint exposure;               // after this frame; valid if decided
     std::vector<StageTime> meter_stages;  // of the separate metering that look-ahead does
@@ -89,7 +92,7 @@ class SessionFrames {
   // All of it came.
   static void passed(Entry& entry);
   // No more frames follow. Frames that waited for them may be decided now.
-  void close() { track_.end(); }
+  void close();
 
   // The work of a frame's first job.
   Work first_work() const { return draws_ && lookahead_ == 0 ? Work::kRender : Work::kMeter; }
@@ -97,7 +100,7 @@ class SessionFrames {
   static void submitted(Entry& entry, Work work, Ticket ticket);
   // Decides the exposure of a frame whose job is kRender, between its two phases. Frames of a session are
   // rendered in order, so the frame that is metered is the next to be decided. Returns the default for a
-  // frame that was dropped.
+  // frame that was dropped. Any thread: it waits for no work of the others.
   Exposed decide(Entry& entry, const FrameStats& stats);
   // The frame is metered and waits for its exposure.
   void metered(Entry& entry, RenderedFrame metered);
@@ -136,7 +139,8 @@ class SessionFrames {
   const uint32_t lookahead_;
   const size_t capacity_;
   const bool draws_;
-  ExposureTrack track_;
+  absl::Mutex track_mutex_;  // held for the track's own steps only, so that the render thread may take it
+  ExposureTrack track_ ABSL_GUARDED_BY(track_mutex_);
   std::deque<EntryPtr> frames_;
   ExposurePoint told_;  // after the last frame that was answered
   uint64_t answered_ = 0;

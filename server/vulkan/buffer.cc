@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "server/base/check.h"
 #include "server/vulkan/result.h"
 
 namespace candela {
@@ -24,6 +25,7 @@ void advise_large_pages(void* memory, uint64_t bytes) {
 }  // namespace
 
 absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, MemoryUse use) {
+  CHECK(bytes >= 16);
   Buffer b;
   b.device_ = &device;
   b.bytes_ = bytes;

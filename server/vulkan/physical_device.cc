@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -18,38 +19,25 @@ namespace {
 
 constexpr char kNoDriver[] =
     "no Vulkan driver found: install Debian's mesa-vulkan-drivers (the lavapipe software device) or your "
-    "GPU's "
-    "driver, or set VK_ICD_FILENAMES to a driver's .json file";
+    "GPU's driver, or set VK_ICD_FILENAMES to a driver's .json file";
 
-const char* type_name(VkPhysicalDeviceType type) {
-  switch (type) {
-    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
-      return "discrete GPU";
-    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
-      return "integrated GPU";
-    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
-      return "virtual GPU";
-    case VK_PHYSICAL_DEVICE_TYPE_CPU:
-      return "CPU";
-    default:
-      return "other";
-  }
-}
+// The best first.
+constexpr std::pair<VkPhysicalDeviceType, const char*> kTypes[] = {
+    {VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU, "discrete GPU"},
+    {VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU, "integrated GPU"},
+    {VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU, "virtual GPU"},
+    {VK_PHYSICAL_DEVICE_TYPE_CPU, "CPU"},
+};
 
 // Lower is better.
-int rank(VkPhysicalDeviceType type) {
-  switch (type) {
-    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
-      return 0;
-    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
-      return 1;
-    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
-      return 2;
-    case VK_PHYSICAL_DEVICE_TYPE_CPU:
-      return 3;
-    default:
-      return 4;
-  }
+size_t rank(VkPhysicalDeviceType type) {
+  size_t i = 0;
+  while (i < std::size(kTypes) && kTypes[i].first != type) ++i;
+  return i;
+}
+
+const char* type_name(VkPhysicalDeviceType type) {
+  return rank(type) < std::size(kTypes) ? kTypes[rank(type)].second : "other";
 }
 
 constexpr VkMemoryPropertyFlags kHost =

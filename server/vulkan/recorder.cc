@@ -1,8 +1,10 @@
 #include "server/vulkan/recorder.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/result.h"
 
@@ -83,9 +85,11 @@ void Recorder::mark(const char* name) {
   marks_.push_back(name);
 }
 
-void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                        const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
-                        std::span<const Box> groups) {
+void Recorder::bind(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
+                    const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes) {
+  CHECK(reads.size() <= PipelineCache::kReads && push_bytes <= PipelineCache::kPushBytes);
+  CHECK(written.range <= PipelineCache::kMaxWriteBytes &&
+        written.offset % PipelineCache::kWriteAlignment == 0);
   vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
   VkWriteDescriptorSet writes[PipelineCache::kReads + 1] = {};
   auto count = static_cast<uint32_t>(reads.size());
@@ -106,29 +110,35 @@ void Recorder::dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<
   }
   device_->push_descriptors()(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, count, writes);
   vkCmdPushConstants(commands_, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, push_bytes, push);
-  for (const Box& box : groups) {
-    vkCmdDispatchBase(commands_, box.x0, box.y0, 0, box.x1 - box.x0, box.y1 - box.y0, 1);
-  }
+}
+
+void Recorder::dispatch(uint32_t x0, uint32_t y0, uint32_t x1, uint32_t y1) {
+  CHECK(x0 < x1 && y0 < y1);
+  vkCmdDispatchBase(commands_, x0, y0, 0, x1 - x0, y1 - y0, 1);
 }
 
 void Recorder::fill_zero(const Buffer& buffer) { fill_zero(buffer, 0, VK_WHOLE_SIZE); }
 
 void Recorder::fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes) {
+  CHECK(offset < buffer.bytes() && (bytes == VK_WHOLE_SIZE || offset + bytes <= buffer.bytes()));
   vkCmdFillBuffer(commands_, buffer.handle(), offset, bytes, 0);
 }
 
 void Recorder::update(const Buffer& buffer, const void* data, uint64_t bytes) {
+  CHECK(bytes % 4 == 0 && bytes <= 65536 && bytes <= buffer.bytes());
   vkCmdUpdateBuffer(commands_, buffer.handle(), 0, bytes, data);
 }
 
 void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) { copy_part(from, to, 0, bytes); }
 
 void Recorder::copy_part(const Buffer& from, const Buffer& to, uint64_t offset, uint64_t bytes) {
+  CHECK(offset + bytes <= std::min(from.bytes(), to.bytes()));
   const VkBufferCopy region{offset, offset, bytes};
   vkCmdCopyBuffer(commands_, from.handle(), to.handle(), 1, &region);
 }
 
 void Recorder::copy_from(const Buffer& from, uint64_t offset, const Buffer& to, uint64_t bytes) {
+  CHECK(offset + bytes <= from.bytes() && bytes <= to.bytes());
   const VkBufferCopy region{offset, 0, bytes};
   vkCmdCopyBuffer(commands_, from.handle(), to.handle(), 1, &region);
 }

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/vulkan/box.h"
 #include "server/vulkan/buffer.h"
 #include "server/vulkan/device.h"
 
@@ -37,11 +36,13 @@ class Recorder {
   // the recorder.
   void mark(const char* name);
 
-  // `reads` are the texel buffers of bindings 0.., at most PipelineCache::kReads. `groups` are the work
-  // groups to run, in no order.
-  void dispatch(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
-                const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes,
-                std::span<const Box> groups);
+  // What the dispatches that follow run. `reads` are the texel buffers of bindings 0.., at most
+  // PipelineCache::kReads.
+  void bind(VkPipeline pipeline, VkPipelineLayout layout, std::span<const VkBufferView> reads,
+            const VkDescriptorBufferInfo& written, const void* push, uint32_t push_bytes);
+  // Runs work groups x0 to x1 - 1 of rows y0 to y1 - 1. Dispatches without a barrier between them have no
+  // order.
+  void dispatch(uint32_t x0, uint32_t y0, uint32_t x1, uint32_t y1);
   void fill_zero(const Buffer& buffer);
   // The same for `bytes` from `offset` on; multiples of 4.
   void fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes);

@@ -21,7 +21,7 @@ import struct
 import sys
 
 SHADERS = pathlib.Path(__file__).resolve().parent.parent
-SRGB_OF_HOST = "../server/render/host/srgb-inl.h"
+SRGB_OF_HOST = "../server/render/host/resolve/srgb-inl.h"
 KNEE = 0.0031308  # sRGB is linear below it
 OCTAVE_CODES = 255 * 1.055 * 0.5 ** (1 / 2.4)  # what the host's power is multiplied by in the octave below 1
 
@@ -48,7 +48,7 @@ POLYNOMIALS = [
 
 
 # AgX's base curve with its power, in pieces: file, table, and how the argument is divided into them.
-AGX_OF_HOST, AGX_TABLE = "../server/render/host/agx-inl.h", "kAgxPieces"
+AGX_OF_HOST, AGX_TABLE = "../server/render/host/resolve/agx-inl.h", "kAgxPieces"
 AGX_PIVOT, AGX_PIECES_TO_1, AGX_FIRST = 10 / 16.5, 15, 10
 
 

@@ -1,4 +1,5 @@
 // Directions, panoramas and cube maps of environments (docs/environments.md sections 1 and 2).
+#include "environment/environment_params.h"
 #include "cube.glsl"
 
 // atan(t) / t in turns, for s = t^2. Errors are in radians.

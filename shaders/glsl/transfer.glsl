@@ -2,7 +2,7 @@
 // they need. Source of sRGB: IEC 61966-2-1.
 //
 // The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial. This
-// file is C++, too: server/render/host/glsl-inl.h says what that asks for. log2.glsl says how a polynomial states
+// file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for. log2.glsl says how a polynomial states
 // its fit.
 #include "log2.glsl"
 

@@ -167,7 +167,7 @@ absl::Status compare_views(const Workbench& bench, double seconds, const std::st
 
 // `only`: the kind of frame; empty: all.
 absl::Status compare_all(double seconds, const std::string& only) {
-  const absl::StatusOr<Workbench> bench = open_workbench(Passes::kDevice, 0);
+  const absl::StatusOr<Workbench> bench = open_workbench(ExecutorKind::kDevice, 0);
   if (!bench.ok()) return bench.status();
   const DeviceSummary& summary = bench->device->summary();
   if (const std::string why = HostExecutor::unavailable(summary); !why.empty()) {

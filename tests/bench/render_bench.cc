@@ -89,7 +89,7 @@ void run(benchmark::State& state, Renderer& renderer, const testing::WireFrame& 
 
 int main_(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
-  const absl::StatusOr<Passes> passes = parse_passes(argc > 1 ? argv[1] : "auto");
+  const absl::StatusOr<ExecutorKind> passes = parse_executor(argc > 1 ? argv[1] : "auto");
   if (!passes.ok()) {
     std::fprintf(stderr, "render_bench: %s is no word for the passes: %s\n", argv[1],
                  passes.status().ToString().c_str());
@@ -102,7 +102,7 @@ int main_(int argc, char** argv) {
   }
   const DeviceSummary& summary = bench->device->summary();
   benchmark::AddCustomContext("device", summary.name + " (" + summary.driver + ")");
-  benchmark::AddCustomContext("passes", bench->renderer->passes_words());
+  benchmark::AddCustomContext("passes", bench->renderer->executor_words());
 
   constexpr std::pair<uint32_t, uint32_t> kSizes[] = {{1280, 720}, {1920, 1080}, {3840, 2160}};
   constexpr std::pair<uint32_t, uint32_t> kMoreSizes[] = {{640, 400},   {1366, 768},  {1919, 1081},

@@ -15,13 +15,13 @@
 #include <utility>
 #include <vector>
 
-#include "server/render/device/frame_textures.h"
 #include "server/render/device/passes.h"
 #include "server/render/device/table_cache.h"
 #include "server/render/environment/environment_baker.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/host/bloom/run_bloom.h"
 #include "server/render/host/host_executor.h"
-#include "server/render/host/run_bloom.h"
-#include "server/render/host/run_resolve.h"
+#include "server/render/host/resolve/run_resolve.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 #include "tests/bench/workbench.h"
@@ -104,7 +104,7 @@ class HostRunner final : public Runner {
 };
 
 absl::StatusOr<std::unique_ptr<Runner>> runner_of(const Workbench& bench) {
-  if (bench.renderer->passes() == Passes::kHost) return std::make_unique<HostRunner>();
+  if (bench.renderer->executor_kind() == ExecutorKind::kHost) return std::make_unique<HostRunner>();
   absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(*bench.device);
   if (!pipelines.ok()) return pipelines.status();
   absl::StatusOr<Recorder> recorder = Recorder::create(*bench.device);
@@ -212,14 +212,14 @@ absl::Status render_all(const Workbench& bench, const std::string& who) {
 }
 
 absl::Status render_both() {
-  const absl::StatusOr<Workbench> device = open_workbench(Passes::kDevice);
+  const absl::StatusOr<Workbench> device = open_workbench(ExecutorKind::kDevice);
   if (!device.ok()) return device.status();
   const DeviceSummary& summary = device->device->summary();
   std::printf("%s (%s)\n", summary.name.c_str(), summary.driver.c_str());
   if (absl::Status status = render_all(*device, ""); !status.ok()) return status;
   if (absl::Status status = render_views(*device, ""); !status.ok()) return status;
   if (!HostExecutor::unavailable(summary).empty()) return absl::OkStatus();
-  const absl::StatusOr<Workbench> host = open_workbench(Passes::kHost, /*threads=*/1);
+  const absl::StatusOr<Workbench> host = open_workbench(ExecutorKind::kHost, /*threads=*/1);
   if (!host.ok()) return host.status();
   if (absl::Status status = render_all(*host, "host "); !status.ok()) return status;
   return render_views(*host, "host ");

@@ -43,7 +43,7 @@ constexpr Variant kVariants[] = {
 
 }  // namespace
 
-absl::StatusOr<Workbench> open_workbench(Passes passes, uint32_t threads) {
+absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads) {
   prepare_driver_environment();
   absl::StatusOr<std::unique_ptr<Device>> device = Device::create({});
   if (!device.ok()) return device.status();

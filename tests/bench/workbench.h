@@ -20,12 +20,13 @@ struct Workbench {
 
 // Also prepares the driver's environment, so call it before other threads read that. `threads`: of the host's
 // passes; 0: as many as CPUs.
-absl::StatusOr<Workbench> open_workbench(Passes passes, uint32_t threads = 0);
+absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads = 0);
 
 // Copies the frame's pixels into the renderer's memory.
 void copy_in(const testing::WireFrame& frame, FrameMemory& memory);
 
-// scenes::natural() and scenes::lit_tiles() as most frames are: without alpha and without negative components.
+// scenes::natural() and scenes::lit_tiles() as most frames are: without alpha and without negative
+// components.
 testing::WireFrame natural_frame(uint32_t width, uint32_t height,
                                  v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
 testing::WireFrame tiles_frame(uint32_t width, uint32_t height);

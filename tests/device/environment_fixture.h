@@ -16,7 +16,7 @@
 #include "server/render/environment/environment_baker.h"
 #include "server/render/renderer.h"
 #include "server/render/settings/tiers.h"
-#include "shaders/environment.h"
+#include "shaders/environment/environment.h"
 #include "tests/support/driver.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"

@@ -1,7 +1,7 @@
 // Views of environments on the device and on the host, against their float64 twin and as frames.
 #include <half.h>
 
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/host/host_executor.h"
 #include "tests/device/environment_fixture.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/render/host/run_bloom.h"
+#include "server/render/host/bloom/run_bloom.h"
 #include "shaders/reference.h"
 #include "tests/device/host_fixture.h"
 
@@ -16,7 +16,7 @@ namespace {
 // That of tests/device/stages_test.cc, to which the device is held.
 constexpr double kBloomBound = 4e-6;
 
-// The last three end just behind a strip of a level (server/render/host/bloom_levels.cc).
+// The last three end just behind a strip of a level (server/render/host/bloom/bloom_levels.cc).
 constexpr Size kBloomSizes[] = {{1, 1},     {1, 7},    {2, 2},     {3, 5},     {8, 3},      {17, 31},
                                 {64, 64},   {67, 63},  {129, 127}, {333, 517}, {1000, 501}, {1, 1000},
                                 {1091, 70}, {2500, 9}, {1026, 40}, {2050, 30}, {2066, 33}};

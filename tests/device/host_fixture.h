@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/render/device/device_executor.h"
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/host/host_executor.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"

@@ -19,10 +19,10 @@ class HostPasses : public HostTest {
     return *std::move(rendered);
   }
   static Rendered on_host(const WireFrame& frame, const v1::Settings& settings, uint32_t threads = 2) {
-    return must_render(renderer_with(Passes::kHost, threads), frame, settings);
+    return must_render(renderer_with(ExecutorKind::kHost, threads), frame, settings);
   }
   static Rendered on_device(const WireFrame& frame, const v1::Settings& settings) {
-    return must_render(renderer_with(Passes::kDevice), frame, settings);
+    return must_render(renderer_with(ExecutorKind::kDevice), frame, settings);
   }
 };
 
@@ -127,7 +127,7 @@ TEST_F(HostPasses, ReadNothingBesideTheRows) {
       const WireFrame frame = mixed(width, 7, kFormats[width % 3]);
       const Rendered plain = on_host(frame, message);
       FrameMemory memory = in_memory(frame, settings);
-      const auto report = renderer_with(Passes::kHost, 2).render(memory, settings);
+      const auto report = renderer_with(ExecutorKind::kHost, 2).render(memory, settings);
       ASSERT_TRUE(report.ok()) << report.status();
       EXPECT_EQ(image(memory), image(plain.memory)) << width << " wide, " << kind.name;
       expect_same_stats(report->stats, plain.report.stats, std::to_string(width));
@@ -191,9 +191,10 @@ TEST_F(HostPasses, ASequenceThatChangesSidesKeepsItsExposures) {
       previous = PreviousExposure{rendered.report.exposure, 0.04};
       return rendered;
     };
-    const Rendered device = next(renderer_with(Passes::kDevice), alone);
+    const Rendered device = next(renderer_with(ExecutorKind::kDevice), alone);
     const Rendered other =
-        next(renderer_with(i % 2 == 0 ? Passes::kHost : Passes::kDevice, i % 2 == 0 ? 2 : 0), mixed_sides);
+        next(renderer_with(i % 2 == 0 ? ExecutorKind::kHost : ExecutorKind::kDevice, i % 2 == 0 ? 2 : 0),
+             mixed_sides);
     EXPECT_EQ(std::bit_cast<uint64_t>(device.report.exposure),
               std::bit_cast<uint64_t>(other.report.exposure));
     EXPECT_LE(difference(image(device.memory), image(other.memory), false), 1);
@@ -201,25 +202,25 @@ TEST_F(HostPasses, ASequenceThatChangesSidesKeepsItsExposures) {
 }
 
 TEST_F(HostPasses, AreChosenOnACpuAndRefusedWhereTheyCannotBe) {
-  EXPECT_EQ(renderer_with(Passes::kAuto).passes(), Passes::kHost);
-  EXPECT_EQ(renderer_with(Passes::kDevice).passes(), Passes::kDevice);
+  EXPECT_EQ(renderer_with(ExecutorKind::kAuto).executor_kind(), ExecutorKind::kHost);
+  EXPECT_EQ(renderer_with(ExecutorKind::kDevice).executor_kind(), ExecutorKind::kDevice);
   const WireFrame frame = natural(32, 16);
   EXPECT_NE(on_host(frame, {}).report.plan.words.back().find("on the host"), std::string::npos);
   EXPECT_NE(on_device(frame, {}).report.plan.words.back().find("on the device"), std::string::npos);
   auto staged = Device::create({.selector = "", .validation = false, .staging = true});
   ASSERT_TRUE(staged.ok()) << staged.status();
   TexturePool own_pool(**staged, uint64_t{1} << 30);
-  const absl::Status refused = Renderer::create(**staged, own_pool, Passes::kHost).status();
+  const absl::Status refused = Renderer::create(**staged, own_pool, ExecutorKind::kHost).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_NE(std::string(refused.message()).find("is not the host's"), std::string::npos) << refused;
-  EXPECT_EQ((*Renderer::create(**staged, own_pool))->passes(), Passes::kDevice);
+  EXPECT_EQ((*Renderer::create(**staged, own_pool))->executor_kind(), ExecutorKind::kDevice);
 }
 
 TEST_F(HostPasses, RenderNothingOnALostDevice) {
   auto own = Device::create({});
   ASSERT_TRUE(own.ok()) << own.status();
   TexturePool own_pool(**own, uint64_t{1} << 30);
-  auto renderer = Renderer::create(**own, own_pool, Passes::kHost);
+  auto renderer = Renderer::create(**own, own_pool, ExecutorKind::kHost);
   ASSERT_TRUE(renderer.ok()) << renderer.status();
   ASSERT_TRUE(render_on(**renderer, natural(8, 8), {}).ok());
   (*own)->lose();

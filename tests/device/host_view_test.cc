@@ -155,8 +155,8 @@ TEST_F(HostView, ARendererDrawsViewsWhereItMakesItsPasses) {
   const auto host = draw(*on_host, environment, view, {199, 99});
   const auto device = draw(*on_device, environment, view, {199, 99});
   EXPECT_NE(host, device);  // some roundings differ
-  EXPECT_EQ(draw(renderer_with(Passes::kHost).baker(), environment, view, {199, 99}), host);
-  EXPECT_EQ(draw(renderer_with(Passes::kDevice).baker(), environment, view, {199, 99}), device);
+  EXPECT_EQ(draw(renderer_with(ExecutorKind::kHost).baker(), environment, view, {199, 99}), host);
+  EXPECT_EQ(draw(renderer_with(ExecutorKind::kDevice).baker(), environment, view, {199, 99}), device);
 }
 
 }  // namespace

@@ -7,8 +7,7 @@
 #include <cstring>
 
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
-#include "server/render/host/level_view.h"
+#include "server/render/frame/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
 
@@ -296,13 +295,13 @@ TEST_F(Properties, StagingCopiesChangeNoBit) {
   TexturePool own_pool(**staged, uint64_t{1} << 30);
   auto own = Renderer::create(**staged, own_pool);
   ASSERT_TRUE(own.ok()) << own.status();
-  EXPECT_EQ((*own)->passes(), Passes::kDevice);
+  EXPECT_EQ((*own)->executor_kind(), ExecutorKind::kDevice);
   for (const WireFrame& frame :
        {natural(131, 67), natural(64, 64, v1::PIXEL_FORMAT_RGBA32F), flat(3, 5, {NAN, 1, 2, 1})}) {
     for (int run = 0; run < 2; ++run) {
       auto there = render_on(**own, frame, {});
       ASSERT_TRUE(there.ok()) << there.status();
-      auto here = render_on(renderer_with(Passes::kDevice), frame, {});
+      auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, {});
       ASSERT_TRUE(here.ok()) << here.status();
       EXPECT_EQ(image(there->memory), image(here->memory));
       EXPECT_EQ(there->report.exposure, here->report.exposure);

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/render/host/level_view.h"
+#include "server/render/frame/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "tests/support/frame_error.h"
 #include "tests/support/settings.h"
 

@@ -147,7 +147,7 @@ TEST_F(Table, IsTheSameThroughStagingCopies) {
   ASSERT_TRUE(staged.ok()) << staged.status();
   const WireFrame frame = natural(67, 33);
   for (int round = 0; round < 2; ++round) {
-    auto here = render_on(renderer_with(Passes::kDevice), frame, with(v1::TONE_CURVE_ACES_1));
+    auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, with(v1::TONE_CURVE_ACES_1));
     auto there = render_on(**staged, frame, with(v1::TONE_CURVE_ACES_1));
     ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
     EXPECT_EQ(image(here->memory), image(there->memory));

@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "tests/support/device_fixture.h"
 
 namespace candela::testing {
@@ -224,7 +224,7 @@ TEST_F(Verified, StagingCopiesChangeNoNumber) {
   for (const WireFrame& frame : {natural(131, 67), natural(130, 35, v1::PIXEL_FORMAT_RGBA32F)}) {
     const auto there = render_on(**own, frame, {}, {}, Verify::kWithMap);
     ASSERT_TRUE(there.ok()) << there.status();
-    const auto here = render_on(renderer_with(Passes::kDevice), frame, {}, {}, Verify::kWithMap);
+    const auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, {}, {}, Verify::kWithMap);
     ASSERT_TRUE(here.ok()) << here.status();
     const Verification& a = there->report.verification->rounded;
     const Verification& b = here->report.verification->rounded;

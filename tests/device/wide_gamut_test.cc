@@ -191,7 +191,7 @@ TEST_F(WideGamut, LightThatRoundsToZeroAfterAMatrixIsNotNegative) {
 
 // So it is rounded like its neighbours, also in a frame with light that is negative.
 TEST_F(WideGamut, LightThatRoundsToZeroIsRoundedWithItsColour) {
-  const auto codes = [](float least, Passes passes) {
+  const auto codes = [](float least, ExecutorKind passes) {
     const WireFrame frame = make_frame(40, 40, v1::PIXEL_FORMAT_RGBA32F, [least](uint32_t x, uint32_t) {
       return x == 0 ? Texel{1, -0.5f, 0, 1} : Texel{0.1f, 0.7f, least, 1};
     });
@@ -199,7 +199,7 @@ TEST_F(WideGamut, LightThatRoundsToZeroIsRoundedWithItsColour) {
     EXPECT_TRUE(rendered.ok()) << rendered.status();
     return rendered.ok() ? image(rendered->memory) : std::vector<std::byte>();
   };
-  for (const Passes passes : {Passes::kDevice, Passes::kHost}) {
+  for (const ExecutorKind passes : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
     EXPECT_EQ(codes(-0x1p-25f, passes), codes(0.0f, passes));
     EXPECT_NE(codes(-0x1p-24f, passes), codes(0.0f, passes));  // here R and G are not halves
   }
@@ -244,7 +244,7 @@ TEST_F(WideGamut, CountsTheSameThroughStagingCopiesAndWithVerification) {
   const uint64_t expected = 66 * 67;  // -1e-5 beside 1 is the rounding of a half
   for (const Verify verify : {Verify::kNo, Verify::kYes}) {
     const auto here =
-        render_on(renderer_with(Passes::kDevice), frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
+        render_on(renderer_with(ExecutorKind::kDevice), frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
     const auto there = render_on(**staged, frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
     ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
     EXPECT_EQ(here->report.gamut_cut_components, expected);

@@ -24,7 +24,7 @@ bool says(const absl::Status& status, const char* word) {
 TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTheDevice) {
   std::atomic<int> gone = 0;
   Config config = test_config();
-  config.passes = Passes::kDevice;  // only the device hangs
+  config.passes = ExecutorKind::kDevice;  // only the device hangs
   config.hang_limit = kHangLimit;
   config.idle_timeout = absl::Minutes(1);
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&gone] { ++gone; });

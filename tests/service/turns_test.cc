@@ -197,7 +197,7 @@ TEST(Turns, BakesOfOneClientDelayNobodyMoreThanAFairNeighbour) {
 }
 
 TEST(Turns, HeavyViewsOfOneClientDelayNobodyMoreThanAFairNeighbour) {
-  for (const Passes passes : {Passes::kAuto, Passes::kDevice}) {
+  for (const ExecutorKind passes : {ExecutorKind::kAuto, ExecutorKind::kDevice}) {
     Config config = turns_config();
     config.passes = passes;
     const std::unique_ptr<Server> server = start_server(config);

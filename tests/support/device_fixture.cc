@@ -15,7 +15,7 @@ struct Shared {
   std::unique_ptr<Device> device;
   std::unique_ptr<TexturePool> pool;
   std::unique_ptr<Renderer> renderer;
-  std::map<std::pair<Passes, uint32_t>, std::unique_ptr<Renderer>> others;
+  std::map<std::pair<ExecutorKind, uint32_t>, std::unique_ptr<Renderer>> others;
 };
 
 std::unique_ptr<Shared> g_shared;
@@ -36,7 +36,7 @@ void DeviceTest::SetUpTestSuite() {
   ASSERT_TRUE(device.ok()) << device.status();
   shared().device = *std::move(device);
   shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30);
-  auto renderer = Renderer::create(*shared().device, *shared().pool, passes_of_environment());
+  auto renderer = Renderer::create(*shared().device, *shared().pool, executor_of_environment());
   ASSERT_TRUE(renderer.ok()) << renderer.status();
   shared().renderer = *std::move(renderer);
 }
@@ -51,7 +51,7 @@ Device& DeviceTest::device() { return *shared().device; }
 TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
 
-Renderer& DeviceTest::renderer_with(Passes passes, uint32_t threads) {
+Renderer& DeviceTest::renderer_with(ExecutorKind passes, uint32_t threads) {
   std::unique_ptr<Renderer>& other = shared().others[{passes, threads}];
   if (!other) other = Renderer::create(device(), pool(), passes, threads).value();
   return *other;

@@ -10,7 +10,7 @@
 
 namespace candela::testing {
 
-// The device, pool and renderers are made once. The passes are those of passes_of_environment().
+// The device, pool and renderers are made once. The passes are those of executor_of_environment().
 class DeviceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite();
@@ -21,7 +21,7 @@ class DeviceTest : public ::testing::Test {
   static TexturePool& pool();
   static Renderer& renderer();
   // On the same device. Made when it is first asked for; 0 threads: as many as CPUs.
-  static Renderer& renderer_with(Passes passes, uint32_t threads = 0);
+  static Renderer& renderer_with(ExecutorKind passes, uint32_t threads = 0);
 
   struct Rendered {
     FrameMemory memory;

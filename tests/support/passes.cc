@@ -4,9 +4,9 @@
 
 namespace candela::testing {
 
-Passes passes_of_environment() {
+ExecutorKind executor_of_environment() {
   const char* word = std::getenv("CANDELA_TEST_PASSES");
-  return word == nullptr ? Passes::kAuto : parse_passes(word).value();
+  return word == nullptr ? ExecutorKind::kAuto : parse_executor(word).value();
 }
 
 }  // namespace candela::testing

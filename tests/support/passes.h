@@ -1,11 +1,11 @@
 // Who makes the passes in the tests.
 #pragma once
 
-#include "server/render/passes.h"
+#include "server/render/executor_kind.h"
 
 namespace candela::testing {
 
 // The passes that the variable CANDELA_TEST_PASSES names, device or host. Without it, auto.
-Passes passes_of_environment();
+ExecutorKind executor_of_environment();
 
 }  // namespace candela::testing

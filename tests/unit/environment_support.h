@@ -7,7 +7,7 @@
 #include <functional>
 #include <random>
 
-#include "shaders/environment.h"
+#include "shaders/environment/environment.h"
 
 namespace candela {
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <thread>
 
 namespace candela {
 namespace {
@@ -75,9 +76,10 @@ TEST(SessionFrames, AnswersAreDueInTheOrderOfTheFrames) {
   const auto first = line.queue(0);
   const auto second = line.queue(1);
   EXPECT_EQ(line.frames.due(), nullptr);
+  line.frames.decide(*first, rendered_frame().report.stats);
   line.render(*second);
   EXPECT_EQ(line.frames.due(), nullptr) << "the second frame overtook the first";
-  line.render(*first);
+  SessionFrames::rendered(*first, rendered_frame(), false);
   EXPECT_EQ(line.frames.due(), first);
   line.frames.pop();
   EXPECT_EQ(line.frames.due(), second);
@@ -212,12 +214,26 @@ TEST(SessionFrames, AFailedFrameDoesNotHoldUpLookAhead) {
   EXPECT_EQ(first->exposure.exposed.target, exposure_target(line.settings, 1.0));
 }
 
+TEST(SessionFrames, AFrameIsDecidedWhileTheNextOneArrives) {
+  Line alone, together;
+  SessionFrames::EntryPtr entry = together.queue(0);
+  for (uint64_t sequence = 0; sequence < 100; ++sequence) {
+    const auto stats = rendered_frame(static_cast<double>(sequence % 7)).report.stats;
+    const Exposed expected = alone.frames.decide(*alone.queue(sequence), stats);
+    std::thread render_thread([&, frame = entry] { together.frames.decide(*frame, stats); });
+    const auto next = together.queue(sequence + 1);
+    render_thread.join();
+    EXPECT_EQ(entry->exposure.exposed, expected) << sequence;
+    entry = next;
+  }
+}
+
 TEST(SessionFrames, EndingEarlyKeepsTheFramesBefore) {
   Line line;
   const auto first = line.queue(0);
   const auto lost = line.queue(1);
   const auto third = line.queue(2);
-  line.render(*third);
+  SessionFrames::rendered(*third, rendered_frame(), false);
   EXPECT_EQ(numbers(line.frames.end_before(*lost)), (std::vector<uint64_t>{1, 2}));
   EXPECT_FALSE(first->dropped);
   EXPECT_TRUE(lost->dropped && lost->submitted() && lost->unfinished());

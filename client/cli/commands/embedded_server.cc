@@ -34,7 +34,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std:
                                                                       bool measures_tiers) {
   Config config;
   if (!passes.empty()) {
-    const absl::StatusOr<Passes> who = parse_passes(passes);
+    const absl::StatusOr<ExecutorKind> who = parse_executor(passes);
     if (!who.ok()) return who.status();
     config.passes = *who;
   }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/render/device/meter_frame.h"
 #include "server/render/device/passes.h"
 #include "server/render/plan/metering.h"
 
@@ -47,7 +46,7 @@ absl::StatusOr<std::unique_ptr<DeviceExecutor>> DeviceExecutor::create(Device& d
       new DeviceExecutor(device, *std::move(pipelines), *std::move(recorder)));
 }
 
-absl::StatusOr<Metered> DeviceExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+absl::StatusOr<Metered> DeviceExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
   if (absl::Status status = recorder_.usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
@@ -96,8 +95,8 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
   return sum_tiles(textures, plan, read);
 }
 
-absl::StatusOr<Drawn> DeviceExecutor::draw(FrameMemory& memory, const Plan& plan,
-                                           std::vector<StageTime>* stages) {
+absl::StatusOr<Drawn> DeviceExecutor::run_draw(FrameMemory& memory, const Plan& plan,
+                                               std::vector<StageTime>* stages) {
   if (absl::Status status = recorder_.usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);

@@ -3,11 +3,11 @@
 
 #include <memory>
 
-#include "server/render/device/executor.h"
 #include "server/render/device/pace.h"
 #include "server/render/device/submissions.h"
 #include "server/render/device/table_cache.h"
-#include "server/render/device/tile_sums.h"
+#include "server/render/frame/executor.h"
+#include "server/render/frame/tile_sums.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
 
@@ -18,10 +18,11 @@ class DeviceExecutor final : public Executor {
   // The device outlives the executor.
   static absl::StatusOr<std::unique_ptr<DeviceExecutor>> create(Device& device);
 
-  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
-
  private:
+  absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
+                                 std::vector<StageTime>* stages) override;
+
   DeviceExecutor(Device& device, PipelineCache pipelines, Recorder recorder);
 
   // Runs ingest once and adds up its tiles. `upload`: the wire pixels are not on the device yet.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "server/base/check.h"
+
 namespace candela {
 
 namespace {
@@ -21,6 +23,7 @@ double Pace::of(const void* kind) const {
 double Pace::affordable(const void* kind) const { return kSubmissionSeconds / of(kind); }
 
 void Pace::learn(const void* kind, double cost, double seconds) {
+  CHECK(cost > 0 && seconds >= 0);
   double& pace = seconds_per_cost_.try_emplace(kind, first_).first->second;
   pace = std::clamp(seconds / cost, std::max(pace / kMostFaster, kFastestPace),
                     std::min(pace * kMostSlower, kSlowestPace));

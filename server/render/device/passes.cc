@@ -6,6 +6,7 @@
 #include <span>
 #include <type_traits>
 
+#include "server/base/check.h"
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
 #include "shaders/bright_pass.spv.h"
@@ -54,6 +55,10 @@ std::vector<Box> within(std::span<const Box> groups, const GroupRows& rows) {
   return part;
 }
 
+void dispatch_all(std::span<const Box> groups, Recorder& recorder) {
+  for (const Box& box : groups) recorder.dispatch(box.x0, box.y0, box.x1, box.y1);
+}
+
 // Dispatches as often as it takes to bind all of the target for writing, and tells each part its first row.
 template <typename Inputs>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
@@ -64,6 +69,8 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
   // Each part has to begin at a row of work groups, and where a binding may begin.
   const uint64_t step = target.group_rows * PipelineCache::kWriteAlignment / 16;
   const uint64_t rows = PipelineCache::kMaxWriteBytes / target.row_bytes / step * step;
+  CHECK(rows > 0 && target.rows * target.row_bytes <= target.buffer.bytes());
+  for (const Box& box : work) CHECK(box.y1 <= groups(target.rows, target.group_rows));
   for (uint64_t first = 0; first < target.rows; first += rows) {
     const auto begin = static_cast<uint32_t>(first / target.group_rows);
     const auto end =
@@ -74,28 +81,20 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
     params.first_row = static_cast<uint32_t>(first);
     const VkDescriptorBufferInfo written = {target.buffer.handle(), first * target.row_bytes,
                                             std::min<uint64_t>(rows, target.rows - first) * target.row_bytes};
-    recorder.dispatch(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
-                      sizeof params, part);
+    recorder.bind(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
+                  sizeof params);
+    dispatch_all(part, recorder);
   }
   return absl::OkStatus();
 }
 
+// Of a pass of the bloom.
 std::span<const uint32_t> spirv_of(Pass pass) {
-  switch (pass) {
-    case Pass::kIngest:
-      return k_ingest_spirv;
-    case Pass::kBrightPass:
-      return k_bright_pass_spirv;
-    case Pass::kBloomDown:
-      return k_bloom_down_spirv;
-    case Pass::kBloomUp:
-      return k_bloom_up_spirv;
-    case Pass::kGaussian:
-      return k_gaussian_spirv;
-    case Pass::kResolve:
-      return k_resolve_spirv;
-  }
-  return {};
+  if (pass == Pass::kBrightPass) return k_bright_pass_spirv;
+  if (pass == Pass::kBloomDown) return k_bloom_down_spirv;
+  if (pass == Pass::kBloomUp) return k_bloom_up_spirv;
+  CHECK(pass == Pass::kGaussian);
+  return k_gaussian_spirv;
 }
 
 // The texel buffers that a pass of the bloom reads.
@@ -159,8 +158,8 @@ absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const
   const VkBufferView reads[] = {frame,
                                 textures.center_weights ? textures.center_weights.buffer().view() : frame};
   const Box all = ingest_groups(layout);
-  recorder.dispatch(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params,
-                    within({&all, 1}, rows));
+  recorder.bind(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params);
+  dispatch_all(within({&all, 1}, rows), recorder);
   return absl::OkStatus();
 }
 

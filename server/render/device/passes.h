@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "absl/status/status.h"
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/plan/plan.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"

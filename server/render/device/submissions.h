@@ -9,8 +9,8 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "server/render/device/pace.h"
+#include "server/render/plan/box.h"
 #include "server/render/plan/stage_time.h"
-#include "server/vulkan/box.h"
 #include "server/vulkan/recorder.h"
 
 namespace candela {

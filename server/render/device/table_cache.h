@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "server/render/device/table_points.h"
+#include "server/render/frame/table_points.h"
 #include "server/vulkan/buffer.h"
 #include "server/vulkan/recorder.h"
 

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 
 #include "server/vulkan/pipeline.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 
@@ -24,6 +25,12 @@ uint32_t cube_samples(uint32_t panorama_width, uint32_t size, uint32_t samples) 
 uint32_t chain_levels(uint32_t size) { return static_cast<uint32_t>(std::bit_width(size)); }
 
 uint32_t specular_levels(uint32_t size) { return chain_levels(size) - chain_levels(kMinCubeSize) + 1; }
+
+double specular_roughness(uint32_t level, uint32_t levels, RoughnessMapping mapping) {
+  if (levels < 2) return 0;
+  const double part = static_cast<double>(level) / (levels - 1);
+  return mapping == RoughnessMapping::kLinear ? part : 1 - std::sqrt(1 - part);
+}
 
 uint64_t CubeLevels::face_texels(uint32_t level) const {
   const uint64_t side = size_of(level) + 2;

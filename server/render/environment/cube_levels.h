@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 
 namespace candela {
 
@@ -24,6 +24,12 @@ uint32_t cube_samples(uint32_t panorama_width, uint32_t size, uint32_t samples);
 // Levels from `size` down to 1 x 1, and from there to the specular levels: `size` down to 16 x 16.
 uint32_t chain_levels(uint32_t size);
 uint32_t specular_levels(uint32_t size);
+
+// How the roughness of the levels grows (section 4): i / (n - 1), or 1 - sqrt(1 - i / (n - 1)).
+enum class RoughnessMapping { kLinear, kPerceptual };
+
+// The roughness of specular level `level` of `levels`, 0 .. 1.
+double specular_roughness(uint32_t level, uint32_t levels, RoughnessMapping mapping);
 
 // Movable. Empty: no lease.
 struct CubeLevels {

@@ -4,11 +4,10 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/render/device/texture_pool.h"
 #include "server/render/environment/cube_levels.h"
 #include "server/render/environment/harmonics.h"
-#include "server/render/environment/roughness.h"
-#include "shaders/params.h"
+#include "server/render/frame/texture_pool.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

@@ -11,11 +11,11 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "server/base/crew.h"
-#include "server/render/device/frame_memory.h"
 #include "server/render/environment/environment.h"
 #include "server/render/environment/long_passes.h"
 #include "server/render/environment/panorama_upload.h"
 #include "server/render/environment/view.h"
+#include "server/render/frame/frame_memory.h"
 
 namespace candela {
 

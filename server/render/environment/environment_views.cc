@@ -5,10 +5,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/candela/v1/settings.h"
-#include "server/render/device/frame_textures.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
 #include "server/render/environment/view_tiles.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/host/view/view.h"
 #include "shaders/view.spv.h"
 
@@ -121,8 +121,9 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
       if (kind.objects && !std::exchange(over_sky, true)) passes_.recorder().barrier();
       params.first_object = kind.first_object;
       params.end_object = kind.end_object;
-      passes_.recorder().dispatch(*pipeline, passes_.pipelines().layout(), reads, written, &params,
-                                  sizeof params, boxes);
+      passes_.recorder().bind(*pipeline, passes_.pipelines().layout(), reads, written, &params,
+                              sizeof params);
+      for (const Box& box : boxes) passes_.recorder().dispatch(box.x0, box.y0, box.x1, box.y1);
     }
     return absl::OkStatus();
   };

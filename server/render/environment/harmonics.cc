@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <utility>
 
+#include "server/base/check.h"
 #include "server/base/slices.h"
 
 namespace candela {
@@ -47,6 +48,7 @@ absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params
                              shader::PassRange& range) {
   const absl::StatusOr<VkPipeline> pipeline = pipelines_.get(pass.spirv, pass.constants);
   if (!pipeline.ok()) return pipeline.status();
+  CHECK(pass.target_offset + pass.invocations * pass.invocation_bytes <= pass.target->bytes());
   constexpr uint64_t kGroup = shader::ENVIRONMENT_GROUP;
   const uint64_t most = std::min(kMaxGroups * kGroup, PipelineCache::kMaxWriteBytes / pass.invocation_bytes);
   for (uint64_t first = 0; first < pass.invocations;) {
@@ -58,9 +60,8 @@ absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params
       const VkDescriptorBufferInfo written = {pass.target->handle(),
                                               pass.target_offset + first * pass.invocation_bytes,
                                               count * pass.invocation_bytes};
-      const Box box = {0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1};
-      recorder_.dispatch(*pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes,
-                         {&box, 1});
+      recorder_.bind(*pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes);
+      recorder_.dispatch(0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1);
       return absl::OkStatus();
     };
     const double cost = pass.cost * static_cast<double>(count);
@@ -114,6 +115,7 @@ absl::Status LongPasses::copy(const Buffer& from, const Buffer& to) {
 uint64_t LongPasses::staging_bytes(uint64_t bytes) { return std::min(bytes, kReadBytes); }
 
 absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std::byte> to) {
+  CHECK(offset + to.size() <= from.bytes());
   if (from.mapped() != nullptr) {
     std::memcpy(to.data(), from.mapped() + offset, to.size());
     return absl::OkStatus();

@@ -8,10 +8,10 @@
 
 #include "absl/status/statusor.h"
 #include "server/render/device/pace.h"
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/recorder.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
 #include "server/render/plan/texture_layout.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include <span>
 
 #include "absl/status/statusor.h"
-#include "server/render/device/texture_pool.h"
+#include "server/render/frame/texture_pool.h"
 #include "server/render/settings/frame.h"
 
 namespace candela {

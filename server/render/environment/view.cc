@@ -4,7 +4,7 @@
 #include <numbers>
 
 #include "absl/strings/str_format.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

@@ -9,7 +9,7 @@
 #include "server/render/environment/cube_levels.h"
 #include "server/render/environment/harmonics.h"
 #include "server/render/environment/view.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

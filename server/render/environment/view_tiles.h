@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "server/render/environment/view.h"
-#include "server/vulkan/box.h"
+#include "server/render/plan/box.h"
 #include "server/vulkan/pipeline.h"
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 

@@ -1,15 +1,52 @@
 #include "server/render/host/host_executor.h"
 
+#include "server/render/host/lanes/targets.h"
+// Only after targets.h.
+#include <hwy/targets.h>
+
+#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/render/device/frame_textures.h"
-#include "server/render/device/meter_frame.h"
-#include "server/render/host/ingest.h"
-#include "server/render/host/run_bloom.h"
-#include "server/render/host/supported.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/frame/tile_sums.h"
+#include "server/render/host/bloom/run_bloom.h"
+#include "server/render/host/ingest/ingest_tiles.h"
+#include "server/render/plan/metering.h"
 
 namespace candela {
+
+namespace host {
+
+namespace {
+
+// Clears the histogram, so make it before the first tile is metered. It points into the textures, which are
+// mapped and outlive it. sum_tiles() reads the result.
+IngestWork ingest_work(const IngestPlan& plan, const IngestRead& read, const FrameTextures& textures) {
+  IngestWork work{.constants = plan.inputs.constants, .params = plan.inputs.params};
+  work.constants.scrub = read.scrub;
+  work.constants.alpha = read.alpha;
+  work.wire = textures.input.buffer().mapped();
+  work.tiles = reinterpret_cast<shader::TileRecord*>(textures.tiles.buffer().mapped());
+  if (work.constants.weights == shader::WEIGHTS_CENTER) work.center_weights = center_weights();
+  if (textures.histogram) {
+    std::byte* bins = textures.histogram.buffer().mapped();
+    std::memset(bins, 0, textures.layout.histogram_bytes(read.scrub));
+    work.histogram = reinterpret_cast<shader::HistogramBin*>(bins);
+  }
+  return work;
+}
+
+}  // namespace
+
+const char* instruction_set() {
+  const int64_t targets = hwy::SupportedTargets() & HWY_TARGETS;
+  if ((targets & HWY_AVX3) != 0) return "AVX-512";
+  if ((targets & HWY_AVX2) != 0) return "AVX2";
+  return (targets & HWY_NEON) != 0 ? "NEON" : nullptr;
+}
+
+}  // namespace host
 
 std::string HostExecutor::unavailable(const DeviceSummary& device) {
   if (device.type != "CPU") return absl::StrCat(device.name, " is not a CPU but a ", device.type);
@@ -23,7 +60,7 @@ absl::Status HostExecutor::usable() const {
   return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
 }
 
-absl::StatusOr<Metered> HostExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+absl::StatusOr<Metered> HostExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
   if (absl::Status status = usable(); !status.ok()) return status;
   const FrameTextures& textures = memory.textures();
   return meter_frame(
@@ -36,8 +73,8 @@ absl::StatusOr<Metered> HostExecutor::meter(FrameMemory& memory, const IngestPla
       });
 }
 
-absl::StatusOr<Drawn> HostExecutor::draw(FrameMemory& memory, const Plan& plan,
-                                         std::vector<StageTime>* stages) {
+absl::StatusOr<Drawn> HostExecutor::run_draw(FrameMemory& memory, const Plan& plan,
+                                             std::vector<StageTime>* stages) {
   if (absl::Status status = usable(); !status.ok()) return status;
   FrameTextures& textures = memory.textures();
   textures.planar_levels = true;

@@ -7,12 +7,20 @@
 #include <vector>
 
 #include "server/base/crew.h"
-#include "server/render/device/executor.h"
-#include "server/render/device/table_points.h"
-#include "server/render/host/run_resolve.h"
+#include "server/render/frame/executor.h"
+#include "server/render/frame/table_points.h"
+#include "server/render/host/resolve/run_resolve.h"
 #include "server/vulkan/device.h"
 
 namespace candela {
+
+namespace host {
+
+// "AVX2", "AVX-512" or "NEON", whichever they use; null if the processor has none with fused multiply-add, so
+// that no kernel runs.
+const char* instruction_set();
+
+}  // namespace host
 
 // The same image, whatever the number of threads.
 class HostExecutor final : public Executor {
@@ -27,10 +35,10 @@ class HostExecutor final : public Executor {
   // Its threads, for other work between two calls.
   Crew& crew() { return crew_; }
 
-  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
-
  private:
+  absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
+                                 std::vector<StageTime>* stages) override;
   // UNAVAILABLE if the device is lost: its memory may be, too.
   absl::Status usable() const;
   // Those of the plan's table; null if it has none.

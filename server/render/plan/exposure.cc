@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/check.h"
 #include "server/render/plan/metering.h"
 
 namespace candela {
@@ -56,15 +57,27 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
   return linear ? target + (from - target) * left : target * std::exp2(std::log2(from / target) * left);
 }
 
+namespace {
+
+double exposure_of(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
+                   bool metered, double target) {
+  if (settings.mode() == v1::Exposure::MODE_MANUAL) return target;
+  if (!metered && previous) return previous->exposure;
+  return adapt_exposure(settings.adaptation(), previous, target);
+}
+
+}  // namespace
+
 Exposed expose(const v1::Exposure& settings, const std::optional<PreviousExposure>& previous,
                std::optional<double> mean_log2_luminance, std::optional<double> given) {
   const double mean = mean_log2_luminance.value_or(kNothingMetered);
   const double target = exposure_target(settings, mean);
   const double wanted = target_before_limits(settings, mean);
-  if (given) return {*given, target, wanted};
-  if (settings.mode() == v1::Exposure::MODE_MANUAL) return {target, target, wanted};
-  if (!mean_log2_luminance && previous) return {previous->exposure, target, wanted};
-  return {adapt_exposure(settings.adaptation(), previous, target), target, wanted};
+  const double exposure =
+      given ? *given : exposure_of(settings, previous, mean_log2_luminance.has_value(), target);
+  // False for a NaN, too.
+  CHECK(exposure >= v1::kExposureLimit.min && exposure <= v1::kExposureLimit.max);
+  return {exposure, target, wanted};
 }
 
 }  // namespace candela

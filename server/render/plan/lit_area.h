@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "server/render/plan/box.h"
 #include "server/render/plan/texture_layout.h"
-#include "server/vulkan/box.h"
 
 namespace candela {
 

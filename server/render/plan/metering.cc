@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/base/check.h"
 #include "shaders/params.h"
 
 namespace candela {
@@ -40,6 +41,7 @@ double percentile_mean(std::span<const MeterBin> bins, double low_percent, doubl
     if (to > from) sum += (to - from) * mean;
     below += bin.weight;
   }
+  CHECK(high > low);
   return sum / (high - low);
 }
 

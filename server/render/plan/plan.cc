@@ -191,21 +191,9 @@ Cover resolve_groups(const TextureLayout& layout, const Area& reached) {
 }  // namespace
 
 const char* name(Pass pass) {
-  switch (pass) {
-    case Pass::kIngest:
-      return "ingest";
-    case Pass::kBrightPass:
-      return "bright_pass";
-    case Pass::kBloomDown:
-      return "bloom_down";
-    case Pass::kBloomUp:
-      return "bloom_up";
-    case Pass::kGaussian:
-      return "gaussian";
-    case Pass::kResolve:
-      return "resolve";
-  }
-  return "unknown";
+  static constexpr const char* kNames[] = {"ingest",   "bright_pass", "bloom_down",
+                                           "bloom_up", "gaussian",    "resolve"};
+  return kNames[static_cast<size_t>(pass)];
 }
 
 IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings) {

@@ -1,7 +1,7 @@
 // The plan of a frame: everything that executors need to meter and render it, decided by pure functions.
 //
 // A frame is rendered in two phases. Phase A reads it once, meters it and counts its bad values (IngestPlan).
-// Phase B follows when the exposure is decided (Plan). An executor (device/executor.h) renders a plan; it
+// Phase B follows when the exposure is decided (Plan). An executor (frame/executor.h) renders a plan; it
 // reads no settings.
 #pragma once
 
@@ -13,12 +13,12 @@
 #include <variant>
 #include <vector>
 
+#include "server/render/plan/box.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/settings/error_bound.h"
 #include "server/render/settings/settings.h"
-#include "server/vulkan/box.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 #include "shaders/reference.h"

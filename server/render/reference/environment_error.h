@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "shaders/environment.h"
+#include "shaders/environment/environment.h"
 
 namespace candela {
 

@@ -57,7 +57,7 @@ void render_span(const FrameTextures& textures, const ReferenceFrame& frame, con
 
 }  // namespace
 
-absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const IngestPlan& plan) {
+absl::StatusOr<Metered> ReferenceExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
   absl::StatusOr<Metered> metered = device_.meter(memory, plan);
   if (!metered.ok()) return metered;
   FrameTextures& textures = memory.textures();
@@ -73,8 +73,8 @@ absl::StatusOr<Metered> ReferenceExecutor::meter(FrameMemory& memory, const Inge
   return metered;
 }
 
-absl::StatusOr<Drawn> ReferenceExecutor::draw(FrameMemory& memory, const Plan& plan,
-                                              std::vector<StageTime>* stages) {
+absl::StatusOr<Drawn> ReferenceExecutor::run_draw(FrameMemory& memory, const Plan& plan,
+                                                  std::vector<StageTime>* stages) {
   const HostStage stage(kReferenceStage, stages);
   FrameTextures& textures = memory.textures();
   std::optional<MeteredScene> scene = std::exchange(textures.metered_scene, std::nullopt);

@@ -2,7 +2,7 @@
 // frame.
 #pragma once
 
-#include "server/render/device/executor.h"
+#include "server/render/frame/executor.h"
 
 namespace candela {
 
@@ -15,11 +15,11 @@ class ReferenceExecutor final : public Executor {
   // `device` meters everything but the mean luminance, and outlives this.
   explicit ReferenceExecutor(Executor& device) : device_(device) {}
 
-  // The mean log2 luminance is the reference's own; the other statistics are the device's.
-  absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan) override;
-  absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages) override;
-
  private:
+  // The mean log2 luminance is the reference's own; the other statistics are the device's.
+  absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) override;
+  absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
+                                 std::vector<StageTime>* stages) override;
   Executor& device_;
 };
 

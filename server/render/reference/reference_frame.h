@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/render/device/frame_textures.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/plan/plan.h"
 #include "server/render/reference/row_parts.h"
 #include "shaders/reference.h"

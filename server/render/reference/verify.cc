@@ -3,7 +3,6 @@
 #include <cmath>
 #include <utility>
 
-#include "server/render/reference/bloom_error.h"
 #include "server/render/reference/compare.h"
 #include "server/render/reference/reference_frame.h"
 

@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/check.h"
 #include "server/render/color/primaries.h"
 #include "shaders/params.h"
 
@@ -156,6 +157,7 @@ Settings Settings::with_tier(const std::string& name) const {
   auto state = std::make_shared<State>(*state_);
   state->message.set_tier(name);
   state->tier = find_tier(name);
+  CHECK(state->tier != nullptr);
   state->tier_is_chosen = true;
   return Settings(std::move(state));
 }

@@ -8,7 +8,7 @@
 
 #include <hwy/highway.h>
 
-#include "server/render/host/glsl-inl.h"
+#include "server/render/host/lanes/glsl-inl.h"
 #include "server/render/host/view/view.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -27,9 +27,9 @@ using namespace glsl;    // NOLINT: GLSL has no namespaces
 using namespace shader;  // NOLINT
 
 struct Cube {
-#include "server/render/host/glsl-begin.h"
+#include "server/render/host/lanes/glsl-begin.h"
 #include "shaders/glsl/cube.glsl"
-#include "server/render/host/glsl-end.h"
+#include "server/render/host/lanes/glsl-end.h"
 };
 
 struct View {
@@ -37,10 +37,10 @@ struct View {
   const ViewParams p;
   explicit View(const ViewParams& params) : p(params) {}
   HWY_INLINE F log2(F x) { return exact_log2(x); }
-#include "server/render/host/glsl-begin.h"
+#include "server/render/host/lanes/glsl-begin.h"
 #include "shaders/glsl/log2.glsl"
 #include "shaders/glsl/view.glsl"
-#include "server/render/host/glsl-end.h"
+#include "server/render/host/lanes/glsl-end.h"
 };
 }  // namespace shared
 // clang-format on

@@ -1,4 +1,4 @@
-#include "server/render/host/targets.h"
+#include "server/render/host/lanes/targets.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "server/render/host/view/view.cc"

@@ -1,12 +1,12 @@
-// Views of environments on the host: shaders/view.comp for a row of tiles. The mathematics are those of
-// docs/environments.md section 6, for the most part the shader's own text.
+// Views of environments on the host: shaders/environment/view.comp for a row of tiles. The mathematics are
+// those of docs/environments.md section 6, for the most part the shader's own text.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
-#include "shaders/params.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela::host {
 

@@ -1,0 +1,25 @@
+// The passes of the bloom on boxes of a level. Any thread; disjoint boxes at the same time. They need
+// instruction_set(). The bits depend neither on the boxes nor on the processor.
+#pragma once
+
+#include <cstddef>
+
+#include "server/render/frame/level_planes.h"
+#include "server/render/plan/box.h"
+#include "shaders/params.h"
+
+namespace candela::host {
+
+// `box` is of the level that is written. Its columns begin at multiples of 32.
+struct BrightWork {
+  shader::BrightPassConstants constants{};
+  shader::BrightPassParams params{};
+  const std::byte* wire = nullptr;
+};
+void bright_pass(const BrightWork& work, const LevelPlanes& to, const Box& box);
+void bloom_down(const LevelPlanes& from, const LevelPlanes& to, const Box& box);
+// `to` = fine_weight * `to` + the filtered `from`.
+void bloom_up(const LevelPlanes& from, const LevelPlanes& to, float fine_weight, const Box& box);
+void gaussian(const LevelPlanes& from, const LevelPlanes& to, bool vertical, const Box& box);
+
+}  // namespace candela::host

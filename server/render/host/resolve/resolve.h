@@ -1,0 +1,36 @@
+// The last pass on the host: shaders/resolve.comp for a band of rows. Its mathematics are those of
+// docs/pipeline.md sections 4 and 5, for the most part the shader's own text.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "server/render/frame/level_planes.h"
+#include "shaders/params.h"
+
+namespace candela::host {
+
+// What the pass reads and writes, all of it mapped. Rows of the frame and of the output are
+// params.frame.input_pitch and params.output_pitch texels apart.
+struct ResolveJob {
+  shader::ResolveConstants constants;
+  shader::ResolveParams params;
+  bool opaque = false;  // every alpha is 1
+  const std::byte* wire = nullptr;
+  LevelPlanes level{};              // B_0; none without bloom
+  const uint32_t* table = nullptr;  // the colour table's points, as table.glsl reads them
+  uint32_t table_points = 0;
+  std::byte* output = nullptr;
+};
+
+// What a band of a `wide` frame held; see shader::TileRecord.
+struct ResolveFound {
+  uint64_t gamut_cut_components = 0;
+  uint32_t negative_light_bits = 0;
+};
+
+// Makes rows first <= y < last. Any thread. The bits do not depend on how the rows are split. Needs
+// instruction_set().
+ResolveFound resolve_rows(const ResolveJob& job, uint32_t first, uint32_t last);
+
+}  // namespace candela::host

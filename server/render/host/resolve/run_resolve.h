@@ -1,0 +1,23 @@
+// The last pass, as a plan has it, on a crew of threads.
+#pragma once
+
+#include <vector>
+
+#include "server/base/crew.h"
+#include "server/render/frame/executor.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/frame/table_points.h"
+#include "server/render/plan/plan.h"
+
+namespace candela::host {
+
+using TablePoints = std::vector<TablePoint>;
+
+// Makes the image. `points`: those of the colour table; null if the curve has none. Needs instruction_set().
+Drawn run_resolve(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
+                  Crew& crew);
+
+// The same, unquantised, into the `exact` texture.
+void run_exact(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures, Crew& crew);
+
+}  // namespace candela::host
