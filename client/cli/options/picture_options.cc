@@ -13,6 +13,7 @@
 #include "client/cli/options/usage.h"
 #include "client/cli/options/view_options.h"
 #include "client/image/image.h"
+#include "server/encode/image_file.h"
 
 namespace candela {
 namespace {
@@ -20,12 +21,6 @@ namespace {
 constexpr v1::Range<double> kChunkMib{1, 65536};
 constexpr v1::Range<double> kMaxPixels{1, double{v1::kMaxDimension} * v1::kMaxDimension};
 constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
-
-EncodedTransfer encoded_transfer(v1::Transfer transfer) {
-  return transfer == v1::TRANSFER_GAMMA22  ? EncodedTransfer::kGamma22
-         : transfer == v1::TRANSFER_LINEAR ? EncodedTransfer::kLinear
-                                           : EncodedTransfer::kSrgb;
-}
 
 // The alpha of the settings, if the user chose none. The server's default is for the other files.
 void choose_alpha(PictureOptions& options, OutputKind kind, const std::string& output) {
@@ -147,7 +142,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
                                      : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
                                                             : v1::OUTPUT_FORMAT_RGBA8);
   choose_alpha(options, *kind, output);
-  options.write.transfer = encoded_transfer(options.settings.transfer());
+  options.write.transfer = encoded_transfer(options.settings);
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
   if (absl::Status status = finish_view_options(options, output, encoded); !status.ok()) return status;
   return check_settings_options(options.settings);
