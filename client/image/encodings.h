@@ -33,6 +33,7 @@ struct OutputEncoding {
   bool holds_codes() const { return formats.front() == ImageFormat::kRgba8; }
   bool holds_light() const { return !holds_codes(); }
   bool has_quality() const { return lossy; }
+  bool has_straight_alpha() const { return alpha == v1::ALPHA_STRAIGHT; }
   bool has_16_bits() const { return holds_codes() && formats.size() > 1; }
 };
 
@@ -46,8 +47,8 @@ absl::StatusOr<const OutputEncoding*> output_encoding(const std::string& path);
 // The encoding of the files that a server makes, or of those that the client makes in a folder by default.
 const OutputEncoding& output_encoding(v1::Encoding by_server);
 
-// ".png, .jpg or .exr": the extension of each encoding for which `member` is true.
-std::string extensions_with(bool (OutputEncoding::*member)() const);
+// ".png, .jpg or .exr": the extension of each encoding for which `member` is true; of all without it.
+std::string extensions_with(bool (OutputEncoding::*member)() const = nullptr);
 
 // Writes a file that a server has encoded, as write_image() writes one. If the pixels are not square, the
 // file says so; a server knows no aspect. `has_alpha` says that the frame had it.

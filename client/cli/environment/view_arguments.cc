@@ -168,8 +168,9 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
       ->required()
       ->option_text(" ");
   app.add_option("OUT", options.output,
-                 "File to write: .png, .jpg, .exr (half floats) or .pfm; for a sequence a pattern for the "
-                 "frame's number, out/%04d.png, or a folder for .png")
+                 absl::StrFormat("File to write: %s; for a sequence a pattern for the frame's number, "
+                                 "out/%%04d.png, or a folder for .png",
+                                 extensions_with()))
       ->required()
       ->option_text(" ");
   add_camera_options(app, options);

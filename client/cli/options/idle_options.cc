@@ -121,7 +121,7 @@ const Row kRows[] = {
     {{"--dither"}, is_float, "changes nothing: .exr and .pfm files hold floats, which need none"},
     {{"--bits"},
      [](const Request& r) { return r.encoding == nullptr || !r.encoding->has_16_bits(); },
-     "changes nothing: only .png files have a choice of bits"},
+     "changes nothing: the output has no choice of bits"},
     {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key", "--token-file"},
      [](const Request& r) { return r.servers.empty(); },
      "changes nothing: the server is built into this process; --server names another"},

@@ -114,11 +114,11 @@ absl::Status set_files(RenderArguments& arguments) {
 void add_render_options(CLI::App& app, RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
   app.add_option("IN... OUT", arguments.files,
-                 "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: .png, .jpg, .exr "
-                 "(half floats) "
-                 "or .pfm. Several images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; "
-                 "each is rendered "
-                 "for itself and keeps its name")
+                 absl::StrFormat(
+                     "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: %s. Several "
+                     "images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
+                     "for itself and keeps its name",
+                     extensions_with()))
       ->required()
       ->option_text(" ");
   add_choice_options(app, options);

@@ -26,10 +26,11 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   StreamOptions& options = arguments.options;
   app.add_option(
          "IN... OUT", arguments.files,
-         "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%04d.exr or in/####.exr. "
-         "OUT: a pattern for the frame's number, out/%04d.png (or .jpg, .exr, .pfm), or a folder for .png, "
-         "which "
-         "keeps the names")
+         absl::StrFormat(
+             "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%%04d.exr or "
+             "in/####.exr. OUT: a pattern for the frame's number, out/%%04d.png (%s), or a folder for .png, "
+             "which keeps the names",
+             extensions_with()))
       ->required()
       ->option_text(" ");
   add_session_options(app, options);

@@ -126,7 +126,7 @@ const OutputEncoding& output_encoding(v1::Encoding by_server) {
 std::string extensions_with(bool (OutputEncoding::*member)() const) {
   std::vector<std::string> extensions;
   for (const OutputEncoding& encoding : kEncodings) {
-    if ((encoding.*member)()) extensions.push_back(encoding.extension());
+    if (member == nullptr || (encoding.*member)()) extensions.push_back(encoding.extension());
   }
   return in_words(std::move(extensions));
 }
