@@ -12,9 +12,10 @@ SERVER = [["server/base"], ["server/encode"], ["server/vulkan"], ["server/render
           ["server/render/environment"], ["server/render"], ["server/schedule"], ["server/session"], ["server/access"],
           ["server/rpc"], ["server"], ["server/daemon"]]
 ALLOWED = {"server/base": [], "proto": ["server/base"], "shaders": [], "client/base": [],
-           "client/image": ["client/base", "server/encode", "shaders"], "client/color": ["shaders", "proto", "server/render/color"],
+           "client/image": ["client/base", "server/encode", "proto", "shaders"],
+           "client/color": ["shaders", "proto", "server/render/color"],
            "client/environment": ["client/base", "client/image", "proto"], "client": ["client/base", "client/image", "proto"],
-           "client/cli": ["client", "client/base", "client/image", "client/color", "client/environment", "proto"]}
+           "client/cli": ["client", "client/base", "client/image", "client/color", "client/environment", "proto", "server/encode"]}
 for folder in [folder for folder in ALLOWED if folder.startswith("client")]:
     ALLOWED[folder].append("server/base")
 above = list(SERVER[0])

@@ -1,4 +1,5 @@
-// Reads and writes image files: reads OpenEXR, Radiance .hdr and PFM; writes PNG, JPEG, OpenEXR and PFM.
+// Reads and writes image files: reads OpenEXR, Radiance .hdr and PFM; client/image/encodings.h lists what it
+// writes.
 //
 // It needs no network and no device. Any thread may call these functions, also at once on different images.
 // OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
@@ -22,6 +23,7 @@
 namespace candela {
 
 class KeptAttributes;
+struct OutputEncoding;
 
 // Four interleaved components, red first, little endian; rows from the top without padding. Servers render to
 // the integer formats; files are never read to them.
@@ -99,15 +101,9 @@ struct PictureChoice {
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
 
-enum class OutputKind { kPng, kJpeg, kExr, kPfm };
-
-// The kind by the path's extension, in upper or lower case. For another extension INVALID_ARGUMENT, with a
-// list of the possible ones.
-absl::StatusOr<OutputKind> output_kind(const std::string& path);
-
-// Like output_kind(), but also fails, without writing, if the folder is missing or not writable or the path
-// is a folder, a FIFO or a device. Call it before minutes of rendering.
-absl::StatusOr<OutputKind> check_output_path(const std::string& path);
+// Like output_encoding() in client/image/encodings.h, but also fails, without writing, if the folder is
+// missing or not writable or the path is a folder, a FIFO or a device. Call it before minutes of rendering.
+absl::StatusOr<const OutputEncoding*> check_output_path(const std::string& path);
 
 struct WriteOptions {
   // The transfer of the integer formats. A PNG gets an sRGB chunk, or gAMA and cHRM chunks, that say so, and
@@ -118,11 +114,11 @@ struct WriteOptions {
   std::vector<std::pair<std::string, std::string>> text = {};
 };
 
-// Writes the image in the format of the path's extension: .png from kRgba8 or kRgba16, .jpg from kRgba8, .exr
-// and .pfm from kRgba16f or kRgba32f. Colour and alpha are stored as they are; formats without alpha drop it.
-// The file appears complete or not at all; after a failure the old file is as it was. A new file has the
-// permissions of the one that it replaces, and links to it stay valid. Returns messages for the user, such as
-// "alpha dropped: .jpg has none". Errors are of the kind kOutput (client/base/failure.h).
+// Writes the image in the encoding of the path's extension, which must take its format. Colour and alpha are
+// stored as they are; formats without alpha drop it. The file appears complete or not at all; after a failure
+// the old file is as it was. A new file has the permissions of the one that it replaces, and links to it stay
+// valid. Returns messages for the user, such as "alpha dropped: .jpg has none". Errors are of the kind
+// kOutput (client/base/failure.h).
 absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
                                                      const WriteOptions& options = {});
 

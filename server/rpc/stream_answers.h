@@ -10,7 +10,6 @@
 
 #include "candela/v1/render.pb.h"
 #include "server/rpc/wire/result_writer.h"
-#include "server/schedule/image_file.h"
 #include "server/session/resume_token.h"
 #include "server/session/session_frames.h"
 #include "server/session/stream_start.h"

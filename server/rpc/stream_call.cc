@@ -8,10 +8,24 @@
 #include "absl/time/clock.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
+#include "server/encode/image_file.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
 
 namespace candela {
+namespace {
+
+PictureView picture_of(const FrameMemory& memory, bool wide) {
+  const std::byte* rows = memory.output_row(0).data();
+  return {.width = memory.desc().width,
+          .height = memory.desc().height,
+          .wide = wide,
+          .rows = rows,
+          .row_stride_bytes = static_cast<size_t>(memory.output_row(1).data() - rows)};
+}
+
+}  // namespace
+
 StreamCall::Open::Open(OpenedSession opened, const ServiceState& state, ClientId client)
     : session(std::move(opened)),
       settings(session.start.settings, session.start.encoding,
@@ -278,8 +292,10 @@ void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
                                  opaque = entry->report->plan.resolve.opaque, encoding = start.encoding,
                                  quality = start.jpeg_quality] {
     const absl::Time begin = absl::Now();
+    const v1::Settings& settings = *image->settings;
+    const bool wide = settings.output_format() == v1::OUTPUT_FORMAT_RGBA16;
     absl::StatusOr<std::string> file =
-        encode_image(image->memory, image->settings, opaque, encoding, quality);
+        encode_image(picture_of(image->memory, wide), settings, opaque, encoding, quality);
     if (file.ok()) image->memory.replace_output(file->size());
     self->on_encoded(entry, std::move(file), absl::Now() - begin);
   });

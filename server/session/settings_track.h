@@ -10,7 +10,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "server/schedule/image_file.h"
 #include "server/session/stream_start.h"
 
 namespace candela {

@@ -9,7 +9,6 @@
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "server/render/settings/settings.h"
-#include "server/schedule/image_file.h"
 #include "server/session/exposure_track.h"
 
 namespace candela {

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "client/image/encodings.h"
 #include "tests/support/files.h"
 #include "tests/unit/image_support.h"
 
@@ -275,12 +276,12 @@ TEST_F(ImageWriter, RoundTripsPfmAndSaysWhatItLost) {
 
 TEST_F(ImageWriter, ListsTheExtensionsForAnUnknownOne) {
   for (const char* name : {"out.tiff", "out", "png", ".png", "out.png.bak"}) {
-    const absl::Status status = output_kind(name).status();
+    const absl::Status status = output_encoding(name).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
     EXPECT_NE(status.message().find(".png, .jpg, .jpeg, .exr or .pfm"), absl::string_view::npos) << status;
   }
-  EXPECT_EQ(*output_kind("a.b/out.JPEG"), OutputKind::kJpeg);
-  EXPECT_EQ(*output_kind("out.Png"), OutputKind::kPng);
+  EXPECT_STREQ((*output_encoding("a.b/out.JPEG"))->name, "JPEG");
+  EXPECT_STREQ((*output_encoding("out.Png"))->name, "PNG");
 }
 
 TEST_F(ImageWriter, RefusesAFormatThatTheFileCannotHold) {
@@ -329,9 +330,9 @@ TEST_F(ImageWriter, LeavesTheOldFileWhenTheDiskIsFull) {
   rlimit old{};
   getrlimit(RLIMIT_FSIZE, &old);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  for (const char* name : {"out.png", "out.jpg", "out.exr", "out.pfm"}) {
-    const bool codes = *output_kind(name) <= OutputKind::kJpeg;
-    const Image image = test_image(700, 500, codes ? ImageFormat::kRgba8 : ImageFormat::kRgba16f, false);
+  for (const OutputEncoding& encoding : output_encodings()) {
+    const std::string name = "out" + encoding.extension();
+    const Image image = test_image(700, 500, encoding.formats.front(), false);
     write_file(folder_.path(name), "old");
     rlimit small = old;
     small.rlim_cur = 4096;
@@ -342,7 +343,7 @@ TEST_F(ImageWriter, LeavesTheOldFileWhenTheDiskIsFull) {
     EXPECT_EQ(read_file(folder_.path(name)), "old");
   }
   std::signal(SIGXFSZ, handler);
-  EXPECT_EQ(folder_.list().size(), 4u);
+  EXPECT_EQ(folder_.list().size(), output_encodings().size());
 }
 
 TEST_F(ImageWriter, ReplacesTheOldFileAndLeavesNothingBeside) {

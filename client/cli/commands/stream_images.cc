@@ -9,32 +9,22 @@
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/cli/files/frame_files.h"
+#include "client/image/encodings.h"
 #include "client/image/write/atomic_file.h"
-#include "client/image/write/encoded_aspect.h"
 
 namespace candela {
 namespace {
 
 constexpr size_t kCopiedAtOnce = 1u << 20;  // bytes
 
-// Writes a file that the server has encoded.
-absl::StatusOr<std::vector<std::string>> write_bytes(const std::string& path, const RenderResult& result,
-                                                     const FrameFacts& facts) {
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
-  write_with_aspect(*file, result.pixels(), facts.pixel_aspect);
-  if (absl::Status status = file->commit(); !status.ok()) return status;
-  if (facts.has_alpha && result.header.encoding() == v1::ENCODING_JPEG) {
-    return std::vector<std::string>{kNoAlphaInJpeg};
-  }
-  return std::vector<std::string>();
-}
-
 absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, const RenderResult& result,
                                                       const FrameFacts& facts,
                                                       const WriteOptions& options) try {
   if (result.header.encoding() == v1::ENCODING_NONE) return std::vector<std::string>();
-  if (result.header.encoded_bytes() > 0) return write_bytes(path, result, facts);
+  if (result.header.encoded_bytes() > 0) {
+    return write_encoded(path, result.pixels(), result.header.encoding(), facts.has_alpha,
+                         facts.pixel_aspect);
+  }
   absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
   if (!picture.ok()) return picture.status();
   picture->frame_rate = facts.frame_rate;

@@ -8,6 +8,7 @@
 #include "client/base/failure.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/options/usage.h"
+#include "client/image/encodings.h"
 
 namespace candela {
 namespace {
@@ -73,8 +74,8 @@ std::string sign_note(const OutputNames& names, const NamedImage& first) {
 absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot) {
   StreamPlan plan;
   if (options.encoding != v1::ENCODING_NONE) {
-    const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-    absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+    absl::StatusOr<OutputNames> names =
+        OutputNames::parse(options.output, output_encoding(options.encoding).extension());
     if (!names.ok()) return names.status();
     plan.names = *std::move(names);
   }

@@ -7,12 +7,14 @@
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/exposure_options.h"
 #include "client/cli/options/option_kinds.h"
+#include "client/cli/options/picture_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/session_options.h"
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 #include "client/cli/options/verify_options.h"
 #include "client/cli/options/view_options.h"
+#include "client/image/encodings.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -140,15 +142,12 @@ absl::Status check_verify(const PanoramaViewOptions& options) {
 // The name of one of the output's files, by which its format is chosen.
 absl::StatusOr<std::string> sample_name(const PanoramaViewOptions& options) {
   if (!options.is_sequence()) return options.output;
-  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+  const absl::StatusOr<OutputNames> names =
+      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
   if (!names.ok()) return names.status();
   std::string name = names->path(0, "");
-  const absl::StatusOr<OutputKind> kind = output_kind(name);
-  if (kind.ok() && ((jpeg && *kind != OutputKind::kJpeg) ||
-                    (options.encoding == v1::ENCODING_PNG && *kind != OutputKind::kPng))) {
-    return usage_error(absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them",
-                                       jpeg ? "JPEG" : "PNG", options.output));
+  if (absl::Status status = check_server_encoding(options.encoding, name, options.output); !status.ok()) {
+    return status;
   }
   return name;
 }
@@ -169,8 +168,9 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
       ->required()
       ->option_text(" ");
   app.add_option("OUT", options.output,
-                 "File to write: .png, .jpg, .exr (half floats) or .pfm; for a sequence a pattern for the "
-                 "frame's number, out/%04d.png, or a folder for .png")
+                 absl::StrFormat("File to write: %s; for a sequence a pattern for the frame's number, "
+                                 "out/%%04d.png, or a folder for .png",
+                                 extensions_with()))
       ->required()
       ->option_text(" ");
   add_camera_options(app, options);

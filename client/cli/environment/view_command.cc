@@ -28,7 +28,7 @@
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/option_words.h"
-#include "client/image/image.h"
+#include "client/image/encodings.h"
 
 namespace candela {
 namespace {
@@ -239,8 +239,8 @@ absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene
 
 // Checks the files of a sequence before the work, and makes its folder.
 absl::StatusOr<std::string> prepare_sequence(const PanoramaViewOptions& options, uint64_t frames) {
-  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+  const absl::StatusOr<OutputNames> names =
+      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
   if (!names.ok()) return names.status();
   std::vector<OutputFile> outputs = {{options.json, "the JSON"}, {options.plot, "the plot"}};
   for (uint64_t i = 0; i < frames; ++i) outputs.push_back({names->path(i, ""), "the images"});

@@ -16,6 +16,7 @@
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/options/option_words.h"
+#include "client/image/encodings.h"
 #include "client/session.h"
 
 namespace candela {
@@ -224,8 +225,8 @@ class ViewSequence {
 
 absl::StatusOr<StreamSummary> render_view_sequence(const PanoramaViewOptions& options, const ViewScene& scene,
                                                    JsonOutput& json, Progress& progress) {
-  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-  absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+  absl::StatusOr<OutputNames> names =
+      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
   if (!names.ok()) return names.status();
   return ViewSequence(options, scene, *std::move(names), json, progress).run();
 }

@@ -26,10 +26,6 @@ bool alpha_is_empty(const Image& frame) {
 
 }  // namespace
 
-bool keeps_alpha(const v1::Settings& settings) {
-  return settings.alpha() != v1::ALPHA_OVER && settings.alpha() != v1::ALPHA_IGNORE;
-}
-
 std::string ignore_empty_alpha(const Image& frame, v1::Settings& settings) {
   if (!frame.has_alpha) return "";
   const bool floats = frame.format == ImageFormat::kRgba32f;

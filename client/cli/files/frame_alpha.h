@@ -1,17 +1,13 @@
-// A frame's alpha in the command: the treatment that an image gets by default, and whether the image has
-// alpha.
+// A frame's alpha in the command: the treatment that an image gets by default.
 #pragma once
 
 #include <string>
 
 #include "candela/v1/render.pb.h"
 #include "client/image/image.h"
+#include "server/encode/image_file.h"
 
 namespace candela {
-
-// Whether the image that a server renders with these settings has an alpha channel of its own, if the frame
-// has one.
-bool keeps_alpha(const v1::Settings& settings);
 
 // Some renderers and games leave alpha 0 everywhere although there is light. Then it means nothing: such a
 // frame is taken as opaque, and this says so. The frame's own values decide, before anything is exposed or

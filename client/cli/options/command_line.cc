@@ -26,6 +26,7 @@
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/stream_options.h"
 #include "client/cli/options/usage.h"
+#include "client/image/encodings.h"
 #include "server/base/address.h"
 
 #ifndef CANDELA_VERSION
@@ -245,10 +246,10 @@ absl::Status finish_sample_options(SampleOptions& sample) {
     if (!names.ok()) return names.status();
     path = names->path(0, "");
   }
-  const absl::StatusOr<OutputKind> kind = output_kind(path);
-  if (kind.ok() && (*kind == OutputKind::kExr || *kind == OutputKind::kPfm)) return absl::OkStatus();
-  return usage_error(
-      absl::StrFormat("%s: a scene is written as .exr or .pfm; `candela render` makes a .png of it", path));
+  if (const auto found = output_encoding(path); found.ok() && (*found)->holds_light())
+    return absl::OkStatus();
+  return usage_error(absl::StrFormat("%s: a scene is written as %s; `candela render` makes a .png of it",
+                                     path, extensions_with(&OutputEncoding::holds_light)));
 }
 
 // The options on the command line and their values.
@@ -275,10 +276,10 @@ Options with_notes(Options options, const std::vector<std::string>& words, Reque
   return options;
 }
 
-// The kind of the images that a file name, a pattern or a folder gets. Folders get .png by default.
-OutputKind image_kind(const std::string& output) {
-  const absl::StatusOr<OutputKind> kind = output_kind(output);
-  return kind.ok() ? *kind : OutputKind::kPng;
+// The encoding of the images that a file name, a pattern or a folder gets.
+const OutputEncoding* encoding_of(const std::string& output, v1::Encoding by_server = v1::ENCODING_RAW) {
+  const absl::StatusOr<const OutputEncoding*> named = output_encoding(output);
+  return named.ok() ? *named : &output_encoding(by_server);
 }
 
 absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<std::string>& words,
@@ -288,7 +289,7 @@ absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<
     const RenderOptions& options = arguments.render.options;
     return with_notes(
         options, words,
-        {.kind = image_kind(options.extension.empty() ? options.output : "*" + options.extension),
+        {.encoding = encoding_of(options.extension.empty() ? options.output : "*" + options.extension),
          .view = !options.view.config.empty(),
          .adapts = options.previous.exposure() > 0,
          .elapsed_seconds = options.previous.elapsed_seconds()});
@@ -296,9 +297,8 @@ absl::StatusOr<Invocation> finish_images(const CLI::App& app, const std::vector<
   if (app.got_subcommand("stream")) {
     if (absl::Status status = finish_stream_options(arguments.stream); !status.ok()) return status;
     const StreamOptions& options = arguments.stream.options;
-    const bool jpeg = options.encoding == v1::ENCODING_JPEG;
     return with_notes(options, words,
-                      {.kind = jpeg ? OutputKind::kJpeg : image_kind(options.output),
+                      {.encoding = encoding_of(options.output, options.encoding),
                        .view = !options.view.config.empty(),
                        .adapts = true,
                        .elapsed_seconds = std::numeric_limits<double>::infinity()});
@@ -317,9 +317,8 @@ absl::StatusOr<Invocation> finish_panoramas(const CLI::App& app, const std::vect
   }
   if (absl::Status status = finish_panorama_view_options(arguments.view); !status.ok()) return status;
   const PanoramaViewOptions& options = arguments.view.options;
-  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
   return with_notes(options, words,
-                    {.kind = jpeg ? OutputKind::kJpeg : image_kind(options.output),
+                    {.encoding = encoding_of(options.output, options.encoding),
                      .view = !options.view.config.empty(),
                      .adapts = options.is_sequence() || options.previous.exposure() > 0,
                      .elapsed_seconds = options.is_sequence() ? std::numeric_limits<double>::infinity()

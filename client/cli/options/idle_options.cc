@@ -7,9 +7,9 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
 #include "server/base/address.h"
 #include "server/base/near_words.h"
-#include "proto/candela/v1/settings.h"
 
 namespace candela {
 namespace {
@@ -20,9 +20,7 @@ bool has_bloom(const Request& r, v1::Bloom::Kind kind) {
   return r.settings.bloom().intensity() > 0 && r.settings.bloom().kind() == kind;
 }
 
-bool is_light(const Request& r) {
-  return r.kind && *r.kind != OutputKind::kPng && *r.kind != OutputKind::kJpeg && !r.view;
-}
+bool is_light(const Request& r) { return r.encoding != nullptr && r.encoding->holds_light() && !r.view; }
 
 // Whole numbers up to 255, of which one is far above white.
 bool has_codes_as_background(const Request& r) {
@@ -39,7 +37,7 @@ bool has_percentiles_as_fractions(const Request& r) {
   return r.given.contains("--percentiles") && r.settings.exposure().metering().percentile_high() <= 1;
 }
 
-bool is_float(const Request& r) { return r.kind == OutputKind::kExr || r.kind == OutputKind::kPfm; }
+bool is_float(const Request& r) { return r.encoding != nullptr && r.encoding->holds_light(); }
 
 bool all_unix(const Request& r) {
   return !r.servers.empty() && std::all_of(r.servers.begin(), r.servers.end(), is_unix_address);
@@ -94,7 +92,9 @@ const Row kRows[] = {
      [](const Request& r) { return contradicts(r, "--weights", "--spot", "spot"); },
      "changes nothing: --spot asks for the weights spot"},
     {{"--metering", "--percentiles", "--weights", "--spot", "--ignore-below"},
-     [](const Request& r) { return is_fixed(r) && r.kind && !has_bloom(r, v1::Bloom::KIND_GAUSSIAN); },
+     [](const Request& r) {
+       return is_fixed(r) && r.encoding != nullptr && !has_bloom(r, v1::Bloom::KIND_GAUSSIAN);
+     },
      "changes nothing in the image: --exposure fixes the exposure"},
     {{"--adaptation", "--speed-up", "--speed-down"},
      [](const Request& r) { return !r.adapts; },
@@ -120,8 +120,8 @@ const Row kRows[] = {
     {{"--transfer"}, is_light, "changes nothing: .exr and .pfm files hold display-linear light"},
     {{"--dither"}, is_float, "changes nothing: .exr and .pfm files hold floats, which need none"},
     {{"--bits"},
-     [](const Request& r) { return r.kind != OutputKind::kPng; },
-     "changes nothing: only .png files have a choice of bits"},
+     [](const Request& r) { return r.encoding == nullptr || !r.encoding->has_16_bits(); },
+     "changes nothing: the output has no choice of bits"},
     {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key", "--token-file"},
      [](const Request& r) { return r.servers.empty(); },
      "changes nothing: the server is built into this process; --server names another"},

@@ -12,7 +12,8 @@
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 #include "client/cli/options/view_options.h"
-#include "client/image/image.h"
+#include "client/image/encodings.h"
+#include "server/encode/image_file.h"
 
 namespace candela {
 namespace {
@@ -21,22 +22,16 @@ constexpr v1::Range<double> kChunkMib{1, 65536};
 constexpr v1::Range<double> kMaxPixels{1, double{v1::kMaxDimension} * v1::kMaxDimension};
 constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
 
-EncodedTransfer encoded_transfer(v1::Transfer transfer) {
-  return transfer == v1::TRANSFER_GAMMA22  ? EncodedTransfer::kGamma22
-         : transfer == v1::TRANSFER_LINEAR ? EncodedTransfer::kLinear
-                                           : EncodedTransfer::kSrgb;
-}
-
 // The alpha of the settings, if the user chose none. The server's default is for the other files.
-void choose_alpha(PictureOptions& options, OutputKind kind, const std::string& output) {
+void choose_alpha(PictureOptions& options, const OutputEncoding& encoding, const std::string& output) {
   const v1::Alpha given = options.settings.alpha();
   options.ignore_empty_alpha =
-      (given == v1::ALPHA_UNSPECIFIED && (kind == OutputKind::kPng || kind == OutputKind::kJpeg)) ||
-      (given == v1::ALPHA_ASSOCIATED && kind == OutputKind::kPng);
-  if (given == v1::ALPHA_UNSPECIFIED && kind == OutputKind::kPng) {
+      encoding.holds_codes() &&
+      (given == v1::ALPHA_UNSPECIFIED || (given == v1::ALPHA_ASSOCIATED && encoding.has_alpha()));
+  if (given == v1::ALPHA_UNSPECIFIED && encoding.alpha == v1::ALPHA_STRAIGHT) {
     options.settings.set_alpha(v1::ALPHA_STRAIGHT);
   }
-  if (given == v1::ALPHA_STRAIGHT && (kind == OutputKind::kJpeg || kind == OutputKind::kPfm)) {
+  if (given == v1::ALPHA_STRAIGHT && !encoding.has_alpha()) {
     options.notes.push_back(absl::StrFormat(
         "--alpha straight: %s has no alpha, so soft edges are hard; --alpha over has a background", output));
   }
@@ -91,16 +86,18 @@ void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
 }
 
 void add_image_options(CLI::App& app, PictureArguments& arguments) {
-  add_text(app, kOutputSection, "--bits", "8|16", "Bits per component of a .png (default 8)",
-           [&arguments](const std::string& text) {
-             if (text != "8" && text != "16") {
-               return usage_error(absl::StrFormat("--bits is \"%s\"; it must be 8 or 16", text));
-             }
-             arguments.bits = text == "8" ? 8 : 16;
-             return absl::OkStatus();
-           });
+  const std::string bits = absl::StrFormat("Bits per component of a %s (default 8)",
+                                           extensions_with(&OutputEncoding::has_16_bits));
+  add_text(app, kOutputSection, "--bits", "8|16", bits, [&arguments](const std::string& text) {
+    if (text != "8" && text != "16") {
+      return usage_error(absl::StrFormat("--bits is \"%s\"; it must be 8 or 16", text));
+    }
+    arguments.bits = text == "8" ? 8 : 16;
+    return absl::OkStatus();
+  });
   add_number(
-      app, kOutputSection, "--quality", "N", kJpegQuality, WriteOptions().jpeg_quality, "Quality of a .jpg",
+      app, kOutputSection, "--quality", "N", kJpegQuality, WriteOptions().jpeg_quality,
+      "Quality of a " + extensions_with(&OutputEncoding::has_quality),
       [&arguments](double n) { arguments.quality = static_cast<int>(n); }, true);
 }
 
@@ -136,23 +133,35 @@ absl::Status check_output_name(const std::string& output) {
 
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output) {
-  const absl::StatusOr<OutputKind> kind = output_kind(output);
-  if (!kind.ok()) return usage_error(std::string(kind.status().message()));
-  const bool encoded = *kind == OutputKind::kPng || *kind == OutputKind::kJpeg;
-  if (arguments.bits == 16 && *kind != OutputKind::kPng) {
-    return usage_error(absl::StrFormat("--bits 16 is for .png; %s has its own depth", output));
+  const absl::StatusOr<const OutputEncoding*> found = output_encoding(output);
+  if (!found.ok()) return usage_error(std::string(found.status().message()));
+  const OutputEncoding& encoding = **found;
+  if (arguments.bits == 16 && !encoding.has_16_bits()) {
+    return usage_error(absl::StrFormat("--bits 16 is for %s; %s has its own depth",
+                                       extensions_with(&OutputEncoding::has_16_bits), output));
   }
-  if (arguments.quality != 0 && *kind != OutputKind::kJpeg) {
-    return usage_error(absl::StrFormat("--quality is for .jpg; %s loses nothing", output));
+  if (arguments.quality != 0 && !encoding.has_quality()) {
+    return usage_error(absl::StrFormat("--quality is for %s; %s loses nothing",
+                                       extensions_with(&OutputEncoding::has_quality), output));
   }
-  options.settings.set_output_format(!encoded               ? v1::OUTPUT_FORMAT_RGBA16F
+  options.settings.set_output_format(encoding.holds_light() ? v1::OUTPUT_FORMAT_RGBA16F
                                      : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
                                                             : v1::OUTPUT_FORMAT_RGBA8);
-  choose_alpha(options, *kind, output);
-  options.write.transfer = encoded_transfer(options.settings.transfer());
+  choose_alpha(options, encoding, output);
+  options.write.transfer = encoded_transfer(options.settings);
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
-  if (absl::Status status = finish_view_options(options, output, encoded); !status.ok()) return status;
+  if (absl::Status status = finish_view_options(options, output, encoding.holds_codes()); !status.ok())
+    return status;
   return check_settings_options(options.settings);
+}
+
+absl::Status check_server_encoding(v1::Encoding encoding, const std::string& file,
+                                   const std::string& output) {
+  const OutputEncoding& made = output_encoding(encoding);
+  const auto named = output_encoding(file);
+  if (made.server != encoding || !named.ok() || *named == &made) return absl::OkStatus();
+  return usage_error(
+      absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them", made.name, output));
 }
 
 absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height) {

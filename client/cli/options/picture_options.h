@@ -36,6 +36,10 @@ absl::Status check_input_names(const std::vector<std::string>& inputs);
 // A usage error for an output that is a pipe or a video, or that looks like an option.
 absl::Status check_output_name(const std::string& output);
 
+// A usage error if a server makes files of this encoding and `file`, by its extension, is of another one.
+// `output` is what the user named.
+absl::Status check_server_encoding(v1::Encoding encoding, const std::string& file, const std::string& output);
+
 // Parses "WIDTHxHEIGHT"; each is at most kMaxDimension.
 absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height);
 

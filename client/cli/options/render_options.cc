@@ -5,6 +5,7 @@
 #include "absl/algorithm/container.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/cli/options/exposure_options.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/server_options.h"
@@ -12,7 +13,7 @@
 #include "client/cli/options/usage.h"
 #include "client/cli/options/verify_options.h"
 #include "client/cli/options/view_options.h"
-#include "client/image/image.h"
+#include "client/image/encodings.h"
 
 namespace candela {
 namespace {
@@ -51,12 +52,17 @@ std::string name_with_space(const std::vector<std::string>& words) {
 // Whether a picture that is not there is to become an image that is.
 bool are_swapped(const std::string& input, const std::string& output) {
   std::error_code failed;
-  const absl::StatusOr<OutputKind> from = output_kind(input), to = output_kind(output);
-  const bool picture = from.ok() && (*from == OutputKind::kPng || *from == OutputKind::kJpeg);
-  const bool light =
-      to.ok() ? *to == OutputKind::kExr || *to == OutputKind::kPfm : absl::EndsWithIgnoreCase(output, ".hdr");
-  return picture && light && !std::filesystem::exists(input, failed) &&
+  const auto from = output_encoding(input), to = output_encoding(output);
+  const bool light = to.ok() ? (*to)->holds_light() : absl::EndsWithIgnoreCase(output, ".hdr");
+  return from.ok() && (*from)->holds_codes() && light && !std::filesystem::exists(input, failed) &&
          std::filesystem::exists(output, failed);
+}
+
+// The words of --as: the encodings' extensions without the dot.
+std::vector<std::string> folder_kinds() {
+  std::vector<std::string> kinds;
+  for (const OutputEncoding& encoding : output_encodings()) kinds.push_back(encoding.extension().substr(1));
+  return kinds;
 }
 
 // Splits the files into inputs and output.
@@ -89,15 +95,14 @@ absl::Status set_files(RenderArguments& arguments) {
                                        arguments.kind, options.output));
   }
   for (const std::string& input : options.inputs) {
-    const absl::StatusOr<OutputKind> kind = output_kind(input);
-    if (kind.ok() && (*kind == OutputKind::kPng || *kind == OutputKind::kJpeg)) {
+    if (const auto encoding = output_encoding(input); encoding.ok() && (*encoding)->holds_codes()) {
       return usage_error(
           absl::StrFormat("%s is no image that candela reads (OpenEXR, Radiance .hdr, PFM), and the last "
                           "argument, %s, is taken as the output folder",
                           input, options.output));
     }
   }
-  const std::vector<std::string> kinds = {"png", "jpg", "exr", "pfm"};
+  const std::vector<std::string> kinds = folder_kinds();
   if (arguments.kind.empty()) arguments.kind = kinds.front();
   if (!absl::c_linear_search(kinds, arguments.kind)) return unknown_word("kind", arguments.kind, kinds);
   options.extension = "." + arguments.kind;
@@ -109,11 +114,11 @@ absl::Status set_files(RenderArguments& arguments) {
 void add_render_options(CLI::App& app, RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
   app.add_option("IN... OUT", arguments.files,
-                 "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: .png, .jpg, .exr "
-                 "(half floats) "
-                 "or .pfm. Several images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; "
-                 "each is rendered "
-                 "for itself and keeps its name")
+                 absl::StrFormat(
+                     "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: %s. Several "
+                     "images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
+                     "for itself and keeps its name",
+                     extensions_with()))
       ->required()
       ->option_text(" ");
   add_choice_options(app, options);
@@ -124,7 +129,9 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_locked_exposure_option(app, options.locked_exposure);
   add_verify_options(app, options.verify);
   add_text(app, kOutputSection, "--as", "KIND",
-           "Kind of the images in a folder: png, jpg, exr, pfm (default png)", arguments.kind);
+           absl::StrFormat("Kind of the images in a folder: %s (default %s)",
+                           absl::StrJoin(folder_kinds(), ", "), folder_kinds().front()),
+           arguments.kind);
   add_image_options(app, arguments.picture);
   add_json_option(app, kOutputSection,
                   "Write the result's numbers as one line of JSON an image; for a folder also one for all",

@@ -16,6 +16,7 @@
 #include "absl/strings/strip.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
+#include "client/image/encodings.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/near_words.h"
 
@@ -148,10 +149,11 @@ void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& se
 
 void add_alpha(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
   add_text(app, setting.declaration().group(), "--alpha", "NAME",
-           absl::StrFormat("%s: %s (default: straight for .png, else associated; .jpg has no alpha and shows "
+           absl::StrFormat("%s: %s (default: straight for %s, else associated; .jpg has no alpha and shows "
                            "the colour over black)",
                            setting.declaration().help(),
-                           absl::StrJoin(v1::enum_words(*v1::Alpha_descriptor()), ", ")),
+                           absl::StrJoin(v1::enum_words(*v1::Alpha_descriptor()), ", "),
+                           extensions_with(&OutputEncoding::has_straight_alpha)),
            [&settings](const std::string& text) {
              const absl::StatusOr<int> value = enum_value(*v1::Alpha_descriptor(), "--alpha", text);
              if (value.ok()) settings.set_alpha(static_cast<v1::Alpha>(*value));

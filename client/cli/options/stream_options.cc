@@ -12,6 +12,7 @@
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 #include "client/cli/options/view_options.h"
+#include "client/image/encodings.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -25,10 +26,11 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   StreamOptions& options = arguments.options;
   app.add_option(
          "IN... OUT", arguments.files,
-         "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%04d.exr or in/####.exr. "
-         "OUT: a pattern for the frame's number, out/%04d.png (or .jpg, .exr, .pfm), or a folder for .png, "
-         "which "
-         "keeps the names")
+         absl::StrFormat(
+             "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%%04d.exr or "
+             "in/####.exr. OUT: a pattern for the frame's number, out/%%04d.png (%s), or a folder for .png, "
+             "which keeps the names",
+             extensions_with()))
       ->required()
       ->option_text(" ");
   add_session_options(app, options);
@@ -66,8 +68,8 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   options.output = arguments.files.back();
   if (absl::Status status = check_input_names(options.sequence.inputs); !status.ok()) return status;
   if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
-  const bool jpeg = options.encoding == v1::ENCODING_JPEG;
-  const absl::StatusOr<OutputNames> names = OutputNames::parse(options.output, jpeg ? ".jpg" : ".png");
+  const absl::StatusOr<OutputNames> names =
+      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
   if (!names.ok()) return names.status();
   if (names->is_folder() && options.first) {
     options.notes.push_back(
@@ -78,11 +80,8 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   if (absl::Status status = finish_picture_options(options, arguments.picture, sample); !status.ok()) {
     return status;
   }
-  const OutputKind kind = *output_kind(sample);
-  if ((jpeg && kind != OutputKind::kJpeg) ||
-      (options.encoding == v1::ENCODING_PNG && kind != OutputKind::kPng)) {
-    return usage_error(absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them",
-                                       jpeg ? "JPEG" : "PNG", options.output));
+  if (absl::Status status = check_server_encoding(options.encoding, sample, options.output); !status.ok()) {
+    return status;
   }
   if (absl::Status status = finish_exposure_options(options); !status.ok()) return status;
   choose_view_defaults(

@@ -1,10 +1,9 @@
 #include "client/cli/options/verify_options.h"
 
-#include "absl/status/statusor.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
-#include "client/image/image.h"
+#include "client/image/encodings.h"
 
 namespace candela {
 namespace {
@@ -27,8 +26,8 @@ void add_verify_options(CLI::App& app, VerifyChoice& choice) {
 
 absl::Status check_verify_options(const VerifyChoice& choice, const std::string& output) {
   if (choice.error_map.empty()) return absl::OkStatus();
-  const absl::StatusOr<OutputKind> kind = output_kind(choice.error_map);
-  if (!kind.ok() || *kind != OutputKind::kPng) {
+  if (const auto encoding = output_encoding(choice.error_map);
+      !encoding.ok() || (*encoding)->server != v1::ENCODING_PNG) {
     return usage_error(absl::StrFormat("--error-map is %s; it must end in .png", choice.error_map));
   }
   if (choice.error_map == output) {

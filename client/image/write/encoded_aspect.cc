@@ -1,5 +1,4 @@
-#include "client/image/write/encoded_aspect.h"
-
+// Pixel aspect in PNG and JPEG files that a server made. It knows no aspect, so it writes square pixels.
 #include <zlib.h>
 
 #include <array>

@@ -50,10 +50,6 @@ Imf::Chromaticities chromaticities_of(const Image& image) {
 }  // namespace
 
 absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
-  if (image.format != ImageFormat::kRgba16f && image.format != ImageFormat::kRgba32f) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: an OpenEXR file is written from rgba16f or rgba32f, not %s", file.path(), name(image.format)));
-  }
   try {
     const Imf::PixelType type = image.format == ImageFormat::kRgba16f ? Imf::HALF : Imf::FLOAT;
     const size_t pixel_bytes = bytes_per_pixel(image.format);
@@ -87,9 +83,7 @@ absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions&
     output.setFrameBuffer(frame);
     output.writePixels(static_cast<int>(image.height));
   } catch (const std::exception& error) {
-    if (file.failed()) return absl::OkStatus();  // commit() has the system's reason
-    return absl::InternalError(
-        absl::StrFormat("%s: cannot encode the OpenEXR file: %s", file.path(), error.what()));
+    return absl::InternalError(absl::StrFormat("cannot encode the OpenEXR file: %s", error.what()));
   }
   return absl::OkStatus();
 }

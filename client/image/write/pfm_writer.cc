@@ -11,10 +11,6 @@
 namespace candela {
 
 absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&, Notes& notes) {
-  if (image.format != ImageFormat::kRgba16f && image.format != ImageFormat::kRgba32f) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: a PFM file is written from rgba16f or rgba32f, not %s", file.path(), name(image.format)));
-  }
   const std::string header = absl::StrFormat("PF\n%d %d\n-1.0\n", image.width, image.height);
   file.write(header.data(), header.size());
   std::vector<float> row(size_t{3} * image.width);
@@ -31,7 +27,6 @@ absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&
     }
     file.write(row.data(), row.size() * sizeof(float));  // commit() reports failures
   }
-  if (image.has_alpha) notes.push_back("alpha dropped: .pfm has none");
   if (image.pixel_aspect != 1.0) {
     notes.push_back(
         absl::StrFormat("pixel aspect %s dropped: .pfm has none", in_digits(image.pixel_aspect, 6)));

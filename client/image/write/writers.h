@@ -1,22 +1,17 @@
-// The writers of the file kinds, for write_image(). Internal to client/image. Each writes the image to the
-// file and adds messages for the user to `notes`. Errors name the file; INVALID_ARGUMENT means that it cannot
-// write this format.
+// The writers of the encodings, for their table. Internal to client/image.
 #pragma once
 
-#include <string>
-#include <vector>
+#include <cstddef>
+#include <cstdint>
+#include <span>
 
 #include "absl/status/status.h"
-#include "client/image/image.h"
+#include "client/image/encodings.h"
 #include "client/image/write/atomic_file.h"
 #include "server/encode/picture.h"
 
 namespace candela {
 
-using Notes = std::vector<std::string>;
-
-absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
-absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 
@@ -27,7 +22,9 @@ struct AspectRatio {
 };
 AspectRatio aspect_ratio(double pixel_aspect);
 
-// A view for the encoders of an image in kRgba8 or kRgba16.
-PictureView picture_of(const Image& image);
+// Writes the PNG or JPEG `encoded`, which says nothing of its pixels' aspect. If they are not square, it says
+// so: in a pHYs chunk before the pixels, or in the JFIF density. Bytes of another kind are written as they
+// are.
+void write_with_aspect(AtomicFile& file, std::span<const std::byte> encoded, double pixel_aspect);
 
 }  // namespace candela

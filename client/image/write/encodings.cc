@@ -1,0 +1,183 @@
+#include "client/image/encodings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/base/failure.h"
+#include "client/image/write/writers.h"
+
+namespace candela {
+namespace {
+
+// A view for the encoders of an image in kRgba8 or kRgba16.
+PictureView picture_of(const Image& image) {
+  const AspectRatio aspect = aspect_ratio(image.pixel_aspect);
+  return {.width = image.width,
+          .height = image.height,
+          .wide = image.format == ImageFormat::kRgba16,
+          .rows = image.pixels.data(),
+          .row_stride_bytes = image.row_bytes(),
+          .aspect_width = aspect.width,
+          .aspect_height = aspect.height};
+}
+
+absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
+  return encode_png(picture_of(image), {image.has_alpha, options.transfer, options.text},
+                    [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
+}
+
+absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
+  if (options.jpeg_quality < 1 || options.jpeg_quality > 100) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("JPEG quality %d is not within 1 .. 100", options.jpeg_quality));
+  }
+  return encode_jpeg(picture_of(image), {options.jpeg_quality, options.transfer},
+                     [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
+}
+
+const OutputEncoding kEncodings[] = {
+    {.name = "PNG",
+     .extensions = {".png"},
+     .formats = {ImageFormat::kRgba8, ImageFormat::kRgba16},
+     .alpha = v1::ALPHA_STRAIGHT,
+     .server = v1::ENCODING_PNG,
+     .lossy = false,
+     .write = write_png},
+    {.name = "JPEG",
+     .extensions = {".jpg", ".jpeg"},
+     .formats = {ImageFormat::kRgba8},
+     .alpha = v1::ALPHA_UNSPECIFIED,
+     .server = v1::ENCODING_JPEG,
+     .lossy = true,
+     .write = write_jpeg},
+    {.name = "OpenEXR",
+     .extensions = {".exr"},
+     .formats = {ImageFormat::kRgba16f, ImageFormat::kRgba32f},
+     .alpha = v1::ALPHA_ASSOCIATED,
+     .server = v1::ENCODING_RAW,
+     .lossy = false,
+     .write = write_exr},
+    {.name = "PFM",
+     .extensions = {".pfm"},
+     .formats = {ImageFormat::kRgba16f, ImageFormat::kRgba32f},
+     .alpha = v1::ALPHA_UNSPECIFIED,
+     .server = v1::ENCODING_RAW,
+     .lossy = false,
+     .write = write_pfm},
+};
+
+// ".png, .jpg or .exr"
+std::string in_words(std::vector<std::string> extensions) {
+  if (extensions.size() < 2) return absl::StrJoin(extensions, "");
+  const std::string last = std::move(extensions.back());
+  extensions.pop_back();
+  return absl::StrCat(absl::StrJoin(extensions, ", "), " or ", last);
+}
+
+std::string every_extension() {
+  std::vector<std::string> all;
+  for (const OutputEncoding& encoding : kEncodings) {
+    all.insert(all.end(), encoding.extensions.begin(), encoding.extensions.end());
+  }
+  return in_words(std::move(all));
+}
+
+absl::Status check_image(const OutputEncoding& encoding, const Image& image) {
+  if (image.width == 0 || image.height == 0 || image.pixels.size() != image.bytes()) {
+    return absl::InvalidArgumentError(absl::StrFormat("a %dx%d %s image has %d bytes, this one has %d",
+                                                      image.width, image.height, name(image.format),
+                                                      image.bytes(), image.pixels.size()));
+  }
+  if (std::ranges::count(encoding.formats, image.format) > 0) return absl::OkStatus();
+  const auto names = [](std::string* out, ImageFormat format) { out->append(name(format)); };
+  return absl::InvalidArgumentError(absl::StrFormat("%s is written from %s, not %s", encoding.name,
+                                                    absl::StrJoin(encoding.formats, " or ", names),
+                                                    name(image.format)));
+}
+
+void note_lost_alpha(const OutputEncoding& encoding, bool had_alpha, Notes& notes) {
+  if (!had_alpha || encoding.has_alpha()) return;
+  notes.push_back(absl::StrFormat("alpha dropped: %s has none", encoding.extension()));
+}
+
+}  // namespace
+
+std::span<const OutputEncoding> output_encodings() { return kEncodings; }
+
+absl::StatusOr<const OutputEncoding*> output_encoding(const std::string& path) {
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  for (const OutputEncoding& encoding : kEncodings) {
+    if (std::ranges::count(encoding.extensions, extension) > 0) return &encoding;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s: images are not written as '%s'; use %s", path, extension, every_extension()));
+}
+
+const OutputEncoding& output_encoding(v1::Encoding by_server) {
+  const bool server_encodes = by_server == v1::ENCODING_PNG || by_server == v1::ENCODING_JPEG;
+  if (!server_encodes) return kEncodings[0];
+  return *std::ranges::find(kEncodings, by_server, &OutputEncoding::server);
+}
+
+std::string extensions_with(bool (OutputEncoding::*member)() const) {
+  std::vector<std::string> extensions;
+  for (const OutputEncoding& encoding : kEncodings) {
+    if (member == nullptr || (encoding.*member)()) extensions.push_back(encoding.extension());
+  }
+  return in_words(std::move(extensions));
+}
+
+absl::StatusOr<const OutputEncoding*> check_output_path(const std::string& path) {
+  absl::StatusOr<const OutputEncoding*> encoding = output_encoding(path);
+  if (!encoding.ok()) return encoding;
+  if (const auto target = writable_destination(path); !target.ok()) return target.status();
+  return encoding;
+}
+
+AspectRatio aspect_ratio(double pixel_aspect) {
+  // Exact for ratios such as 3:2; with denominators up to 1000 others are within 0.05 %.
+  for (int height = 1; height <= 1000; ++height) {
+    const double width = pixel_aspect * height;
+    if (width < 0.5 || width > 65535) continue;
+    if (height == 1000 || std::fabs(width - std::round(width)) < 1e-5 * width) {
+      return {static_cast<uint16_t>(std::round(width)), static_cast<uint16_t>(height)};
+    }
+  }
+  return {};
+}
+
+absl::StatusOr<Notes> write_image(const std::string& path, const Image& image, const WriteOptions& options) {
+  absl::StatusOr<const OutputEncoding*> found = check_output_path(path);
+  if (!found.ok()) return found.status();
+  const OutputEncoding& encoding = **found;
+  const auto fails = [&path](const absl::Status& status) {
+    return failure_of(FailureKind::kOutput,
+                      absl::Status(status.code(), absl::StrCat(path, ": ", status.message())));
+  };
+  if (absl::Status status = check_image(encoding, image); !status.ok()) return fails(status);
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
+  if (!file.ok()) return file.status();
+  Notes notes;
+  note_lost_alpha(encoding, image.has_alpha, notes);
+  const absl::Status status = encoding.write(*file, image, options, notes);
+  if (!status.ok() && !file->failed()) return fails(status);
+  if (absl::Status committed = file->commit(); !committed.ok()) return committed;
+  return notes;
+}
+
+absl::StatusOr<Notes> write_encoded(const std::string& path, std::span<const std::byte> bytes,
+                                    v1::Encoding encoding, bool has_alpha, double pixel_aspect) {
+  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
+  if (!file.ok()) return file.status();
+  write_with_aspect(*file, bytes, pixel_aspect);
+  if (absl::Status status = file->commit(); !status.ok()) return status;
+  Notes notes;
+  note_lost_alpha(output_encoding(encoding), has_alpha, notes);
+  return notes;
+}
+
+}  // namespace candela
