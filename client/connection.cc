@@ -14,6 +14,7 @@
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -53,9 +54,8 @@ bool send_bands(RawCall& call, const FrameView& frame) {
 
 absl::StatusOr<Connection> Connection::open(const std::string& address, const ClientSecurity& security) {
   Peer peer{address, security};
-  absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = open_channel(peer);
-  if (!channel.ok()) return channel.status();
-  return Connection(*std::move(channel), std::move(peer));
+  ASSIGN_OR_RETURN(std::shared_ptr<grpc::Channel> channel, open_channel(peer));
+  return Connection(std::move(channel), std::move(peer));
 }
 
 Connection::Connection(std::shared_ptr<grpc::Channel> channel)
@@ -66,7 +66,7 @@ Connection::Connection(std::shared_ptr<grpc::Channel> channel, Peer peer)
 
 absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, const FrameView& frame,
                                                 absl::Time deadline) const {
-  if (absl::Status status = check_whole(frame); !status.ok()) return status;
+  RETURN_IF_ERROR(check_whole(frame));
   RawCall call(channel_, "/candela.v1.RenderService/Render", deadline);
   grpc::ByteBuffer message;
   const bool sent =
@@ -78,15 +78,15 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
   }
   ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map, frame.exposure});
   do {
-    if (absl::Status status = reader.read(message); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.read(message));
   } while (call.read(message));
-  if (absl::Status status = end_of(call, peer_); !status.ok()) return status;
+  RETURN_IF_ERROR(end_of(call, peer_));
   return reader.take();
 }
 
 absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings, const FrameView& frame,
                                                     absl::Time deadline) const {
-  if (absl::Status status = check_whole(frame); !status.ok()) return status;
+  RETURN_IF_ERROR(check_whole(frame));
   RawCall call(channel_, "/candela.v1.RenderService/Meter", deadline);
   grpc::ByteBuffer message;
   const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
@@ -124,10 +124,9 @@ absl::Status Connection::health(absl::Time deadline) const {
   // status = 1).
   constexpr int kServing = 1;
   RawCall call(channel_, "/grpc.health.v1.Health/Check", deadline);
-  const absl::StatusOr<google::protobuf::Int32Value> status =
-      ask<google::protobuf::Int32Value>(call, google::protobuf::StringValue(), peer_);
-  if (!status.ok()) return status.status();
-  if (status->value() == kServing) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const google::protobuf::Int32Value status,
+                   ask<google::protobuf::Int32Value>(call, google::protobuf::StringValue(), peer_));
+  if (status.value() == kServing) return absl::OkStatus();
   return absl::UnavailableError(absl::StrFormat(
       "the server at %s is up but not serving: it is starting or draining; try again or use another one",
       peer_.address));

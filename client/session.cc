@@ -13,6 +13,7 @@
 #include "client/call/session_stream.h"
 #include "client/call/wire.h"
 #include "client/session_state.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -29,7 +30,7 @@ class Session::Core {
  public:
   static absl::StatusOr<Session> open(std::vector<SessionServer> servers, const SessionOptions& options) {
     auto core = std::make_unique<Core>(std::move(servers), options);
-    if (absl::Status status = core->state().wait_until_open(); !status.ok()) return status;
+    RETURN_IF_ERROR(core->state().wait_until_open());
     return Session(std::move(core));
   }
 
@@ -63,8 +64,7 @@ class Session::Core {
       }
       if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
       schedule_.failed(end.retry_delay, end.progress);
-      absl::Status status = state_.was_open() ? pause_after(end.status) : pause_before_open(server, end);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(state_.was_open() ? pause_after(end.status) : pause_before_open(server, end));
     }
   }
 
@@ -135,10 +135,9 @@ absl::StatusOr<Session> Session::open(const SessionOptions& options) {
   std::vector<SessionServer> servers;
   for (const std::string& address : options.servers) {
     Peer peer{address, options.security};
-    absl::StatusOr<std::shared_ptr<grpc::Channel>> channel =
-        open_session_channel(peer, options.ping_interval);
-    if (!channel.ok()) return channel.status();
-    servers.push_back({*std::move(channel), std::move(peer)});
+    ASSIGN_OR_RETURN(std::shared_ptr<grpc::Channel> channel,
+                     open_session_channel(peer, options.ping_interval));
+    servers.push_back({std::move(channel), std::move(peer)});
   }
   return Core::open(std::move(servers), options);
 }

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -17,10 +18,8 @@ SessionLog::SessionLog(v1::Settings settings, const std::optional<v1::SessionSta
 }
 
 absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
-  const absl::Status whole = frame.view
-                                 ? check_view(frame.width, frame.height, frame.pixels.size())
-                                 : check_frame(frame.width, frame.height, frame.format, frame.pixels.size());
-  if (!whole.ok()) return whole;
+  RETURN_IF_ERROR(frame.view ? check_view(frame.width, frame.height, frame.pixels.size())
+                             : check_frame(frame.width, frame.height, frame.format, frame.pixels.size()));
   if (last_sequence_ && frame.sequence <= *last_sequence_) {
     return absl::InvalidArgumentError(
         absl::StrFormat("frame %d comes after frame %d; the sequence numbers of a session must increase",

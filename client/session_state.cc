@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -23,8 +24,8 @@ absl::Status SessionState::submit(SessionFrame frame) {
   const absl::MutexLock lock(&mutex_);
   const auto may = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return may_submit(); };
   mutex_.Await(absl::Condition(&may));
-  if (absl::Status status = still_taking(); !status.ok()) return status;
-  if (absl::Status status = log_.add(std::move(frame), absl::Now()); !status.ok()) return status;
+  RETURN_IF_ERROR(still_taking());
+  RETURN_IF_ERROR(log_.add(std::move(frame), absl::Now()));
   ++submitted_;
   wake();
   return absl::OkStatus();
@@ -37,8 +38,8 @@ bool SessionState::ready() const {
 
 absl::Status SessionState::change_settings(uint64_t from_sequence, const v1::Settings& settings) {
   const absl::MutexLock lock(&mutex_);
-  if (absl::Status status = still_taking(); !status.ok()) return status;
-  if (absl::Status status = log_.change(from_sequence, settings); !status.ok()) return status;
+  RETURN_IF_ERROR(still_taking());
+  RETURN_IF_ERROR(log_.change(from_sequence, settings));
   wake();
   return absl::OkStatus();
 }

@@ -4,20 +4,19 @@
 #include <vector>
 
 #include "server/base/log.h"
+#include "server/base/status_macros.h"
 #include "server/render/self_test.h"
 
 namespace candela {
 
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, ExecutorKind passes) {
-  absl::StatusOr<std::unique_ptr<Device>> device = Device::create(options);
-  if (!device.ok()) return device.status();
-  auto opened = std::make_shared<RenderDevice>(*std::move(device), budget_bytes);
-  absl::StatusOr<std::unique_ptr<Renderer>> renderer =
-      Renderer::create(*opened->device, opened->pool, passes);
-  if (!renderer.ok()) return renderer.status();
-  opened->renderer = *std::move(renderer);
-  if (absl::Status status = self_test(*opened->renderer); !status.ok()) return status;
+  ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(options));
+  auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes);
+  ASSIGN_OR_RETURN(std::unique_ptr<Renderer> renderer,
+                   Renderer::create(*opened->device, opened->pool, passes));
+  opened->renderer = std::move(renderer);
+  RETURN_IF_ERROR(self_test(*opened->renderer));
   return opened;
 }
 

@@ -8,9 +8,10 @@
 #include <climits>
 #include <utility>
 
-#include "server/base/address.h"
 #include "server/access/client_identity.h"
+#include "server/base/address.h"
 #include "server/base/listening_socket.h"
+#include "server/base/status_macros.h"
 #include "server/memory_budget.h"
 
 namespace candela {
@@ -120,12 +121,11 @@ class Ports {
 absl::Status open_doors(const Config& config, const std::string& address, grpc::ServerBuilder& builder,
                         Access& access, Metrics& metrics, GrpcListener& listener,
                         std::vector<AcceptLoop::Door>& doors) {
-  absl::StatusOr<std::vector<ListeningSocket>> sockets = ListeningSocket::listen("listen", address);
-  if (!sockets.ok()) return sockets.status();
-  listener.addresses.push_back(sockets->front().address());
+  ASSIGN_OR_RETURN(std::vector<ListeningSocket> sockets, ListeningSocket::listen("listen", address));
+  listener.addresses.push_back(sockets.front().address());
   const auto ports = std::make_shared<Ports>(builder, config, address, access, metrics);
   const bool tls = !config.tls_cert.empty() && !is_unix_address(address);
-  for (ListeningSocket& socket : *sockets) {
+  for (ListeningSocket& socket : sockets) {
     listener.own_doors.push_back({socket.local(), tls});
     const int listening = socket.descriptor();
     doors.push_back(

@@ -16,6 +16,7 @@
 #include "server/base/log.h"
 #include "server/base/metrics.h"
 #include "server/base/slices.h"
+#include "server/base/status_macros.h"
 #include "server/base/units.h"
 #include "server/device_keeper.h"
 #include "server/grpc_listener.h"
@@ -178,19 +179,17 @@ absl::Status Server::Impl::serve_metrics() {
             .connections = connections.count(),
             .certificate_expires = access->certificate_expires()};
   });
-  absl::StatusOr<std::unique_ptr<MetricsServer>> started =
-      MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections);
-  if (!started.ok()) return started.status();
-  metrics_server = *std::move(started);
+  ASSIGN_OR_RETURN(std::unique_ptr<MetricsServer> started,
+                   MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections));
+  metrics_server = std::move(started);
   metrics_address = metrics_server->address();
   return absl::OkStatus();
 }
 
 absl::Status Server::Impl::listen() {
-  absl::StatusOr<GrpcListener> started =
-      start_grpc(config, descriptors.connections, connections, *access, *metrics, *service);
-  if (!started.ok()) return started.status();
-  listener = *std::move(started);
+  ASSIGN_OR_RETURN(GrpcListener started,
+                   start_grpc(config, descriptors.connections, connections, *access, *metrics, *service));
+  listener = std::move(started);
   health->begin(*listener.server->GetHealthCheckService());
   if (listener.own_doors.empty()) return absl::OkStatus();
   own_door =
@@ -278,35 +277,32 @@ void Server::Impl::stop(absl::Duration grace) {
 
 absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
                                                       std::function<void()> on_device_gone) {
-  if (absl::Status status = check_config(asked); !status.ok()) return status;
+  RETURN_IF_ERROR(check_config(asked));
   const CgroupLimits cgroup = read_cgroup_limits();
   const MemoryBudget budget = choose_memory_budget(asked.memory_budget_bytes, cgroup);
   const Config config = fit_to_memory(asked, budget);
-  absl::StatusOr<TokenKeys> keys = config.resume_keys.empty()
+  ASSIGN_OR_RETURN(TokenKeys keys, config.resume_keys.empty()
                                        ? TokenKeys::random(config.resume_ttl)
-                                       : TokenKeys::read(config.resume_keys, config.resume_ttl);
-  if (!keys.ok()) return keys.status();
-  absl::StatusOr<std::unique_ptr<Access>> access =
-      Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file);
-  if (!access.ok()) return access.status();
+                                       : TokenKeys::read(config.resume_keys, config.resume_ttl));
+  ASSIGN_OR_RETURN(std::unique_ptr<Access> access,
+                   Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file));
   prepare_driver_environment();
   const auto open = [options = DeviceOptions{.selector = config.device,
                                              .validation = config.validation,
                                              .hang_limit = config.hang_limit},
                      bytes = budget.bytes,
                      passes = config.passes] { return open_render_device(options, bytes, passes); };
-  absl::StatusOr<std::shared_ptr<RenderDevice>> device = open();
-  if (!device.ok()) return device.status();
+  ASSIGN_OR_RETURN(std::shared_ptr<RenderDevice> device, open());
 
-  auto impl = std::make_unique<Impl>(config, *std::move(access));
-  impl->keep_device(*std::move(device), open, std::move(on_device_gone));
-  impl->make_service(*std::move(keys));
+  auto impl = std::make_unique<Impl>(config, std::move(access));
+  impl->keep_device(std::move(device), open, std::move(on_device_gone));
+  impl->make_service(std::move(keys));
   impl->watch_health();
   // From here on, ~Server stops the threads if a step fails.
   std::unique_ptr<Server> server(new Server(std::move(impl)));
   server->impl_->descriptors = choose_descriptors(config.max_connections);
-  if (absl::Status status = server->impl_->serve_metrics(); !status.ok()) return status;
-  if (absl::Status status = server->impl_->listen(); !status.ok()) return status;
+  RETURN_IF_ERROR(server->impl_->serve_metrics());
+  RETURN_IF_ERROR(server->impl_->listen());
   server->impl_->measure_tiers();
   log_limits(cgroup, budget, server->impl_->descriptors, config);
   return server;

@@ -15,6 +15,7 @@
 #include "client/call/plain_file.h"
 #include "client/call/tls_probe.h"
 #include "server/base/address.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -111,9 +112,8 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
   const bool tls = security.wants_tls() && !is_unix;
   std::shared_ptr<grpc::ChannelCredentials> channel = grpc::InsecureChannelCredentials();
   if (tls) {
-    auto made = tls_credentials(security);
-    if (!made.ok()) return made.status();
-    channel = *std::move(made);
+    ASSIGN_OR_RETURN(auto made, tls_credentials(security));
+    channel = std::move(made);
     if (!security.server_name.empty()) arguments.SetSslTargetNameOverride(security.server_name);
   } else if (!security.key_file.empty() && !is_unix) {
     return absl::InvalidArgumentError(
@@ -127,9 +127,8 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
         "--tls-ca, or leave the token out",
         address));
   }
-  absl::StatusOr<std::string> token = read_token(security.token_file);
-  if (!token.ok()) return token.status();
-  auto plugin = std::make_unique<TokenPlugin>(security.token_file, *std::move(token));
+  ASSIGN_OR_RETURN(std::string token, read_token(security.token_file));
+  auto plugin = std::make_unique<TokenPlugin>(security.token_file, std::move(token));
   if (tls) {
     return grpc::CompositeChannelCredentials(channel, grpc::MetadataCredentialsFromPlugin(std::move(plugin)));
   }

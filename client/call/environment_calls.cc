@@ -8,6 +8,7 @@
 #include "proto/candela/v1/environment_id.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -102,7 +103,7 @@ std::string environment_id(const Panorama& panorama) {
 absl::StatusOr<v1::Environment> put_environment(const std::shared_ptr<grpc::Channel>& channel,
                                                 const Peer& peer, const Panorama& panorama,
                                                 absl::Time deadline) {
-  if (absl::Status status = check_panorama(panorama); !status.ok()) return status;
+  RETURN_IF_ERROR(check_panorama(panorama));
   absl::StatusOr<v1::Environment> known = get_environment(channel, peer, environment_id(panorama), deadline);
   if (!absl::IsNotFound(known.status())) return known;
   return upload(channel, peer, panorama, deadline);
@@ -125,9 +126,9 @@ absl::StatusOr<EnvironmentBake> bake_environment(const std::shared_ptr<grpc::Cha
   grpc::ByteBuffer message;
   const bool sent = call.write(v1::pack(request)) && call.half_close();
   while (sent && call.read(message)) {
-    if (absl::Status status = reader.read(message); !status.ok()) return status;
+    RETURN_IF_ERROR(reader.read(message));
   }
-  if (absl::Status status = end_of(call, peer); !status.ok()) return status;
+  RETURN_IF_ERROR(end_of(call, peer));
   return reader.take();
 }
 

@@ -12,6 +12,7 @@
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -147,14 +148,13 @@ absl::Status SessionStream::take_event(DuplexCall::Event event) {
 
 absl::Status SessionStream::take_message() {
   const std::shared_ptr<const SessionFrame> due = state_.due_frame();
-  absl::StatusOr<StreamEvent> event = reader_.read(duplex_.message(), due.get());
-  if (!event.ok()) return event.status();
-  if (const auto* opened = std::get_if<v1::StreamOpened>(&*event)) {
+  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(duplex_.message(), due.get()));
+  if (const auto* opened = std::get_if<v1::StreamOpened>(&event)) {
     open_ = true;
     if (state_.take_open(*opened)) progress_ = true;
   }
-  if (std::holds_alternative<v1::GoAway>(*event)) leaving_ = true;
-  if (auto* answer = std::get_if<FrameAnswer>(&*event)) {
+  if (std::holds_alternative<v1::GoAway>(event)) leaving_ = true;
+  if (auto* answer = std::get_if<FrameAnswer>(&event)) {
     state_.take_answer(std::move(*answer));
     answered_ = true;
     progress_ = true;

@@ -12,6 +12,7 @@
 #include "client/call/wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -36,7 +37,7 @@ bool is_band(const grpc::ByteBuffer& message) {
 absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const SessionFrame* due) {
   if (is_band(message)) {
     if (!inside_ || image_.whole()) return not_the_protocol("an unexpected band");
-    if (absl::Status status = image_.take(message); !status.ok()) return status;
+    RETURN_IF_ERROR(image_.take(message));
     if (image_.whole()) return answer();
     return MoreToCome();
   }
@@ -83,7 +84,7 @@ absl::Status StreamReader::check_header(const v1::ResultHeader& header, const Se
 }
 
 absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const SessionFrame* due) {
-  if (absl::Status status = check_header(header, due); !status.ok()) return status;
+  RETURN_IF_ERROR(check_header(header, due));
   if (!requested_.image) {
     result_ = {};
     result_.header = std::move(header);

@@ -16,9 +16,10 @@
 #include "client/call/retry_info.h"
 #include "client/call/tls_probe.h"
 #include "client/call/transport_words.h"
-#include "server/base/address.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/address.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -55,8 +56,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, absl:
         absl::StrFormat("server address '%s' is neither HOST:PORT (port 1 .. 65535) nor unix:PATH%s", address,
                         meant_address(address)));
   }
-  auto credentials = channel_credentials(address, peer.security, arguments);
-  if (!credentials.ok()) return credentials.status();
+  ASSIGN_OR_RETURN(auto credentials, channel_credentials(address, peer.security, arguments));
   // Connect to the server itself, even if the environment names a proxy.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   // A server that is started again is soon found.
@@ -71,7 +71,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, absl:
   // A call may have nothing to send for a long time.
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
-  return grpc::CreateCustomChannel(address, *credentials, arguments);
+  return grpc::CreateCustomChannel(address, credentials, arguments);
 }
 
 absl::Status in_words(const grpc::Status& status, const Peer& peer, bool connected) {

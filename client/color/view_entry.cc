@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -84,9 +85,8 @@ absl::StatusOr<ViewEntry> entry_for_input(const ocio::ConstConfigRcPtr& config, 
 absl::StatusOr<ViewEntry> find_entry(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice) {
   if (!choice.input.empty()) return entry_for_input(config, choice);
   if (config->hasRole(ocio::ROLE_INTERCHANGE_SCENE)) {
-    const absl::StatusOr<std::string> space = space_of_role(config, choice, ocio::ROLE_INTERCHANGE_SCENE);
-    if (!space.ok()) return space.status();
-    return ap0_entry(*space);
+    ASSIGN_OR_RETURN(const std::string space, space_of_role(config, choice, ocio::ROLE_INTERCHANGE_SCENE));
+    return ap0_entry(space);
   }
   if (const std::string space = first_space(config, kRec709Names); !space.empty()) {
     ViewEntry entry = entry_of(space);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
 #include "shaders/reference.h"
 
@@ -88,17 +89,16 @@ reference::Scene scene_of(const ViewedFrame& frame, const Show& to_scene,
 
 absl::StatusOr<ViewError> error_of_view(const ViewTable& view, const ViewedFrame& frame) {
   v1::Settings settings = frame.settings;
-  if (absl::Status status = v1::complete_settings(settings); !status.ok()) return status;
-  const auto matrix = scene_matrix(settings);
-  if (!matrix.ok()) return matrix.status();
+  RETURN_IF_ERROR(v1::complete_settings(settings));
+  ASSIGN_OR_RETURN(const auto matrix, scene_matrix(settings));
   const uint32_t width = frame.header.width();
   const uint32_t height = frame.header.height();
   const v1::Bloom& bloom = settings.bloom();
   reference::ResolveParams params = resolve_params(view.show, frame, bloom);
-  const bool untouched = params.exposure == 1.0 && params.bloom == shader::BLOOM_NONE && !*matrix;
+  const bool untouched = params.exposure == 1.0 && params.bloom == shader::BLOOM_NONE && !matrix;
   const bool direct = untouched && view.show_input;
   if (direct) params = resolve_params(view.show_input, frame, bloom);
-  const reference::Scene scene = scene_of(frame, direct ? nullptr : view.to_scene, *matrix);
+  const reference::Scene scene = scene_of(frame, direct ? nullptr : view.to_scene, matrix);
   reference::Level level;
   uint32_t levels = 1;
   if (params.bloom != shader::BLOOM_NONE) {

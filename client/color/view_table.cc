@@ -19,6 +19,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "client/color/view_entry.h"
+#include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
 #include "shaders/reference.h"
 
@@ -216,7 +217,7 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   }
   const ocio::ConstConfigRcPtr config = ocio::Config::CreateFromFile(choice.config.c_str());
   ViewTable baked;
-  if (absl::Status status = choose_view(config, choice, baked); !status.ok()) return status;
+  RETURN_IF_ERROR(choose_view(config, choice, baked));
   absl::StatusOr<ViewEntry> entry = find_entry(config, choice);
   baked.as_is = shows_data(config, baked, choice.input);
   if (!entry.ok() && !(baked.as_is && choice.input.empty())) return entry.status();

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "client/environment/cube_faces.h"
 #include "proto/candela/v1/rgb9e5.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -50,7 +51,7 @@ const char* name(Handedness handedness) { return handedness == Handedness::kLeft
 absl::Status check_environment(const BakedEnvironment& environment) {
   if (environment.levels.empty()) return absl::InvalidArgumentError("the environment has no level");
   for (size_t i = 0; i < environment.levels.size(); ++i) {
-    if (absl::Status status = check_level(environment, i); !status.ok()) return status;
+    RETURN_IF_ERROR(check_level(environment, i));
   }
   return check_harmonics(environment.harmonics);
 }
@@ -68,7 +69,7 @@ absl::Status check_harmonics(const RadianceHarmonics& harmonics) {
 }
 
 absl::StatusOr<Rgb9e5Losses> convert_to_rgb9e5(BakedEnvironment& environment) {
-  if (absl::Status status = check_environment(environment); !status.ok()) return status;
+  RETURN_IF_ERROR(check_environment(environment));
   Rgb9e5Losses losses;
   if (environment.format == CubeFormat::kRgb9e5) return losses;
   std::vector<PixelBuffer> packed;

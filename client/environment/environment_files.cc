@@ -9,6 +9,7 @@
 #include "client/environment/cube_faces.h"
 #include "client/image/image.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -27,12 +28,11 @@ absl::Status make_folder(const std::string& path) {
 }
 
 absl::Status write_level(const std::string& folder, const BakedEnvironment& environment, size_t level) {
-  if (absl::Status status = make_folder(folder); !status.ok()) return status;
+  RETURN_IF_ERROR(make_folder(folder));
   for (uint32_t face = 0; face < kCubeFaces; ++face) {
-    const absl::StatusOr<Image> picture = face_picture(environment, level, face);
-    if (!picture.ok()) return picture.status();
+    ASSIGN_OR_RETURN(const Image picture, face_picture(environment, level, face));
     const std::string path = absl::StrFormat("%s/%s.exr", folder, kFaceNames[face]);
-    if (const auto notes = write_image(path, *picture); !notes.ok()) return notes.status();
+    if (const auto notes = write_image(path, picture); !notes.ok()) return notes.status();
   }
   return absl::OkStatus();
 }
@@ -46,16 +46,16 @@ double lobe(size_t index) {
 }  // namespace
 
 absl::Status write_face_files(const std::string& folder, const BakedEnvironment& environment) {
-  if (absl::Status status = check_environment(environment); !status.ok()) return status;
+  RETURN_IF_ERROR(check_environment(environment));
   for (size_t level = 0; level < environment.levels.size(); ++level) {
     const std::string path = level == 0 ? folder : absl::StrFormat("%s/level%d", folder, level);
-    if (absl::Status status = write_level(path, environment, level); !status.ok()) return status;
+    RETURN_IF_ERROR(write_level(path, environment, level));
   }
   return absl::OkStatus();
 }
 
 absl::Status write_harmonics(const std::string& path, const RadianceHarmonics& harmonics) {
-  if (absl::Status status = check_harmonics(harmonics); !status.ok()) return status;
+  RETURN_IF_ERROR(check_harmonics(harmonics));
   Json radiance = Json::array(), irradiance = Json::array();
   for (size_t i = 0; i < harmonics.size(); ++i) {
     const auto& [r, g, b] = harmonics[i];
@@ -64,10 +64,9 @@ absl::Status write_harmonics(const std::string& path, const RadianceHarmonics& h
     irradiance.push_back({scaled(r), scaled(g), scaled(b)});
   }
   const std::string text = Json{{"radiance", radiance}, {"irradiance", irradiance}}.dump(1) + "\n";
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
-  file->write(text.data(), text.size());
-  return file->commit();
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
+  file.write(text.data(), text.size());
+  return file.commit();
 }
 
 }  // namespace candela

@@ -10,6 +10,7 @@
 #include "client/environment/cube_faces.h"
 #include "client/environment/environment_files.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -163,13 +164,12 @@ void write_level(AtomicFile& file, const BakedEnvironment& environment, size_t l
 }  // namespace
 
 absl::Status write_ktx2(const std::string& path, const BakedEnvironment& environment) {
-  if (absl::Status status = check_environment(environment); !status.ok()) return status;
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
+  RETURN_IF_ERROR(check_environment(environment));
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
   const std::string start = head(environment);
-  file->write(start.data(), start.size());
-  for (size_t level = environment.levels.size(); level-- > 0;) write_level(*file, environment, level);
-  return file->commit();
+  file.write(start.data(), start.size());
+  for (size_t level = environment.levels.size(); level-- > 0;) write_level(file, environment, level);
+  return file.commit();
 }
 
 }  // namespace candela

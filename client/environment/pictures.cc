@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "client/environment/cube_faces.h"
 #include "client/environment/cube_lookup.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -46,7 +47,7 @@ absl::StatusOr<Image> black_image(uint32_t width, uint32_t height, ImageFormat f
 }
 
 absl::Status check_has_level(const BakedEnvironment& environment, size_t level) {
-  if (absl::Status status = check_environment(environment); !status.ok()) return status;
+  RETURN_IF_ERROR(check_environment(environment));
   if (level < environment.levels.size()) return absl::OkStatus();
   return absl::OutOfRangeError(absl::StrFormat("the environment has no level %d; it has 0 .. %d", level,
                                                environment.levels.size() - 1));
@@ -60,7 +61,7 @@ std::byte* pixel_at(Image& image, uint32_t x, uint32_t y) {
 }  // namespace
 
 absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t level) {
-  if (absl::Status status = check_has_level(environment, level); !status.ok()) return status;
+  RETURN_IF_ERROR(check_has_level(environment, level));
   const uint32_t size = environment.levels[level].size;
   absl::StatusOr<Image> image = black_image(4 * size, 3 * size, picture_format(environment));
   if (!image.ok()) return image;
@@ -75,7 +76,7 @@ absl::StatusOr<Image> cross_picture(const BakedEnvironment& environment, size_t 
 }
 
 absl::StatusOr<Image> equirectangular_picture(const BakedEnvironment& environment, size_t level) {
-  if (absl::Status status = check_has_level(environment, level); !status.ok()) return status;
+  RETURN_IF_ERROR(check_has_level(environment, level));
   const uint32_t size = environment.levels[level].size, width = 4 * size, height = 2 * size;
   absl::StatusOr<Image> image = make_image(width, height, picture_format(environment));
   if (!image.ok()) return image;

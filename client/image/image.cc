@@ -9,6 +9,7 @@
 #include "client/base/failure.h"
 #include "client/image/read/file_reader.h"
 #include "client/image/read/readers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -88,13 +89,11 @@ absl::Status check_image_size(const std::string& path, const char* what, int64_t
 }
 
 absl::StatusOr<FileKind> file_kind(FileReader& file) {
-  const absl::StatusOr<std::string> magic = file.peek(4);
-  if (!magic.ok()) return magic.status();
-  if (*magic == "\x76\x2f\x31\x01") return FileKind::kExr;
-  if (magic->starts_with("#?")) return FileKind::kRadiance;
-  if (magic->starts_with("PF") || magic->starts_with("Pf")) return FileKind::kPfm;
-  if (magic->empty())
-    return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
+  ASSIGN_OR_RETURN(const std::string magic, file.peek(4));
+  if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
+  if (magic.starts_with("#?")) return FileKind::kRadiance;
+  if (magic.starts_with("PF") || magic.starts_with("Pf")) return FileKind::kPfm;
+  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
   return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
 }
 
@@ -104,16 +103,15 @@ absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits&
                                      const PictureChoice& choice) {
   absl::StatusOr<FileReader> file = FileReader::open(path);
   if (!file.ok()) return file.status();
-  const absl::StatusOr<FileKind> kind = file_kind(*file);
-  if (!kind.ok()) return kind.status();
-  if (*kind == FileKind::kExr) return read_exr(*file, limits, choice);
+  ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
+  if (kind == FileKind::kExr) return read_exr(*file, limits, choice);
   if (!choice.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture", path,
-        *kind == FileKind::kRadiance ? "Radiance" : "PFM"));
+        kind == FileKind::kRadiance ? "Radiance" : "PFM"));
   }
-  absl::StatusOr<Image> image = *kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
-                                                             : read_pfm(*file, limits, choice.fills_gaps);
+  absl::StatusOr<Image> image = kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
+                                                            : read_pfm(*file, limits, choice.fills_gaps);
   if (image.ok() && choice.own_values) {
     image->chromaticities.reset();
     image->names_primaries = false;

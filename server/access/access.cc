@@ -12,9 +12,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "server/base/address.h"
 #include "server/access/client_identity.h"
+#include "server/base/address.h"
 #include "server/base/log.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -50,10 +51,7 @@ class Access::Port final : public grpc::ServerCredentials {
  public:
   Port(Access& access, Metrics& metrics, const std::string& address,
        std::function<std::set<std::string>()> clients)
-      : access_(access),
-        metrics_(metrics),
-        local_(is_unix_address(address)),
-        clients_(std::move(clients)) {
+      : access_(access), metrics_(metrics), local_(is_unix_address(address)), clients_(std::move(clients)) {
     if (access.tls() && !local_) {
       const auto request = access.files_.client_ca.empty()
                                ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
@@ -128,7 +126,7 @@ class Access::Port final : public grpc::ServerCredentials {
 absl::StatusOr<std::unique_ptr<Access>> Access::open(const CertificateFiles& certificates,
                                                      const std::string& token_file) {
   std::unique_ptr<Access> access(new Access(certificates, token_file));
-  if (absl::Status status = access->read(); !status.ok()) return status;
+  RETURN_IF_ERROR(access->read());
   std::vector<std::string> paths;
   for (const std::string& path : {certificates.cert, certificates.key, certificates.client_ca, token_file}) {
     if (!path.empty()) paths.push_back(path);

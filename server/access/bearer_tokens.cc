@@ -11,6 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "server/base/option_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -28,12 +29,11 @@ std::array<unsigned char, SHA256_DIGEST_LENGTH> digest_of(absl::string_view toke
 }  // namespace
 
 absl::StatusOr<BearerTokens> BearerTokens::read(const std::string& path) {
-  const absl::StatusOr<std::string> text =
-      read_option_file("token-file", path, kMaxTokenFileBytes, Secrecy::kSecret);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text,
+                   read_option_file("token-file", path, kMaxTokenFileBytes, Secrecy::kSecret));
   BearerTokens tokens;
   int number = 0;
-  for (absl::string_view line : absl::StrSplit(*text, '\n')) {
+  for (absl::string_view line : absl::StrSplit(text, '\n')) {
     ++number;
     line = absl::StripAsciiWhitespace(line);
     if (line.empty() || line[0] == '#') continue;

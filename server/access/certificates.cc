@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/base/option_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -83,18 +84,15 @@ absl::Time time_of(const ASN1_TIME* time) {
 }  // namespace
 
 absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
-  absl::StatusOr<std::string> cert =
-      read_option_file(kCert, files.cert, kMaxCertificateFileBytes, Secrecy::kPublic);
-  if (!cert.ok()) return cert.status();
+  ASSIGN_OR_RETURN(std::string cert,
+                   read_option_file(kCert, files.cert, kMaxCertificateFileBytes, Secrecy::kPublic));
   absl::StatusOr<std::string> key =
       read_option_file(kKey, files.key, kMaxCertificateFileBytes, Secrecy::kSecret);
   if (!key.ok()) return key.status();
-  const absl::StatusOr<std::vector<Certificate>> chain = parse_certificates(kCert, files.cert, *cert);
-  if (!chain.ok()) return chain.status();
-  const absl::StatusOr<Key> parsed = parse_key(files.key, *key);
-  if (!parsed.ok()) return parsed.status();
-  X509* own = chain->front().get();
-  if (X509_check_private_key(own, parsed->get()) != 1) {
+  ASSIGN_OR_RETURN(const std::vector<Certificate> chain, parse_certificates(kCert, files.cert, cert));
+  ASSIGN_OR_RETURN(const Key parsed, parse_key(files.key, *key));
+  X509* own = chain.front().get();
+  if (X509_check_private_key(own, parsed.get()) != 1) {
     ERR_clear_error();
     return unusable(
         kKey, files.key,
@@ -103,15 +101,14 @@ absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
             "together, with the server's own certificate first",
             files.cert));
   }
-  Certificates certificates{*std::move(cert), *std::move(key), "", time_of(X509_get0_notAfter(own))};
+  Certificates certificates{std::move(cert), *std::move(key), "", time_of(X509_get0_notAfter(own))};
   if (files.client_ca.empty()) return certificates;
-  absl::StatusOr<std::string> ca =
-      read_option_file(kClientCa, files.client_ca, kMaxCertificateFileBytes, Secrecy::kPublic);
-  if (!ca.ok()) return ca.status();
-  if (auto parsed_ca = parse_certificates(kClientCa, files.client_ca, *ca); !parsed_ca.ok()) {
+  ASSIGN_OR_RETURN(std::string ca,
+                   read_option_file(kClientCa, files.client_ca, kMaxCertificateFileBytes, Secrecy::kPublic));
+  if (auto parsed_ca = parse_certificates(kClientCa, files.client_ca, ca); !parsed_ca.ok()) {
     return parsed_ca.status();
   }
-  certificates.client_ca = *std::move(ca);
+  certificates.client_ca = std::move(ca);
   return certificates;
 }
 

@@ -16,6 +16,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -87,9 +88,8 @@ class HttpPages::Connection {
 
 absl::StatusOr<std::unique_ptr<HttpPages>> HttpPages::start(const std::string& address,
                                                             size_t max_connections, Pages pages) {
-  absl::StatusOr<std::vector<ListeningSocket>> sockets = ListeningSocket::listen("metrics", address);
-  if (!sockets.ok()) return sockets.status();
-  return std::unique_ptr<HttpPages>(new HttpPages(*std::move(sockets), max_connections, std::move(pages)));
+  ASSIGN_OR_RETURN(std::vector<ListeningSocket> sockets, ListeningSocket::listen("metrics", address));
+  return std::unique_ptr<HttpPages>(new HttpPages(std::move(sockets), max_connections, std::move(pages)));
 }
 
 HttpPages::HttpPages(std::vector<ListeningSocket> sockets, size_t max_connections, Pages pages)

@@ -19,6 +19,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "server/base/address.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -153,7 +154,7 @@ absl::StatusOr<int> listen_on_file(absl::string_view option, const std::string& 
                         path.size(), sizeof at.sun_path - 1));
   }
   std::memcpy(at.sun_path, path.data(), path.size());
-  if (absl::Status status = make_room(option, address, at); !status.ok()) return status;
+  RETURN_IF_ERROR(make_room(option, address, at));
   const int descriptor = listen_at(reinterpret_cast<const sockaddr*>(&at), sizeof at);
   if (descriptor < 0) return cannot(option, address, why(option, errno));
   return descriptor;
@@ -183,14 +184,12 @@ absl::StatusOr<std::vector<ListeningSocket>> ListeningSocket::listen(absl::strin
   absl::string_view path = address;
   if (absl::ConsumePrefix(&path, "unix:")) {
     if (absl::StartsWith(path, "//")) path.remove_prefix(2);
-    const absl::StatusOr<int> descriptor = listen_on_file(option, address, std::string(path));
-    if (!descriptor.ok()) return descriptor.status();
-    sockets.push_back(ListeningSocket(*descriptor, address, std::string(path)));
+    ASSIGN_OR_RETURN(const int descriptor, listen_on_file(option, address, std::string(path)));
+    sockets.push_back(ListeningSocket(descriptor, address, std::string(path)));
     return sockets;
   }
-  const absl::StatusOr<std::vector<int>> descriptors = listen_on_tcp(option, address);
-  if (!descriptors.ok()) return descriptors.status();
-  for (const int descriptor : *descriptors) sockets.push_back(ListeningSocket(descriptor, address, ""));
+  ASSIGN_OR_RETURN(const std::vector<int> descriptors, listen_on_tcp(option, address));
+  for (const int descriptor : descriptors) sockets.push_back(ListeningSocket(descriptor, address, ""));
   return sockets;
 }
 

@@ -15,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "server/base/log.h"
 #include "server/base/process_metrics.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -239,16 +240,17 @@ absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::start(const Metric
   const auto yes_or_no = [](bool yes) {
     return yes ? HttpPages::Answer{200, "ok\n"} : HttpPages::Answer{503, "no\n"};
   };
-  absl::StatusOr<std::unique_ptr<HttpPages>> pages = HttpPages::start(
-      address, max_connections,
-      {{"/metrics",
-        [impl = metrics.impl_] {
-          return HttpPages::Answer{200, prometheus::TextSerializer().Serialize(impl->Collect())};
-        }},
-       {"/livez", [impl = metrics.impl_, yes_or_no] { return yes_or_no(impl->live); }},
-       {"/readyz", [impl = metrics.impl_, yes_or_no] { return yes_or_no(impl->ready); }}});
-  if (!pages.ok()) return pages.status();
-  return std::unique_ptr<MetricsServer>(new MetricsServer(*std::move(pages)));
+  ASSIGN_OR_RETURN(
+      std::unique_ptr<HttpPages> pages,
+      HttpPages::start(
+          address, max_connections,
+          {{"/metrics",
+            [impl = metrics.impl_] {
+              return HttpPages::Answer{200, prometheus::TextSerializer().Serialize(impl->Collect())};
+            }},
+           {"/livez", [impl = metrics.impl_, yes_or_no] { return yes_or_no(impl->live); }},
+           {"/readyz", [impl = metrics.impl_, yes_or_no] { return yes_or_no(impl->ready); }}}));
+  return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(pages)));
 }
 
 MetricsServer::MetricsServer(std::unique_ptr<HttpPages> pages) : pages_(std::move(pages)) {}

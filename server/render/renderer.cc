@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "server/base/cgroup.h"
 #include "server/base/slices.h"
+#include "server/base/status_macros.h"
 #include "server/render/device/device_executor.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/frame/frame_textures.h"
@@ -24,7 +25,7 @@ Renderer::~Renderer() = default;
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool,
                                                            ExecutorKind passes, uint32_t threads) {
   std::unique_ptr<Renderer> renderer(new Renderer(device, pool));
-  if (absl::Status status = renderer->choose(passes, threads); !status.ok()) return status;
+  RETURN_IF_ERROR(renderer->choose(passes, threads));
   return renderer;
 }
 
@@ -42,16 +43,14 @@ absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
                                       crew->threads(), crew->threads() == 1 ? "" : "s");
     by_device_or_host_ = std::move(executor);
   } else {
-    absl::StatusOr<std::unique_ptr<DeviceExecutor>> executor = DeviceExecutor::create(device_);
-    if (!executor.ok()) return executor.status();
+    ASSIGN_OR_RETURN(std::unique_ptr<DeviceExecutor> executor, DeviceExecutor::create(device_));
     executor_kind_ = ExecutorKind::kDevice;
     executor_words_ = "on the device";
-    by_device_or_host_ = *std::move(executor);
+    by_device_or_host_ = std::move(executor);
   }
   by_reference_ = std::make_unique<ReferenceExecutor>(*by_device_or_host_);
-  absl::StatusOr<std::unique_ptr<EnvironmentBaker>> baker = EnvironmentBaker::create(device_, pool_, crew);
-  if (!baker.ok()) return baker.status();
-  baker_ = *std::move(baker);
+  ASSIGN_OR_RETURN(std::unique_ptr<EnvironmentBaker> baker, EnvironmentBaker::create(device_, pool_, crew));
+  baker_ = std::move(baker);
   return absl::OkStatus();
 }
 
@@ -71,10 +70,9 @@ Executor& Renderer::executor_of(const FrameMemory& memory) const {
 
 absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings,
                                              const FrameMoment& moment) {
-  const absl::StatusOr<Metered> metered = meter(memory, settings);
-  if (!metered.ok()) return metered.status();
-  const Exposed exposed = expose(settings->exposure(), moment.previous, metered->stats.metered_mean());
-  return draw(memory, settings, moment.sequence, *metered, exposed);
+  ASSIGN_OR_RETURN(const Metered metered, meter(memory, settings));
+  const Exposed exposed = expose(settings->exposure(), moment.previous, metered.stats.metered_mean());
+  return draw(memory, settings, moment.sequence, metered, exposed);
 }
 
 absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& settings) {
@@ -83,11 +81,10 @@ absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& set
 
 absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, FrameReport& report) {
-  absl::StatusOr<std::shared_ptr<const ColorTable>> table = color_table_of(settings, metered);
-  if (!table.ok()) return table.status();
+  ASSIGN_OR_RETURN(std::shared_ptr<const ColorTable> table, color_table_of(settings, metered));
   const TextureLayout& layout = memory.textures().layout;
   report.plan = plan_frame(layout, metered, settings,
-                           {.exposure = report.exposure, .sequence = sequence, .table = *std::move(table)});
+                           {.exposure = report.exposure, .sequence = sequence, .table = std::move(table)});
   if (!layout.by_reference) report.plan.words.push_back(absl::StrCat("passes ", executor_words_));
   report.tier = settings.tier().name;
   const absl::StatusOr<Drawn> drawn = executor_of(memory).draw(memory, report.plan, &report.stages);
@@ -104,9 +101,8 @@ absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& se
     const Settings tried = settings.with_tier(tier.name);
     // The tier's own: where it blooms it is the one that the memory was taken for.
     memory.textures().layout = layout_textures(memory.desc(), tried);
-    const absl::StatusOr<Drawn> drawn = draw_image(memory, tried, sequence, metered, report);
-    if (!drawn.ok()) return drawn.status();
-    if (facts.wide && !tier.host_reference) facts.negative_light = drawn->negative_light;
+    ASSIGN_OR_RETURN(const Drawn drawn, draw_image(memory, tried, sequence, metered, report));
+    if (facts.wide && !tier.host_reference) facts.negative_light = drawn.negative_light;
     const double bound = error_bound(tier, settings, facts);
     if (bound > settings->max_error_codes()) continue;
     report.error_bound = bound;
@@ -124,10 +120,8 @@ absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& 
   report.target = exposed.target;
   report.target_before_limits = exposed.target_before_limits;
   report.stages = metered.stages;
-  const absl::Status drawn = settings.tier_is_open()
-                                 ? draw_within_error(memory, settings, sequence, metered, report)
-                                 : draw_image(memory, settings, sequence, metered, report).status();
-  if (!drawn.ok()) return drawn;
+  RETURN_IF_ERROR(settings.tier_is_open() ? draw_within_error(memory, settings, sequence, metered, report)
+                                          : draw_image(memory, settings, sequence, metered, report).status());
   if (memory.textures().exact) {
     const HostStage stage("verify", &report.stages);
     report.verification = verify_frame(memory, report.plan, report.stats);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 #include "server/render/reference/verify.h"
 
 namespace candela {
@@ -55,14 +56,12 @@ absl::Status hold_to_reference(FrameMemory& memory, const FrameReport& report) {
 absl::Status self_test(Renderer& renderer) {
   const std::vector<std::byte> wire = test_frame();
   const Settings settings;
-  absl::StatusOr<FrameMemory> memory = renderer.allocate(kDesc, settings);
-  if (!memory.ok()) return memory.status();
+  ASSIGN_OR_RETURN(FrameMemory memory, renderer.allocate(kDesc, settings));
   for (uint32_t y = 0; y < kDesc.height; ++y) {
-    std::memcpy(memory->input_row(y).data(), wire.data() + y * kDesc.row_bytes(), kDesc.row_bytes());
+    std::memcpy(memory.input_row(y).data(), wire.data() + y * kDesc.row_bytes(), kDesc.row_bytes());
   }
-  const absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
-  if (!report.ok()) return report.status();
-  const absl::Status held = hold_to_reference(*memory, *report);
+  ASSIGN_OR_RETURN(const FrameReport report, renderer.render(memory, settings));
+  const absl::Status held = hold_to_reference(memory, report);
   if (held.ok()) return held;
   return absl::InternalError(
       absl::StrFormat("self-test: %s: this device or its driver computes wrongly; choose another --device",

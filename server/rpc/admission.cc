@@ -26,12 +26,10 @@ absl::StatusOr<EnvironmentUse> find_environment(const std::string& id, const Env
 
 absl::Status use_view(const v1::View& message, const EnvironmentUse& held, ServiceState& state,
                       Admission::Request& request) {
-  absl::StatusOr<View> view = view_from(message);
-  if (!view.ok()) return view.status();
-  absl::StatusOr<EnvironmentUse> environment = find_environment(message.environment(), held, state);
-  if (!environment.ok()) return environment.status();
-  request.view = *std::move(view);
-  request.environment = *std::move(environment);
+  ASSIGN_OR_RETURN(View view, view_from(message));
+  ASSIGN_OR_RETURN(EnvironmentUse environment, find_environment(message.environment(), held, state));
+  request.view = std::move(view);
+  request.environment = std::move(environment);
   request.desc.format = EnvironmentBaker::view_format(request.environment->environment);
   return absl::OkStatus();
 }
@@ -140,18 +138,16 @@ void Admission::allocate() {
 }
 
 absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
-  const absl::StatusOr<uint64_t> bytes =
-      renderer.bytes_for(request_.desc, request_.settings, request_.verify);
-  if (!bytes.ok()) return bytes.status();
-  if (absl::Status status = reserve_lookahead(*bytes); !status.ok()) return status;
-  absl::StatusOr<std::unique_ptr<MemoryClaim>> claim = memory_.claim_frame(client_, *bytes, absl::Now());
-  if (!claim.ok()) return claim.status();
+  ASSIGN_OR_RETURN(const uint64_t bytes,
+                   renderer.bytes_for(request_.desc, request_.settings, request_.verify));
+  RETURN_IF_ERROR(reserve_lookahead(bytes));
+  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim, memory_.claim_frame(client_, bytes, absl::Now()));
   absl::StatusOr<FrameMemory> memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
   while (absl::IsUnavailable(memory.status()) && environments_.free_one()) {
     memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
   }
-  if (memory.ok()) memory->account(*std::move(claim));
-  if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(*bytes, absl::Now());
+  if (memory.ok()) memory->account(std::move(claim));
+  if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(bytes, absl::Now());
   return memory;
 }
 
@@ -169,7 +165,7 @@ absl::Status Admission::check_lookahead(uint64_t frame_bytes) const {
 // Reserves memory for all frames of the look-ahead, each as large as this one.
 absl::Status Admission::reserve_lookahead(uint64_t frame_bytes) {
   if (request_.lookahead == 0) return absl::OkStatus();
-  if (absl::Status status = check_lookahead(frame_bytes); !status.ok()) return status;
+  RETURN_IF_ERROR(check_lookahead(frame_bytes));
   const uint64_t wanted = frame_bytes * (request_.lookahead + 1);
   if (wanted <= reserved_bytes_) return absl::OkStatus();
   if (absl::Status status = memory_.promise_lookahead(client_, reserved_bytes_, wanted); !status.ok()) {

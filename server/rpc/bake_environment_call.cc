@@ -16,6 +16,7 @@
 #include "proto/candela/v1/pixel_size.h"
 #include "proto/candela/v1/rgb9e5.h"
 #include "server/base/slices.h"
+#include "server/base/status_macros.h"
 #include "server/render/reference/environment_error.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/rpc/wire/result_writer.h"
@@ -115,7 +116,7 @@ absl::Status BakeEnvironmentCall::Work::bake() {
   }
   {
     const HostStage stage(start.verify ? "verify" : "download", &stages);
-    if (absl::Status downloaded = download(*cube); !downloaded.ok()) return downloaded;
+    RETURN_IF_ERROR(download(*cube));
   }
   add_stages(stages, *header.mutable_stages());
   return absl::OkStatus();
@@ -126,12 +127,11 @@ absl::Status BakeEnvironmentCall::Work::download(const BakedCube& cube) {
   for (uint32_t level = 0; level < start.spec.levels; ++level) {
     std::vector<std::vector<float>> read;
     for (uint32_t face = 0; face < kCubeFaces; ++face) {
-      absl::StatusOr<std::vector<float>> rgb = level == 0 ? baker.read_face(cube.chain, cube.first, face)
-                                                          : baker.read_face(cube.specular, level - 1, face);
-      if (!rgb.ok()) return rgb.status();
-      count_losses(*rgb, start.format, header);
-      faces.push_back(to_wire(*rgb, start.format));
-      if (start.verify) read.push_back(*std::move(rgb));
+      ASSIGN_OR_RETURN(std::vector<float> rgb, level == 0 ? baker.read_face(cube.chain, cube.first, face)
+                                                          : baker.read_face(cube.specular, level - 1, face));
+      count_losses(rgb, start.format, header);
+      faces.push_back(to_wire(rgb, start.format));
+      if (start.verify) read.push_back(std::move(rgb));
       checkpoint();
     }
     if (!start.verify) continue;
@@ -154,15 +154,13 @@ absl::Status BakeEnvironmentCall::on_read(bool message) {
 
 absl::Status BakeEnvironmentCall::take_request() {
   v1::BakeEnvironmentRequest request;
-  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
-  absl::StatusOr<BakeStart> start = bake_start_from(request);
-  if (!start.ok()) return start.status();
+  RETURN_IF_ERROR(parse_request(incoming_, request));
+  ASSIGN_OR_RETURN(BakeStart start, bake_start_from(request));
   const std::shared_ptr<Renderer> renderer = state_.rendering.renderer();
-  absl::StatusOr<EnvironmentUse> environment = state_.environments.find("id", request.id(), *renderer);
-  if (!environment.ok()) return environment.status();
+  ASSIGN_OR_RETURN(EnvironmentUse environment, state_.environments.find("id", request.id(), *renderer));
   work_ = std::make_shared<Work>();
-  work_->environment = *std::move(environment);
-  work_->start = *std::move(start);
+  work_->environment = std::move(environment);
+  work_->start = std::move(start);
   work_->size =
       work_->start.spec.size == 0 ? work_->environment->facts.default_cube_size() : work_->start.spec.size;
   const uint32_t levels = specular_levels(work_->size);
@@ -174,7 +172,7 @@ absl::Status BakeEnvironmentCall::take_request() {
   if (work_->start.spec.levels == 0) work_->start.spec.levels = levels;
   work_->header.set_size(work_->size);
   work_->header.set_tier(request.tier().empty() ? "standard" : request.tier());
-  if (absl::Status status = take_memory(); !status.ok()) return status;
+  RETURN_IF_ERROR(take_memory());
   return enqueue();
 }
 
@@ -182,13 +180,11 @@ absl::Status BakeEnvironmentCall::take_request() {
 absl::Status BakeEnvironmentCall::take_memory() {
   EnvironmentBaker& baker = work_->environment->renderer->baker();
   const uint64_t host_bytes = work_->host_memory();
-  const absl::StatusOr<uint64_t> bytes =
-      baker.bake_bytes(work_->environment->environment, work_->start.spec, host_bytes);
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<std::unique_ptr<MemoryClaim>> claim =
-      state_.sessions.memory->claim_frame(client_, *bytes, absl::Now());
-  if (!claim.ok()) return claim.status();
-  work_->claim = *std::move(claim);
+  ASSIGN_OR_RETURN(const uint64_t bytes,
+                   baker.bake_bytes(work_->environment->environment, work_->start.spec, host_bytes));
+  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim,
+                   state_.sessions.memory->claim_frame(client_, bytes, absl::Now()));
+  work_->claim = std::move(claim);
   absl::StatusOr<TexturePool::Lease> lease = baker.reserve(host_bytes);
   while (absl::IsUnavailable(lease.status()) && state_.environments.free_one()) {
     lease = baker.reserve(host_bytes);

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/access/client_identity.h"
+#include "server/base/status_macros.h"
 #include "server/schedule/frame_metrics.h"
 
 namespace candela {
@@ -45,9 +46,8 @@ absl::Status EnvironmentCall::work(std::function<absl::Status()> task, std::func
     then();
   };
   job.deadline = absl::FromChrono(context_.deadline());
-  const absl::StatusOr<Ticket> ticket = state_.rendering.loop.submit(std::move(job));
-  if (!ticket.ok()) return ticket.status();
-  ticket_ = *ticket;
+  ASSIGN_OR_RETURN(const Ticket ticket, state_.rendering.loop.submit(std::move(job)));
+  ticket_ = ticket;
   return absl::OkStatus();
 }
 

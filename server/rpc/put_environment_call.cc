@@ -9,6 +9,7 @@
 #include "proto/candela/v1/message_wire.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
+#include "server/base/status_macros.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/rpc/wire/result_writer.h"
 
@@ -42,10 +43,9 @@ absl::Status PutEnvironmentCall::Work::run() {
 
 absl::Status PutEnvironmentCall::Work::grow(uint64_t bytes) {
   const uint64_t wanted = environment_bytes(facts.width(), bytes);
-  if (absl::Status fits = store->check_size(wanted); !fits.ok()) return fits;
-  absl::StatusOr<EnvironmentRoom> more = store->make_room(wanted - room.bytes());
-  if (!more.ok()) return more.status();
-  room.add(*std::move(more));
+  RETURN_IF_ERROR(store->check_size(wanted));
+  ASSIGN_OR_RETURN(EnvironmentRoom more, store->make_room(wanted - room.bytes()));
+  room.add(std::move(more));
   facts.set_memory_bytes(room.bytes());
   return absl::OkStatus();
 }
@@ -55,11 +55,11 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
   auto kept = std::make_shared<KeptEnvironment>();
   {
     const HostStage stage("panorama", &stages);
-    absl::StatusOr<Environment> finished = baker.finish(
-        *std::move(upload), start.to_scene, [this](uint64_t bytes) { return grow(bytes); },
-        [this] { return store->free_one(); });
-    if (!finished.ok()) return finished.status();
-    kept->environment = *std::move(finished);
+    ASSIGN_OR_RETURN(Environment finished,
+                     baker.finish(
+                         *std::move(upload), start.to_scene, [this](uint64_t bytes) { return grow(bytes); },
+                         [this] { return store->free_one(); }));
+    kept->environment = std::move(finished);
   }
   const PanoramaBadValues& bad = kept->environment.bad;
   if (start.reject_bad && bad.first_bad_texel) {
@@ -71,9 +71,8 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
   }
   {
     const HostStage stage("panorama_sh", &stages);
-    const absl::StatusOr<Harmonics> radiance = baker.radiance(kept->environment);
-    if (!radiance.ok()) return radiance.status();
-    for (const auto& coefficient : *radiance) {
+    ASSIGN_OR_RETURN(const Harmonics radiance, baker.radiance(kept->environment));
+    for (const auto& coefficient : radiance) {
       for (const double component : coefficient) facts.add_radiance_sh(component);
     }
   }
@@ -97,26 +96,25 @@ absl::Status PutEnvironmentCall::on_read(bool message) {
   if (!message) return take_half_close();
   if (reading_ == State::kStart) return take_start();
   if (reading_ == State::kFirstBand) {
-    if (absl::Status status = take_memory(); !status.ok()) return status;
+    RETURN_IF_ERROR(take_memory());
   }
   return take_band();
 }
 
 absl::Status PutEnvironmentCall::take_start() {
   v1::PutEnvironmentRequest request;
-  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  RETURN_IF_ERROR(parse_request(incoming_, request));
   incoming_.Clear();
   if (!request.has_start()) {
     return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
   }
-  absl::StatusOr<PanoramaStart> start = panorama_start_from(request.start(), state_.limits.frame);
-  if (!start.ok()) return start.status();
+  ASSIGN_OR_RETURN(PanoramaStart start, panorama_start_from(request.start(), state_.limits.frame));
   // What can never fit is refused before a pixel is read.
-  const FrameDesc& desc = start->layout.desc;
+  const FrameDesc& desc = start.layout.desc;
   constexpr uint64_t kPanoramaTexelBytes = 8;
   const uint64_t bytes = environment_bytes(desc.width, kPanoramaTexelBytes * desc.width * desc.height);
-  if (absl::Status status = state_.environments.check_size(bytes); !status.ok()) return status;
-  start_ = *std::move(start);
+  RETURN_IF_ERROR(state_.environments.check_size(bytes));
+  start_ = std::move(start);
   id_.emplace(request.start());
   bands_.emplace(v1::kPanoramaBand, start_->layout.desc, start_->layout.row_stride_bytes);
   reading_ = State::kFirstBand;
@@ -135,14 +133,12 @@ absl::Status PutEnvironmentCall::take_memory() {
     upload = work->renderer->baker().take(desc);
   }
   if (!upload.ok()) return upload.status();
-  absl::StatusOr<EnvironmentRoom> room =
-      state_.environments.make_room(environment_bytes(desc.width, upload->kept_bytes()));
-  if (!room.ok()) return room.status();
-  absl::StatusOr<std::unique_ptr<MemoryClaim>> claim =
-      state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now());
-  if (!claim.ok()) return claim.status();
-  work->claim = *std::move(claim);
-  work->room = *std::move(room);
+  ASSIGN_OR_RETURN(EnvironmentRoom room,
+                   state_.environments.make_room(environment_bytes(desc.width, upload->kept_bytes())));
+  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim,
+                   state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now()));
+  work->claim = std::move(claim);
+  work->room = std::move(room);
   work->upload = *std::move(upload);
   work_ = std::move(work);
   reading_ = State::kBands;
@@ -175,7 +171,7 @@ absl::Status PutEnvironmentCall::take_half_close() {
   // gRPC reports a client that vanished as one that half-closed.
   if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
   if (!bands_) return absl::InvalidArgumentError("call was half-closed before its start message");
-  if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
+  RETURN_IF_ERROR(bands_->check_complete());
   rows_ = {};
   const FrameDesc& desc = start_->layout.desc;
   v1::Environment& facts = work_->facts;
@@ -229,7 +225,7 @@ void PutEnvironmentCall::on_finish(const absl::Status& status, const std::string
 absl::Status PutEnvironmentCall::check_upload(absl::Time now, absl::Duration idle) {
   if (reading_ != State::kBands) return absl::OkStatus();
   const absl::Duration taken = now - admitted_;
-  if (absl::Status slow = check_upload_time("the panorama", taken); !slow.ok()) return slow;
+  RETURN_IF_ERROR(check_upload_time("the panorama", taken));
   return state_.sessions.memory->check_upload(client_, work_->upload->bytes(), taken, idle, now);
 }
 

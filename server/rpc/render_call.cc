@@ -9,6 +9,7 @@
 #include "proto/candela/v1/message_wire.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
+#include "server/base/status_macros.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
 
@@ -54,11 +55,10 @@ void RenderCall::OnReadDone(bool ok) {
 
 absl::Status RenderCall::take_start() {
   v1::RenderRequest request;
-  if (absl::Status status = parse_request(incoming_, request); !status.ok()) return status;
+  RETURN_IF_ERROR(parse_request(incoming_, request));
   incoming_.Clear();
-  absl::StatusOr<RenderStart> start = render_start_from(request, service_.limits.frame);
-  if (!start.ok()) return start.status();
-  start_ = *std::move(start);
+  ASSIGN_OR_RETURN(RenderStart start, render_start_from(request, service_.limits.frame));
+  start_ = std::move(start);
   if (work_ == Work::kMeter) {
     start_->verify = Verify::kNo;
     start_->settings = start_->settings.for_metering(/*histogram=*/true);
@@ -71,9 +71,9 @@ absl::Status RenderCall::take_start() {
   const bool views = request.start().frame().has_view();
   if (views) {
     const v1::View& view = request.start().frame().view();
-    if (absl::Status status = use_view(view, /*held=*/nullptr, service_, asked); !status.ok()) return status;
+    RETURN_IF_ERROR(use_view(view, /*held=*/nullptr, service_, asked));
   }
-  if (absl::Status status = admission_.expect(std::move(asked)); !status.ok()) return status;
+  RETURN_IF_ERROR(admission_.expect(std::move(asked)));
   if (views) {
     admit();
     return absl::OkStatus();
@@ -113,7 +113,7 @@ absl::Status RenderCall::enqueue() {
   // gRPC reports a client that vanished as one that half-closed.
   if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
   if (bands_) {
-    if (absl::Status status = bands_->check_complete(); !status.ok()) return status;
+    RETURN_IF_ERROR(bands_->check_complete());
   }
   FrameJob job{.frame = frame_, .work = work_, .ordered = false, .flow = flow_};
   job.deadline = absl::FromChrono(context_.deadline());
@@ -124,9 +124,8 @@ absl::Status RenderCall::enqueue() {
   job.done = [self = self()](absl::StatusOr<RenderedFrame> rendered) {
     self->on_rendered(std::move(rendered));
   };
-  const absl::StatusOr<Ticket> ticket = service_.rendering.loop.submit(std::move(job));
-  if (!ticket.ok()) return ticket.status();
-  ticket_ = *ticket;
+  ASSIGN_OR_RETURN(const Ticket ticket, service_.rendering.loop.submit(std::move(job)));
+  ticket_ = ticket;
   state_ = State::kQueued;
   return absl::OkStatus();
 }

@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
+#include "server/base/status_macros.h"
 #include "server/encode/image_file.h"
 #include "server/rpc/wire/parse_request.h"
 #include "server/schedule/frame_metrics.h"
@@ -95,7 +96,7 @@ absl::Status StreamCall::take_message(grpc::ByteBuffer& message) {
     return absl::OkStatus();
   }
   v1::StreamRequest request;
-  if (absl::Status status = parse_request(message, request); !status.ok()) return status;
+  RETURN_IF_ERROR(parse_request(message, request));
   if (reading_ == Reading::kOpen) return take_open(request);
   if (request.has_frame()) return take_header(request.frame());
   if (request.has_change()) return open_->settings.add(request.change());
@@ -135,41 +136,40 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
 
 absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   sequence_ = header.sequence();
-  const absl::StatusOr<WireLayout> layout = wire_layout_from(header, state_.limits.frame);
-  if (!layout.ok()) return layout.status();
-  if (open_->frames.passes_over(header.sequence())) return pass_over(header, *layout);
+  ASSIGN_OR_RETURN(const WireLayout layout, wire_layout_from(header, state_.limits.frame));
+  if (open_->frames.passes_over(header.sequence())) return pass_over(header, layout);
   SettingsTrack& settings = open_->settings;
   settings.advance(header.sequence());
   const SessionSettings& asked = settings.now();
-  if (absl::Status status = check_settings_for(asked.settings, layout->desc); !status.ok()) return status;
+  RETURN_IF_ERROR(check_settings_for(asked.settings, layout.desc));
   const StreamStart& start = open_->session.start;
   const bool draws = start.draws();
   // A frame that is not drawn gives its memory back before it waits for later ones.
   Admission::Request request{
-      .desc = layout->desc,
+      .desc = layout.desc,
       .sequence = header.sequence(),
       .settings = draws ? asked.settings : asked.settings.for_metering(/*histogram=*/false),
       .flow = flow_,
       .lookahead = draws ? start.lookahead : 0,
       .patience = idle_timeout()};
   if (header.has_view()) {
-    if (absl::Status status = check_primaries_for_view(asked.settings); !status.ok()) return status;
+    RETURN_IF_ERROR(check_primaries_for_view(asked.settings));
     if (absl::Status status = use_view(header.view(), environment_, state_, request); !status.ok()) {
       return status;
     }
     environment_ = request.environment;
   }
   if (absl::Status status =
-          open_->frames.add(header, *layout, asked.settings->exposure(), asked.hash, absl::Now());
+          open_->frames.add(header, layout, asked.settings->exposure(), asked.hash, absl::Now());
       !status.ok()) {
     return status;
   }
-  if (absl::Status status = admission_.expect(std::move(request)); !status.ok()) return status;
+  RETURN_IF_ERROR(admission_.expect(std::move(request)));
   if (header.has_view()) {
     admit();
     return absl::OkStatus();
   }
-  bands_.emplace(v1::kStreamFrameBand, layout->desc, layout->row_stride_bytes);
+  bands_.emplace(v1::kStreamFrameBand, layout.desc, layout.row_stride_bytes);
   reading_ = Reading::kFirstBand;
   return absl::OkStatus();
 }
@@ -215,7 +215,7 @@ absl::Status StreamCall::take_half_close() {
   if (bands_) return bands_->check_complete();
   reading_ = Reading::kClosed;
   open_->frames.close();
-  if (absl::Status status = submit_decided(); !status.ok()) return status;
+  RETURN_IF_ERROR(submit_decided());
   write_on();
   return absl::OkStatus();
 }
@@ -237,9 +237,8 @@ absl::Status StreamCall::submit(const EntryPtr& entry, Work work) {
   job.done = [self = self(), entry, work](absl::StatusOr<RenderedFrame> rendered) {
     self->on_worked(entry, work, std::move(rendered));
   };
-  const absl::StatusOr<Ticket> ticket = state_.rendering.loop.submit(std::move(job));
-  if (!ticket.ok()) return ticket.status();
-  SessionFrames::submitted(*entry, work, *ticket);
+  ASSIGN_OR_RETURN(const Ticket ticket, state_.rendering.loop.submit(std::move(job)));
+  SessionFrames::submitted(*entry, work, ticket);
   return absl::OkStatus();
 }
 
@@ -250,7 +249,7 @@ absl::Status StreamCall::submit_decided() {
       ++state_.rendering.frames_rendered;
       continue;
     }
-    if (absl::Status status = submit(entry, Work::kDraw); !status.ok()) return status;
+    RETURN_IF_ERROR(submit(entry, Work::kDraw));
   }
   return absl::OkStatus();
 }

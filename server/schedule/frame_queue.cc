@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -14,11 +15,10 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
     std::vector<StageTime> stages = std::exchange(frame.stages, {});
     if (frame.source) {
       const HostStage view("view", &stages);
-      if (absl::Status status = frame.source(frame.memory); !status.ok()) return status;
+      RETURN_IF_ERROR(frame.source(frame.memory));
     }
-    absl::StatusOr<Metered> metered = renderer.meter(frame.memory, frame.settings);
-    if (!metered.ok()) return metered.status();
-    frame.metered = *std::move(metered);
+    ASSIGN_OR_RETURN(Metered metered, renderer.meter(frame.memory, frame.settings));
+    frame.metered = std::move(metered);
     frame.metered->stages.insert(frame.metered->stages.begin(), stages.begin(), stages.end());
   }
   if (job.work == Work::kMeter) {
@@ -33,7 +33,7 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
 
 absl::StatusOr<FrameReport> run_job(const FrameJob& job) {
   if (!job.task) return render_frame(job);
-  if (absl::Status status = job.task(); !status.ok()) return status;
+  RETURN_IF_ERROR(job.task());
   return FrameReport{};
 }
 

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 #include "server/render/settings/settings.h"
 #include "server/render/settings/tiers.h"
 
@@ -20,7 +21,7 @@ absl::Status check_range(const char* field, double value, double min, double max
 
 absl::StatusOr<Vector3> coordinates(const char* field, const v1::Vector& v, double max) {
   for (const double value : {v.x(), v.y(), v.z()}) {
-    if (absl::Status status = check_range(field, value, -max, max); !status.ok()) return status;
+    RETURN_IF_ERROR(check_range(field, value, -max, max));
   }
   return Vector3{v.x(), v.y(), v.z()};
 }
@@ -31,7 +32,7 @@ absl::StatusOr<Matrix3> rotation_of(const v1::Camera& camera) {
                                        {"view.camera.pitch_deg", camera.pitch_deg()},
                                        {"view.camera.roll_deg", camera.roll_deg()}}) {
       const auto [min, max] = v1::kCameraAngleDeg;
-      if (absl::Status status = check_range(field, angle, min, max); !status.ok()) return status;
+      RETURN_IF_ERROR(check_range(field, angle, min, max));
     }
     return camera_rotation(camera.yaw_deg(), camera.pitch_deg(), camera.roll_deg());
   }
@@ -46,13 +47,11 @@ absl::StatusOr<Matrix3> rotation_of(const v1::Camera& camera) {
 BakeQuality quality_of(const Tier& tier) { return {tier.cube_samples, tier.specular_detail}; }
 
 absl::StatusOr<ViewSphere> sphere_from(const v1::Sphere& message) {
-  absl::StatusOr<Vector3> centre = coordinates("sphere.centre", message.centre(), v1::kMaxCoordinate);
-  if (!centre.ok()) return centre.status();
-  absl::StatusOr<Vector3> color = coordinates("sphere.base_color", message.base_color(), 1.0);
-  if (!color.ok()) return color.status();
-  ViewSphere sphere{.centre = *centre,
+  ASSIGN_OR_RETURN(Vector3 centre, coordinates("sphere.centre", message.centre(), v1::kMaxCoordinate));
+  ASSIGN_OR_RETURN(Vector3 color, coordinates("sphere.base_color", message.base_color(), 1.0));
+  ViewSphere sphere{.centre = centre,
                     .radius = message.radius(),
-                    .base_color = *color,
+                    .base_color = color,
                     .metallic = message.metallic(),
                     .roughness = message.roughness(),
                     .fixed_to_camera = message.fixed_to_camera()};
@@ -73,8 +72,7 @@ absl::StatusOr<PanoramaStart> panorama_start_from(const v1::EnvironmentStart& st
   header.set_format(start.format());
   header.set_row_stride_bytes(start.row_stride_bytes());
   header.set_total_bytes(start.total_bytes());
-  const absl::StatusOr<WireLayout> layout = wire_layout_from(header, limits);
-  if (!layout.ok()) return layout.status();
+  ASSIGN_OR_RETURN(const WireLayout layout, wire_layout_from(header, limits));
   if (start.width() > v1::kMaxPanoramaWidth || start.height() > v1::kMaxPanoramaHeight) {
     return absl::ResourceExhaustedError(
         absl::StrFormat("the panorama is %dx%d pixels and the limit is %dx%d; scale it down", start.width(),
@@ -86,20 +84,17 @@ absl::StatusOr<PanoramaStart> panorama_start_from(const v1::EnvironmentStart& st
   }
   message.set_input_primaries(start.input_primaries());
   message.set_bad_values(start.bad_values());
-  const absl::StatusOr<Settings> settings = Settings::from(message);
-  if (!settings.ok()) return settings.status();
-  return PanoramaStart{*layout, settings->to_scene(), start.bad_values() == v1::BAD_VALUES_REJECT};
+  ASSIGN_OR_RETURN(const Settings settings, Settings::from(message));
+  return PanoramaStart{layout, settings.to_scene(), start.bad_values() == v1::BAD_VALUES_REJECT};
 }
 
 absl::StatusOr<View> view_from(const v1::View& message) {
   View view;
   const v1::Camera& camera = message.camera();
-  absl::StatusOr<Matrix3> rotation = rotation_of(camera);
-  if (!rotation.ok()) return rotation.status();
-  absl::StatusOr<Vector3> position =
-      coordinates("view.camera.position", camera.position(), v1::kMaxCoordinate);
-  if (!position.ok()) return position.status();
-  view.camera = {*rotation, *position, camera.fov_deg() == 0 ? v1::kDefaultFovDeg : camera.fov_deg()};
+  ASSIGN_OR_RETURN(Matrix3 rotation, rotation_of(camera));
+  ASSIGN_OR_RETURN(Vector3 position,
+                   coordinates("view.camera.position", camera.position(), v1::kMaxCoordinate));
+  view.camera = {rotation, position, camera.fov_deg() == 0 ? v1::kDefaultFovDeg : camera.fov_deg()};
   const auto [min, max] = v1::kRotationDeg;
   if (absl::Status status = check_range("view.rotation_deg", message.rotation_deg(), min, max);
       !status.ok()) {
@@ -112,11 +107,10 @@ absl::StatusOr<View> view_from(const v1::View& message) {
                                                       message.objects_size(), v1::kMaxObjects));
   }
   for (const v1::Sphere& object : message.objects()) {
-    absl::StatusOr<ViewSphere> sphere = sphere_from(object);
-    if (!sphere.ok()) return sphere.status();
-    view.objects.push_back(*sphere);
+    ASSIGN_OR_RETURN(ViewSphere sphere, sphere_from(object));
+    view.objects.push_back(sphere);
   }
-  if (absl::Status status = check_view(view); !status.ok()) return status;
+  RETURN_IF_ERROR(check_view(view));
   return view;
 }
 

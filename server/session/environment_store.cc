@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/environment_id.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -40,7 +41,7 @@ absl::Status EnvironmentStore::check_size(uint64_t bytes) const {
 }
 
 absl::StatusOr<EnvironmentRoom> EnvironmentStore::make_room(uint64_t bytes) {
-  if (absl::Status status = check_size(bytes); !status.ok()) return status;
+  RETURN_IF_ERROR(check_size(bytes));
   std::list<EnvironmentUse> given_up;  // freed outside the lock
   absl::MutexLock lock(&mutex_);
   while (*used_ + bytes > budget_bytes_) {
@@ -82,11 +83,10 @@ absl::StatusOr<EnvironmentUse> EnvironmentStore::find(absl::string_view field, c
 }
 
 absl::StatusOr<bool> EnvironmentStore::drop(const std::string& id, const Renderer& renderer) {
-  absl::StatusOr<EnvironmentUse> found = find("id", id, renderer);
-  if (!found.ok()) return found.status();
+  ASSIGN_OR_RETURN(EnvironmentUse found, find("id", id, renderer));
   absl::MutexLock lock(&mutex_);
-  kept_.remove(*found);
-  return found->use_count() > 1;
+  kept_.remove(found);
+  return found.use_count() > 1;
 }
 
 void EnvironmentStore::forget_others(const Renderer& renderer) {

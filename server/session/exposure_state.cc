@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -39,15 +40,14 @@ v1::SessionState state_of(const ExposurePoint& point) {
 }
 
 absl::StatusOr<ExposurePoint> point_from(const v1::SessionState& state) {
-  if (absl::Status status = check_factor("open.state.exposure", state.exposure()); !status.ok())
-    return status;
-  if (absl::Status status = check_factor("open.state.target", state.target()); !status.ok()) return status;
+  RETURN_IF_ERROR(check_factor("open.state.exposure", state.exposure()));
+  RETURN_IF_ERROR(check_factor("open.state.target", state.target()));
   if (state.media_time_ns() < v1::kMediaTimeNs.min || state.media_time_ns() > v1::kMediaTimeNs.max) {
     return absl::InvalidArgumentError(
         absl::StrFormat("open.state.media_time_ns is %d; it must be between %d and %d", state.media_time_ns(),
                         v1::kMediaTimeNs.min, v1::kMediaTimeNs.max));
   }
-  if (absl::Status status = check_picture(state); !status.ok()) return status;
+  RETURN_IF_ERROR(check_picture(state));
   ExposurePoint point{.begun = true,
                       .sequence = state.sequence(),
                       .media_time_ns = state.media_time_ns(),

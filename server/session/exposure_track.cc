@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -19,9 +20,9 @@ ExposureTrack::ExposureTrack(uint32_t lookahead, double cut_threshold_ev, Exposu
 
 absl::Status ExposureTrack::add(uint64_t sequence, int64_t media_time_ns, bool cut,
                                 const v1::Exposure& settings, std::optional<double> given) {
-  if (absl::Status status = check_order(sequence, media_time_ns); !status.ok()) return status;
+  RETURN_IF_ERROR(check_order(sequence, media_time_ns));
   if (given) {
-    if (absl::Status status = check_factor("frame.exposure", *given); !status.ok()) return status;
+    RETURN_IF_ERROR(check_factor("frame.exposure", *given));
   }
   const bool repeat = any_ && sequence == last_sequence_;
   if (repeat && given && given != last_given_) {

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -40,14 +41,14 @@ absl::StatusOr<uint64_t> row_stride(const v1::FrameHeader& header, const FrameDe
 absl::StatusOr<std::optional<PreviousExposure>> previous_from(const v1::RenderStart& start) {
   if (!start.has_previous()) return std::nullopt;
   const PreviousExposure previous{start.previous().exposure(), start.previous().elapsed_seconds()};
-  if (absl::Status status = check_previous(previous); !status.ok()) return status;
+  RETURN_IF_ERROR(check_previous(previous));
   return previous;
 }
 
 absl::StatusOr<std::optional<double>> given_from(const v1::RenderStart& start) {
   if (!start.frame().has_exposure()) return std::nullopt;
   const double given = start.frame().exposure();
-  if (absl::Status status = check_factor("frame.exposure", given); !status.ok()) return status;
+  RETURN_IF_ERROR(check_factor("frame.exposure", given));
   if (start.has_previous()) {
     return absl::InvalidArgumentError(
         "frame.exposure and previous are both set; a frame takes the first or adapts from the second");
@@ -72,7 +73,7 @@ absl::StatusOr<WireLayout> view_layout_from(const v1::FrameHeader& header, const
         "wire, so leave them out");
   }
   const FrameDesc desc{header.width(), header.height(), v1::PIXEL_FORMAT_RGBA16F};
-  if (absl::Status status = check_frame(desc, limits); !status.ok()) return status;
+  RETURN_IF_ERROR(check_frame(desc, limits));
   return WireLayout{desc, desc.row_bytes()};
 }
 
@@ -80,12 +81,10 @@ absl::StatusOr<WireLayout> view_layout_from(const v1::FrameHeader& header, const
 
 absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
   if (header.has_view()) return view_layout_from(header, limits);
-  absl::StatusOr<FrameDesc> desc = frame_from(header);
-  if (!desc.ok()) return desc.status();
-  if (absl::Status status = check_frame(*desc, limits); !status.ok()) return status;
-  const absl::StatusOr<uint64_t> stride = row_stride(header, *desc);
-  if (!stride.ok()) return stride.status();
-  return WireLayout{*desc, *stride};
+  ASSIGN_OR_RETURN(FrameDesc desc, frame_from(header));
+  RETURN_IF_ERROR(check_frame(desc, limits));
+  ASSIGN_OR_RETURN(const uint64_t stride, row_stride(header, desc));
+  return WireLayout{desc, stride};
 }
 
 absl::Status check_primaries_for_view(const Settings& settings) {
@@ -104,27 +103,22 @@ absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, 
   }
   const v1::RenderStart& start = request.start();
 
-  const absl::StatusOr<WireLayout> layout = wire_layout_from(start.frame(), limits);
-  if (!layout.ok()) return layout.status();
-  absl::StatusOr<Settings> settings = Settings::from(start.settings());
-  if (!settings.ok()) return settings.status();
-  if (absl::Status status = check_settings_for(*settings, layout->desc); !status.ok()) return status;
-  absl::StatusOr<std::optional<PreviousExposure>> previous = previous_from(start);
-  if (!previous.ok()) return previous.status();
-  const absl::StatusOr<std::optional<double>> given = given_from(start);
-  if (!given.ok()) return given.status();
-  const absl::StatusOr<Verify> verify = verify_from(start);
-  if (!verify.ok()) return verify.status();
+  ASSIGN_OR_RETURN(const WireLayout layout, wire_layout_from(start.frame(), limits));
+  ASSIGN_OR_RETURN(Settings settings, Settings::from(start.settings()));
+  RETURN_IF_ERROR(check_settings_for(settings, layout.desc));
+  ASSIGN_OR_RETURN(std::optional<PreviousExposure> previous, previous_from(start));
+  ASSIGN_OR_RETURN(const std::optional<double> given, given_from(start));
+  ASSIGN_OR_RETURN(const Verify verify, verify_from(start));
   if (start.frame().has_view()) {
-    if (absl::Status status = check_primaries_for_view(*settings); !status.ok()) return status;
+    RETURN_IF_ERROR(check_primaries_for_view(settings));
   }
-  return RenderStart{.desc = layout->desc,
+  return RenderStart{.desc = layout.desc,
                      .sequence = start.frame().sequence(),
-                     .row_stride_bytes = layout->row_stride_bytes,
-                     .settings = *std::move(settings),
-                     .previous = *previous,
-                     .given = *given,
-                     .verify = *verify};
+                     .row_stride_bytes = layout.row_stride_bytes,
+                     .settings = std::move(settings),
+                     .previous = previous,
+                     .given = given,
+                     .verify = verify};
 }
 
 }  // namespace candela

@@ -16,6 +16,7 @@
 #include "proto/candela/v1/settings.h"
 #include "server/base/digest.h"
 #include "server/base/option_file.h"
+#include "server/base/status_macros.h"
 #include "server/session/resume_token.pb.h"
 
 namespace candela {
@@ -110,12 +111,11 @@ absl::StatusOr<TokenKeys> TokenKeys::create(std::vector<Key> keys, absl::Duratio
 }
 
 absl::StatusOr<TokenKeys> TokenKeys::read(const std::string& path, absl::Duration ttl) {
-  const absl::StatusOr<std::string> text =
-      read_option_file("resume-keys", path, kMaxKeyFileBytes, Secrecy::kSecret);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text,
+                   read_option_file("resume-keys", path, kMaxKeyFileBytes, Secrecy::kSecret));
   std::vector<Key> keys;
   int number = 0;
-  for (absl::string_view line : absl::StrSplit(*text, '\n')) {
+  for (absl::string_view line : absl::StrSplit(text, '\n')) {
     ++number;
     line = absl::StripAsciiWhitespace(line);
     if (line.empty() || line[0] == '#') continue;

@@ -3,33 +3,32 @@
 #include <utility>
 
 #include "absl/time/clock.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
 absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, Sessions& sessions,
                                            std::shared_ptr<SessionCall> call) {
-  absl::StatusOr<StreamStart> start = stream_start_from(open);
-  if (!start.ok()) return start.status();
+  ASSIGN_OR_RETURN(StreamStart start, stream_start_from(open));
   OpenedSession session;
-  session.start = *std::move(start);
+  session.start = std::move(start);
   if (session.start.state) session.point.exposure = *session.start.state;
   session.resumed = !session.start.resume_token.empty();
   if (session.resumed) {
-    absl::StatusOr<ResumePoint> point =
-        sessions.keys.open(session.start.resume_token, session.start.session, absl::Now());
-    if (!point.ok()) return point.status();
-    if (point->settings_hash != session.start.settings.hash) {
+    ASSIGN_OR_RETURN(ResumePoint point,
+                     sessions.keys.open(session.start.resume_token, session.start.session, absl::Now()));
+    if (point.settings_hash != session.start.settings.hash) {
       return absl::FailedPreconditionError(
           "resume_token belongs to a result with other settings; open the session with those settings and "
           "change them afterwards");
     }
-    session.point = *std::move(point);
+    session.point = std::move(point);
     session.epoch = session.point.epoch + 1;
   }
-  absl::StatusOr<std::shared_ptr<SessionCall>> previous =
-      sessions.table.enter(session.start.session, session.epoch, session.resumed, std::move(call));
-  if (!previous.ok()) return previous.status();
-  session.previous = *std::move(previous);
+  ASSIGN_OR_RETURN(
+      std::shared_ptr<SessionCall> previous,
+      sessions.table.enter(session.start.session, session.epoch, session.resumed, std::move(call)));
+  session.previous = std::move(previous);
   return session;
 }
 

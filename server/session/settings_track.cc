@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -22,16 +23,14 @@ absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
   }
   std::shared_ptr<const void> claim;
   if (change.settings().has_table()) {
-    auto claimed = claim_table_(change.settings().table().values().size());
-    if (!claimed.ok()) return claimed.status();
-    claim = *std::move(claimed);
+    ASSIGN_OR_RETURN(auto claimed, claim_table_(change.settings().table().values().size()));
+    claim = std::move(claimed);
   }
-  absl::StatusOr<SessionSettings> settings = session_settings_from(change.settings(), encoding_);
-  if (!settings.ok()) return settings.status();
-  if (settings->settings.table() != nullptr) {
-    settings->settings = settings->settings.with_table_owner(std::move(claim));
+  ASSIGN_OR_RETURN(SessionSettings settings, session_settings_from(change.settings(), encoding_));
+  if (settings.settings.table() != nullptr) {
+    settings.settings = settings.settings.with_table_owner(std::move(claim));
   }
-  changes_.insert_or_assign(change.from_sequence(), *std::move(settings));
+  changes_.insert_or_assign(change.from_sequence(), std::move(settings));
   return absl::OkStatus();
 }
 

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 #include "server/session/exposure_state.h"
 #include "server/session/render_start.h"
 #include "server/session/resume_token.h"
@@ -41,7 +42,8 @@ absl::Status check_encoding(v1::Encoding encoding, const v1::Settings& settings)
   }
   if (encoding == v1::ENCODING_JPEG && settings.alpha() == v1::ALPHA_STRAIGHT) {
     return absl::InvalidArgumentError(
-        "alpha is STRAIGHT and encoding is JPEG, which has no alpha; use ASSOCIATED, which is the colour over "
+        "alpha is STRAIGHT and encoding is JPEG, which has no alpha; use ASSOCIATED, which is the colour "
+        "over "
         "black, or OVER");
   }
   return absl::OkStatus();
@@ -55,24 +57,22 @@ absl::Status take_state(const v1::StreamOpen& open, StreamStart& start) {
         "open.state and open.resume_token are both set; a new session begins with the first and a session "
         "resumes with the second");
   }
-  absl::StatusOr<ExposurePoint> point = point_from(open.state());
-  if (!point.ok()) return point.status();
-  start.state = *std::move(point);
+  ASSIGN_OR_RETURN(ExposurePoint point, point_from(open.state()));
+  start.state = std::move(point);
   return absl::OkStatus();
 }
 
 }  // namespace
 
 absl::StatusOr<SessionSettings> session_settings_from(const v1::Settings& message, v1::Encoding encoding) {
-  absl::StatusOr<Settings> settings = Settings::from(message);
-  if (!settings.ok()) return settings.status();
-  if (absl::Status status = check_encoding(encoding, **settings); !status.ok()) return status;
-  return SessionSettings{*std::move(settings), settings_hash(message)};
+  ASSIGN_OR_RETURN(Settings settings, Settings::from(message));
+  RETURN_IF_ERROR(check_encoding(encoding, *settings));
+  return SessionSettings{std::move(settings), settings_hash(message)};
 }
 
 absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
   StreamStart start;
-  if (absl::Status status = check_name(open.session()); !status.ok()) return status;
+  RETURN_IF_ERROR(check_name(open.session()));
   start.session = open.session();
   if (open.lookahead() > v1::kLookahead.max) {
     return absl::InvalidArgumentError(
@@ -107,10 +107,9 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
                         open.resume_token().size(), v1::kMaxTokenBytes));
   }
   start.resume_token = open.resume_token();
-  if (absl::Status status = take_state(open, start); !status.ok()) return status;
-  absl::StatusOr<SessionSettings> settings = session_settings_from(open.settings(), start.encoding);
-  if (!settings.ok()) return settings.status();
-  start.settings = *std::move(settings);
+  RETURN_IF_ERROR(take_state(open, start));
+  ASSIGN_OR_RETURN(SessionSettings settings, session_settings_from(open.settings(), start.encoding));
+  start.settings = std::move(settings);
   return start;
 }
 

@@ -5,6 +5,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 #include "server/vulkan/physical_device.h"
 #include "server/vulkan/result.h"
 
@@ -12,7 +13,8 @@ namespace candela {
 
 namespace {
 
-// In a build with CANDELA_VALIDATION every device of every process is validated, and a message ends the process.
+// In a build with CANDELA_VALIDATION every device of every process is validated, and a message ends the
+// process.
 #ifdef CANDELA_VALIDATION
 constexpr bool kAlwaysValidate = true;
 #else
@@ -32,27 +34,24 @@ VKAPI_ATTR VkBool32 VKAPI_CALL on_validation_message(VkDebugUtilsMessageSeverity
 }  // namespace
 
 absl::StatusOr<std::vector<DeviceSummary>> list_devices() {
-  absl::StatusOr<VkInstance> instance = create_instance(/*validation=*/false);
-  if (!instance.ok()) return instance.status();
-  const absl::Cleanup destroy = [&] { vkDestroyInstance(*instance, nullptr); };
-  absl::StatusOr<std::vector<PhysicalDevice>> devices = physical_devices(*instance);
-  if (!devices.ok()) return devices.status();
+  ASSIGN_OR_RETURN(VkInstance instance, create_instance(/*validation=*/false));
+  const absl::Cleanup destroy = [&] { vkDestroyInstance(instance, nullptr); };
+  ASSIGN_OR_RETURN(std::vector<PhysicalDevice> devices, physical_devices(instance));
   std::vector<DeviceSummary> summaries;
-  for (const PhysicalDevice& device : *devices) summaries.push_back(device.summary);
+  for (const PhysicalDevice& device : devices) summaries.push_back(device.summary);
   return summaries;
 }
 
 absl::StatusOr<std::unique_ptr<Device>> Device::create(const DeviceOptions& options) {
   std::unique_ptr<Device> device(new Device);
-  if (absl::Status status = device->open(options); !status.ok()) return status;
+  RETURN_IF_ERROR(device->open(options));
   return device;
 }
 
 absl::Status Device::open(const DeviceOptions& options) {
   const bool validation = options.validation || kAlwaysValidate;
-  absl::StatusOr<VkInstance> instance = create_instance(validation);
-  if (!instance.ok()) return instance.status();
-  instance_ = *instance;
+  ASSIGN_OR_RETURN(VkInstance instance, create_instance(validation));
+  instance_ = instance;
   if (validation) {
     VkDebugUtilsMessengerCreateInfoEXT info{};
     info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
@@ -71,16 +70,14 @@ absl::Status Device::open(const DeviceOptions& options) {
     }
   }
 
-  absl::StatusOr<std::vector<PhysicalDevice>> devices = physical_devices(instance_);
-  if (!devices.ok()) return devices.status();
-  absl::StatusOr<PhysicalDevice> chosen = select_device(*devices, options.selector);
-  if (!chosen.ok()) return chosen.status();
+  ASSIGN_OR_RETURN(std::vector<PhysicalDevice> devices, physical_devices(instance_));
+  ASSIGN_OR_RETURN(PhysicalDevice chosen, select_device(devices, options.selector));
 
-  queue_family_ = chosen->queue_family;
-  timestamp_period_ns_ = chosen->timestamp_period_ns;
-  timestamp_mask_ = chosen->timestamp_bits == 0 ? 0 : ~uint64_t{0} >> (64 - chosen->timestamp_bits);
-  memory_ = chosen->memory;
-  summary_ = chosen->summary;
+  queue_family_ = chosen.queue_family;
+  timestamp_period_ns_ = chosen.timestamp_period_ns;
+  timestamp_mask_ = chosen.timestamp_bits == 0 ? 0 : ~uint64_t{0} >> (64 - chosen.timestamp_bits);
+  memory_ = chosen.memory;
+  summary_ = chosen.summary;
   hang_limit_ = options.hang_limit;
   if (options.staging) summary_.unified_memory = false;
 
@@ -104,7 +101,7 @@ absl::Status Device::open(const DeviceOptions& options) {
   info.pEnabledFeatures = &base_features;
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queue;
-  CANDELA_VK(vkCreateDevice(chosen->handle, &info, nullptr, &device_));
+  CANDELA_VK(vkCreateDevice(chosen.handle, &info, nullptr, &device_));
   push_descriptors_ = reinterpret_cast<PFN_vkCmdPushDescriptorSetKHR>(
       vkGetDeviceProcAddr(device_, "vkCmdPushDescriptorSetKHR"));
   vkGetDeviceQueue(device_, queue_family_, 0, &queue_);

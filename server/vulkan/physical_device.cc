@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "server/base/status_macros.h"
 #include "server/vulkan/result.h"
 
 namespace candela {
@@ -191,7 +192,7 @@ absl::StatusOr<VkInstance> create_instance(bool validation) {
         "no validation layer: install Debian's vulkan-validationlayers, or leave out --validation");
   }
   if (result == VK_ERROR_INCOMPATIBLE_DRIVER) return absl::FailedPreconditionError(kNoDriver);
-  if (absl::Status status = vulkan_status(result, "vkCreateInstance"); !status.ok()) return status;
+  RETURN_IF_ERROR(vulkan_status(result, "vkCreateInstance"));
   return instance;
 }
 

@@ -4,6 +4,7 @@
 #include <unordered_map>
 
 #include "absl/cleanup/cleanup.h"
+#include "server/base/status_macros.h"
 #include "server/vulkan/result.h"
 
 namespace candela {
@@ -82,12 +83,11 @@ absl::StatusOr<VkPipeline> PipelineCache::get(std::span<const uint32_t> spirv, c
   VkPipeline& pipeline = pipelines_[{spirv.data(), constants}];
   if (pipeline != VK_NULL_HANDLE) return pipeline;
 
-  const absl::StatusOr<std::vector<uint32_t>> code = specialised(spirv, constants);
-  if (!code.ok()) return code.status();
+  ASSIGN_OR_RETURN(const std::vector<uint32_t> code, specialised(spirv, constants));
   VkShaderModuleCreateInfo module_info{};
   module_info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-  module_info.codeSize = code->size() * sizeof(uint32_t);
-  module_info.pCode = code->data();
+  module_info.codeSize = code.size() * sizeof(uint32_t);
+  module_info.pCode = code.data();
   VkShaderModule module = VK_NULL_HANDLE;
   CANDELA_VK(vkCreateShaderModule(device_, &module_info, nullptr, &module));
   const absl::Cleanup destroy = [&] { vkDestroyShaderModule(device_, module, nullptr); };

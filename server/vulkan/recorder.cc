@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/base/check.h"
+#include "server/base/status_macros.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/result.h"
 
@@ -65,7 +66,7 @@ absl::Status Recorder::usable() const {
 }
 
 absl::Status Recorder::begin() {
-  if (absl::Status status = usable(); !status.ok()) return status;
+  RETURN_IF_ERROR(usable());
   marks_.clear();
   ticks_.clear();
   CANDELA_VK(vkResetCommandPool(device_->handle(), pool_, 0));
@@ -191,7 +192,7 @@ absl::Status Recorder::submit_to_device() {
     device_->found_hung();
     return usable();
   }
-  if (absl::Status status = vulkan_status(waited, "vkWaitForFences"); !status.ok()) return status;
+  RETURN_IF_ERROR(vulkan_status(waited, "vkWaitForFences"));
   if (queries_ != VK_NULL_HANDLE) {
     ticks_.resize(marks_.size() + 1);
     CANDELA_VK(vkGetQueryPoolResults(device_->handle(), queries_, 0, static_cast<uint32_t>(ticks_.size()),

@@ -12,6 +12,7 @@
 #include "client/image/image.h"
 #include "tests/support/frame_error.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -89,15 +90,14 @@ TEST_F(DataError, IsWithinAPromiseOnRealImages) {
   for (const fs::path& path : good_files()) {
     if (path.string().find("/sequence/") != std::string::npos && !path.stem().string().ends_with(".0001"))
       continue;
-    const absl::StatusOr<Image> image = read_image(path, limits());
-    ASSERT_TRUE(image.ok()) << image.status();
-    if (uint64_t{image->width} * image->height > kMaxPixels) continue;
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(path, limits()));
+    if (uint64_t{image.width} * image.height > kMaxPixels) continue;
     ++checked;
-    v1::Settings settings = settings_of(*image);
+    v1::Settings settings = settings_of(image);
     settings.mutable_bloom()->set_threshold(0.3f);
     settings.mutable_bloom()->set_intensity(2);
     settings.set_max_error_codes(kPromise);
-    const auto rendered = render(frame_of(*image), settings, {}, Verify::kYes);
+    const auto rendered = render(frame_of(image), settings, {}, Verify::kYes);
     ASSERT_TRUE(rendered.ok()) << path << ": " << rendered.status();
     const FrameReport& report = rendered->report;
     ASSERT_TRUE(report.error_bound && report.verification) << path;

@@ -7,6 +7,7 @@
 
 #include "server/base/slices.h"
 #include "tests/device/environment_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -141,11 +142,10 @@ TEST_P(EnvironmentTest, TheHarmonicsAreTheTwins) {
   for (const WireFrame& frame : panoramas()) {
     const reference::Scene scene = scene_of(frame);
     Environment environment = environment_of(baker(), frame);
-    const absl::StatusOr<Harmonics> radiance = baker().radiance(environment);
-    ASSERT_TRUE(radiance.ok()) << radiance.status();
+    ASSERT_OK_AND_ASSIGN(const Harmonics radiance, baker().radiance(environment));
     const reference::Harmonics should = reference::panorama_sh(scene);
     for (const double rotation_deg : {0.0, 77.0}) {
-      const Harmonics is = turned(*radiance, rotation_deg);
+      const Harmonics is = turned(radiance, rotation_deg);
       const reference::Harmonics turned_should = reference::turned(should, rotation_deg);
       for (size_t i = 0; i < 9; ++i) {
         for (size_t k = 0; k < 3; ++k) {
@@ -154,7 +154,7 @@ TEST_P(EnvironmentTest, TheHarmonicsAreTheTwins) {
         }
       }
     }
-    const Harmonics irradiance = irradiance_of(*radiance);
+    const Harmonics irradiance = irradiance_of(radiance);
     const reference::Harmonics irradiance_should = reference::irradiance_of(should);
     for (size_t i = 0; i < 9; ++i) {
       EXPECT_NEAR(irradiance[i][1], irradiance_should[i][1],
@@ -353,13 +353,12 @@ void expect_specular(EnvironmentBaker& baker, const WireFrame& frame, const Clai
                      RoughnessMapping mapping, const std::string& what, uint32_t size = 0) {
   const reference::Scene scene = scene_of(frame);
   const Environment environment = environment_of(baker, frame);
-  const absl::StatusOr<BakedCube> cube =
-      baker.bake(environment, {.size = size, .mapping = mapping, .quality = claim.quality});
-  ASSERT_TRUE(cube.ok()) << cube.status();
-  ASSERT_GT(cube->specular.levels, 0u) << what;
-  for (uint32_t i = 0; i < cube->specular.levels; ++i) {
-    const double roughness = specular_roughness(i + 1, cube->specular.levels + 1, mapping);
-    const reference::CubeLevel level = level_of(baker, cube->specular, i);
+  ASSERT_OK_AND_ASSIGN(const BakedCube cube,
+                       baker.bake(environment, {.size = size, .mapping = mapping, .quality = claim.quality}));
+  ASSERT_GT(cube.specular.levels, 0u) << what;
+  for (uint32_t i = 0; i < cube.specular.levels; ++i) {
+    const double roughness = specular_roughness(i + 1, cube.specular.levels + 1, mapping);
+    const reference::CubeLevel level = level_of(baker, cube.specular, i);
     double error = 0, sum = 0;
     for (const reference::Direction& d : fibonacci_directions()) {
       const NearestTexel at = nearest_texel(d, level.size);
@@ -380,10 +379,9 @@ TEST(EnvironmentData, SpecularLevelsOfRealPanoramasAreWithinTheirTiersError) {
   if (files.empty()) GTEST_SKIP() << "no panoramas in hdri/ of the test data; set CANDELA_DATA";
   for (const std::string& path : files) {
     if (!path.ends_with(".hdr")) continue;
-    const absl::StatusOr<Image> image = read_image(path);
-    ASSERT_TRUE(image.ok()) << image.status();
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(path));
     for (const Claim& claim : kClaims) {
-      expect_specular(*Machine::of(MachineKind::kUnified).baker, wire_of(*image), claim,
+      expect_specular(*Machine::of(MachineKind::kUnified).baker, wire_of(image), claim,
                       RoughnessMapping::kLinear, std::filesystem::path(path).filename());
     }
   }
@@ -436,19 +434,18 @@ TEST_P(EnvironmentTest, TheBrdfTableIsTheTwins) {
 
 TEST_P(EnvironmentTest, WhatCanNeverFitIsRefusedBeforeMemoryIsTaken) {
   TexturePool small(*machine().device, 1 << 20);
-  const auto own = EnvironmentBaker::create(*machine().device, small);
-  ASSERT_TRUE(own.ok());
-  const auto upload = (*own)->take({1024, 512, v1::PIXEL_FORMAT_RGBA16F});
+  ASSERT_OK_AND_ASSIGN(const auto own, EnvironmentBaker::create(*machine().device, small));
+  const auto upload = own->take({1024, 512, v1::PIXEL_FORMAT_RGBA16F});
   ASSERT_EQ(upload.status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_NE(upload.status().message().find("1024x512 rgba16f panorama"), std::string::npos)
       << upload.status();
   EXPECT_NE(upload.status().message().find("the memory budget is 1048576"), std::string::npos);
-  const Environment environment = environment_of(**own, flat(16, 8, {1, 1, 1, 1}));
-  const auto cube = (*own)->bake(environment, {.size = 4096, .quality = kDraft});
+  const Environment environment = environment_of(*own, flat(16, 8, {1, 1, 1, 1}));
+  const auto cube = own->bake(environment, {.size = 4096, .quality = kDraft});
   ASSERT_EQ(cube.status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_NE(cube.status().message().find("a bake of size 4096 needs"), std::string::npos) << cube.status();
   for (const uint32_t size : {1u, 8u, 24u, 8192u}) {
-    const auto bad = (*own)->bake(environment, {.size = size, .quality = kDraft});
+    const auto bad = own->bake(environment, {.size = size, .quality = kDraft});
     ASSERT_EQ(bad.status().code(), absl::StatusCode::kInvalidArgument) << size;
     EXPECT_NE(bad.status().message().find("16 .. 4096"), std::string::npos) << bad.status();
   }

@@ -4,6 +4,7 @@
 #include "server/render/frame/frame_textures.h"
 #include "server/render/host/host_executor.h"
 #include "tests/device/environment_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -409,15 +410,14 @@ TEST_P(EnvironmentViewTest, TheSameViewHasTheSameBitsAndItsFrameIsThatOfTheSameP
     std::memcpy(by_wire.input_row(y).data(), row.data(), row.size());
   }
   const Settings settings = *Settings::from({});
-  const auto report = machine().renderer->render(by_view, settings);
-  ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_OK_AND_ASSIGN(const auto report, machine().renderer->render(by_view, settings));
   ASSERT_TRUE(machine().renderer->render(by_wire, settings).ok());
   for (uint32_t y = 0; y < 55; ++y) {
     const auto row = by_view.output_row(y);
     EXPECT_EQ(std::memcmp(row.data(), by_wire.output_row(y).data(), row.size()), 0) << "row " << y;
   }
   // The float64 reference has seen the same pixels.
-  EXPECT_LE(report->verification->rounded.max_codes, 1.0);
+  EXPECT_LE(report.verification->rounded.max_codes, 1.0);
 }
 
 TEST_P(EnvironmentViewTest, AWhiteMatteBallInAWhiteFieldIsNearlyInvisible) {
@@ -488,13 +488,12 @@ TEST_P(EnvironmentViewTest, WhatCannotBeRenderedIsRefusedByName) {
 
 TEST(ViewCamera, AQuaternionAndAnglesThatSayTheSameTurnTheSame) {
   const double half = 35.0 * 3.14159265358979323846 / 360;
-  const auto by_quaternion = camera_rotation({0, std::sin(-half), 0, std::cos(-half)});
-  ASSERT_TRUE(by_quaternion.ok());
+  ASSERT_OK_AND_ASSIGN(const auto by_quaternion, camera_rotation({0, std::sin(-half), 0, std::cos(-half)}));
   const Matrix3 by_angles = camera_rotation(35, 0, 0);
   const reference::Rotation twins = reference::camera_rotation(10, 20, 30);
   const Matrix3 own = camera_rotation(10, 20, 30);
   for (size_t i = 0; i < 9; ++i) {
-    EXPECT_NEAR((*by_quaternion)[i], by_angles[i], 1e-12);
+    EXPECT_NEAR(by_quaternion[i], by_angles[i], 1e-12);
     EXPECT_NEAR(own[i], twins[i], 1e-12);
   }
 }

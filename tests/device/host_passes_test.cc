@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/device/host_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -127,10 +128,9 @@ TEST_F(HostPasses, ReadNothingBesideTheRows) {
       const WireFrame frame = mixed(width, 7, kFormats[width % 3]);
       const Rendered plain = on_host(frame, message);
       FrameMemory memory = in_memory(frame, settings);
-      const auto report = renderer_with(ExecutorKind::kHost, 2).render(memory, settings);
-      ASSERT_TRUE(report.ok()) << report.status();
+      ASSERT_OK_AND_ASSIGN(const auto report, renderer_with(ExecutorKind::kHost, 2).render(memory, settings));
       EXPECT_EQ(image(memory), image(plain.memory)) << width << " wide, " << kind.name;
-      expect_same_stats(report->stats, plain.report.stats, std::to_string(width));
+      expect_same_stats(report.stats, plain.report.stats, std::to_string(width));
     }
   }
 }
@@ -207,24 +207,21 @@ TEST_F(HostPasses, AreChosenOnACpuAndRefusedWhereTheyCannotBe) {
   const WireFrame frame = natural(32, 16);
   EXPECT_NE(on_host(frame, {}).report.plan.words.back().find("on the host"), std::string::npos);
   EXPECT_NE(on_device(frame, {}).report.plan.words.back().find("on the device"), std::string::npos);
-  auto staged = Device::create({.selector = "", .validation = false, .staging = true});
-  ASSERT_TRUE(staged.ok()) << staged.status();
-  TexturePool own_pool(**staged, uint64_t{1} << 30);
-  const absl::Status refused = Renderer::create(**staged, own_pool, ExecutorKind::kHost).status();
+  ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
+  TexturePool own_pool(*staged, uint64_t{1} << 30);
+  const absl::Status refused = Renderer::create(*staged, own_pool, ExecutorKind::kHost).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_NE(std::string(refused.message()).find("is not the host's"), std::string::npos) << refused;
-  EXPECT_EQ((*Renderer::create(**staged, own_pool))->executor_kind(), ExecutorKind::kDevice);
+  EXPECT_EQ((*Renderer::create(*staged, own_pool))->executor_kind(), ExecutorKind::kDevice);
 }
 
 TEST_F(HostPasses, RenderNothingOnALostDevice) {
-  auto own = Device::create({});
-  ASSERT_TRUE(own.ok()) << own.status();
-  TexturePool own_pool(**own, uint64_t{1} << 30);
-  auto renderer = Renderer::create(**own, own_pool, ExecutorKind::kHost);
-  ASSERT_TRUE(renderer.ok()) << renderer.status();
-  ASSERT_TRUE(render_on(**renderer, natural(8, 8), {}).ok());
-  (*own)->lose();
-  EXPECT_EQ(render_on(**renderer, natural(8, 8), {}).status().code(), absl::StatusCode::kUnavailable);
+  ASSERT_OK_AND_ASSIGN(auto own, Device::create({}));
+  TexturePool own_pool(*own, uint64_t{1} << 30);
+  ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(*own, own_pool, ExecutorKind::kHost));
+  ASSERT_TRUE(render_on(*renderer, natural(8, 8), {}).ok());
+  own->lose();
+  EXPECT_EQ(render_on(*renderer, natural(8, 8), {}).status().code(), absl::StatusCode::kUnavailable);
 }
 
 }  // namespace

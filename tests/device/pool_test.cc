@@ -12,6 +12,7 @@
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/status.h"
 
 namespace {
 
@@ -42,16 +43,14 @@ TEST_F(Pool, GivesTheSameTextureAgain) {
   TexturePool local(device(), 10 * kBytes);
   VkBuffer first = VK_NULL_HANDLE;
   {
-    auto lease = local.take(kKey);
-    ASSERT_TRUE(lease.ok()) << lease.status();
-    first = lease->buffer().handle();
+    ASSERT_OK_AND_ASSIGN(auto lease, local.take(kKey));
+    first = lease.buffer().handle();
     EXPECT_EQ(local.counters().bytes_in_use, kBytes);
   }
   EXPECT_EQ(local.counters().bytes_in_use, 0u);
   EXPECT_EQ(local.counters().bytes_idle, kBytes);
-  auto again = local.take(kKey);
-  ASSERT_TRUE(again.ok());
-  EXPECT_EQ(again->buffer().handle(), first);
+  ASSERT_OK_AND_ASSIGN(auto again, local.take(kKey));
+  EXPECT_EQ(again.buffer().handle(), first);
   EXPECT_EQ(local.counters().hits, 1u);
   EXPECT_EQ(local.counters().misses, 1u);
 }
@@ -94,8 +93,7 @@ TEST_F(Pool, AReservationIsInUseUntilItIsGivenBackAndNeverIdle) {
   TexturePool local(device(), 2 * kBytes);
   ASSERT_TRUE(local.take(kKey).ok());  // idle now
   {
-    const auto reservation = local.reserve(2 * kBytes, "the bake");
-    ASSERT_TRUE(reservation.ok()) << reservation.status();
+    ASSERT_OK_AND_ASSIGN(const auto reservation, local.reserve(2 * kBytes, "the bake"));
     EXPECT_EQ(local.counters().bytes_in_use, 2 * kBytes);
     EXPECT_EQ(local.counters().bytes_idle, 0u);
     EXPECT_EQ(local.take(kKey).status().code(), absl::StatusCode::kUnavailable);
@@ -131,14 +129,13 @@ TEST_F(Pool, ASecondFrameTakesNothingNew) {
 }
 
 TEST_F(Pool, AFinishedFrameHoldsItsImageOnly) {
-  auto rendered = render(natural(200, 100), {});
-  ASSERT_TRUE(rendered.ok()) << rendered.status();
-  const std::vector<std::byte> before = image(rendered->memory);
-  rendered->memory.keep_output_only();
+  ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(200, 100), {}));
+  const std::vector<std::byte> before = image(rendered.memory);
+  rendered.memory.keep_output_only();
   EXPECT_EQ(pool().counters().bytes_in_use, 200u * 100u * 4u);
   // It is not affected if another frame uses the textures that were given back.
   ASSERT_TRUE(render(flat(200, 100, {1, 2, 3, 1}), {}).ok());
-  EXPECT_EQ(image(rendered->memory), before);
+  EXPECT_EQ(image(rendered.memory), before);
 }
 
 // Says how many bytes are counted.
@@ -155,16 +152,15 @@ class Counted final : public MemoryClaim {
 TEST_F(Pool, AFileTakesThePlaceOfItsImage) {
   constexpr uint64_t kImage = 200u * 100u * 4u;
   for (const uint64_t file : {uint64_t{1000}, 2 * kImage}) {
-    auto rendered = render(natural(200, 100), {});
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(200, 100), {}));
     uint64_t counted = 1;
-    rendered->memory.account(std::make_unique<Counted>(&counted));
-    rendered->memory.keep_output_only();
+    rendered.memory.account(std::make_unique<Counted>(&counted));
+    rendered.memory.keep_output_only();
     EXPECT_EQ(counted, kImage);
-    rendered->memory.replace_output(file);
+    rendered.memory.replace_output(file);
     EXPECT_EQ(pool().counters().bytes_in_use, 0u);
     EXPECT_EQ(counted, std::min(file, kImage));
-    rendered->memory = {};
+    rendered.memory = {};
     EXPECT_EQ(counted, 0u);
   }
 }
@@ -184,17 +180,15 @@ TEST_F(Pool, ADeviceWithLessMemoryThanTheBudgetGetsThatOfIdleTextures) {
 
 TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
   TexturePool local(device(), uint64_t{1} << 30);
-  auto renderer = Renderer::create(device(), local);
-  ASSERT_TRUE(renderer.ok());
+  ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), local));
   const FrameDesc desc = {100, 100, v1::PIXEL_FORMAT_RGBA16F};
   allocations_that_fail = std::numeric_limits<int>::max();
-  const absl::Status alone = (*renderer)->allocate(desc, {}).status();
+  const absl::Status alone = renderer->allocate(desc, {}).status();
   allocations_that_fail = 0;
   EXPECT_TRUE(absl::IsResourceExhausted(alone)) << alone;
-  const auto first = (*renderer)->allocate(desc, {});
-  ASSERT_TRUE(first.ok()) << first.status();
+  ASSERT_OK_AND_ASSIGN(const auto first, renderer->allocate(desc, {}));
   allocations_that_fail = std::numeric_limits<int>::max();
-  const absl::Status beside = (*renderer)->allocate(desc, {}).status();
+  const absl::Status beside = renderer->allocate(desc, {}).status();
   const absl::Status panorama = PanoramaUpload::take(local, device().summary(), desc).status();
   allocations_that_fail = 0;
   EXPECT_TRUE(absl::IsUnavailable(beside)) << beside;
@@ -204,11 +198,10 @@ TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
 
 TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {
   TexturePool small(device(), 1 << 20);
-  auto renderer = Renderer::create(device(), small);
-  ASSERT_TRUE(renderer.ok());
-  ASSERT_TRUE((*renderer)->allocate({100, 100, v1::PIXEL_FORMAT_RGBA16F}, {}).ok());
+  ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), small));
+  ASSERT_TRUE(renderer->allocate({100, 100, v1::PIXEL_FORMAT_RGBA16F}, {}).ok());
   const PoolCounters before = small.counters();
-  const auto memory = (*renderer)->allocate({1920, 1080, v1::PIXEL_FORMAT_RGBA16F}, {});
+  const auto memory = renderer->allocate({1920, 1080, v1::PIXEL_FORMAT_RGBA16F}, {});
   EXPECT_EQ(memory.status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_NE(std::string(memory.status().message()).find("the memory budget is 1048576"), std::string::npos)
       << memory.status();
@@ -219,15 +212,14 @@ TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {
 }
 
 TEST_F(Pool, PipelinesAreBoundedToo) {
-  auto cache = PipelineCache::create(device());
-  ASSERT_TRUE(cache.ok());
-  for (uint32_t n = 0; n < 3; ++n) ASSERT_TRUE(cache->get(k_bloom_down_spirv, {n}).ok());
-  ASSERT_TRUE(cache->get(k_bloom_down_spirv, {0}).ok());
-  EXPECT_EQ(cache->size(), 3u);
-  cache->trim(3);
-  EXPECT_EQ(cache->size(), 3u);
-  cache->trim(2);
-  EXPECT_EQ(cache->size(), 0u);
+  ASSERT_OK_AND_ASSIGN(auto cache, PipelineCache::create(device()));
+  for (uint32_t n = 0; n < 3; ++n) ASSERT_TRUE(cache.get(k_bloom_down_spirv, {n}).ok());
+  ASSERT_TRUE(cache.get(k_bloom_down_spirv, {0}).ok());
+  EXPECT_EQ(cache.size(), 3u);
+  cache.trim(3);
+  EXPECT_EQ(cache.size(), 3u);
+  cache.trim(2);
+  EXPECT_EQ(cache.size(), 0u);
 }
 
 }  // namespace

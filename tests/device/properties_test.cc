@@ -10,6 +10,7 @@
 #include "server/render/frame/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -113,10 +114,9 @@ TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
   settings.set_dither(true);
   std::vector<std::byte> images[2];
   for (uint64_t sequence : {0u, 1u}) {
-    auto rendered = render(frame, settings, {sequence, std::nullopt});
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    ASSERT_OK_AND_ASSIGN(auto rendered, render(frame, settings, {sequence, std::nullopt}));
     std::vector<std::byte>& bytes = images[sequence];
-    bytes = image(rendered->memory);
+    bytes = image(rendered.memory);
     double sum = 0.0;
     double squares = 0.0;
     for (size_t i = 0; i < bytes.size(); i += 4) {
@@ -289,23 +289,19 @@ TEST_F(Properties, EveryPassOfThePlanIsTimed) {
 }
 
 TEST_F(Properties, StagingCopiesChangeNoBit) {
-  auto staged = Device::create({.selector = "", .validation = false, .staging = true});
-  ASSERT_TRUE(staged.ok()) << staged.status();
-  EXPECT_FALSE((*staged)->unified_memory());
-  TexturePool own_pool(**staged, uint64_t{1} << 30);
-  auto own = Renderer::create(**staged, own_pool);
-  ASSERT_TRUE(own.ok()) << own.status();
-  EXPECT_EQ((*own)->executor_kind(), ExecutorKind::kDevice);
+  ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
+  EXPECT_FALSE(staged->unified_memory());
+  TexturePool own_pool(*staged, uint64_t{1} << 30);
+  ASSERT_OK_AND_ASSIGN(auto own, Renderer::create(*staged, own_pool));
+  EXPECT_EQ(own->executor_kind(), ExecutorKind::kDevice);
   for (const WireFrame& frame :
        {natural(131, 67), natural(64, 64, v1::PIXEL_FORMAT_RGBA32F), flat(3, 5, {NAN, 1, 2, 1})}) {
     for (int run = 0; run < 2; ++run) {
-      auto there = render_on(**own, frame, {});
-      ASSERT_TRUE(there.ok()) << there.status();
-      auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, {});
-      ASSERT_TRUE(here.ok()) << here.status();
-      EXPECT_EQ(image(there->memory), image(here->memory));
-      EXPECT_EQ(there->report.exposure, here->report.exposure);
-      EXPECT_EQ(there->report.stats.nan_components, here->report.stats.nan_components);
+      ASSERT_OK_AND_ASSIGN(auto there, render_on(*own, frame, {}));
+      ASSERT_OK_AND_ASSIGN(auto here, render_on(renderer_with(ExecutorKind::kDevice), frame, {}));
+      EXPECT_EQ(image(there.memory), image(here.memory));
+      EXPECT_EQ(there.report.exposure, here.report.exposure);
+      EXPECT_EQ(there.report.stats.nan_components, here.report.stats.nan_components);
     }
   }
 }

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "tests/support/device_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -30,14 +31,13 @@ TEST_F(SelfTest, SeesOneWrongPixel) {
 }
 
 TEST_F(SelfTest, SeesWrongStatistics) {
-  auto rendered = render(natural(67, 35), {});
-  ASSERT_TRUE(rendered.ok()) << rendered.status();
-  FrameReport metered_wrong = rendered->report;
+  ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(67, 35), {}));
+  FrameReport metered_wrong = rendered.report;
   metered_wrong.stats.mean_log2_luminance += 1e-4;
-  EXPECT_FALSE(hold_to_reference(rendered->memory, metered_wrong).ok());
-  FrameReport counted_wrong = rendered->report;
+  EXPECT_FALSE(hold_to_reference(rendered.memory, metered_wrong).ok());
+  FrameReport counted_wrong = rendered.report;
   ++counted_wrong.stats.negative_components;
-  EXPECT_FALSE(hold_to_reference(rendered->memory, counted_wrong).ok());
+  EXPECT_FALSE(hold_to_reference(rendered.memory, counted_wrong).ok());
 }
 
 }  // namespace

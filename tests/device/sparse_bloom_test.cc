@@ -6,6 +6,7 @@
 
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -33,12 +34,11 @@ class SparseBloom : public DeviceTest {
   // If `sparse`, also checks that a part of the frame was left out.
   static void expect_same(const WireFrame& frame, const v1::Settings& settings, bool sparse,
                           const std::string& what) {
-    const auto rendered = render(frame, settings);
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, settings));
     uint64_t lit = 0;
-    for (const Box& box : rendered->report.plan.lit) lit += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
+    for (const Box& box : rendered.report.plan.lit) lit += uint64_t{box.x1 - box.x0} * (box.y1 - box.y0);
     EXPECT_EQ(lit < uint64_t{frame.desc.width} * frame.desc.height, sparse) << what;
-    EXPECT_EQ(image(rendered->memory), dense(frame, settings)) << what;
+    EXPECT_EQ(image(rendered.memory), dense(frame, settings)) << what;
   }
 };
 

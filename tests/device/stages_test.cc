@@ -8,6 +8,7 @@
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -58,17 +59,16 @@ TEST_F(Stages, EveryBloomLevelIsItsTwins) {
       for (uint32_t levels = 1; levels <= 6; ++levels) {
         v1::Settings settings;
         *settings.mutable_bloom() = bloom(v1::Bloom::KIND_MIP, 1, 0.02f, 0.5f, levels, firefly);
-        auto rendered = render(frame, settings);
-        ASSERT_TRUE(rendered.ok()) << rendered.status();
-        const size_t count = rendered->memory.textures().levels.size();
-        if (!rendered->report.plan.bloom() || count < levels) break;
+        ASSERT_OK_AND_ASSIGN(auto rendered, render(frame, settings));
+        const size_t count = rendered.memory.textures().levels.size();
+        if (!rendered.report.plan.bloom() || count < levels) break;
         if (count > d.size()) d.push_back(reference::bloom_down(d.back()));
         const std::string what = std::to_string(size.width) + "x" + std::to_string(size.height);
-        expect_level(rendered->memory, count - 1, d.back(), what);
+        expect_level(rendered.memory, count - 1, d.back(), what);
         reference::Level b = d.back();
         for (size_t level = count - 1; level-- > 0;) {
           b = reference::bloom_up(d[level], b);
-          expect_level(rendered->memory, level, b, what);
+          expect_level(rendered.memory, level, b, what);
         }
       }
     }
@@ -84,9 +84,8 @@ TEST_F(Stages, BloomOfOneBrightTexelSumsToTheStatedGain) {
   for (uint32_t levels = 1; levels <= 5; ++levels) {
     v1::Settings settings;
     *settings.mutable_bloom() = bloom(v1::Bloom::KIND_MIP, 1, 1, 0, levels, true);
-    auto rendered = render(frame, settings);
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
-    const FrameTextures& textures = rendered->memory.textures();
+    ASSERT_OK_AND_ASSIGN(auto rendered, render(frame, settings));
+    const FrameTextures& textures = rendered.memory.textures();
     const LevelView level(textures, textures.layout.level_sizes[0], textures.levels[0].buffer());
     double sum = 0.0;
     for (size_t i = 0; i < 256 * 256; ++i) sum += level.at(i % 256, i / 256)[0];

@@ -20,6 +20,7 @@
 #include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -114,12 +115,10 @@ TEST_F(Table, TransferAndFormatApplyToAces1ButNotToATable) {
 
       v1::Settings view = with_table(65);
       view.set_output_format(format);
-      auto plain = render(frame, view);
-      ASSERT_TRUE(plain.ok()) << plain.status();
+      ASSERT_OK_AND_ASSIGN(auto plain, render(frame, view));
       view.set_transfer(transfer);
-      auto other = render(frame, view);
-      ASSERT_TRUE(other.ok()) << other.status();
-      EXPECT_EQ(image(plain->memory), image(other->memory)) << what;
+      ASSERT_OK_AND_ASSIGN(auto other, render(frame, view));
+      EXPECT_EQ(image(plain.memory), image(other.memory)) << what;
     }
   }
 }
@@ -129,10 +128,9 @@ TEST_F(Table, FramesAlternatingBetweenMoreTablesThanAreKeptStayThemselves) {
   std::vector<std::vector<std::byte>> first;
   for (int round = 0; round < 3; ++round) {
     for (uint32_t i = 0; i < 7; ++i) {
-      auto rendered = render(frame, with_table(5 + i));
-      ASSERT_TRUE(rendered.ok()) << rendered.status();
-      if (round == 0) first.push_back(image(rendered->memory));
-      EXPECT_EQ(image(rendered->memory), first[i]) << round << " " << i;
+      ASSERT_OK_AND_ASSIGN(auto rendered, render(frame, with_table(5 + i)));
+      if (round == 0) first.push_back(image(rendered.memory));
+      EXPECT_EQ(image(rendered.memory), first[i]) << round << " " << i;
     }
   }
 }
@@ -140,15 +138,13 @@ TEST_F(Table, FramesAlternatingBetweenMoreTablesThanAreKeptStayThemselves) {
 TEST_F(Table, IsTheSameThroughStagingCopies) {
   DeviceOptions options;
   options.staging = true;
-  auto staged_device = Device::create(options);
-  ASSERT_TRUE(staged_device.ok()) << staged_device.status();
-  TexturePool staged_pool(**staged_device, uint64_t{1} << 30);
-  auto staged = Renderer::create(**staged_device, staged_pool);
-  ASSERT_TRUE(staged.ok()) << staged.status();
+  ASSERT_OK_AND_ASSIGN(auto staged_device, Device::create(options));
+  TexturePool staged_pool(*staged_device, uint64_t{1} << 30);
+  ASSERT_OK_AND_ASSIGN(auto staged, Renderer::create(*staged_device, staged_pool));
   const WireFrame frame = natural(67, 33);
   for (int round = 0; round < 2; ++round) {
     auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, with(v1::TONE_CURVE_ACES_1));
-    auto there = render_on(**staged, frame, with(v1::TONE_CURVE_ACES_1));
+    auto there = render_on(*staged, frame, with(v1::TONE_CURVE_ACES_1));
     ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
     EXPECT_EQ(image(here->memory), image(there->memory));
   }
@@ -209,32 +205,30 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
                         {"aces/ACES2065-1_ColorChecker2005.exr", "ColorChecker2005", true}};
   print_header("aces-1, codes beyond the file's own rounding");
   for (const Case& c : cases) {
-    const absl::StatusOr<Image> input = read_image(data / c.input);
-    ASSERT_TRUE(input.ok()) << input.status();
+    ASSERT_OK_AND_ASSIGN(const Image input, read_image(data / c.input));
     const Png png = read_png(data / "aces" / (std::string(c.render) + ".aces1_srgb.png"));
-    ASSERT_EQ(png.width, input->width) << c.render;
-    ASSERT_EQ(png.height, input->height) << c.render;
-    const bool halves = input->format == ImageFormat::kRgba16f;
-    const auto pixels = input->pixels.span();
+    ASSERT_EQ(png.width, input.width) << c.render;
+    ASSERT_EQ(png.height, input.height) << c.render;
+    const bool halves = input.format == ImageFormat::kRgba16f;
+    const auto pixels = input.pixels.span();
     const WireFrame frame{
-        {input->width, input->height, halves ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
+        {input.width, input.height, halves ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
         {pixels.begin(), pixels.end()}};
     v1::Settings settings = with(v1::TONE_CURVE_ACES_1);
     settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
     settings.mutable_bloom()->set_intensity(0);
     settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
     if (c.ap0) settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
-    if (input->chromaticities) {
+    if (input.chromaticities) {
       Chromaticities own;
-      std::copy(input->chromaticities->begin(), input->chromaticities->end(), own.xy.begin());
+      std::copy(input.chromaticities->begin(), input.chromaticities->end(), own.xy.begin());
       settings.clear_input_primaries();
       *settings.mutable_input_chromaticities() = to_message(own);
     }
-    auto rendered = render(frame, settings);
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
+    ASSERT_OK_AND_ASSIGN(auto rendered, render(frame, settings));
     std::vector<float> codes;
     for (uint32_t y = 0; y < png.height; ++y) {
-      const std::byte* row = rendered->memory.output_row(y).data();
+      const std::byte* row = rendered.memory.output_row(y).data();
       for (uint32_t x = 0; x < png.width; ++x) {
         const size_t at = size_t{y} * png.width + x;
         for (size_t k = 0; k < 3; ++k) {

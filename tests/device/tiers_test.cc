@@ -15,6 +15,7 @@
 #include "server/render/tier_times.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -257,25 +258,21 @@ TEST_F(Promises, ImagesAreThoseOfTheTier) {
       v1::Settings settings;  // the reference's own metering differs
       settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
       settings.set_max_error_codes(codes);
-      const auto promised = render(frame, settings);
-      ASSERT_TRUE(promised.ok()) << promised.status();
+      ASSERT_OK_AND_ASSIGN(const auto promised, render(frame, settings));
       v1::Settings named;
       *named.mutable_exposure() = settings.exposure();
-      named.set_tier(promised->report.tier);
-      const auto same = render(frame, named);
-      ASSERT_TRUE(same.ok()) << same.status();
-      EXPECT_TRUE(image(promised->memory) == image(same->memory))
-          << promised->report.tier << " for " << codes;
-      EXPECT_EQ(promised->report.exposure, same->report.exposure);
+      named.set_tier(promised.report.tier);
+      ASSERT_OK_AND_ASSIGN(const auto same, render(frame, named));
+      EXPECT_TRUE(image(promised.memory) == image(same.memory)) << promised.report.tier << " for " << codes;
+      EXPECT_EQ(promised.report.exposure, same.report.exposure);
     }
   }
 }
 
 TEST_F(Tiers, EachHasATimeForTwoSizes) {
-  const absl::StatusOr<TierTimes> times = measure_tiers(renderer());
-  ASSERT_TRUE(times.ok()) << times.status();
-  ASSERT_EQ(times->size(), tiers().size());
-  for (const std::vector<MeasuredTime>& tier : *times) {
+  ASSERT_OK_AND_ASSIGN(const TierTimes times, measure_tiers(renderer()));
+  ASSERT_EQ(times.size(), tiers().size());
+  for (const std::vector<MeasuredTime>& tier : times) {
     ASSERT_EQ(tier.size(), 2u);
     EXPECT_LT(tier[0].width * tier[0].height, tier[1].width * tier[1].height);
     for (const MeasuredTime& time : tier) EXPECT_GT(time.ms, 0);

@@ -10,6 +10,7 @@
 #include "proto/candela/v1/settings.h"
 #include "server/render/frame/frame_textures.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -71,10 +72,9 @@ TEST_F(Verified, ARightImageIsRight) {
 }
 
 TEST_F(Verified, OnlyWhereItIsAskedFor) {
-  const auto rendered = render(natural(8, 8), {});
-  ASSERT_TRUE(rendered.ok());
-  EXPECT_FALSE(rendered->report.verification);
-  EXPECT_TRUE(rendered->memory.error_map_row(0).empty());
+  ASSERT_OK_AND_ASSIGN(const auto rendered, render(natural(8, 8), {}));
+  EXPECT_FALSE(rendered.report.verification);
+  EXPECT_TRUE(rendered.memory.error_map_row(0).empty());
 }
 
 TEST_F(Verified, OneWrongTexelIsTheWorstAndOnTheMap) {
@@ -135,17 +135,16 @@ TEST_F(Verified, DitherIsNoDifference) {
     v1::Settings settings;
     settings.set_output_format(format);
     settings.set_dither(true);
-    auto rendered =
-        render(natural(333, 129), settings, {.sequence = 7, .previous = std::nullopt}, Verify::kYes);
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
-    const Verification& error = rendered->report.verification->rounded;
+    ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(333, 129), settings,
+                                               {.sequence = 7, .previous = std::nullopt}, Verify::kYes));
+    const Verification& error = rendered.report.verification->rounded;
     EXPECT_LE(error.max_codes, 4e-4);
     EXPECT_LE(error.max_difference, 1);
     EXPECT_LE(static_cast<double>(error.differing), format == v1::OUTPUT_FORMAT_RGBA8 ? 130 : 12000);
     // The noise of another frame counts as a difference.
-    Plan next = rendered->report.plan;
+    Plan next = rendered.report.plan;
     next.reference.dither_frame = 8;
-    const Verification other = verify_frame(rendered->memory, next, rendered->report.stats).rounded;
+    const Verification other = verify_frame(rendered.memory, next, rendered.report.stats).rounded;
     EXPECT_GT(static_cast<double>(other.differing), 0.3 * static_cast<double>(other.components));
   }
 }
@@ -216,24 +215,21 @@ TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
 }
 
 TEST_F(Verified, StagingCopiesChangeNoNumber) {
-  auto staged = Device::create({.selector = "", .validation = false, .staging = true});
-  ASSERT_TRUE(staged.ok()) << staged.status();
-  TexturePool own_pool(**staged, uint64_t{1} << 30);
-  auto own = Renderer::create(**staged, own_pool);
-  ASSERT_TRUE(own.ok()) << own.status();
+  ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
+  TexturePool own_pool(*staged, uint64_t{1} << 30);
+  ASSERT_OK_AND_ASSIGN(auto own, Renderer::create(*staged, own_pool));
   for (const WireFrame& frame : {natural(131, 67), natural(130, 35, v1::PIXEL_FORMAT_RGBA32F)}) {
-    const auto there = render_on(**own, frame, {}, {}, Verify::kWithMap);
-    ASSERT_TRUE(there.ok()) << there.status();
-    const auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, {}, {}, Verify::kWithMap);
-    ASSERT_TRUE(here.ok()) << here.status();
-    const Verification& a = there->report.verification->rounded;
-    const Verification& b = here->report.verification->rounded;
+    ASSERT_OK_AND_ASSIGN(const auto there, render_on(*own, frame, {}, {}, Verify::kWithMap));
+    ASSERT_OK_AND_ASSIGN(const auto here,
+                         render_on(renderer_with(ExecutorKind::kDevice), frame, {}, {}, Verify::kWithMap));
+    const Verification& a = there.report.verification->rounded;
+    const Verification& b = here.report.verification->rounded;
     EXPECT_EQ(a.max_codes, b.max_codes);
     EXPECT_EQ(a.mean_codes, b.mean_codes);
     EXPECT_EQ(a.differing, b.differing);
     EXPECT_EQ(a.bloom_error, b.bloom_error);
     EXPECT_GT(a.bloom_error, 0.0);
-    EXPECT_EQ(mapped(*there, a.worst_x, a.worst_y), mapped(*here, b.worst_x, b.worst_y));
+    EXPECT_EQ(mapped(there, a.worst_x, a.worst_y), mapped(here, b.worst_x, b.worst_y));
   }
 }
 
@@ -242,26 +238,23 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
   constexpr uint64_t kPixels = 640 * 480;
   // Frame, image and levels are 18 bytes a pixel, verification 44 more.
   TexturePool small(device(), 40 * kPixels);
-  auto renderer = Renderer::create(device(), small);
-  ASSERT_TRUE(renderer.ok());
-  EXPECT_TRUE((*renderer)->allocate(desc, {}).ok());
-  const absl::Status refused = (*renderer)->allocate(desc, {}, Verify::kYes).status();
+  ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), small));
+  EXPECT_TRUE(renderer->allocate(desc, {}).ok());
+  const absl::Status refused = renderer->allocate(desc, {}, Verify::kYes).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted) << refused;
   EXPECT_NE(std::string(refused.message()).find("the memory budget is 12288000"), std::string::npos)
       << refused;
   EXPECT_NE(std::string(refused.message()).find("do without verification"), std::string::npos) << refused;
 
   TexturePool enough(device(), 70 * kPixels);
-  auto other = Renderer::create(device(), enough);
-  ASSERT_TRUE(other.ok());
-  auto memory = (*other)->allocate(desc, {}, Verify::kWithMap);
-  ASSERT_TRUE(memory.ok()) << memory.status();
+  ASSERT_OK_AND_ASSIGN(auto other, Renderer::create(device(), enough));
+  ASSERT_OK_AND_ASSIGN(auto memory, other->allocate(desc, {}, Verify::kWithMap));
   EXPECT_GE(enough.counters().bytes_in_use, 58 * kPixels);
   // There is no room now, but there will be.
-  EXPECT_EQ((*other)->allocate(desc, {}, Verify::kYes).status().code(), absl::StatusCode::kUnavailable);
-  memory->keep_output_only();
+  EXPECT_EQ(other->allocate(desc, {}, Verify::kYes).status().code(), absl::StatusCode::kUnavailable);
+  memory.keep_output_only();
   EXPECT_EQ(enough.counters().bytes_in_use, (4 + 2) * kPixels);
-  *memory = FrameMemory();
+  memory = FrameMemory();
   EXPECT_EQ(enough.counters().bytes_in_use, 0u);
 }
 

@@ -17,6 +17,7 @@
 #include "server/render/color/aces.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -105,9 +106,8 @@ TEST_F(WideGamut, EveryCurveCountsWhatItCutsAsItsTwinDoes) {
   for (const v1::ToneCurve curve : curves) {
     v1::Settings settings = plain(curve);
     settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
-    const auto rendered = render(frame, settings, {}, Verify::kYes);
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
-    const FrameReport& report = rendered->report;
+    ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, settings, {}, Verify::kYes));
+    const FrameReport& report = rendered.report;
     EXPECT_EQ(report.gamut_cut_components, report.verification->gamut_cut_components) << v1::word_of(curve);
     EXPECT_EQ(report.stats.negative_scene_components, report.verification->truth.negative_scene_components);
     EXPECT_EQ(report.stats.negative_components, 0u);
@@ -116,9 +116,8 @@ TEST_F(WideGamut, EveryCurveCountsWhatItCutsAsItsTwinDoes) {
     }
     counts[curve] = report.gamut_cut_components;
     settings.set_tier("reference");
-    const auto on_host = render(frame, settings);
-    ASSERT_TRUE(on_host.ok()) << on_host.status();
-    EXPECT_NEAR(static_cast<double>(on_host->report.gamut_cut_components), static_cast<double>(counts[curve]),
+    ASSERT_OK_AND_ASSIGN(const auto on_host, render(frame, settings));
+    EXPECT_NEAR(static_cast<double>(on_host.report.gamut_cut_components), static_cast<double>(counts[curve]),
                 1e-3 * static_cast<double>(colors.size()));
   }
   EXPECT_GT(counts[v1::TONE_CURVE_LINEAR], colors.size() / 4);
@@ -153,14 +152,13 @@ TEST_F(WideGamut, EveryTierCutsAces1ToAp1First) {
   for (Color& c : inside) {
     for (float& v : c) v = std::max(v, 0.0f);
   }
-  const auto cut = rendered_by(inside, "reference");
-  ASSERT_TRUE(cut.ok()) << cut.status();
+  ASSERT_OK_AND_ASSIGN(const auto cut, rendered_by(inside, "reference"));
   double most = 0;
   for (uint32_t y = 0; y < kSide; ++y) {
     for (uint32_t i = 0; i < kSide * 4; ++i) {
       uint16_t is, should;
       std::memcpy(&is, reference->memory.output_row(y).data() + 2 * i, sizeof is);
-      std::memcpy(&should, cut->memory.output_row(y).data() + 2 * i, sizeof should);
+      std::memcpy(&should, cut.memory.output_row(y).data() + 2 * i, sizeof should);
       most = std::max(most, std::abs(is - should) / 257.0);
     }
   }
@@ -179,9 +177,8 @@ TEST_F(WideGamut, LightThatRoundsToZeroAfterAMatrixIsNotNegative) {
       v1::Settings settings = plain(v1::TONE_CURVE_LINEAR);
       settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
       settings.set_tier(tier);
-      const auto rendered = render(frame, settings, {}, Verify::kYes);
-      ASSERT_TRUE(rendered.ok()) << rendered.status();
-      const FrameReport& report = rendered->report;
+      ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, settings, {}, Verify::kYes));
+      const FrameReport& report = rendered.report;
       EXPECT_EQ(report.stats.negative_scene_components, negative) << red << " " << tier;
       EXPECT_EQ(report.verification->truth.negative_scene_components, negative) << red << " " << tier;
       EXPECT_EQ(report.plan.resolve.inputs.constants.wide, negative > 0) << red << " " << tier;
@@ -212,10 +209,9 @@ TEST_F(WideGamut, NothingIsCutOfAFrameWithoutNegativeComponents) {
     return Texel{std::abs(c[0]), std::abs(c[1]), std::abs(c[2]), c[3]};
   });
   for (const v1::ToneCurve curve : kCurves) {
-    const auto rendered = render(frame, plain(curve));
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
-    EXPECT_EQ(rendered->report.gamut_cut_components, 0u);
-    EXPECT_EQ(rendered->report.plan.resolve.inputs.constants.wide, 0u);
+    ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, plain(curve)));
+    EXPECT_EQ(rendered.report.gamut_cut_components, 0u);
+    EXPECT_EQ(rendered.report.plan.resolve.inputs.constants.wide, 0u);
   }
 }
 
@@ -223,21 +219,19 @@ TEST_F(WideGamut, ColoursInsideTheCurvesGamutAreNotCut) {
   v1::Settings settings = plain(v1::TONE_CURVE_ACES_1);
   settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
   // Most are on the edge of the gamut, so the scene's halves are on either side of it.
-  const auto rendered =
-      render(frame_of(saturated_inside_ap1(v1::PRIMARIES_ACES_AP1, 4000).own, 200), settings);
-  ASSERT_TRUE(rendered.ok()) << rendered.status();
-  EXPECT_EQ(rendered->report.plan.resolve.inputs.constants.wide, 1u);
-  EXPECT_EQ(rendered->report.gamut_cut_components, 0u);
+  ASSERT_OK_AND_ASSIGN(
+      const auto rendered,
+      render(frame_of(saturated_inside_ap1(v1::PRIMARIES_ACES_AP1, 4000).own, 200), settings));
+  EXPECT_EQ(rendered.report.plan.resolve.inputs.constants.wide, 1u);
+  EXPECT_EQ(rendered.report.gamut_cut_components, 0u);
 }
 
 TEST_F(WideGamut, CountsTheSameThroughStagingCopiesAndWithVerification) {
   DeviceOptions options;
   options.staging = true;
-  auto staged_device = Device::create(options);
-  ASSERT_TRUE(staged_device.ok()) << staged_device.status();
-  TexturePool staged_pool(**staged_device, uint64_t{1} << 30);
-  auto staged = Renderer::create(**staged_device, staged_pool);
-  ASSERT_TRUE(staged.ok()) << staged.status();
+  ASSERT_OK_AND_ASSIGN(auto staged_device, Device::create(options));
+  TexturePool staged_pool(*staged_device, uint64_t{1} << 30);
+  ASSERT_OK_AND_ASSIGN(auto staged, Renderer::create(*staged_device, staged_pool));
   const WireFrame frame = make_frame(131, 67, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) {
     return Texel{1.0f, x % 2 == 0 ? -0.5f : 0.5f, y % 3 == 0 ? -1e-5f : 0.0f, 1.0f};
   });
@@ -245,7 +239,7 @@ TEST_F(WideGamut, CountsTheSameThroughStagingCopiesAndWithVerification) {
   for (const Verify verify : {Verify::kNo, Verify::kYes}) {
     const auto here =
         render_on(renderer_with(ExecutorKind::kDevice), frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
-    const auto there = render_on(**staged, frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
+    const auto there = render_on(*staged, frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
     ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
     EXPECT_EQ(here->report.gamut_cut_components, expected);
     EXPECT_EQ(there->report.gamut_cut_components, expected);
@@ -257,10 +251,9 @@ TEST_F(WideGamut, AFrameThatIsScrubbedIsCutAndCounted) {
   const WireFrame frame = make_frame(67, 33, v1::PIXEL_FORMAT_RGBA32F, [](uint32_t x, uint32_t) {
     return x == 3 ? Texel{NAN, -INFINITY, 1.0f, 1.0f} : Texel{1.0f, -0.5f, 0.5f, 1.0f};
   });
-  const auto rendered = render(frame, plain(v1::TONE_CURVE_ACES_HILL), {}, Verify::kYes);
-  ASSERT_TRUE(rendered.ok()) << rendered.status();
-  EXPECT_EQ(rendered->report.stats.negative_scene_components, 67u * 33u);
-  EXPECT_EQ(rendered->report.gamut_cut_components, rendered->report.verification->gamut_cut_components);
+  ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, plain(v1::TONE_CURVE_ACES_HILL), {}, Verify::kYes));
+  EXPECT_EQ(rendered.report.stats.negative_scene_components, 67u * 33u);
+  EXPECT_EQ(rendered.report.gamut_cut_components, rendered.report.verification->gamut_cut_components);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "client/call/retry_info.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/wire_cutter.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -235,8 +236,7 @@ TEST(Drain, ABandOutlivesTheServerThatSentIt) {
   std::unique_ptr<Server> server = start_server(test_config());
   const WireFrame frame = flat(64, 64, {1, 1, 1, 1});
   const auto channel = server->in_process_channel();
-  const absl::StatusOr<RenderResult> expected = Connection(channel).render({}, view(frame));
-  ASSERT_TRUE(expected.ok());
+  ASSERT_OK_AND_ASSIGN(const RenderResult expected, Connection(channel).render({}, view(frame)));
   grpc::ByteBuffer band;
   {
     RawCall call(channel, "/candela.v1.RenderService/Render", absl::InfiniteFuture());
@@ -254,7 +254,7 @@ TEST(Drain, ABandOutlivesTheServerThatSentIt) {
   ASSERT_TRUE(band.Dump(&slices).ok());
   const grpc::Slice& pixels = slices.back();
   EXPECT_EQ(std::string(pixels.begin(), pixels.end()),
-            std::string(reinterpret_cast<const char*>(expected->data.get()), expected->bytes));
+            std::string(reinterpret_cast<const char*>(expected.data.get()), expected.bytes));
 }
 
 }  // namespace

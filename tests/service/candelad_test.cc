@@ -22,6 +22,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -35,10 +36,9 @@ TEST(Candelad, RendersOverTcpAndEndsWithZeroOnSigterm) {
   Daemon daemon({"--listen", "127.0.0.1:0"});
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
-  const absl::StatusOr<Connection> connection = Connection::open(address);
-  ASSERT_TRUE(connection.ok());
-  EXPECT_TRUE(connection->health().ok());
-  const absl::StatusOr<RenderResult> result = connection->render({}, view(natural(33, 9)));
+  ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open(address));
+  EXPECT_TRUE(connection.health().ok());
+  const absl::StatusOr<RenderResult> result = connection.render({}, view(natural(33, 9)));
   EXPECT_TRUE(result.ok()) << result.status();
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
@@ -204,9 +204,8 @@ TEST(Candelad, EndsSoonAfterLargeAnswers) {
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
   {
-    const absl::StatusOr<Connection> connection = Connection::open(address);
-    ASSERT_TRUE(connection.ok());
-    for (int i = 0; i < 3; ++i) EXPECT_TRUE(connection->render({}, view(natural(1500, 900))).ok());
+    ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open(address));
+    for (int i = 0; i < 3; ++i) EXPECT_TRUE(connection.render({}, view(natural(1500, 900))).ok());
   }
   const absl::Time begin = absl::Now();
   daemon.signal(SIGTERM);

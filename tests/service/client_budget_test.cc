@@ -11,6 +11,7 @@
 
 #include "server/access/client_identity.h"
 #include "server/session/client_memory.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -122,8 +123,7 @@ class Shared : public ::testing::Test {
 };
 
 TEST_F(Shared, AnUploadYieldsOnlyToASmallerFrameThatWaitsAndOnlyIfItStallsOrTakesLong) {
-  const auto whole = memory_->claim_frame(1, 1000, now_);
-  ASSERT_TRUE(whole.ok());
+  ASSERT_OK_AND_ASSIGN(const auto whole, memory_->claim_frame(1, 1000, now_));
   EXPECT_FALSE(yields(1000, absl::Hours(1), absl::Hours(1), absl::ZeroDuration())) << "nobody waits";
   EXPECT_TRUE(absl::IsUnavailable(memory_->claim_frame(2, 300, now_).status()));
   EXPECT_TRUE(yields(1000, absl::Seconds(3), absl::Seconds(3), absl::Seconds(1)));
@@ -134,10 +134,9 @@ TEST_F(Shared, AnUploadYieldsOnlyToASmallerFrameThatWaitsAndOnlyIfItStallsOrTake
 }
 
 TEST_F(Shared, ALargeFrameLeavesRoomForASmallerOneThatWaits) {
-  auto whole = memory_->claim_frame(1, 1000, now_);
-  ASSERT_TRUE(whole.ok());
+  ASSERT_OK_AND_ASSIGN(auto whole, memory_->claim_frame(1, 1000, now_));
   EXPECT_FALSE(memory_->claim_frame(2, 300, now_).ok());
-  whole->reset();
+  whole.reset();
   EXPECT_FALSE(memory_->claim_frame(3, 800, now_).ok());
   const auto small = memory_->claim_frame(2, 300, now_);
   EXPECT_TRUE(small.ok());
@@ -145,11 +144,10 @@ TEST_F(Shared, ALargeFrameLeavesRoomForASmallerOneThatWaits) {
 }
 
 TEST_F(Shared, WhatAFrameGivesBackEarlyIsFree) {
-  auto frame = memory_->claim_frame(1, 1000, now_);
-  ASSERT_TRUE(frame.ok());
-  (*frame)->shrink(400);
+  ASSERT_OK_AND_ASSIGN(auto frame, memory_->claim_frame(1, 1000, now_));
+  frame->shrink(400);
   EXPECT_TRUE(memory_->claim_frame(2, 600, now_).ok());
-  frame->reset();
+  frame.reset();
   EXPECT_TRUE(memory_->claim_frame(2, 1000, now_).ok());
 }
 

@@ -10,6 +10,7 @@
 #include "tests/service/stream_client.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -27,12 +28,11 @@ TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTh
   config.passes = ExecutorKind::kDevice;  // only the device hangs
   config.hang_limit = kHangLimit;
   config.idle_timeout = absl::Minutes(1);
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&gone] { ++gone; });
-  ASSERT_TRUE(server.ok()) << server.status();
-  const Connection connection((*server)->in_process_channel());
+  ASSERT_OK_AND_ASSIGN(std::unique_ptr<Server> server, Server::start(config, [&gone] { ++gone; }));
+  const Connection connection(server->in_process_channel());
   const WireFrame frame = natural(160, 90);
   ASSERT_TRUE(connection.render({}, view(frame)).ok());
-  (*server)->hang_device();
+  server->hang_device();
   absl::Status statuses[2];
   const absl::Time begin = absl::Now();
   {
@@ -49,8 +49,8 @@ TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTh
   EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
   EXPECT_LT(absl::Now() - later, kHangLimit);
   EXPECT_EQ(gone, 1);
-  (*server)->drain_and_stop();
-  server->reset();
+  server->drain_and_stop();
+  server.reset();
 }
 
 // The frame that hangs, and those of a second session that wait behind it.

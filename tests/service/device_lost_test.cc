@@ -6,6 +6,7 @@
 #include "tests/service/service_fixture.h"
 #include "tests/service/session_run.h"
 #include "tests/service/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -18,15 +19,13 @@ TEST(DeviceLost, TheFrameIsToldUnavailableAndTheNextOneHasTheSameBits) {
   const std::unique_ptr<Server> server = start_server(test_config());
   const Connection connection(server->in_process_channel());
   const WireFrame frame = natural(320, 240);
-  const absl::StatusOr<RenderResult> before = connection.render({}, view(frame));
-  ASSERT_TRUE(before.ok());
+  ASSERT_OK_AND_ASSIGN(const RenderResult before, connection.render({}, view(frame)));
   server->lose_device();
   const absl::Status lost = connection.render({}, view(frame)).status();
   EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
   EXPECT_NE(std::string(lost.message()).find("device lost"), std::string::npos) << lost;
-  const absl::StatusOr<RenderResult> after = connection.render({}, view(frame));
-  ASSERT_TRUE(after.ok()) << after.status();
-  EXPECT_EQ(pixels(*before), pixels(*after));
+  ASSERT_OK_AND_ASSIGN(const RenderResult after, connection.render({}, view(frame)));
+  EXPECT_EQ(pixels(before), pixels(after));
   EXPECT_TRUE(wait_until_idle(connection));
   EXPECT_EQ(server->validation_messages(), 0u);
 }
@@ -184,12 +183,12 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
 
 TEST(DeviceLost, AGoodFrameBetweenLossesStartsTheCountAnew) {
   std::atomic<int> gone = 0;
-  const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(test_config(), [&gone] { ++gone; });
-  ASSERT_TRUE(server.ok()) << server.status();
-  const Connection connection((*server)->in_process_channel());
+  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server,
+                       Server::start(test_config(), [&gone] { ++gone; }));
+  const Connection connection(server->in_process_channel());
   const WireFrame frame = natural(16, 16);
   for (int i = 0; i < 2; ++i) {
-    (*server)->lose_device(3);
+    server->lose_device(3);
     for (int loss = 0; loss < 3; ++loss) {
       EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
     }
@@ -203,10 +202,9 @@ TEST(DeviceLost, FourLossesInARowAreSaidOnceAndHealthFollows) {
   Config config = test_config();
   config.heartbeat_interval = absl::Milliseconds(200);
   config.heartbeat_limit = absl::Seconds(1);
-  const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&gone] { ++gone; });
-  ASSERT_TRUE(server.ok()) << server.status();
-  const Connection connection((*server)->in_process_channel());
-  (*server)->lose_device(4);
+  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server, Server::start(config, [&gone] { ++gone; }));
+  const Connection connection(server->in_process_channel());
+  server->lose_device(4);
   for (const absl::Time limit = absl::Now() + absl::Seconds(30);
        connection.health().ok() && absl::Now() < limit;) {
     absl::SleepFor(absl::Milliseconds(20));

@@ -9,6 +9,7 @@
 #include "client/call/raw_call.h"
 #include "proto/candela/v1/settings.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -50,31 +51,30 @@ TEST_P(Discovery, HealthAnswersForTheServerAndForTheService) {
 
 TEST_P(Discovery, ReflectionListsTheService) {
   // ServerReflectionRequest { list_services: "" }
-  const absl::StatusOr<std::string> answer =
-      ask("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x00", 2));
-  ASSERT_TRUE(answer.ok()) << answer.status();
-  EXPECT_NE(answer->find("candela.v1.RenderService"), std::string::npos);
+  ASSERT_OK_AND_ASSIGN(
+      const std::string answer,
+      ask("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x00", 2)));
+  EXPECT_NE(answer.find("candela.v1.RenderService"), std::string::npos);
 }
 
 TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
-  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
-  ASSERT_TRUE(info.ok()) << info.status();
-  EXPECT_FALSE(info->version().empty());
-  EXPECT_EQ(info->device().name(), server().device_name());
-  EXPECT_FALSE(info->device().type().empty());
-  EXPECT_EQ(info->formats_size(), 3);
-  EXPECT_EQ(info->output_formats_size(), 3);
-  EXPECT_EQ(info->curves_size(), v1::ToneCurve_ARRAYSIZE - 1);
-  EXPECT_EQ(info->transfers_size(), 3);
-  EXPECT_EQ(info->limits().max_frame_bytes(), uint64_t{64} << 20);
-  EXPECT_EQ(info->limits().max_dimension(), v1::kMaxDimension);
-  EXPECT_EQ(info->limits().max_band_bytes(), v1::kMaxBandBytes);
-  EXPECT_EQ(info->limits().memory_budget_bytes(), uint64_t{256} << 20);
-  EXPECT_EQ(info->limits().max_sessions(), 5u);
-  EXPECT_EQ(info->limits().max_frames_in_flight(), 3u);
-  ASSERT_GT(info->tiers_size(), 0);
+  ASSERT_OK_AND_ASSIGN(const v1::GetServerInfoResponse info, connection().server_info());
+  EXPECT_FALSE(info.version().empty());
+  EXPECT_EQ(info.device().name(), server().device_name());
+  EXPECT_FALSE(info.device().type().empty());
+  EXPECT_EQ(info.formats_size(), 3);
+  EXPECT_EQ(info.output_formats_size(), 3);
+  EXPECT_EQ(info.curves_size(), v1::ToneCurve_ARRAYSIZE - 1);
+  EXPECT_EQ(info.transfers_size(), 3);
+  EXPECT_EQ(info.limits().max_frame_bytes(), uint64_t{64} << 20);
+  EXPECT_EQ(info.limits().max_dimension(), v1::kMaxDimension);
+  EXPECT_EQ(info.limits().max_band_bytes(), v1::kMaxBandBytes);
+  EXPECT_EQ(info.limits().memory_budget_bytes(), uint64_t{256} << 20);
+  EXPECT_EQ(info.limits().max_sessions(), 5u);
+  EXPECT_EQ(info.limits().max_frames_in_flight(), 3u);
+  ASSERT_GT(info.tiers_size(), 0);
   std::set<std::string> tiers;
-  for (const v1::Tier& tier : info->tiers()) tiers.insert(tier.name());
+  for (const v1::Tier& tier : info.tiers()) tiers.insert(tier.name());
   EXPECT_TRUE(tiers.count("standard"));
 }
 
@@ -88,11 +88,10 @@ TEST(ServerInfo, TellsTheBoundsAndTheTimesOfEveryTier) {
                        [](const v1::Tier& tier) { return tier.times_size() > 0; });
   };
   ASSERT_TRUE(wait_until(connection, is_measured));
-  const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
-  ASSERT_TRUE(info.ok()) << info.status();
-  ASSERT_EQ(info->tiers_size(), 3);  // draft, standard, reference
+  ASSERT_OK_AND_ASSIGN(const v1::GetServerInfoResponse info, connection.server_info());
+  ASSERT_EQ(info.tiers_size(), 3);  // draft, standard, reference
   double bound = 255;
-  for (const v1::Tier& tier : info->tiers()) {
+  for (const v1::Tier& tier : info.tiers()) {
     EXPECT_LT(tier.max_error_codes(), bound) << tier.name();
     EXPECT_GE(tier.max_error_codes_with_bloom(), tier.max_error_codes()) << tier.name();
     EXPECT_EQ(tier.max_error_codes() > 0, tier.name() != "reference") << tier.name();
@@ -109,12 +108,11 @@ TEST(ServerInfo, TellsTheBoundsAndTheTimesOfEveryTier) {
 }
 
 TEST_P(Discovery, ServerInfoListsEverySetting) {
-  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
-  ASSERT_TRUE(info.ok()) << info.status();
+  ASSERT_OK_AND_ASSIGN(const v1::GetServerInfoResponse info, connection().server_info());
   const std::vector<v1::SettingField>& fields = v1::setting_fields();
-  ASSERT_EQ(static_cast<size_t>(info->settings_size()), fields.size());
+  ASSERT_EQ(static_cast<size_t>(info.settings_size()), fields.size());
   for (size_t i = 0; i < fields.size(); ++i) {
-    const v1::SettingInfo& setting = info->settings(static_cast<int>(i));
+    const v1::SettingInfo& setting = info.settings(static_cast<int>(i));
     EXPECT_EQ(setting.path(), fields[i].path);
     EXPECT_EQ(v1::deterministic_bytes(setting), v1::deterministic_bytes(v1::setting_info(fields[i])));
   }
@@ -131,10 +129,9 @@ TEST_P(Discovery, AnUnknownMethodIsUnimplemented) {
 }
 
 TEST(UnreachableServer, TheErrorNamesTheAddressAndTheWayOut) {
-  const absl::StatusOr<Connection> connection = Connection::open("127.0.0.1:1");
-  ASSERT_TRUE(connection.ok());
-  for (const absl::Status& status : {connection->health(), connection->server_info().status(),
-                                     connection->render({}, view(natural(2, 2))).status()}) {
+  ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open("127.0.0.1:1"));
+  for (const absl::Status& status : {connection.health(), connection.server_info().status(),
+                                     connection.render({}, view(natural(2, 2))).status()}) {
     EXPECT_TRUE(absl::IsUnavailable(status)) << status;
     const std::string message(status.message());
     EXPECT_EQ(message.rfind("cannot reach 127.0.0.1:1: ", 0), 0u) << message;

@@ -20,6 +20,7 @@
 #include "tests/service/scrape.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -108,22 +109,20 @@ class EnvironmentService : public ::testing::Test {
 
 TEST_F(EnvironmentService, IsPutOnceAndFoundByTheHashOfItsPixelsUntilItIsDropped) {
   const auto panorama = two_halves();
-  const absl::StatusOr<v1::Environment> first = connection().put_environment(*panorama);
-  ASSERT_TRUE(first.ok()) << first.status();
-  EXPECT_EQ(first->id(), environment_id(*panorama));
-  EXPECT_FALSE(first->had_it());
-  EXPECT_EQ(first->radiance_sh_size(), 27);
-  EXPECT_GT(first->stages_size(), 0);
-  EXPECT_EQ(first->default_cube_size(), 16u);
+  ASSERT_OK_AND_ASSIGN(const v1::Environment first, connection().put_environment(*panorama));
+  EXPECT_EQ(first.id(), environment_id(*panorama));
+  EXPECT_FALSE(first.had_it());
+  EXPECT_EQ(first.radiance_sh_size(), 27);
+  EXPECT_GT(first.stages_size(), 0);
+  EXPECT_EQ(first.default_cube_size(), 16u);
   EXPECT_TRUE(connection().put_environment(*panorama)->had_it());
-  EXPECT_EQ(connection().get_environment(first->id())->id(), first->id());
-  const absl::StatusOr<v1::DropEnvironmentResponse> dropped = connection().drop_environment(first->id());
-  ASSERT_TRUE(dropped.ok()) << dropped.status();
-  EXPECT_FALSE(dropped->in_use());
-  const absl::Status gone = connection().get_environment(first->id()).status();
+  EXPECT_EQ(connection().get_environment(first.id())->id(), first.id());
+  ASSERT_OK_AND_ASSIGN(const v1::DropEnvironmentResponse dropped, connection().drop_environment(first.id()));
+  EXPECT_FALSE(dropped.in_use());
+  const absl::Status gone = connection().get_environment(first.id()).status();
   EXPECT_TRUE(absl::IsNotFound(gone)) << gone;
-  EXPECT_NE(gone.message().find(first->id()), std::string::npos) << gone;
-  EXPECT_TRUE(absl::IsNotFound(connection().drop_environment(first->id()).status()));
+  EXPECT_NE(gone.message().find(first.id()), std::string::npos) << gone;
+  EXPECT_TRUE(absl::IsNotFound(connection().drop_environment(first.id()).status()));
 }
 
 TEST_F(EnvironmentService, AnIdDependsOnWhatThePixelsMean) {
@@ -144,14 +143,13 @@ TEST_F(EnvironmentService, AViewOfAUniformPanoramaIsUniformAndRepeatsToTheBit) {
   v1::View view = view_of(put(*uniform(0.5f)), 30);
   for (const uint32_t samples : {1u, 4u, 16u}) {
     view.set_samples(samples);
-    const absl::StatusOr<RenderResult> image = connection().render(plain(), frame_of(view, 37, 23));
-    ASSERT_TRUE(image.ok()) << image.status();
-    const std::vector<Texel> texels = texels_of(image->pixels());
+    ASSERT_OK_AND_ASSIGN(const RenderResult image, connection().render(plain(), frame_of(view, 37, 23)));
+    const std::vector<Texel> texels = texels_of(image.pixels());
     ASSERT_EQ(texels.size(), 37u * 23);
     for (const Texel& texel : texels) ASSERT_NEAR(texel[0], 0.5f, 0.0005f);
     const absl::StatusOr<RenderResult> again = connection().render(plain(), frame_of(view, 37, 23));
-    ASSERT_EQ(image->bytes, again->bytes);
-    EXPECT_EQ(std::memcmp(image->data.get(), again->data.get(), image->bytes), 0);
+    ASSERT_EQ(image.bytes, again->bytes);
+    EXPECT_EQ(std::memcmp(image.data.get(), again->data.get(), image.bytes), 0);
   }
 }
 
@@ -316,20 +314,18 @@ TEST_F(EnvironmentService, ASessionEndsBeforeAViewOfWhatTheServerDoesNotHave) {
 
 TEST_F(EnvironmentService, AFrameBeforeAViewOfWhatTheServerDoesNotHaveGetsItsResult) {
   const std::string id = environment_id(*two_halves());
-  absl::StatusOr<Session> session = Session::open({server_->in_process_channel()}, {});
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open({server_->in_process_channel()}, {}));
   const std::vector<Texel> pixels(24 * 16, Texel{0.5f, 0.25f, 1.0f, 1.0f});
   SessionFrame frame{.width = 24, .height = 16, .pixels = std::as_bytes(std::span(pixels))};
-  ASSERT_TRUE(session->submit(frame).ok());
+  ASSERT_TRUE(session.submit(frame).ok());
   frame = {.width = 24, .height = 16, .sequence = 1, .media_time_ns = film_time_ns(1)};
   frame.view = view_of(id);
-  ASSERT_TRUE(session->submit(frame).ok());
-  const absl::StatusOr<std::optional<FrameResult>> first = session->next_result();
-  ASSERT_TRUE(first.ok()) << first.status();
-  ASSERT_TRUE(first->has_value());
-  EXPECT_TRUE((*first)->status.ok()) << (*first)->status;
-  EXPECT_GT((*first)->image.bytes, 0u);
-  const absl::Status second = session->next_result().status();
+  ASSERT_TRUE(session.submit(frame).ok());
+  ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> first, session.next_result());
+  ASSERT_TRUE(first.has_value());
+  EXPECT_TRUE(first->status.ok()) << first->status;
+  EXPECT_GT(first->image.bytes, 0u);
+  const absl::Status second = session.next_result().status();
   EXPECT_TRUE(absl::IsNotFound(second)) << second;
   EXPECT_NE(second.message().find(id), std::string::npos) << second;
 }
@@ -387,12 +383,11 @@ TEST_F(EnvironmentService, ThoseOfALostDeviceGoWithIt) {
   config.metrics = "127.0.0.1:0";
   restart(config);
   const auto panorama = two_halves();
-  const absl::StatusOr<v1::Environment> kept = connection().put_environment(*panorama);
-  ASSERT_TRUE(kept.ok()) << kept.status();
-  EXPECT_EQ(scrape(*server_).at("candela_environment_bytes"), kept->memory_bytes());
+  ASSERT_OK_AND_ASSIGN(const v1::Environment kept, connection().put_environment(*panorama));
+  EXPECT_EQ(scrape(*server_).at("candela_environment_bytes"), kept.memory_bytes());
   server_->lose_device();
-  EXPECT_TRUE(absl::IsUnavailable(connection().render({}, frame_of(view_of(kept->id()))).status()));
-  EXPECT_TRUE(absl::IsNotFound(connection().get_environment(kept->id()).status()));
+  EXPECT_TRUE(absl::IsUnavailable(connection().render({}, frame_of(view_of(kept.id()))).status()));
+  EXPECT_TRUE(absl::IsNotFound(connection().get_environment(kept.id()).status()));
   // The call that failed was the last to use it.
   const absl::Time end = absl::Now() + absl::Seconds(10);
   while (scrape(*server_).at("candela_environment_bytes") > 0 && absl::Now() < end) {
@@ -411,15 +406,14 @@ TEST_F(EnvironmentService, ABakeOfAUniformPanoramaIsUniformInEveryLevelAndFormat
   request.set_size(64);
   for (const v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGB9E5}) {
     request.set_format(format);
-    const absl::StatusOr<EnvironmentBake> bake = connection().bake_environment(request);
-    ASSERT_TRUE(bake.ok()) << bake.status();
-    ASSERT_EQ(bake->levels.size(), 3u);
+    ASSERT_OK_AND_ASSIGN(const EnvironmentBake bake, connection().bake_environment(request));
+    ASSERT_EQ(bake.levels.size(), 3u);
     for (int i = 0; i < 3; ++i) {
-      EXPECT_EQ(bake->header.levels(i).size(), 64u >> i);
-      EXPECT_NEAR(bake->header.levels(i).roughness(), 0.5 * i, 1e-6);
+      EXPECT_EQ(bake.header.levels(i).size(), 64u >> i);
+      EXPECT_NEAR(bake.header.levels(i).roughness(), 0.5 * i, 1e-6);
     }
     if (format != v1::PIXEL_FORMAT_RGBA16F) continue;
-    for (const std::vector<std::byte>& level : bake->levels) {
+    for (const std::vector<std::byte>& level : bake.levels) {
       for (const Texel& texel : texels_of(level)) ASSERT_NEAR(texel[1], 0.5f, 0.001f);
     }
   }
@@ -434,18 +428,16 @@ TEST_F(EnvironmentService, AskedForLevelsAreThoseOfTheWholeBake) {
   request.set_id(put(*panorama));
   request.set_format(v1::PIXEL_FORMAT_RGBA16F);
   request.set_size(64);
-  const absl::StatusOr<EnvironmentBake> whole = connection().bake_environment(request);
-  ASSERT_TRUE(whole.ok()) << whole.status();
-  ASSERT_EQ(whole->levels.size(), 3u);
+  ASSERT_OK_AND_ASSIGN(const EnvironmentBake whole, connection().bake_environment(request));
+  ASSERT_EQ(whole.levels.size(), 3u);
   for (uint32_t levels = 1; levels <= 3; ++levels) {
     request.set_levels(levels);
-    const absl::StatusOr<EnvironmentBake> bake = connection().bake_environment(request);
-    ASSERT_TRUE(bake.ok()) << bake.status();
-    ASSERT_EQ(bake->levels.size(), levels);
+    ASSERT_OK_AND_ASSIGN(const EnvironmentBake bake, connection().bake_environment(request));
+    ASSERT_EQ(bake.levels.size(), levels);
     for (uint32_t i = 0; i < levels; ++i) {
       const int row = static_cast<int>(i);
-      EXPECT_EQ(bake->header.levels(row).roughness(), whole->header.levels(row).roughness());
-      EXPECT_TRUE(bake->levels[i] == whole->levels[i]) << levels << ": " << i;
+      EXPECT_EQ(bake.header.levels(row).roughness(), whole.header.levels(row).roughness());
+      EXPECT_TRUE(bake.levels[i] == whole.levels[i]) << levels << ": " << i;
     }
   }
 }
@@ -512,10 +504,9 @@ TEST_F(EnvironmentService, AVerifiedBakeSaysTheErrorOfEachLevel) {
   double error_of_draft = 0;
   for (const auto& [tier, most] : {std::pair("draft", 0.08), {"standard", 0.02}, {"reference", 0.003}}) {
     request.set_tier(tier);
-    const absl::StatusOr<EnvironmentBake> bake = connection().bake_environment(request);
-    ASSERT_TRUE(bake.ok()) << bake.status();
+    ASSERT_OK_AND_ASSIGN(const EnvironmentBake bake, connection().bake_environment(request));
     double sum = 0;
-    for (const v1::BakedLevel& level : bake->header.levels()) {
+    for (const v1::BakedLevel& level : bake.header.levels()) {
       ASSERT_TRUE(level.has_error());
       EXPECT_LE(level.error(), most) << tier << ", level of " << level.size();
       sum += level.error();
@@ -553,25 +544,23 @@ TEST_F(EnvironmentService, ThoseUsedLastAreKeptWithinTheBudget) {
   config.memory_budget_bytes = 64 << 20;
   config.environment_budget_bytes = 8 << 20;
   restart(config);
-  const absl::StatusOr<v1::Environment> first = connection().put_environment(*uniform(0.1f, 256));
-  ASSERT_TRUE(first.ok()) << first.status();
-  ASSERT_GT(3 * first->memory_bytes(), config.environment_budget_bytes);
+  ASSERT_OK_AND_ASSIGN(const v1::Environment first, connection().put_environment(*uniform(0.1f, 256)));
+  ASSERT_GT(3 * first.memory_bytes(), config.environment_budget_bytes);
   const std::string second = put(*uniform(0.2f, 256));
-  ASSERT_TRUE(connection().get_environment(first->id()).ok());
+  ASSERT_TRUE(connection().get_environment(first.id()).ok());
   const std::string third = put(*uniform(0.3f, 256));
   EXPECT_TRUE(absl::IsNotFound(connection().get_environment(second).status()));
   EXPECT_TRUE(connection().get_environment(third).ok());
-  EXPECT_TRUE(connection().get_environment(first->id()).ok());
+  EXPECT_TRUE(connection().get_environment(first.id()).ok());
   const absl::Status large = connection().put_environment(*uniform(0.4f, 2048)).status();
   EXPECT_TRUE(absl::IsResourceExhausted(large)) << large;
   EXPECT_NE(large.message().find("environment-budget"), std::string::npos) << large;
 }
 
 TEST_F(EnvironmentService, ByDefaultTheyGetAQuarterOfTheTexturesBudget) {
-  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
-  ASSERT_TRUE(info.ok()) << info.status();
-  ASSERT_GT(info->limits().memory_budget_bytes(), 0u);
-  EXPECT_EQ(info->limits().environment_budget_bytes(), info->limits().memory_budget_bytes() / 4);
+  ASSERT_OK_AND_ASSIGN(const v1::GetServerInfoResponse info, connection().server_info());
+  ASSERT_GT(info.limits().memory_budget_bytes(), 0u);
+  EXPECT_EQ(info.limits().environment_budget_bytes(), info.limits().memory_budget_bytes() / 4);
 }
 
 TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
@@ -586,11 +575,10 @@ TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
   frame.view = view_of(id);
   const auto show = [&] {
     ASSERT_TRUE(session->submit(frame).ok());
-    const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
-    ASSERT_TRUE(result.ok()) << result.status();
-    ASSERT_TRUE(result->has_value());
-    EXPECT_EQ((*result)->sequence, frame.sequence);
-    EXPECT_TRUE((*result)->status.ok()) << (*result)->status;
+    ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session->next_result());
+    ASSERT_TRUE(result.has_value());
+    EXPECT_EQ(result->sequence, frame.sequence);
+    EXPECT_TRUE(result->status.ok()) << result->status;
     ++frame.sequence;
     frame.media_time_ns = film_time_ns(frame.sequence);
   };
@@ -650,10 +638,9 @@ TEST_F(EnvironmentService, BadValuesAreCountedOrRefused) {
   const auto spoilt = make_panorama(8, 4, [](uint32_t x, uint32_t y) {
     return std::array<float, 3>{x == 3 && y == 2 ? NAN : 1.0f, x == 5 ? -1.0f : 1.0f, 1.0f};
   });
-  const absl::StatusOr<v1::Environment> scrubbed = connection().put_environment(*spoilt);
-  ASSERT_TRUE(scrubbed.ok()) << scrubbed.status();
-  EXPECT_EQ(scrubbed->nan_components(), 1u);
-  EXPECT_EQ(scrubbed->negative_components(), 4u);
+  ASSERT_OK_AND_ASSIGN(const v1::Environment scrubbed, connection().put_environment(*spoilt));
+  EXPECT_EQ(scrubbed.nan_components(), 1u);
+  EXPECT_EQ(scrubbed.negative_components(), 4u);
   Panorama strict = *spoilt;
   strict.start.set_bad_values(v1::BAD_VALUES_REJECT);
   const absl::Status refused = connection().put_environment(strict).status();

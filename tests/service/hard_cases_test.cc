@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tests/service/service_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -38,9 +39,8 @@ absl::StatusOr<RenderResult> render_case(const Connection& connection, const Har
 constexpr double kNoBound = 255;
 
 TEST_P(HardCases, GiveAFinitePictureWithinThePublishedErrorInEveryTier) {
-  const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
-  ASSERT_TRUE(info.ok()) << info.status();
-  for (const v1::Tier& tier : info->tiers()) {
+  ASSERT_OK_AND_ASSIGN(const v1::GetServerInfoResponse info, connection().server_info());
+  for (const v1::Tier& tier : info.tiers()) {
     for (const auto& [width, height] : {std::pair{1u, 1u}, {1u, 7u}, {3u, 5u}, {16384u, 1u}, {67u, 35u}}) {
       for (const HardCase& hard : hard_cases(width, height)) {
         for (const bool bloom : {true, false}) {
@@ -96,19 +96,17 @@ TEST_P(HardCases, AreWithinTheBoundThatTheAnswerNames) {
 // The luminance jumps from black to 65504 between two frames that are no time, a moment or a long time apart.
 TEST_P(HardCases, AStepInLuminanceAdaptsToAFiniteExposure) {
   const WireFrame bright = flat(67, 35, {65504, 65504, 65504, 1});
-  const absl::StatusOr<RenderResult> dark = connection().render({}, view(flat(67, 35, {0, 0, 0, 1})));
-  ASSERT_TRUE(dark.ok()) << dark.status();
-  EXPECT_EQ(dark->header.exposure(), 64.0);
+  ASSERT_OK_AND_ASSIGN(const RenderResult dark, connection().render({}, view(flat(67, 35, {0, 0, 0, 1}))));
+  EXPECT_EQ(dark.header.exposure(), 64.0);
   for (double elapsed : {0.0, 1e-9, 1.0 / 24, 1e9}) {
     FrameView asked = view(bright);
     asked.previous.emplace();
-    asked.previous->set_exposure(dark->header.exposure());
+    asked.previous->set_exposure(dark.header.exposure());
     asked.previous->set_elapsed_seconds(elapsed);
-    const absl::StatusOr<RenderResult> result = connection().render({}, asked);
-    ASSERT_TRUE(result.ok()) << result.status();
+    ASSERT_OK_AND_ASSIGN(const RenderResult result, connection().render({}, asked));
     const double target = 1.0 / 64;  // the smallest allowed by default
-    EXPECT_EQ(result->header.target(), target);
-    EXPECT_NEAR(std::log2(result->header.exposure()), -6 + 12 * std::exp(-elapsed), 1e-12) << elapsed;
+    EXPECT_EQ(result.header.target(), target);
+    EXPECT_NEAR(std::log2(result.header.exposure()), -6 + 12 * std::exp(-elapsed), 1e-12) << elapsed;
   }
 }
 

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "tests/service/service_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -46,11 +47,10 @@ TEST_P(Meter, SaysWhatRenderSaysOfTheSameFrame) {
     v1::MeterResponse metered;
     const grpc::Status status = meter(frame, settings, &metered);
     ASSERT_TRUE(status.ok()) << status.error_message();
-    const absl::StatusOr<RenderResult> rendered = connection().render(settings, view(frame));
-    ASSERT_TRUE(rendered.ok()) << rendered.status();
-    EXPECT_EQ(metered.exposure(), rendered->header.exposure());
-    EXPECT_EQ(metered.target(), rendered->header.target());
-    EXPECT_EQ(metered.statistics().SerializeAsString(), rendered->header.statistics().SerializeAsString());
+    ASSERT_OK_AND_ASSIGN(const RenderResult rendered, connection().render(settings, view(frame)));
+    EXPECT_EQ(metered.exposure(), rendered.header.exposure());
+    EXPECT_EQ(metered.target(), rendered.header.target());
+    EXPECT_EQ(metered.statistics().SerializeAsString(), rendered.header.statistics().SerializeAsString());
     EXPECT_EQ(std::accumulate(metered.histogram().begin(), metered.histogram().end(), uint64_t{0}),
               weight_of(frame));
   }
@@ -76,10 +76,9 @@ TEST_P(Meter, LeavesOutAbsentPixelsAndSaysWhatALimitHeld) {
   EXPECT_NEAR(metered.statistics().mean_log2_luminance(), 1.0, 2e-5);
   EXPECT_EQ(metered.target(), 0.25);
   EXPECT_NEAR(metered.target_before_limits(), 0.09, 1e-5);
-  const absl::StatusOr<RenderResult> rendered = connection().render(settings, view(frame));
-  ASSERT_TRUE(rendered.ok()) << rendered.status();
-  EXPECT_EQ(rendered->header.target_before_limits(), metered.target_before_limits());
-  EXPECT_EQ(metered.statistics().SerializeAsString(), rendered->header.statistics().SerializeAsString());
+  ASSERT_OK_AND_ASSIGN(const RenderResult rendered, connection().render(settings, view(frame)));
+  EXPECT_EQ(rendered.header.target_before_limits(), metered.target_before_limits());
+  EXPECT_EQ(metered.statistics().SerializeAsString(), rendered.header.statistics().SerializeAsString());
 }
 
 TEST_P(Meter, RefusesWhatRenderRefuses) {

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_join.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -79,13 +80,12 @@ TEST_P(Render, OddSizesEvenSizesAndManyBandsComeBackWhole) {
   for (const Size& size :
        {Size{1, 1}, Size{1, 7}, Size{3, 5}, Size{64, 64}, Size{257, 31}, Size{1024, 700}, Size{1023, 700}}) {
     const WireFrame frame = natural(size.width, size.height);
-    const absl::StatusOr<RenderResult> ours = connection().render({}, view(frame, 77));
-    ASSERT_TRUE(ours.ok()) << ours.status();
-    EXPECT_EQ(ours->header.sequence(), 77u);
-    EXPECT_EQ(ours->bytes, uint64_t{size.width} * size.height * 4);
+    ASSERT_OK_AND_ASSIGN(const RenderResult ours, connection().render({}, view(frame, 77)));
+    EXPECT_EQ(ours.header.sequence(), 77u);
+    EXPECT_EQ(ours.bytes, uint64_t{size.width} * size.height * 4);
     const Plain plain = render_plainly(channel(), frame, 13);
     ASSERT_TRUE(plain.status.ok()) << plain.status.error_message();
-    EXPECT_EQ(text(ours->pixels()), plain.pixels) << size.width << "x" << size.height;
+    EXPECT_EQ(text(ours.pixels()), plain.pixels) << size.width << "x" << size.height;
   }
 }
 
@@ -96,10 +96,9 @@ TEST_P(Render, EveryFormatInAndOut) {
          {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16, v1::OUTPUT_FORMAT_RGBA16F}) {
       v1::Settings settings;
       settings.set_output_format(out);
-      const absl::StatusOr<RenderResult> result = connection().render(settings, view(frame));
-      ASSERT_TRUE(result.ok()) << result.status();
-      EXPECT_EQ(result->header.format(), out);
-      EXPECT_EQ(result->bytes, 37u * 21 * (out == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
+      ASSERT_OK_AND_ASSIGN(const RenderResult result, connection().render(settings, view(frame)));
+      EXPECT_EQ(result.header.format(), out);
+      EXPECT_EQ(result.bytes, 37u * 21 * (out == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
     }
   }
 }
@@ -163,10 +162,9 @@ TEST_P(Render, TheHeaderSaysWhatWasDone) {
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_exposure()->set_manual_ev(1);
   settings.set_prescale(2);
-  const absl::StatusOr<RenderResult> result =
-      connection().render(settings, view(flat(8, 8, {0.5f, 0.5f, 0.5f, 1.0f}), 3));
-  ASSERT_TRUE(result.ok()) << result.status();
-  const v1::ResultHeader& header = result->header;
+  ASSERT_OK_AND_ASSIGN(const RenderResult result,
+                       connection().render(settings, view(flat(8, 8, {0.5f, 0.5f, 0.5f, 1.0f}), 3)));
+  const v1::ResultHeader& header = result.header;
   EXPECT_EQ(header.sequence(), 3u);
   EXPECT_EQ(header.width(), 8u);
   EXPECT_EQ(header.exposure(), 2.0);
@@ -184,20 +182,18 @@ TEST_P(Render, APromiseChoosesTheTier) {
   const WireFrame frame = natural(200, 100);
   v1::Settings settings;
   settings.set_max_error_codes(0.5);
-  const absl::StatusOr<RenderResult> exact = connection().render(settings, view(frame));
-  ASSERT_TRUE(exact.ok()) << exact.status();
-  EXPECT_EQ(exact->header.tier(), "standard");
-  EXPECT_NE(exact->header.tier_reason().find("keeps max_error_codes 0.5"), std::string::npos)
-      << exact->header.tier_reason();
+  ASSERT_OK_AND_ASSIGN(const RenderResult exact, connection().render(settings, view(frame)));
+  EXPECT_EQ(exact.header.tier(), "standard");
+  EXPECT_NE(exact.header.tier_reason().find("keeps max_error_codes 0.5"), std::string::npos)
+      << exact.header.tier_reason();
   // Without bloom, draft is accurate enough.
   settings.mutable_bloom()->set_intensity(0);
-  const absl::StatusOr<RenderResult> plain = connection().render(settings, view(frame));
-  ASSERT_TRUE(plain.ok()) << plain.status();
-  EXPECT_EQ(plain->header.tier(), "draft");
-  EXPECT_GT(plain->header.error_bound_codes(), 0);
-  EXPECT_LE(plain->header.error_bound_codes(), 0.5);
-  EXPECT_NE(plain->header.tier_reason().find("draft is within"), std::string::npos)
-      << plain->header.tier_reason();
+  ASSERT_OK_AND_ASSIGN(const RenderResult plain, connection().render(settings, view(frame)));
+  EXPECT_EQ(plain.header.tier(), "draft");
+  EXPECT_GT(plain.header.error_bound_codes(), 0);
+  EXPECT_LE(plain.header.error_bound_codes(), 0.5);
+  EXPECT_NE(plain.header.tier_reason().find("draft is within"), std::string::npos)
+      << plain.header.tier_reason();
 
   settings.set_tier("draft");
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, view(frame)).status()));
@@ -225,16 +221,15 @@ TEST_P(Render, TheNewSettingsArrive) {
   asked.previous.emplace();
   asked.previous->set_exposure(2);
   asked.previous->set_elapsed_seconds(0.25);
-  const absl::StatusOr<RenderResult> result = connection().render(settings, asked);
-  ASSERT_TRUE(result.ok()) << result.status();
-  const std::string plan = absl::StrJoin(result->header.plan(), "\n");
+  ASSERT_OK_AND_ASSIGN(const RenderResult result, connection().render(settings, asked));
+  const std::string plan = absl::StrJoin(result.header.plan(), "\n");
   for (const char* words : {"meter in x 0 .. 30, y 0 .. 1000", "gaussian bloom at 17x9", "rgba8 dithered"}) {
     EXPECT_NE(plan.find(words), std::string::npos) << plan;
   }
-  const double speed = result->header.target() > 2 ? 3.0 : 1.0;
+  const double speed = result.header.target() > 2 ? 3.0 : 1.0;
   const double left = std::exp(-0.25 * speed);
-  EXPECT_NEAR(std::log2(result->header.exposure()),
-              (1 - left) * std::log2(result->header.target()) + left * std::log2(2.0), 1e-12);
+  EXPECT_NEAR(std::log2(result.header.exposure()),
+              (1 - left) * std::log2(result.header.target()) + left * std::log2(2.0), 1e-12);
 
   asked.previous->set_elapsed_seconds(-1);
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, asked).status()));
@@ -261,9 +256,8 @@ TEST_P(Render, AHundredCallsLeaveNothingInUseAndHitThePool) {
   ASSERT_TRUE(wait_until_idle(connection()));
   const v1::PoolInfo before = pool();
   for (uint64_t i = 0; i < 100; ++i) {
-    const absl::StatusOr<RenderResult> result = connection().render({}, view(frame, i));
-    ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_EQ(result->header.sequence(), i);
+    ASSERT_OK_AND_ASSIGN(const RenderResult result, connection().render({}, view(frame, i)));
+    EXPECT_EQ(result.header.sequence(), i);
     // A frame that begins before the previous one's bands have been sent would rightly take other textures.
     ASSERT_TRUE(wait_until_idle(connection()));
   }
@@ -282,11 +276,10 @@ TEST_P(Render, ManyClientsAtOnceEachGetTheirOwnImage) {
       const Connection own = connection();
       std::string first;
       for (int i = 0; i < 10; ++i) {
-        const absl::StatusOr<RenderResult> result = own.render({}, view(frame, c));
-        ASSERT_TRUE(result.ok()) << result.status();
-        ASSERT_EQ(result->header.width(), 40 + c);
-        if (i == 0) first = text(result->pixels());
-        ASSERT_EQ(text(result->pixels()), first);
+        ASSERT_OK_AND_ASSIGN(const RenderResult result, own.render({}, view(frame, c)));
+        ASSERT_EQ(result.header.width(), 40 + c);
+        if (i == 0) first = text(result.pixels());
+        ASSERT_EQ(text(result.pixels()), first);
       }
     });
   }

@@ -6,6 +6,7 @@
 #include "tests/service/session_run.h"
 #include "tests/service/stream_client.h"
 #include "tests/support/daemon.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -63,26 +64,25 @@ void expect_a_camera_that_pauses_to_go_on(const std::string& address, const Film
   options.lookahead = lookahead;
   const SessionRun expected = run_session(Session::open(options), film);
   ASSERT_EQ(expected.images.size(), film->size()) << expected.status;
-  absl::StatusOr<Session> session = Session::open(options);
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
   std::vector<std::string> images;
   const auto take = [&] {
-    const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+    const absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
     ASSERT_TRUE(result.ok() && *result) << result.status();
     ASSERT_TRUE((*result)->status.ok()) << (*result)->status;
     images.emplace_back(reinterpret_cast<const char*>((*result)->image.data.get()), (*result)->image.bytes);
   };
   for (size_t i = 0; i < film->size(); ++i) {
     if (i == 4) absl::SleepFor(7 * kIdleTimeout);
-    ASSERT_TRUE(session->submit(frame_of(film, i)).ok());
+    ASSERT_TRUE(session.submit(frame_of(film, i)).ok());
     if (i >= lookahead) take();
   }
-  session->finish();
+  session.finish();
   while (images.size() < film->size()) take();
-  EXPECT_FALSE(session->next_result()->has_value());
+  EXPECT_FALSE(session.next_result()->has_value());
   EXPECT_TRUE(images == expected.images);
-  EXPECT_EQ(session->stats().resumes, 1u) << session->stats().last_loss;
-  EXPECT_LT(session->stats().time_without_results, 5 * kIdleTimeout) << "the pause is not an outage";
+  EXPECT_EQ(session.stats().resumes, 1u) << session.stats().last_loss;
+  EXPECT_LT(session.stats().time_without_results, 5 * kIdleTimeout) << "the pause is not an outage";
 }
 
 TEST_F(Resume, TheClientLibraryGoesOnWhenItsCameraDoes) {
@@ -96,13 +96,12 @@ TEST_F(Resume, TheClientLibraryGoesOnWithLookAheadToo) {
 TEST_F(Resume, APauseThatNothingFollowsEndsWell) {
   SessionOptions options;
   options.servers = {address_};
-  absl::StatusOr<Session> session = Session::open(options);
-  ASSERT_TRUE(session.ok()) << session.status();
-  ASSERT_TRUE(session->submit(frame_of(film_, 0)).ok());
-  EXPECT_TRUE(session->next_result()->has_value());
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
+  ASSERT_TRUE(session.submit(frame_of(film_, 0)).ok());
+  EXPECT_TRUE(session.next_result()->has_value());
   absl::SleepFor(4 * kIdleTimeout);
-  session->finish();
-  const absl::StatusOr<std::optional<FrameResult>> end = session->next_result();
+  session.finish();
+  const absl::StatusOr<std::optional<FrameResult>> end = session.next_result();
   EXPECT_TRUE(end.ok() && !*end) << end.status();
 }
 

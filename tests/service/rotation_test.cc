@@ -10,6 +10,7 @@
 #include "tests/service/security_fixture.h"
 #include "tests/service/session_run.h"
 #include "tests/support/driver.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -53,12 +54,11 @@ TEST_F(Rotation, OfTheCertificateMovesTheExpiryThatMetricsShow) {
   config.memory_budget_bytes = uint64_t{64} << 20;
   config.tls_cert = folder_.path("server.pem");
   config.tls_key = folder_.path("server.key");
-  const absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
-  ASSERT_TRUE(server.ok()) << server.status();
+  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server, Server::start(config));
   keep_driver_loaded();
   const auto days_left = [&] {
     const absl::Time expires = absl::FromUnixSeconds(
-        static_cast<int64_t>(scrape(**server).at("candela_certificate_expiry_timestamp_seconds")));
+        static_cast<int64_t>(scrape(*server).at("candela_certificate_expiry_timestamp_seconds")));
     return absl::ToDoubleHours(expires - absl::Now()) / 24;
   };
   EXPECT_NEAR(days_left(), 1, 0.1);

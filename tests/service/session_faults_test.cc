@@ -16,6 +16,7 @@
 #include "tests/service/session_run.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -138,10 +139,9 @@ TEST_F(SessionFaults, AStoppedDaemonIsLeftWhenItGivesNoSignOfLife) {
 TEST_F(SessionFaults, ADaemonTakesThePingsOfASessionThatWaits) {
   SessionOptions waiting = options(0, 0);
   waiting.ping_interval = absl::Seconds(1);
-  absl::StatusOr<Session> session = Session::open(waiting);
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(waiting));
   absl::SleepFor(absl::Seconds(8));
-  EXPECT_EQ(session->stats().resumes, 0u) << session->stats().last_loss;
+  EXPECT_EQ(session.stats().resumes, 0u) << session.stats().last_loss;
   const Film film = make_film(3, 64, 48);
   const SessionRun run = run_session(std::move(session), film);
   EXPECT_TRUE(run.status.ok()) << run.status;
@@ -153,16 +153,15 @@ TEST_F(SessionFaults, ADaemonTakesThePingsOfASessionThatWaits) {
 TEST_F(SessionFaults, LookAheadThatWaitsForFramesIsNoSilence) {
   SessionOptions waiting = options(1, 0);
   waiting.silence_limit = absl::Seconds(2);
-  absl::StatusOr<Session> session = Session::open(waiting);
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(waiting));
   const Film film = make_film(5, 64, 48);
   for (size_t i = 0; i < film->size(); ++i) {
     if (i == waiting.lookahead) absl::SleepFor(absl::Seconds(4));
-    ASSERT_TRUE(session->submit(frame_of(film, i)).ok());
+    ASSERT_TRUE(session.submit(frame_of(film, i)).ok());
   }
-  session->finish();
-  for (size_t i = 0; i < film->size(); ++i) ASSERT_TRUE(session->next_result()->has_value());
-  EXPECT_EQ(session->stats().resumes, 0u) << session->stats().last_loss;
+  session.finish();
+  for (size_t i = 0; i < film->size(); ++i) ASSERT_TRUE(session.next_result()->has_value());
+  EXPECT_EQ(session.stats().resumes, 0u) << session.stats().last_loss;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "tests/service/service_fixture.h"
 #include "tests/service/session_run.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -173,15 +174,13 @@ TEST_P(SessionParts, RenderAndMeterTakeAGivenExposure) {
   ASSERT_EQ(whole.size(), 3u);
   FrameView frame = view((*film_)->at(2), 2);
   frame.exposure = whole[2].header.exposure();
-  const absl::StatusOr<RenderResult> alone = connection().render({}, frame);
-  ASSERT_TRUE(alone.ok()) << alone.status();
-  EXPECT_EQ(alone->header.exposure(), whole[2].header.exposure());
-  EXPECT_EQ(alone->header.target(), whole[2].header.target());
-  EXPECT_TRUE(whole[2].image == std::string(reinterpret_cast<const char*>(alone->data.get()), alone->bytes));
-  const absl::StatusOr<v1::MeterResponse> metered = connection().meter({}, frame);
-  ASSERT_TRUE(metered.ok()) << metered.status();
-  EXPECT_EQ(metered->exposure(), *frame.exposure);
-  EXPECT_EQ(metered->target(), alone->header.target());
+  ASSERT_OK_AND_ASSIGN(const RenderResult alone, connection().render({}, frame));
+  EXPECT_EQ(alone.header.exposure(), whole[2].header.exposure());
+  EXPECT_EQ(alone.header.target(), whole[2].header.target());
+  EXPECT_TRUE(whole[2].image == std::string(reinterpret_cast<const char*>(alone.data.get()), alone.bytes));
+  ASSERT_OK_AND_ASSIGN(const v1::MeterResponse metered, connection().meter({}, frame));
+  EXPECT_EQ(metered.exposure(), *frame.exposure);
+  EXPECT_EQ(metered.target(), alone.header.target());
   frame.exposure = 0x1p41;
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render({}, frame).status()));
 }
@@ -216,12 +215,11 @@ TEST_P(SessionParts, WithoutImagesABadFrameFailsAlone) {
   options.settings.set_bad_values(v1::BAD_VALUES_REJECT);
   const auto film = std::make_shared<const std::vector<WireFrame>>(
       std::vector{flat(64, 64, {0.5f, 0.5f, 0.5f, 1}), bad, flat(64, 64, {2, 2, 2, 1})});
-  absl::StatusOr<Session> session = Session::open({channel()}, options);
-  ASSERT_TRUE(session.ok()) << session.status();
-  for (size_t i = 0; i < 3; ++i) ASSERT_TRUE(session->submit(frame_of(film, i)).ok());
-  session->finish();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open({channel()}, options));
+  for (size_t i = 0; i < 3; ++i) ASSERT_TRUE(session.submit(frame_of(film, i)).ok());
+  session.finish();
   for (size_t i = 0; i < 3; ++i) {
-    const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+    const absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
     ASSERT_TRUE(result.ok() && *result) << result.status();
     EXPECT_EQ((*result)->status.ok(), i != 1) << (*result)->status;
   }

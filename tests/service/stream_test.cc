@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -61,11 +62,10 @@ TEST_P(Stream, ExposureFollowsTheRecursionAndEachImageIsWhatRenderMakesOfIt) {
       frame.previous->set_exposure(results[i - 1].header.exposure());
       frame.previous->set_elapsed_seconds(static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) * 1e-9);
     }
-    const absl::StatusOr<RenderResult> alone = connection().render({}, frame);
-    ASSERT_TRUE(alone.ok()) << alone.status();
-    EXPECT_EQ(results[i].header.exposure(), alone->header.exposure());
-    EXPECT_EQ(results[i].header.target(), alone->header.target());
-    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone->data.get(), alone->bytes)) << "frame " << i;
+    ASSERT_OK_AND_ASSIGN(const RenderResult alone, connection().render({}, frame));
+    EXPECT_EQ(results[i].header.exposure(), alone.header.exposure());
+    EXPECT_EQ(results[i].header.target(), alone.header.target());
+    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone.data.get(), alone.bytes)) << "frame " << i;
   }
   EXPECT_LT(results[9].header.exposure(), results[4].header.exposure());
   EXPECT_GT(results[9].header.exposure(), results[9].header.target()) << "it takes its time";
@@ -94,10 +94,9 @@ TEST_P(Stream, FramesMayBeOpaqueOrTransparent) {
       view_of_frame.previous->set_elapsed_seconds(static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) *
                                                   1e-9);
     }
-    const absl::StatusOr<RenderResult> alone = connection().render(open.settings(), view_of_frame);
-    ASSERT_TRUE(alone.ok()) << alone.status();
-    EXPECT_EQ(results[i].header.exposure(), alone->header.exposure());
-    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone->data.get(), alone->bytes)) << "frame " << i;
+    ASSERT_OK_AND_ASSIGN(const RenderResult alone, connection().render(open.settings(), view_of_frame));
+    EXPECT_EQ(results[i].header.exposure(), alone.header.exposure());
+    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone.data.get(), alone.bytes)) << "frame " << i;
     const bool nothing = results[i].header.statistics().absent_pixels() == 64u * 48u;
     if (i == 0 || !nothing) continue;
     EXPECT_EQ(results[i].header.exposure(), results[i - 1].header.exposure());

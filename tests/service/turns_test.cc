@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -123,10 +124,9 @@ std::function<void()> bakes(const Server& server) {
     panorama.start.set_height(1024);
     panorama.start.set_format(v1::PIXEL_FORMAT_RGB9E5);
     panorama.pixels = std::as_bytes(std::span(*texels));
-    const absl::StatusOr<v1::Environment> put = connection.put_environment(panorama);
-    ASSERT_TRUE(put.ok()) << put.status();
+    ASSERT_OK_AND_ASSIGN(const v1::Environment put, connection.put_environment(panorama));
     v1::BakeEnvironmentRequest request;
-    request.set_id(put->id());
+    request.set_id(put.id());
     request.set_format(v1::PIXEL_FORMAT_RGBA16F);
     const absl::Status status = connection.bake_environment(request).status();
     EXPECT_TRUE(status.ok()) << status;

@@ -17,6 +17,7 @@
 #include "server/render/settings/settings.h"
 #include "shaders/reference.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -189,8 +190,7 @@ TEST(ColorTable, LightWithinTheAxesIsAsTheTableSeesIt) {
 
 TEST(ColorTable, HoldsOpenColorIOsLightAtItsPoints) {
   constexpr uint32_t kSize = 17;
-  const auto table = aces_1_table(kSize);
-  ASSERT_TRUE(table.ok()) << table.status();
+  ASSERT_OK_AND_ASSIGN(const auto table, aces_1_table(kSize));
   double worst = 0.0;
   // Only points of the lattice that are never negative in Rec.709.
   const auto inverse = [](const Rgb& v) {
@@ -216,7 +216,7 @@ TEST(ColorTable, HoldsOpenColorIOsLightAtItsPoints) {
         if (std::min({light[0], light[1], light[2]}) < 0.0) continue;
         ++points;
         const Rgb truth = aces(light);
-        const Rgb held = reference::look_up(**table, light);
+        const Rgb held = reference::look_up(*table, light);
         for (size_t k = 0; k < 3; ++k)
           worst = std::max(worst, std::abs(srgb(held[k]) - srgb(truth[k])) * 255.0);
       }
@@ -282,13 +282,12 @@ TEST(ColorTable, IsWithinItsPublishedErrorOfOpenColorIO) {
   std::printf("codes against OpenColorIO: max, p99.9, mean\n%-5s%-24s%-24s%-24s%-24s\n", "size", "greys",
               "within an octave", "any colour to 2^8", "saturated");
   for (const Bound& bound : bounds) {
-    const auto table = aces_1_table(bound.size);
-    ASSERT_TRUE(table.ok()) << table.status();
+    ASSERT_OK_AND_ASSIGN(const auto table, aces_1_table(bound.size));
     std::printf("%-5u", bound.size);
     const std::pair<const std::vector<Rgb>*, Error> sets[] = {
         {&greys, bound.greys}, {&likely, bound.likely}, {&any, bound.any}, {&saturated, bound.saturated}};
     for (const auto& [colors, allowed] : sets) {
-      const Error error = error_of(**table, *colors);
+      const Error error = error_of(*table, *colors);
       std::printf("%7.3f %7.3f %7.4f ", error.max, error.p999, error.mean);
       EXPECT_LE(error.max, allowed.max) << bound.size;
       EXPECT_LE(error.p999, allowed.p999) << bound.size;

@@ -12,6 +12,7 @@
 
 #include "candela/v1/render.pb.h"
 #include "proto/candela/v1/limits.h"
+#include "tests/support/status.h"
 
 namespace candela::v1 {
 namespace {
@@ -88,9 +89,8 @@ TEST(BandWire, TheErrorMapIsAnotherMemberOfTheSameMessage) {
   for (const auto& [first, second, kind, other] : {std::tuple(image, map, kErrorMapBand, kImageBand),
                                                    std::tuple(map, image, kImageBand, kErrorMapBand)}) {
     const std::string bytes = first.SerializeAsString() + second.SerializeAsString();
-    const absl::StatusOr<Read> band = read(bytes, 7, kind);
-    ASSERT_TRUE(band.ok()) << band.status();
-    EXPECT_EQ(band->pixels, second.has_band() ? "abc" : "de");
+    ASSERT_OK_AND_ASSIGN(const Read band, read(bytes, 7, kind));
+    EXPECT_EQ(band.pixels, second.has_band() ? "abc" : "de");
     EXPECT_TRUE(absl::IsInvalidArgument(read(bytes, 7, other).status()));
   }
   // In a request this field number is unknown.
@@ -100,10 +100,9 @@ TEST(BandWire, TheErrorMapIsAnotherMemberOfTheSameMessage) {
 TEST(BandWire, ReadsTheGeneratedClassesBytesInSlicesOfAnySize) {
   const std::string pixels = pattern(1000);
   for (size_t slice_bytes : {1, 2, 3, 64, 5000}) {
-    const absl::StatusOr<Read> band = read(request(300, pixels).SerializeAsString(), slice_bytes);
-    ASSERT_TRUE(band.ok()) << band.status();
-    EXPECT_EQ(band->first_row, 300u);
-    EXPECT_EQ(band->pixels, pixels);
+    ASSERT_OK_AND_ASSIGN(const Read band, read(request(300, pixels).SerializeAsString(), slice_bytes));
+    EXPECT_EQ(band.first_row, 300u);
+    EXPECT_EQ(band.pixels, pixels);
   }
 }
 
@@ -129,9 +128,8 @@ TEST(BandWire, SkipsUnknownFieldsOfEveryWireType) {
   RenderRequest generated;
   ASSERT_TRUE(generated.ParseFromString(message));
   ASSERT_EQ(generated.band().pixels(), "hi");
-  const absl::StatusOr<Read> ours = read(message);
-  ASSERT_TRUE(ours.ok()) << ours.status();
-  EXPECT_EQ(ours->pixels, "hi");
+  ASSERT_OK_AND_ASSIGN(const Read ours, read(message));
+  EXPECT_EQ(ours.pixels, "hi");
 }
 
 TEST(BandWire, FieldsMayComeInAnyOrderAndTheLastOneCounts) {
@@ -143,19 +141,17 @@ TEST(BandWire, FieldsMayComeInAnyOrderAndTheLastOneCounts) {
       "de"
       "\x08\x06",
       15);
-  const absl::StatusOr<Read> band = read(message);
-  ASSERT_TRUE(band.ok()) << band.status();
-  EXPECT_EQ(band->first_row, 6u);
-  EXPECT_EQ(band->pixels, "de");
+  ASSERT_OK_AND_ASSIGN(const Read band, read(message));
+  EXPECT_EQ(band.first_row, 6u);
+  EXPECT_EQ(band.pixels, "de");
 }
 
 TEST(BandWire, AnEmptyLaterFieldOrPartEmptiesTheEarlierOne) {
   const std::string band = request(3, "abc").SerializeAsString();
   EXPECT_EQ(read(band + std::string("\x12\x02\x12\x00", 4))->pixels, "");
-  const absl::StatusOr<Read> replaced = read(band + std::string("\x0a\x00\x12\x00", 4));
-  ASSERT_TRUE(replaced.ok()) << replaced.status();
-  EXPECT_EQ(replaced->pixels, "");
-  EXPECT_EQ(replaced->first_row, 0u);
+  ASSERT_OK_AND_ASSIGN(const Read replaced, read(band + std::string("\x0a\x00\x12\x00", 4)));
+  EXPECT_EQ(replaced.pixels, "");
+  EXPECT_EQ(replaced.first_row, 0u);
 }
 
 TEST(BandWire, RefusesAMessageWhoseLastPartIsNotABand) {

@@ -13,6 +13,7 @@
 #include "server/listen_address.h"
 #include "server/option_table.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -33,28 +34,24 @@ class Variable {
 };
 
 TEST(Config, TheAnnotatedFileIsGeneratedFromTheTable) {
-  const absl::StatusOr<Invocation> printed = parse({"--print-config"});
-  ASSERT_TRUE(printed.ok()) << printed.status();
-  EXPECT_EQ(read_file(CANDELA_CONF), printed->text) << "run: candelad --print-config >deploy/candelad.conf";
+  ASSERT_OK_AND_ASSIGN(const Invocation printed, parse({"--print-config"}));
+  EXPECT_EQ(read_file(CANDELA_CONF), printed.text) << "run: candelad --print-config >deploy/candelad.conf";
 }
 
 TEST(Config, TheAnnotatedFileSetsEveryOptionToItsDefault) {
-  const absl::StatusOr<Invocation> from_file = parse({"--config", CANDELA_CONF});
-  ASSERT_TRUE(from_file.ok()) << from_file.status();
-  const absl::StatusOr<Invocation> defaults = parse({});
-  ASSERT_TRUE(defaults.ok());
+  ASSERT_OK_AND_ASSIGN(const Invocation from_file, parse({"--config", CANDELA_CONF}));
+  ASSERT_OK_AND_ASSIGN(const Invocation defaults, parse({}));
   for (const Option& option : option_table()) {
-    EXPECT_EQ(value_text(option, from_file->config), value_text(option, defaults->config)) << option.name;
+    EXPECT_EQ(value_text(option, from_file.config), value_text(option, defaults.config)) << option.name;
   }
 }
 
 TEST(Config, HelpNamesTheFlagTheVariableAndTheRangeOfEveryOption) {
-  const absl::StatusOr<Invocation> help = parse({"--help"});
-  ASSERT_TRUE(help.ok());
+  ASSERT_OK_AND_ASSIGN(const Invocation help, parse({"--help"}));
   for (const Option& option : option_table()) {
     for (const std::string& text : {absl::StrCat("  --", option.name, " "),
                                     absl::StrCat("(Env:", variable_name(option), ")"), range_text(option)}) {
-      EXPECT_NE(help->text.find(text), std::string::npos) << text;
+      EXPECT_NE(help.text.find(text), std::string::npos) << text;
     }
   }
 }
@@ -77,47 +74,45 @@ TEST(Config, FlagsWinOverVariablesAndVariablesOverTheFile) {
   const TemporaryFile file("max-calls = 5\nmax-dimension = 100\nmemory-budget = \"1GiB\"\nlog-json = true\n");
   const Variable calls("CANDELA_MAX_CALLS", "6");
   const Variable dimension("CANDELA_MAX_DIMENSION", "200");
-  const absl::StatusOr<Invocation> invocation = parse({"--config", file.path().c_str(), "--max-calls", "7"});
-  ASSERT_TRUE(invocation.ok()) << invocation.status();
-  EXPECT_EQ(invocation->config.max_calls, 7u);
-  EXPECT_EQ(invocation->config.max_dimension, 200u);
-  EXPECT_EQ(invocation->config.memory_budget_bytes, uint64_t{1} << 30);
-  EXPECT_TRUE(invocation->config.log_json);
+  ASSERT_OK_AND_ASSIGN(const Invocation invocation,
+                       parse({"--config", file.path().c_str(), "--max-calls", "7"}));
+  EXPECT_EQ(invocation.config.max_calls, 7u);
+  EXPECT_EQ(invocation.config.max_dimension, 200u);
+  EXPECT_EQ(invocation.config.memory_budget_bytes, uint64_t{1} << 30);
+  EXPECT_TRUE(invocation.config.log_json);
 }
 
 TEST(Config, SessionsOptionsAreRead) {
   const Variable keys("CANDELA_RESUME_KEYS", "/etc/candela/keys");
   const TemporaryFile file("resume-ttl = \"1h\"\nmetrics = \"127.0.0.1:9090\"\n");
-  const absl::StatusOr<Invocation> invocation =
-      parse({"--config", file.path().c_str(), "--max-sessions", "3", "--max-frames-in-flight", "4",
-             "--encoder-threads", "5", "--pre-drain", "6s"});
-  ASSERT_TRUE(invocation.ok()) << invocation.status();
-  EXPECT_EQ(invocation->config.max_sessions, 3u);
-  EXPECT_EQ(invocation->config.max_frames_in_flight, 4u);
-  EXPECT_EQ(invocation->config.encoder_threads, 5u);
-  EXPECT_EQ(invocation->config.pre_drain, absl::Seconds(6));
-  EXPECT_EQ(invocation->config.resume_keys, "/etc/candela/keys");
-  EXPECT_EQ(invocation->config.resume_ttl, absl::Hours(1));
-  EXPECT_EQ(invocation->config.metrics, "127.0.0.1:9090");
+  ASSERT_OK_AND_ASSIGN(const Invocation invocation,
+                       parse({"--config", file.path().c_str(), "--max-sessions", "3",
+                              "--max-frames-in-flight", "4", "--encoder-threads", "5", "--pre-drain", "6s"}));
+  EXPECT_EQ(invocation.config.max_sessions, 3u);
+  EXPECT_EQ(invocation.config.max_frames_in_flight, 4u);
+  EXPECT_EQ(invocation.config.encoder_threads, 5u);
+  EXPECT_EQ(invocation.config.pre_drain, absl::Seconds(6));
+  EXPECT_EQ(invocation.config.resume_keys, "/etc/candela/keys");
+  EXPECT_EQ(invocation.config.resume_ttl, absl::Hours(1));
+  EXPECT_EQ(invocation.config.metrics, "127.0.0.1:9090");
   EXPECT_TRUE(parse({"--metrics", "0.0.0.0:9090", "--insecure"}).ok());
 }
 
 TEST(Config, SecurityIsRead) {
   const Variable key("CANDELA_TLS_KEY", "/etc/candela/key");
   const TemporaryFile file("tls-cert = \"/etc/candela/cert\"\ntls-client-ca = \"/etc/candela/ca\"\n");
-  const absl::StatusOr<Invocation> invocation = parse(
-      {"--config", file.path().c_str(), "--token-file", "/etc/candela/tokens", "--listen", "0.0.0.0:1"});
-  ASSERT_TRUE(invocation.ok()) << invocation.status();
-  EXPECT_EQ(invocation->config.tls_cert, "/etc/candela/cert");
-  EXPECT_EQ(invocation->config.tls_key, "/etc/candela/key");
-  EXPECT_EQ(invocation->config.tls_client_ca, "/etc/candela/ca");
-  EXPECT_EQ(invocation->config.token_file, "/etc/candela/tokens");
+  ASSERT_OK_AND_ASSIGN(const Invocation invocation, parse({"--config", file.path().c_str(), "--token-file",
+                                                           "/etc/candela/tokens", "--listen", "0.0.0.0:1"}));
+  EXPECT_EQ(invocation.config.tls_cert, "/etc/candela/cert");
+  EXPECT_EQ(invocation.config.tls_key, "/etc/candela/key");
+  EXPECT_EQ(invocation.config.tls_client_ca, "/etc/candela/ca");
+  EXPECT_EQ(invocation.config.token_file, "/etc/candela/tokens");
 }
 
 TEST(Config, ListenTakesSeveralAddresses) {
-  const absl::StatusOr<Invocation> invocation = parse({"--listen", "localhost:0,unix:/tmp/c.sock,[::1]:7"});
-  ASSERT_TRUE(invocation.ok()) << invocation.status();
-  EXPECT_EQ(invocation->config.listen,
+  ASSERT_OK_AND_ASSIGN(const Invocation invocation,
+                       parse({"--listen", "localhost:0,unix:/tmp/c.sock,[::1]:7"}));
+  EXPECT_EQ(invocation.config.listen,
             (std::vector<std::string>{"localhost:0", "unix:/tmp/c.sock", "[::1]:7"}));
 }
 
@@ -207,9 +202,8 @@ TEST(Config, TheFileMayListAddressesAsTomlDoes) {
   for (const char* text : {"listen = \"a:1,unix:/tmp/c.sock\"\ninsecure = true\n",
                            "insecure = true\nlisten = [\"a:1\", \"unix:/tmp/c.sock\"]\n"}) {
     const TemporaryFile file(text);
-    const absl::StatusOr<Invocation> invocation = parse({"--config", file.path().c_str()});
-    ASSERT_TRUE(invocation.ok()) << invocation.status();
-    EXPECT_EQ(invocation->config.listen, (std::vector<std::string>{"a:1", "unix:/tmp/c.sock"}));
+    ASSERT_OK_AND_ASSIGN(const Invocation invocation, parse({"--config", file.path().c_str()}));
+    EXPECT_EQ(invocation.config.listen, (std::vector<std::string>{"a:1", "unix:/tmp/c.sock"}));
   }
 }
 

@@ -11,6 +11,7 @@
 
 #include "client/image/image.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/baked_environment_support.h"
 #include "tests/unit/image_support.h"
 
@@ -179,17 +180,17 @@ TEST_F(EnvironmentFiles, FacesInAFolderAreThoseOfTheCubeMap) {
       const Ktx2 file = ktx2(environment_of({32, 16}, telling), handedness, format);
       for (size_t level = 0; level < 2; ++level) {
         for (uint32_t face = 0; face < 6; ++face) {
-          const auto picture =
-              read_image(folder_.path((level == 0 ? "cube/" : "cube/level1/") + names[face] + ".exr"));
-          ASSERT_TRUE(picture.ok()) << picture.status();
+          ASSERT_OK_AND_ASSIGN(
+              const auto picture,
+              read_image(folder_.path((level == 0 ? "cube/" : "cube/level1/") + names[face] + ".exr")));
           const uint32_t size = 32u >> level;
-          ASSERT_EQ(picture->width, size);
-          ASSERT_EQ(picture->height, size);
-          ASSERT_EQ(picture->format,
+          ASSERT_EQ(picture.width, size);
+          ASSERT_EQ(picture.height, size);
+          ASSERT_EQ(picture.format,
                     format == CubeFormat::kRgba32f ? ImageFormat::kRgba32f : ImageFormat::kRgba16f);
           for (uint32_t n = 0; n < size * size; ++n) {
             const Vector texel = file.texel(level, face, n % size, n / size);
-            for (int c = 0; c < 3; ++c) ASSERT_EQ(component(*picture, n % size, n / size, c), texel[c]);
+            for (int c = 0; c < 3; ++c) ASSERT_EQ(component(picture, n % size, n / size, c), texel[c]);
           }
         }
       }

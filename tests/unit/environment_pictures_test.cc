@@ -8,6 +8,7 @@
 #include "client/environment/cube_lookup.h"
 #include "client/environment/pictures.h"
 #include "proto/candela/v1/rgb9e5.h"
+#include "tests/support/status.h"
 #include "tests/unit/baked_environment_support.h"
 #include "tests/unit/image_support.h"
 
@@ -33,25 +34,24 @@ TEST(EnvironmentPictures, TheCrossIsWhatSomebodyInsideSees) {
   environment.handedness = Handedness::kRight;  // changes nothing
   for (size_t level = 0; level < 2; ++level) {
     const uint32_t size = 32u >> level;
-    const auto cross = cross_picture(environment, level);
-    ASSERT_TRUE(cross.ok()) << cross.status();
-    ASSERT_EQ(cross->width, 4 * size);
-    ASSERT_EQ(cross->height, 3 * size);
+    ASSERT_OK_AND_ASSIGN(const auto cross, cross_picture(environment, level));
+    ASSERT_EQ(cross.width, 4 * size);
+    ASSERT_EQ(cross.height, 3 * size);
     uint32_t seen = 0;
     for (const Cell& cell : cells) {
       for (uint32_t n = 0; n < size * size; ++n, ++seen) {
         const double a = 2 * (n % size + 0.5) / size - 1, b = 1 - 2 * (n / size + 0.5) / size;
         Vector point;
         for (size_t k = 0; k < 3; ++k) point[k] = cell.forward[k] + a * cell.right[k] + b * cell.up[k];
-        ASSERT_EQ(pixel(*cross, cell.column * size + n % size, cell.row * size + n / size),
+        ASSERT_EQ(pixel(cross, cell.column * size + n % size, cell.row * size + n / size),
                   telling(level, point))
             << cell.column << " " << cell.row << ": " << n;
       }
     }
     uint32_t black = 0;
     for (uint32_t n = 0; n < 12 * size * size; ++n) {
-      EXPECT_EQ(component(*cross, n % (4 * size), n / (4 * size), 3), 1);
-      black += pixel(*cross, n % (4 * size), n / (4 * size)) == Vector{};
+      EXPECT_EQ(component(cross, n % (4 * size), n / (4 * size), 3), 1);
+      black += pixel(cross, n % (4 * size), n / (4 * size)) == Vector{};
     }
     EXPECT_EQ(black + seen, 12 * size * size);
   }
@@ -110,10 +110,9 @@ TEST(EnvironmentPictures, ThePanoramaShowsTheWorldWithoutASeam) {
     }
     for (size_t level = 0; level < 2; ++level) {
       const uint32_t size = 32u >> level, width = 4 * size, height = 2 * size;
-      const auto panorama = equirectangular_picture(environment, level);
-      ASSERT_TRUE(panorama.ok()) << panorama.status();
-      ASSERT_EQ(panorama->width, width);
-      ASSERT_EQ(panorama->height, height);
+      ASSERT_OK_AND_ASSIGN(const auto panorama, equirectangular_picture(environment, level));
+      ASSERT_EQ(panorama.width, width);
+      ASSERT_EQ(panorama.height, height);
       uint32_t inside = 0;
       for (uint32_t n = 0; n < width * height; ++n) {
         const double lon = 2 * std::numbers::pi * ((n % width + 0.5) / width - 0.5),
@@ -130,7 +129,7 @@ TEST(EnvironmentPictures, ThePanoramaShowsTheWorldWithoutASeam) {
                                                : std::ldexp(3.0, static_cast<int>(level) - 11);
         inside += near_edge == 0;
         for (int c = 0; c < 3; ++c) {
-          ASSERT_NEAR(component(*panorama, n % width, n / width, c), telling(level, d)[c], tolerance);
+          ASSERT_NEAR(component(panorama, n % width, n / width, c), telling(level, d)[c], tolerance);
         }
       }
       EXPECT_GT(inside, width * height * 3 / 4);
@@ -146,14 +145,13 @@ TEST(EnvironmentPictures, ASheetHasItsPicturesSideBySideInAnyFormat) {
       Image& picture = pictures.emplace_back(*make_image(4 * size, 3 * size, format));
       for (size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels.data()[i] = std::byte(1 + i % 50);
     }
-    const auto sheet = preview_sheet(pictures, 5);
-    ASSERT_TRUE(sheet.ok()) << sheet.status();
-    EXPECT_EQ(sheet->format, format);
-    ASSERT_EQ(sheet->width, 5u + 12 + 5 + 8 + 5);
-    ASSERT_EQ(sheet->height, 5u + 9 + 5);
+    ASSERT_OK_AND_ASSIGN(const auto sheet, preview_sheet(pictures, 5));
+    EXPECT_EQ(sheet.format, format);
+    ASSERT_EQ(sheet.width, 5u + 12 + 5 + 8 + 5);
+    ASSERT_EQ(sheet.height, 5u + 9 + 5);
     const float opaque = format == ImageFormat::kRgba8 ? 255 : format == ImageFormat::kRgba16 ? 65535 : 1;
-    for (uint32_t y = 0; y < sheet->height; ++y) {
-      for (uint32_t x = 0; x < sheet->width; ++x) {
+    for (uint32_t y = 0; y < sheet.height; ++y) {
+      for (uint32_t x = 0; x < sheet.width; ++x) {
         const bool first = x >= 5 && x < 17 && y >= 5 && y < 14,
                    second = x >= 22 && x < 30 && y >= 5 && y < 11;
         for (int c = 0; c < 4; ++c) {
@@ -161,7 +159,7 @@ TEST(EnvironmentPictures, ASheetHasItsPicturesSideBySideInAnyFormat) {
                                  : second ? component(pictures[1], x - 22, y - 5, c)
                                  : c == 3 ? opaque
                                           : 0;
-          ASSERT_EQ(component(*sheet, x, y, c), expected) << x << ", " << y;
+          ASSERT_EQ(component(sheet, x, y, c), expected) << x << ", " << y;
         }
       }
     }
@@ -182,10 +180,9 @@ TEST(Rgb9e5, CountsWhatItCannotHold) {
     if (p == cube_point(0, 1, 1, 16)) return {-0.0, 65408, 0};
     return {1, 2, 3};
   });
-  const auto losses = convert_to_rgb9e5(environment);
-  ASSERT_TRUE(losses.ok());
-  EXPECT_EQ(losses->negative, 3u);
-  EXPECT_EQ(losses->clamped, 2u);
+  ASSERT_OK_AND_ASSIGN(const auto losses, convert_to_rgb9e5(environment));
+  EXPECT_EQ(losses.negative, 3u);
+  EXPECT_EQ(losses.clamped, 2u);
   const auto texel = [&](uint32_t face, uint32_t i, uint32_t j) {
     uint32_t word = 0;
     std::memcpy(&word, environment.levels[0].texels.data() + 4 * ((face * 16 + j) * 16 + i), 4);

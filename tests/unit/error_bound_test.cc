@@ -9,6 +9,7 @@
 
 #include "server/render/color/aces.h"
 #include "shaders/reference.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -188,13 +189,13 @@ class WorstColor {
 TEST(ErrorBound, NoColourIsBeyondTheErrorOfATable) {
   for (const Tier* tier : {&draft(), &standard()}) {
     for (const bool wide : {false, true}) {
-      const auto table = wide ? aces_1_wide_table(tier->wide_table_size) : aces_1_table(tier->table_size);
-      ASSERT_TRUE(table.ok()) << table.status();
+      ASSERT_OK_AND_ASSIGN(const auto table,
+                           wide ? aces_1_wide_table(tier->wide_table_size) : aces_1_table(tier->table_size));
       const TableError& bound = wide ? tier->wide_table_codes : tier->table_codes;
       for (const auto& [transfer, codes] : {std::pair{shader::TRANSFER_SRGB, bound.srgb},
                                             {shader::TRANSFER_GAMMA22, bound.gamma22},
                                             {shader::TRANSFER_LINEAR, bound.linear}}) {
-        const double worst = WorstColor(**table, transfer, wide).search(300);
+        const double worst = WorstColor(*table, transfer, wide).search(300);
         std::printf("%-9s %s transfer %u: %.3f of %.3g codes\n", tier->name, wide ? "AP1" : "own", transfer,
                     worst, codes);
         EXPECT_LE(worst, codes) << tier->name << " wide " << wide << " transfer " << transfer;

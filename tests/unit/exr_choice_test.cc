@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "client/image/describe.h"
 #include "client/image/primaries.h"
+#include "tests/support/status.h"
 #include "tests/unit/exr_choice_fixture.h"
 
 namespace candela {
@@ -118,11 +119,10 @@ TEST_F(ExrChoice, DecodesLuminanceAndChromaInAnyPart) {
   }
   write_scan_lines(plain, header, colour("", 10));  // parts share the window and the chromaticities
   join(path_, {plain, luma});
-  const absl::StatusOr<Image> alone = read_image(luma), second = read_image(path_, {}, {.part = "2"});
-  ASSERT_TRUE(alone.ok()) << alone.status();
+  ASSERT_OK_AND_ASSIGN(const Image alone, read_image(luma), second = read_image(path_, {}, {.part = "2"}));
   ASSERT_TRUE(second.ok()) << second.status();
-  EXPECT_TRUE(same_pixels(*alone, *second));
-  EXPECT_EQ(alone->chromaticities, second->chromaticities);
+  EXPECT_TRUE(same_pixels(alone, *second));
+  EXPECT_EQ(alone.chromaticities, second->chromaticities);
   EXPECT_TRUE(second->has_alpha);
   EXPECT_NEAR(component(*second, 20, 10, 0), 1.24, 0.02);
   EXPECT_NEAR(component(*second, 20, 10, 2), 0.8 * 1.24, 0.02);
@@ -144,12 +144,11 @@ TEST_F(ExrChoice, IsDescribedWithEverythingThatThereIs) {
   header.compression() = Imf::PIZ_COMPRESSION;
   write_scan_lines(path_, header,
                    all({colour("", 1), colour("right.", 1), {constant("depth.Z", 1, Imf::FLOAT)}}));
-  const absl::StatusOr<FileFacts> facts = describe_image(path_);
-  ASSERT_TRUE(facts.ok()) << facts.status();
-  EXPECT_EQ(facts->kind, "OpenEXR");
-  EXPECT_EQ(facts->shown, "R G B");
-  ASSERT_EQ(facts->parts.size(), 1u);
-  const PartFacts& part = facts->parts[0];
+  ASSERT_OK_AND_ASSIGN(const FileFacts facts, describe_image(path_));
+  EXPECT_EQ(facts.kind, "OpenEXR");
+  EXPECT_EQ(facts.shown, "R G B");
+  ASSERT_EQ(facts.parts.size(), 1u);
+  const PartFacts& part = facts.parts[0];
   EXPECT_EQ(part.storage, "scan lines");
   EXPECT_EQ(part.compression, "PIZ");
   EXPECT_EQ(part.display.right, 9);

@@ -16,6 +16,7 @@
 #include "client/image/color_interop.h"
 #include "client/image/describe.h"
 #include "client/image/primaries.h"
+#include "tests/support/status.h"
 #include "tests/unit/exr_reader_fixture.h"
 
 namespace candela {
@@ -177,15 +178,13 @@ TEST_F(ExrColors, SignalsOfADisplayAreRefusedByName) {
     const std::string refused = error();
     EXPECT_NE(refused.find(path_ + ": its colorInteropID is " + name), std::string::npos) << refused;
     EXPECT_NE(refused.find("--ocio-input"), std::string::npos) << refused;
-    const auto facts = describe_image(path_);
-    ASSERT_TRUE(facts.ok()) << facts.status();
-    EXPECT_EQ(facts->renderable.code(), absl::StatusCode::kUnimplemented);
-    EXPECT_EQ(facts->parts[0].color_interop_id, name);
+    ASSERT_OK_AND_ASSIGN(const auto facts, describe_image(path_));
+    EXPECT_EQ(facts.renderable.code(), absl::StatusCode::kUnimplemented);
+    EXPECT_EQ(facts.parts[0].color_interop_id, name);
     // The user may say what the values are.
-    const absl::StatusOr<Image> own = read_image(path_, {}, {.own_values = true});
-    ASSERT_TRUE(own.ok()) << own.status();
-    EXPECT_EQ(component(*own, 0, 0, 0), 0.5f);
-    ASSERT_EQ(own->notes.size(), 1u);
+    ASSERT_OK_AND_ASSIGN(const Image own, read_image(path_, {}, {.own_values = true}));
+    EXPECT_EQ(component(own, 0, 0, 0), 0.5f);
+    ASSERT_EQ(own.notes.size(), 1u);
   }
 }
 
@@ -224,11 +223,10 @@ TEST_F(ExrColors, DataIsNoPictureUnlessItIsChosen) {
   EXPECT_NE(error().find("its colorInteropID is data, so it holds numbers and no colours; --part 1"),
             std::string::npos)
       << error();
-  absl::StatusOr<Image> chosen = read_image(path_, {}, {.part = "1"});
-  ASSERT_TRUE(chosen.ok()) << chosen.status();
-  EXPECT_EQ(component(*chosen, 0, 0, 0), 0.5f);
-  EXPECT_FALSE(chosen->names_primaries);
-  ASSERT_EQ(chosen->notes.size(), 1u);
+  ASSERT_OK_AND_ASSIGN(Image chosen, read_image(path_, {}, {.part = "1"}));
+  EXPECT_EQ(component(chosen, 0, 0, 0), 0.5f);
+  EXPECT_FALSE(chosen.names_primaries);
+  ASSERT_EQ(chosen.notes.size(), 1u);
   EXPECT_TRUE(read_image(path_, {}, {.own_values = true}).ok());
 
   // Of several parts, the first with colours is taken.
@@ -282,10 +280,9 @@ TEST_F(ExrColors, WrittenLightNamesItsPrimaries) {
     const Imf::Chromaticities c = chromaticities_of(name);
     image.chromaticities = {c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y};
     ASSERT_TRUE(write_image(path_, image).ok());
-    auto facts = describe_image(path_);
-    ASSERT_TRUE(facts.ok()) << facts.status();
-    EXPECT_EQ(facts->parts[0].color_interop_id, expected);
-    EXPECT_EQ(facts->notes, std::vector<std::string>{});
+    ASSERT_OK_AND_ASSIGN(auto facts, describe_image(path_));
+    EXPECT_EQ(facts.parts[0].color_interop_id, expected);
+    EXPECT_EQ(facts.notes, std::vector<std::string>{});
   }
   const Image image = *make_image(2, 2, ImageFormat::kRgba16f);
   ASSERT_TRUE(write_image(path_, image, {.transfer = EncodedTransfer::kUnknown}).ok());

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_format.h"
+#include "tests/support/status.h"
 #include "tests/unit/exr_reader_fixture.h"
 
 namespace candela {
@@ -129,9 +130,8 @@ TEST_F(ExrGaps, OtherPartsDoNotMatter) {
     }
     EXPECT_EQ(read_image(path_).ok(), rows == 8) << error();
     if (rows == 4) expect_there(filled(), [](int, int y) { return y < 4; });
-    const absl::StatusOr<Image> second = read_image(path_, {}, {.part = "2", .fills_gaps = true});
-    ASSERT_TRUE(second.ok()) << second.status();
-    EXPECT_EQ(second->missing_pixels, 30u);
+    ASSERT_OK_AND_ASSIGN(const Image second, read_image(path_, {}, {.part = "2", .fills_gaps = true}));
+    EXPECT_EQ(second.missing_pixels, 30u);
   }
 }
 

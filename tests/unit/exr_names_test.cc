@@ -6,6 +6,7 @@
 
 #include "client/image/describe.h"
 #include "client/image/primaries.h"
+#include "tests/support/status.h"
 #include "tests/unit/exr_choice_fixture.h"
 
 namespace candela {
@@ -104,12 +105,11 @@ TEST_F(ExrChoice, TakesTheDefaultViewOfThePicture) {
 TEST_F(ExrChoice, ShowsXyzWithoutALayerOnlyWhenItIsChosen) {
   write_scan_lines(path_, Imf::Header(3, 3), named({"X", "Y", "Z"}, 1));
   EXPECT_NE(pixel({}).find("no colour channels (it has XYZ, X, Y, Z)"), std::string::npos) << pixel({});
-  const absl::StatusOr<Image> image = read_image(path_, {}, {.layer = "XYZ"});
-  ASSERT_TRUE(image.ok()) << image.status();
-  EXPECT_EQ(component(*image, 0, 0, 1), 2);
-  ASSERT_TRUE(image->chromaticities.has_value());
-  EXPECT_EQ(*image->chromaticities, kXyz.xy);
-  EXPECT_EQ(image->notes, std::vector<std::string>{"X, Y and Z are taken as CIE XYZ"});
+  ASSERT_OK_AND_ASSIGN(const Image image, read_image(path_, {}, {.layer = "XYZ"}));
+  EXPECT_EQ(component(image, 0, 0, 1), 2);
+  ASSERT_TRUE(image.chromaticities.has_value());
+  EXPECT_EQ(image->chromaticities, kXyz.xy);
+  EXPECT_EQ(image.notes, std::vector<std::string>{"X, Y and Z are taken as CIE XYZ"});
   write_scan_lines(path_, Imf::Header(3, 3), all({named({"X", "Y", "Z"}, 1), colour("beauty.", 10)}));
   EXPECT_EQ(pixel({}), "10 11 12");
   EXPECT_EQ(read().notes, std::vector<std::string>{"layer beauty is shown; there is also --layer XYZ"});
@@ -179,9 +179,8 @@ TEST_F(ExrChoice, EveryNameThatIsShownCanBePassedBack) {
       EXPECT_EQ(std::count(seen.begin(), seen.end(), shown), 0) << choice.part << " " << choice.layer;
       seen.push_back(shown);
     }
-    const absl::StatusOr<FileFacts> facts = describe_image(path_);
-    ASSERT_TRUE(facts.ok()) << facts.status();
-    for (const PartFacts& part : facts->parts) {
+    ASSERT_OK_AND_ASSIGN(const FileFacts facts, describe_image(path_));
+    for (const PartFacts& part : facts.parts) {
       EXPECT_TRUE(!in_parts || read_image(path_, {}, {.part = part.name}).ok()) << part.name;
       for (const std::string& layer : part.layers) {
         EXPECT_TRUE(read_image(path_, {}, {.layer = layer}).ok()) << layer;

@@ -10,6 +10,7 @@
 
 #include "client/image/encodings.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/image_support.h"
 
 // jpeglib.h needs FILE and size_t declared before it.
@@ -247,14 +248,13 @@ TEST_F(ImageWriter, RoundTripsOpenExrBitForBit) {
         if (format == ImageFormat::kRgba32f) std::memcpy(at, &one, 4);
       }
       EXPECT_TRUE(write("out.exr", image).empty());
-      const auto back = read_image(folder_.path("out.exr"));
-      ASSERT_TRUE(back.ok()) << back.status();
-      EXPECT_TRUE(same_pixels(image, *back));
-      EXPECT_EQ(back->has_alpha, alpha);
-      EXPECT_EQ(back->pixel_aspect, 2);
-      EXPECT_EQ(back->frame_rate, image.frame_rate);
-      EXPECT_TRUE(back->names_primaries);
-      EXPECT_FALSE(back->chromaticities.has_value());
+      ASSERT_OK_AND_ASSIGN(const auto back, read_image(folder_.path("out.exr")));
+      EXPECT_TRUE(same_pixels(image, back));
+      EXPECT_EQ(back.has_alpha, alpha);
+      EXPECT_EQ(back.pixel_aspect, 2);
+      EXPECT_EQ(back.frame_rate, image.frame_rate);
+      EXPECT_TRUE(back.names_primaries);
+      EXPECT_FALSE(back.chromaticities.has_value());
     }
   }
 }
@@ -264,11 +264,10 @@ TEST_F(ImageWriter, RoundTripsPfmAndSaysWhatItLost) {
     Image image = test_image(5, 4, format, true);
     image.pixel_aspect = 2;
     EXPECT_EQ(write("out.pfm", image).size(), 2u);
-    const auto back = read_image(folder_.path("out.pfm"));
-    ASSERT_TRUE(back.ok()) << back.status();
+    ASSERT_OK_AND_ASSIGN(const auto back, read_image(folder_.path("out.pfm")));
     for (uint32_t y = 0; y < 4; ++y) {
       for (uint32_t x = 0; x < 5; ++x) {
-        for (int c = 0; c < 3; ++c) ASSERT_EQ(component(*back, x, y, c), component(image, x, y, c));
+        for (int c = 0; c < 3; ++c) ASSERT_EQ(component(back, x, y, c), component(image, x, y, c));
       }
     }
   }

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
@@ -33,24 +34,22 @@ class PfmReader : public ::testing::Test {
 
 TEST_F(PfmReader, ReadsRowsFromTheBottomInEitherByteOrder) {
   for (const bool swap : {false, true}) {
-    const auto image =
-        read((swap ? "PF\n1 2\n1.0\n" : "PF\n1 2\n-1.0\n") + floats({1, 2, 3, -4, 5e30f, 6}, swap));
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_EQ(image->format, ImageFormat::kRgba32f);
-    EXPECT_TRUE(image->notes.empty());
-    EXPECT_EQ(component(*image, 0, 1, 0), 1);
-    EXPECT_EQ(component(*image, 0, 1, 2), 3);
-    EXPECT_EQ(component(*image, 0, 0, 0), -4);
-    EXPECT_EQ(component(*image, 0, 0, 1), 5e30f);
-    EXPECT_EQ(component(*image, 0, 0, 3), 1);
+    ASSERT_OK_AND_ASSIGN(const auto image, read((swap ? "PF\n1 2\n1.0\n" : "PF\n1 2\n-1.0\n") +
+                                                floats({1, 2, 3, -4, 5e30f, 6}, swap)));
+    EXPECT_EQ(image.format, ImageFormat::kRgba32f);
+    EXPECT_TRUE(image.notes.empty());
+    EXPECT_EQ(component(image, 0, 1, 0), 1);
+    EXPECT_EQ(component(image, 0, 1, 2), 3);
+    EXPECT_EQ(component(image, 0, 0, 0), -4);
+    EXPECT_EQ(component(image, 0, 0, 1), 5e30f);
+    EXPECT_EQ(component(image, 0, 0, 3), 1);
   }
 }
 
 TEST_F(PfmReader, SpreadsGreyAndMultipliesTheScaleIn) {
-  const auto image = read("Pf 2 1 -2.5\n" + floats({1, 4}));
-  ASSERT_TRUE(image.ok()) << image.status();
-  for (int c = 0; c < 3; ++c) EXPECT_EQ(component(*image, 1, 0, c), 10);
-  EXPECT_EQ(image->notes, std::vector<std::string>{"PFM scale 2.5 multiplied in"});
+  ASSERT_OK_AND_ASSIGN(const auto image, read("Pf 2 1 -2.5\n" + floats({1, 4})));
+  for (int c = 0; c < 3; ++c) EXPECT_EQ(component(image, 1, 0, c), 10);
+  EXPECT_EQ(image.notes, std::vector<std::string>{"PFM scale 2.5 multiplied in"});
 }
 
 TEST_F(PfmReader, ReadsHeadersWithCommentsAndWithLineEndsInCrLf) {
@@ -67,31 +66,29 @@ TEST_F(PfmReader, ReadsHeadersWithCommentsAndWithLineEndsInCrLf) {
       EXPECT_EQ(component(*image, 1, 0, 2), 6) << header << std::hex << bits;
     }
   }
-  const auto image = read("PF\n2 1\n-1.0 # little endian\n" + floats({1, 2, 3, 4, 5, 6}));
-  ASSERT_TRUE(image.ok()) << image.status();
-  EXPECT_EQ(component(*image, 1, 0, 2), 6);
+  ASSERT_OK_AND_ASSIGN(const auto image,
+                       read("PF\n2 1\n-1.0 # little endian\n" + floats({1, 2, 3, 4, 5, 6})));
+  EXPECT_EQ(component(image, 1, 0, 2), 6);
 }
 
 // https://github.com/Tom94/tev/pull/110
 TEST_F(PfmReader, ReadsPf4WithAlpha) {
-  const auto image = read("PF4\n1 2\n-2.0\n" + floats({1, 2, 3, 0.5f, 5, 6, 7, 0.25f}));
-  ASSERT_TRUE(image.ok()) << image.status();
-  EXPECT_TRUE(image->has_alpha);
-  EXPECT_EQ(component(*image, 0, 1, 2), 6);
-  EXPECT_EQ(component(*image, 0, 1, 3), 0.5f) << "the scale is of light, not of alpha";
-  EXPECT_EQ(component(*image, 0, 0, 3), 0.25f);
+  ASSERT_OK_AND_ASSIGN(const auto image, read("PF4\n1 2\n-2.0\n" + floats({1, 2, 3, 0.5f, 5, 6, 7, 0.25f})));
+  EXPECT_TRUE(image.has_alpha);
+  EXPECT_EQ(component(image, 0, 1, 2), 6);
+  EXPECT_EQ(component(image, 0, 1, 3), 0.5f) << "the scale is of light, not of alpha";
+  EXPECT_EQ(component(image, 0, 0, 3), 0.25f);
 }
 
 TEST_F(PfmReader, FillsWhatAnUnfinishedFileLacks) {
   for (const std::string header : {"PF\n1 3\n-1\n", "PF\r\n1 3\r\n-1\r\n"}) {
     const std::string cut = header + floats({1, 2, 3, 4, 5, 6}) + "xx";
     EXPECT_NE(read(cut).status().message().find("--incomplete fill renders"), absl::string_view::npos);
-    const auto image = read_image(path_, {}, {.fills_gaps = true});
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_EQ(image->missing_pixels, 1u);
-    EXPECT_EQ(component(*image, 0, 0, 3), 0);
-    EXPECT_EQ(component(*image, 0, 1, 2), 6);
-    EXPECT_EQ(component(*image, 0, 2, 0), 1);
+    ASSERT_OK_AND_ASSIGN(const auto image, read_image(path_, {}, {.fills_gaps = true}));
+    EXPECT_EQ(image.missing_pixels, 1u);
+    EXPECT_EQ(component(image, 0, 0, 3), 0);
+    EXPECT_EQ(component(image, 0, 1, 2), 6);
+    EXPECT_EQ(component(image, 0, 2, 0), 1);
   }
 }
 

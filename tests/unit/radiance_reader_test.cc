@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
@@ -174,13 +175,12 @@ TEST_F(RadianceReader, FillsWhatAnUnfinishedFileLacks) {
     const absl::Status refused = read_image(path_).status();
     EXPECT_NE(refused.message().find("--incomplete fill renders what is there"), absl::string_view::npos)
         << refused;
-    const absl::StatusOr<Image> image = read_image(path_, {}, {.fills_gaps = true});
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_EQ(image->missing_pixels, 40u);
-    EXPECT_TRUE(image->has_alpha);
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(path_, {}, {.fills_gaps = true}));
+    EXPECT_EQ(image.missing_pixels, 40u);
+    EXPECT_TRUE(image.has_alpha);
     const uint32_t missing = size[0] == '-' ? 3 : 0;
-    for (uint32_t y = 0; y < 4; ++y) EXPECT_EQ(component(*image, 7, y, 3), y == missing ? 0 : 1);
-    EXPECT_NE(image->notes.at(0).find("40 of its 160 pixels are missing"), std::string::npos);
+    for (uint32_t y = 0; y < 4; ++y) EXPECT_EQ(component(image, 7, y, 3), y == missing ? 0 : 1);
+    EXPECT_NE(image.notes.at(0).find("40 of its 160 pixels are missing"), std::string::npos);
   }
 }
 

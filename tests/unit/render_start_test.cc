@@ -8,6 +8,7 @@
 
 #include "proto/candela/v1/limits.h"
 #include "server/rpc/wire/parse_request.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -32,21 +33,20 @@ absl::StatusOr<RenderStart> read(const v1::RenderRequest& message, const FrameLi
 absl::StatusCode code(const v1::RenderRequest& message) { return read(message).status().code(); }
 
 TEST(RenderStart, AbsentSettingsTakeTheDefaults) {
-  const absl::StatusOr<RenderStart> start = read(request(5, 3));
-  ASSERT_TRUE(start.ok()) << start.status();
-  EXPECT_EQ(start->sequence, 42u);
-  EXPECT_EQ(start->desc.width, 5u);
-  EXPECT_EQ(start->desc.height, 3u);
-  EXPECT_EQ(start->row_stride_bytes, 40u);
-  EXPECT_EQ(start->settings->exposure().mode(), v1::Exposure::MODE_AUTO);
-  EXPECT_EQ(start->settings->exposure().key(), 0.18);
-  EXPECT_EQ(start->settings->bloom().intensity(), 0.05f);
-  EXPECT_EQ(start->settings->bloom().levels(), 5u);
-  EXPECT_TRUE(start->settings->bloom().firefly_weights());
-  EXPECT_EQ(start->settings->curve(), v1::TONE_CURVE_ACES_HILL);
-  EXPECT_EQ(start->settings->output_format(), v1::OUTPUT_FORMAT_RGBA8);
-  EXPECT_EQ(start->settings->tier(), "standard");
-  EXPECT_FALSE(start->settings.to_scene());
+  ASSERT_OK_AND_ASSIGN(const RenderStart start, read(request(5, 3)));
+  EXPECT_EQ(start.sequence, 42u);
+  EXPECT_EQ(start.desc.width, 5u);
+  EXPECT_EQ(start.desc.height, 3u);
+  EXPECT_EQ(start.row_stride_bytes, 40u);
+  EXPECT_EQ(start.settings->exposure().mode(), v1::Exposure::MODE_AUTO);
+  EXPECT_EQ(start.settings->exposure().key(), 0.18);
+  EXPECT_EQ(start.settings->bloom().intensity(), 0.05f);
+  EXPECT_EQ(start.settings->bloom().levels(), 5u);
+  EXPECT_TRUE(start.settings->bloom().firefly_weights());
+  EXPECT_EQ(start.settings->curve(), v1::TONE_CURVE_ACES_HILL);
+  EXPECT_EQ(start.settings->output_format(), v1::OUTPUT_FORMAT_RGBA8);
+  EXPECT_EQ(start.settings->tier(), "standard");
+  EXPECT_FALSE(start.settings.to_scene());
 }
 
 TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
@@ -61,17 +61,16 @@ TEST(RenderStart, GivenSettingsArriveAsTheyAre) {
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
   settings.set_bad_values(v1::BAD_VALUES_REJECT);
   settings.set_prescale(1.5);
-  const absl::StatusOr<RenderStart> start = read(message);
-  ASSERT_TRUE(start.ok()) << start.status();
-  EXPECT_EQ(start->settings->exposure().mode(), v1::Exposure::MODE_MANUAL);
-  EXPECT_EQ(start->settings->exposure().manual_ev(), -2.5);
-  EXPECT_EQ(start->settings->bloom().intensity(), 0.0f);
-  EXPECT_FALSE(start->settings->bloom().firefly_weights());
-  EXPECT_EQ(start->settings->curve(), v1::TONE_CURVE_REINHARD);
-  EXPECT_EQ(start->settings->transfer(), v1::TRANSFER_LINEAR);
-  EXPECT_EQ(start->settings->output_format(), v1::OUTPUT_FORMAT_RGBA16F);
-  EXPECT_EQ(start->settings->bad_values(), v1::BAD_VALUES_REJECT);
-  EXPECT_EQ(start->settings->prescale(), 1.5);
+  ASSERT_OK_AND_ASSIGN(const RenderStart start, read(message));
+  EXPECT_EQ(start.settings->exposure().mode(), v1::Exposure::MODE_MANUAL);
+  EXPECT_EQ(start.settings->exposure().manual_ev(), -2.5);
+  EXPECT_EQ(start.settings->bloom().intensity(), 0.0f);
+  EXPECT_FALSE(start.settings->bloom().firefly_weights());
+  EXPECT_EQ(start.settings->curve(), v1::TONE_CURVE_REINHARD);
+  EXPECT_EQ(start.settings->transfer(), v1::TRANSFER_LINEAR);
+  EXPECT_EQ(start.settings->output_format(), v1::OUTPUT_FORMAT_RGBA16F);
+  EXPECT_EQ(start.settings->bad_values(), v1::BAD_VALUES_REJECT);
+  EXPECT_EQ(start.settings->prescale(), 1.5);
 }
 
 TEST(RenderStart, VerificationIsReadAndAMapNeedsIt) {
@@ -100,14 +99,13 @@ TEST(RenderStart, ATableArrivesAsItIs) {
   v1::RenderRequest message = table_request(2, 48);
   v1::ColorTable& table = *message.mutable_start()->mutable_settings()->mutable_table();
   (*table.mutable_values())[2] = '\2';
-  const absl::StatusOr<RenderStart> start = read(message);
-  ASSERT_TRUE(start.ok()) << start.status();
-  ASSERT_NE(start->settings.table(), nullptr);
-  EXPECT_EQ(start->settings.table()->size, 2u);
-  EXPECT_EQ(start->settings.table()->axes, shader::AXES_ACES);
-  EXPECT_EQ(start->settings.table()->end, 32.0f);
-  EXPECT_EQ(start->settings.table()->values[0], 0x0101);
-  EXPECT_EQ(start->settings.table()->values[1], 0x0102);
+  ASSERT_OK_AND_ASSIGN(const RenderStart start, read(message));
+  ASSERT_NE(start.settings.table(), nullptr);
+  EXPECT_EQ(start.settings.table()->size, 2u);
+  EXPECT_EQ(start.settings.table()->axes, shader::AXES_ACES);
+  EXPECT_EQ(start.settings.table()->end, 32.0f);
+  EXPECT_EQ(start.settings.table()->values[0], 0x0101);
+  EXPECT_EQ(start.settings.table()->values[1], 0x0102);
   table.set_axes(v1::ColorTable::AXES_REC709);
   table.set_end(100.0f);
   EXPECT_EQ(read(message)->settings.table()->axes, shader::AXES_REC709);

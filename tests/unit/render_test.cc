@@ -9,6 +9,7 @@
 #include "server/render/settings/settings.h"
 #include "shaders/reference.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -79,9 +80,9 @@ TEST(Primaries, MatchThePublishedMatrices) {
 }
 
 TEST(Primaries, OfRec709NeedNoMatrixAndSingularOnesAreRefused) {
-  const auto rec709 = matrix_to_rec709({{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290}});
-  ASSERT_TRUE(rec709.ok());
-  EXPECT_FALSE(rec709->has_value());
+  ASSERT_OK_AND_ASSIGN(const auto rec709,
+                       matrix_to_rec709({{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290}}));
+  EXPECT_FALSE(rec709.has_value());
   EXPECT_FALSE(matrix_to_rec709({{0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3}}).ok());
   EXPECT_FALSE(matrix_to_rec709({{0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0}}).ok());
   // The primaries are independent, but the matrix would exceed a float's range.

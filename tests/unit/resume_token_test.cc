@@ -11,6 +11,7 @@
 #include "candela/v1/render.pb.h"
 #include "proto/candela/v1/limits.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -71,15 +72,13 @@ TEST(ResumeToken, GivesBackWhatItWasMadeOfInAtMostAKibibyte) {
   const ResumePoint full = full_point();
   const std::string token = ours.seal(full, kNow);
   EXPECT_LE(token.size(), v1::kMaxTokenBytes);
-  const absl::StatusOr<ResumePoint> opened = ours.open(token, full.session, kNow);
-  ASSERT_TRUE(opened.ok()) << opened.status();
-  expect_equal(*opened, full);
+  ASSERT_OK_AND_ASSIGN(const ResumePoint opened, ours.open(token, full.session, kNow));
+  expect_equal(opened, full);
 
   const ResumePoint first{.session = "s", .exposure = {}, .settings_hash = ""};
-  const absl::StatusOr<ResumePoint> begun = ours.open(ours.seal(first, kNow), "s", kNow);
-  ASSERT_TRUE(begun.ok()) << begun.status();
-  expect_equal(*begun, first);
-  EXPECT_FALSE(begun->exposure.print);
+  ASSERT_OK_AND_ASSIGN(const ResumePoint begun, ours.open(ours.seal(first, kNow), "s", kNow));
+  expect_equal(begun, first);
+  EXPECT_FALSE(begun.exposure.print);
 }
 
 // A cell without weight is NaN, and a resumed session must see the same NaN.
@@ -91,10 +90,9 @@ TEST(ResumeToken, APrintComesBackBitForBit) {
   print[1] = -0.0f;
   print[2] = std::bit_cast<float>(0x7fc12345u);
   print[3] = 0x1p-149f;
-  const absl::StatusOr<ResumePoint> opened = ours.open(ours.seal(point, kNow), point.session, kNow);
-  ASSERT_TRUE(opened.ok()) << opened.status();
+  ASSERT_OK_AND_ASSIGN(const ResumePoint opened, ours.open(ours.seal(point, kNow), point.session, kNow));
   for (size_t i = 0; i < print.size(); ++i) {
-    EXPECT_EQ(std::bit_cast<uint32_t>((*opened->exposure.print)[i]), std::bit_cast<uint32_t>(print[i])) << i;
+    EXPECT_EQ(std::bit_cast<uint32_t>((opened->exposure.print)[i]), std::bit_cast<uint32_t>(print[i])) << i;
   }
 }
 

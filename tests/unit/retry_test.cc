@@ -17,6 +17,7 @@
 #include "client/call/retry_info.h"
 #include "client/session.h"
 #include "proto/candela/v1/message_wire.h"
+#include "tests/support/status.h"
 #include "tests/unit/fake_server.h"
 
 namespace candela {
@@ -50,20 +51,18 @@ TEST(FirstOpen, AServerThatIsFullIsWaitedForAsItSays) {
     ++waits;
   };
   const absl::Time begin = absl::Now();
-  const absl::StatusOr<Session> session = Session::open(options);
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(const Session session, Session::open(options));
   EXPECT_GE(absl::Now() - begin, absl::Seconds(1));
   EXPECT_EQ(server.opens().size(), 3u);
   EXPECT_EQ(waits, 2);
-  EXPECT_EQ(session->stats().resumes, 0u);
+  EXPECT_EQ(session.stats().resumes, 0u);
 }
 
 TEST(FirstOpen, AnotherServerIsAskedAtOnceAndAFullOneAgain) {
   FakeServer server(nullptr, [](size_t opens) { return opens < 1 ? full() : grpc::Status::OK; });
-  const absl::StatusOr<Session> session =
-      Session::open(options_for({server.address(), "127.0.0.1:1"}, absl::Seconds(20)));
-  ASSERT_TRUE(session.ok()) << session.status();
-  EXPECT_EQ(session->stats().server, server.address());
+  ASSERT_OK_AND_ASSIGN(const Session session,
+                       Session::open(options_for({server.address(), "127.0.0.1:1"}, absl::Seconds(20))));
+  EXPECT_EQ(session.stats().server, server.address());
 }
 
 TEST(FirstOpen, TheLimitHoldsAndZeroMeansOnce) {

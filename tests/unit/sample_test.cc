@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "tests/support/status.h"
 #include "tests/unit/image_support.h"
 
 namespace candela {
@@ -22,17 +23,16 @@ TEST(Sample, IsFiniteAndOpaqueAtEverySize) {
   const std::pair<uint32_t, uint32_t> sizes[] = {{1, 1},   {1, 7},    {7, 1},    {3, 5},
                                                  {64, 36}, {1000, 3}, {2, 2000}, {16384, 1}};
   for (const auto& [width, height] : sizes) {
-    const auto image = sample_scene(width, height);
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_FALSE(image->has_alpha);
+    ASSERT_OK_AND_ASSIGN(const auto image, sample_scene(width, height));
+    EXPECT_FALSE(image.has_alpha);
     for (uint32_t y = 0; y < height; ++y) {
       for (uint32_t x = 0; x < width; ++x) {
         for (int c = 0; c < 3; ++c) {
-          const float v = component(*image, x, y, c);
+          const float v = component(image, x, y, c);
           ASSERT_TRUE(v >= 0 && v <= 1e5f)
               << v << " at " << x << ", " << y << " of " << width << "x" << height;
         }
-        ASSERT_EQ(component(*image, x, y, 3), 1);
+        ASSERT_EQ(component(image, x, y, 3), 1);
       }
     }
   }

@@ -13,6 +13,7 @@
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/limits.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -37,10 +38,9 @@ TEST(FrameNumbers, ARangeIsParsedAsItIsWritten) {
            {"-999999999999", {{-kLargestFrameNumber, -kLargestFrameNumber, 1}}},
            {"-3--2,-1,4", {{-3, -2, 1}, {-1, -1, 1}, {4, 4, 1}}},
            {"1-10,20-30x3,40", {{1, 10, 1}, {20, 30, 3}, {40, 40, 1}}}}) {
-    const auto parsed = parse_number_ranges("--range", text);
-    ASSERT_TRUE(parsed.ok()) << parsed.status();
-    EXPECT_EQ(*parsed, ranges) << text;
-    EXPECT_EQ(to_text(*parsed), text);
+    ASSERT_OK_AND_ASSIGN(const auto parsed, parse_number_ranges("--range", text));
+    EXPECT_EQ(parsed, ranges) << text;
+    EXPECT_EQ(to_text(parsed), text);
   }
 }
 
@@ -107,10 +107,9 @@ TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
                                                                                  {"23.976", {2997, 125}},
                                                                                  {"0.001", {1, 1000}},
                                                                                  {"100000", {100000, 1}}}) {
-    const auto parsed = parse_frame_rate("--fps", text);
-    ASSERT_TRUE(parsed.ok()) << parsed.status();
-    EXPECT_EQ(*parsed, rate) << text;
-    EXPECT_EQ(to_text(*parsed), text == "48/2" ? "24" : text);
+    ASSERT_OK_AND_ASSIGN(const auto parsed, parse_frame_rate("--fps", text));
+    EXPECT_EQ(parsed, rate) << text;
+    EXPECT_EQ(to_text(parsed), text == "48/2" ? "24" : text);
   }
   for (const char* text : {"", "0", "-24", "nan", "inf", "24/0", "0/1", "24/", "/2", "1/2/3", "24000:1001",
                            "100001", "1/1001", "0.0009", "99999999999999/99999999999999"}) {
@@ -428,11 +427,10 @@ TEST_F(SequenceTest, AnyWidthOfANegativeNumberIsReadAndOthersAreNamedLikeIt) {
     for (const char* before : {"f.", "f_", ""}) {
       std::filesystem::remove_all(folder_.path("in"));
       make({"in/" + (before + names[0]) + ".exr", "in/" + (before + names[1]) + ".exr"});
-      const auto sequence = find({"in"}, {.missing = MissingFrames::kSkip});
-      ASSERT_TRUE(sequence.ok()) << sequence.status();
-      EXPECT_EQ(sequence->first(), std::stoi(names[0]));
-      EXPECT_EQ(sequence->last(), std::stoi(names[1]));
-      EXPECT_EQ(std::filesystem::path(sequence->names->path(-4)).filename(), before + named + ".exr");
+      ASSERT_OK_AND_ASSIGN(const auto sequence, find({"in"}, {.missing = MissingFrames::kSkip}));
+      EXPECT_EQ(sequence.first(), std::stoi(names[0]));
+      EXPECT_EQ(sequence.last(), std::stoi(names[1]));
+      EXPECT_EQ(std::filesystem::path(sequence.names->path(-4)).filename(), before + named + ".exr");
     }
   }
 }
@@ -500,14 +498,13 @@ TEST_F(SequenceTest, ASequenceOnTwosIsToldItsRange) {
 
 TEST_F(SequenceTest, AHugeGapTakesNoMemory) {
   make({"in/f.1.exr", "in/f.999999999999.exr"});
-  const auto skipped = find({"in"}, {.missing = MissingFrames::kSkip});
-  ASSERT_TRUE(skipped.ok()) << skipped.status();
-  EXPECT_EQ(count_of(skipped->missing), 999'999'999'997u);
+  ASSERT_OK_AND_ASSIGN(const auto skipped, find({"in"}, {.missing = MissingFrames::kSkip}));
+  EXPECT_EQ(count_of(skipped.missing), 999'999'999'997u);
   EXPECT_EQ(find({"in"}, {.missing = MissingFrames::kHold}).status().code(),
             absl::StatusCode::kResourceExhausted);
   EXPECT_NE(message(find({"in"}).status()).find("candela render IN... OUTDIR/"), std::string::npos);
-  EXPECT_TRUE(check_media_time(*skipped, {1000, 1}).ok());
-  EXPECT_NE(message(check_media_time(*skipped, {24, 1})).find("146 years"), std::string::npos);
+  EXPECT_TRUE(check_media_time(skipped, {1000, 1}).ok());
+  EXPECT_NE(message(check_media_time(skipped, {24, 1})).find("146 years"), std::string::npos);
 }
 
 TEST_F(SequenceTest, CutsAreNumbersOfTheNames) {
@@ -566,22 +563,20 @@ TEST(OutputNames, ANumberIsWrittenInAnySpelling) {
                                                         {"out/@@@.png", "out/012.png"},
                                                         {"out/#.png", "out/12.png"},
                                                         {"out/f%d.png", "out/f12.png"}}) {
-    const auto names = OutputNames::parse(output, ".png");
-    ASSERT_TRUE(names.ok()) << names.status();
-    EXPECT_FALSE(names->is_folder());
-    EXPECT_EQ(names->path(12, "in/a.exr"), path);
-    EXPECT_EQ(names->path(-12, ""),
+    ASSERT_OK_AND_ASSIGN(const auto names, OutputNames::parse(output, ".png"));
+    EXPECT_FALSE(names.is_folder());
+    EXPECT_EQ(names.path(12, "in/a.exr"), path);
+    EXPECT_EQ(names.path(-12, ""),
               absl::StrReplaceAll(path, {{"0012", "-012"}, {"012", "-12"}, {"12", "-12"}}));
-    EXPECT_EQ(names->extension(), ".png");
+    EXPECT_EQ(names.extension(), ".png");
   }
   for (const char* folder : {"out", "shot#3", "renders@home"}) {
-    const auto names = OutputNames::parse(folder, ".png");
-    ASSERT_TRUE(names.ok()) << names.status();
-    EXPECT_TRUE(names->is_folder());
-    EXPECT_EQ(names->path(12, "in/frame.0007.exr"), std::string(folder) + "/frame.0007.png");
-    EXPECT_EQ(names->path(12, ""), std::string(folder) + "/0012.png");
-    EXPECT_EQ(names->path(-12, ""), std::string(folder) + "/-012.png");
-    EXPECT_TRUE(names->keeps_sign());
+    ASSERT_OK_AND_ASSIGN(const auto names, OutputNames::parse(folder, ".png"));
+    EXPECT_TRUE(names.is_folder());
+    EXPECT_EQ(names.path(12, "in/frame.0007.exr"), std::string(folder) + "/frame.0007.png");
+    EXPECT_EQ(names.path(12, ""), std::string(folder) + "/0012.png");
+    EXPECT_EQ(names.path(-12, ""), std::string(folder) + "/-012.png");
+    EXPECT_TRUE(names.keeps_sign());
   }
   EXPECT_TRUE(is_usage_error(OutputNames::parse("out/one.png", ".png").status()));
   EXPECT_TRUE(is_usage_error(OutputNames::parse("out/#-#.png", ".png").status()));

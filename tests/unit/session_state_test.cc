@@ -8,6 +8,7 @@
 #include "server/session/exposure_state.h"
 #include "server/session/render_start.h"
 #include "server/session/stream_start.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -99,10 +100,9 @@ v1::StreamOpen open_with_state() {
 }
 
 TEST(SessionState, OnlyAWholeAndFiniteOneIsTaken) {
-  const absl::StatusOr<StreamStart> good = stream_start_from(open_with_state());
-  ASSERT_TRUE(good.ok()) << good.status();
-  EXPECT_EQ(good->state->exposed, (Exposed{2.0, 0.5}));
-  EXPECT_FALSE(good->return_state);
+  ASSERT_OK_AND_ASSIGN(const StreamStart good, stream_start_from(open_with_state()));
+  EXPECT_EQ(good.state->exposed, (Exposed{2.0, 0.5}));
+  EXPECT_FALSE(good.return_state);
   const auto refused = [](const char* words, const std::function<void(v1::StreamOpen&)>& spoil) {
     v1::StreamOpen open = open_with_state();
     spoil(open);
@@ -137,10 +137,9 @@ TEST(SessionState, ASessionWithoutImagesIsKnown) {
   open.set_session("s");
   open.set_encoding(v1::ENCODING_NONE);
   open.set_return_state(true);
-  const absl::StatusOr<StreamStart> start = stream_start_from(open);
-  ASSERT_TRUE(start.ok()) << start.status();
-  EXPECT_FALSE(start->draws());
-  EXPECT_TRUE(start->return_state);
+  ASSERT_OK_AND_ASSIGN(const StreamStart start, stream_start_from(open));
+  EXPECT_FALSE(start.draws());
+  EXPECT_TRUE(start.return_state);
   open.set_encoding(v1::ENCODING_RAW);
   EXPECT_TRUE(stream_start_from(open)->draws());
   open.set_encoding(static_cast<v1::Encoding>(5));

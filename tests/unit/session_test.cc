@@ -9,6 +9,7 @@
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "client/call/retry_info.h"
+#include "tests/support/status.h"
 #include "tests/unit/fake_server.h"
 
 namespace candela {
@@ -150,18 +151,16 @@ TEST(Session, AStateOpensItAndATokenTakesItsPlace) {
   options.encoding = v1::ENCODING_NONE;
   options.state.emplace().set_sequence(7);
   options.state->set_exposure(0.3);
-  absl::StatusOr<Session> session = Session::open(options);
-  ASSERT_TRUE(session.ok()) << session.status();
-  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(frame(7)))) << "the state is of frame 7";
-  ASSERT_TRUE(session->submit(frame(8)).ok());
-  ASSERT_TRUE(session->submit(frame(9)).ok());
-  session->finish();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
+  EXPECT_TRUE(absl::IsInvalidArgument(session.submit(frame(7)))) << "the state is of frame 7";
+  ASSERT_TRUE(session.submit(frame(8)).ok());
+  ASSERT_TRUE(session.submit(frame(9)).ok());
+  session.finish();
   for (const uint64_t sequence : {8, 9}) {
-    const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
-    ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_EQ((*result)->sequence, sequence);
-    EXPECT_EQ((*result)->image.header.state().sequence(), sequence);
-    EXPECT_EQ((*result)->image.bytes, 0u);
+    ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.next_result());
+    EXPECT_EQ(result->sequence, sequence);
+    EXPECT_EQ(result->image.header.state().sequence(), sequence);
+    EXPECT_EQ(result->image.bytes, 0u);
   }
   EXPECT_EQ(first.opens().at(0).state().exposure(), 0.3);
   EXPECT_EQ(second.opens().at(0).state().exposure(), 0.3) << "there was no token yet";
@@ -177,15 +176,14 @@ TEST(Session, AServerThatIsTooOldForStatesOrExposuresIsNotBelieved) {
   const Outcome stateless = run(options, 3);
   EXPECT_TRUE(absl::IsUnimplemented(stateless.status)) << stateless.status;
   EXPECT_NE(stateless.status.message().find("older than this client"), std::string::npos);
-  absl::StatusOr<Session> session = Session::open(options_for({server.address()}));
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options_for({server.address()})));
   SessionFrame exposed = frame(0);
   exposed.exposure = 0.0;
-  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(exposed)));
+  EXPECT_TRUE(absl::IsInvalidArgument(session.submit(exposed)));
   exposed.exposure = 0.3;
-  ASSERT_TRUE(session->submit(exposed).ok());
-  session->finish();
-  EXPECT_TRUE(absl::IsUnimplemented(session->next_result().status()));
+  ASSERT_TRUE(session.submit(exposed).ok());
+  session.finish();
+  EXPECT_TRUE(absl::IsUnimplemented(session.next_result().status()));
 }
 
 TEST(Session, AServerThatGoesAwayIsLeftInPeace) {
@@ -342,14 +340,13 @@ TEST(Session, AServerThatOwesNothingMayBeSilent) {
   FakeServer server;
   SessionOptions options = options_for({server.address()});
   options.silence_limit = absl::Milliseconds(300);
-  absl::StatusOr<Session> session = Session::open(options);
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
   for (uint64_t i = 0; i < 3; ++i) {
     absl::SleepFor(absl::Milliseconds(500));
-    ASSERT_TRUE(session->submit(frame(i)).ok());
-    ASSERT_TRUE(session->next_result().ok());
+    ASSERT_TRUE(session.submit(frame(i)).ok());
+    ASSERT_TRUE(session.next_result().ok());
   }
-  EXPECT_EQ(session->stats().resumes, 0u) << session->stats().last_loss;
+  EXPECT_EQ(session.stats().resumes, 0u) << session.stats().last_loss;
 }
 
 TEST(Session, WithoutAnyServerItDoesNotOpen) {
@@ -365,34 +362,32 @@ TEST(Session, LeavingItAloneCancelsIt) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     return grpc::Status::OK;
   });
-  absl::StatusOr<Session> session = Session::open(options_for({server.address()}));
-  ASSERT_TRUE(session.ok()) << session.status();
-  EXPECT_TRUE(session->submit(frame(0)).ok());
-  EXPECT_TRUE(session->submit(frame(1)).ok());
-  EXPECT_FALSE(session->ready());
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options_for({server.address()})));
+  EXPECT_TRUE(session.submit(frame(0)).ok());
+  EXPECT_TRUE(session.submit(frame(1)).ok());
+  EXPECT_FALSE(session.ready());
 }
 
 TEST(Session, FramesOutOfOrderAreRefusedAndItGoesOn) {
   FakeServer server;
-  absl::StatusOr<Session> session = Session::open(options_for({server.address()}));
-  ASSERT_TRUE(session.ok()) << session.status();
-  EXPECT_TRUE(session->submit(frame(5)).ok());
-  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(frame(5))));
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options_for({server.address()})));
+  EXPECT_TRUE(session.submit(frame(5)).ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(session.submit(frame(5))));
   SessionFrame early = frame(6);
   early.media_time_ns = 0;
-  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(early)));
+  EXPECT_TRUE(absl::IsInvalidArgument(session.submit(early)));
   SessionFrame small = frame(6);
   small.width = 1;
-  EXPECT_TRUE(absl::IsInvalidArgument(session->submit(small)));
-  EXPECT_TRUE(absl::IsInvalidArgument(session->change_settings(5, {})));
-  for (int i = 0; i < 16; ++i) EXPECT_TRUE(session->change_settings(6, {}).ok());
-  EXPECT_TRUE(absl::IsFailedPrecondition(session->change_settings(6, {})));
-  session->finish();
-  EXPECT_TRUE(absl::IsFailedPrecondition(session->submit(frame(7))));
-  absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
+  EXPECT_TRUE(absl::IsInvalidArgument(session.submit(small)));
+  EXPECT_TRUE(absl::IsInvalidArgument(session.change_settings(5, {})));
+  for (int i = 0; i < 16; ++i) EXPECT_TRUE(session.change_settings(6, {}).ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(session.change_settings(6, {})));
+  session.finish();
+  EXPECT_TRUE(absl::IsFailedPrecondition(session.submit(frame(7))));
+  absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
   ASSERT_TRUE(result.ok() && *result) << result.status();
   EXPECT_EQ((**result).sequence, 5u);
-  result = session->next_result();
+  result = session.next_result();
   EXPECT_TRUE(result.ok() && !*result) << result.status();
 }
 

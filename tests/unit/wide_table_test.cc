@@ -11,6 +11,7 @@
 #include "proto/candela/v1/settings.h"
 #include "server/render/color/aces.h"
 #include "shaders/reference.h"
+#include "tests/support/status.h"
 #include "tests/support/wide_gamut.h"
 
 namespace candela {
@@ -63,10 +64,9 @@ TEST(WideTable, IsWithinItsPublishedErrorOfOpenColorIO) {
   std::printf("%-5s%-12s %7s %7s %7s  codes against OpenColorIO\n", "size", "colours", "max", "p99.9",
               "mean");
   for (const Bound& bound : {Bound{49, {12.0, 4.0, 0.1}}, Bound{97, {3.0, 1.2, 0.05}}}) {
-    const auto table = aces_1_wide_table(bound.size);
-    ASSERT_TRUE(table.ok()) << table.status();
+    ASSERT_OK_AND_ASSIGN(const auto table, aces_1_wide_table(bound.size));
     for (const auto& [name, colors] : sets) {
-      const WideTableError error = error_of(**table, colors);
+      const WideTableError error = error_of(*table, colors);
       std::printf("%-5u%-12s %7.3f %7.3f %7.4f\n", bound.size, name.c_str(), error.max, error.p999,
                   error.mean);
       const bool bright = name == "AP1 x 256";  // mostly beyond the end of the axes

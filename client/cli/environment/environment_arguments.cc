@@ -14,6 +14,7 @@
 #include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -154,14 +155,13 @@ absl::StatusOr<std::vector<EnvironmentLayout>> layouts_of(const std::string& out
 
 absl::Status choose_layout(EnvironmentArguments& arguments) {
   EnvironmentOptions& options = arguments.options;
-  const absl::StatusOr<std::vector<EnvironmentLayout>> possible = layouts_of(options.output);
-  if (!possible.ok()) return possible.status();
-  options.layout = possible->front();
+  ASSIGN_OR_RETURN(const std::vector<EnvironmentLayout> possible, layouts_of(options.output));
+  options.layout = possible.front();
   if (arguments.layout.empty()) return absl::OkStatus();
   const absl::StatusOr<EnvironmentLayout> layout = value_of(layouts(), "layout", arguments.layout);
   if (!layout.ok()) return layout.status();
   options.layout = *layout;
-  for (const EnvironmentLayout one : *possible) {
+  for (const EnvironmentLayout one : possible) {
     if (one == *layout) return absl::OkStatus();
   }
   return usage_error(absl::StrFormat(
@@ -201,9 +201,9 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
 
 absl::Status finish_environment_options(EnvironmentArguments& arguments) {
   EnvironmentOptions& options = arguments.options;
-  if (absl::Status status = check_input_names({options.panorama}); !status.ok()) return status;
-  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
-  if (absl::Status status = choose_layout(arguments); !status.ok()) return status;
+  RETURN_IF_ERROR(check_input_names({options.panorama}));
+  RETURN_IF_ERROR(check_output_name(options.output));
+  RETURN_IF_ERROR(choose_layout(arguments));
   if (!options.levels && options.layout != EnvironmentLayout::kFaces) options.levels = 1;
   if (arguments.handed && options.layout != EnvironmentLayout::kFaces) {
     options.notes.push_back("--handedness changes nothing: only faces have one");

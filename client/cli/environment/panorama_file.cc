@@ -8,6 +8,7 @@
 #include "client/cli/files/frame_files.h"
 #include "client/image/cube_panorama.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -53,7 +54,7 @@ absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const Pictur
     read = panorama_of_cube(*read, v1::kMaxPanoramaWidth, most.max_bytes);
     if (!read.ok()) return failure_of(FailureKind::kInput, name_file(read.status(), path));
   }
-  if (absl::Status status = check_size(*read, path); !status.ok()) return status;
+  RETURN_IF_ERROR(check_size(*read, path));
   enter_scene(view, *read);
   PanoramaFile file;
   file.notes = std::exchange(read->notes, {});

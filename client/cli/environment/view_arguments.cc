@@ -16,6 +16,7 @@
 #include "client/cli/options/view_options.h"
 #include "client/image/encodings.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -142,10 +143,9 @@ absl::Status check_verify(const PanoramaViewOptions& options) {
 // The name of one of the output's files, by which its format is chosen.
 absl::StatusOr<std::string> sample_name(const PanoramaViewOptions& options) {
   if (!options.is_sequence()) return options.output;
-  const absl::StatusOr<OutputNames> names =
-      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
-  if (!names.ok()) return names.status();
-  std::string name = names->path(0, "");
+  ASSIGN_OR_RETURN(const OutputNames names,
+                   OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
+  std::string name = names.path(0, "");
   if (absl::Status status = check_server_encoding(options.encoding, name, options.output); !status.ok()) {
     return status;
   }
@@ -199,12 +199,11 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
 
 absl::Status finish_panorama_view_options(PanoramaViewArguments& arguments) {
   PanoramaViewOptions& options = arguments.options;
-  if (absl::Status status = check_input_names({options.panorama}); !status.ok()) return status;
-  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
-  if (absl::Status status = check_kind(options); !status.ok()) return status;
-  const absl::StatusOr<std::string> name = sample_name(options);
-  if (!name.ok()) return name.status();
-  absl::Status status = finish_picture_options(options, arguments.picture, *name);
+  RETURN_IF_ERROR(check_input_names({options.panorama}));
+  RETURN_IF_ERROR(check_output_name(options.output));
+  RETURN_IF_ERROR(check_kind(options));
+  ASSIGN_OR_RETURN(const std::string name, sample_name(options));
+  absl::Status status = finish_picture_options(options, arguments.picture, name);
   options.settings.set_alpha(v1::ALPHA_IGNORE);  // a view has none
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));

@@ -8,6 +8,7 @@
 #include "client/cli/environment/view_objects.h"
 #include "client/cli/files/frame_numbers.h"
 #include "client/cli/options/usage.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -27,8 +28,7 @@ uint64_t frames_until(double time, FrameRate rate) {
 }  // namespace
 
 absl::StatusOr<ViewScene> ViewScene::open(const PanoramaViewOptions& options) {
-  absl::StatusOr<std::vector<v1::Sphere>> objects = view_objects(options.objects);
-  if (!objects.ok()) return objects.status();
+  ASSIGN_OR_RETURN(std::vector<v1::Sphere> objects, view_objects(options.objects));
   const v1::Camera& camera = options.camera;
   absl::StatusOr<CameraPath> path(CameraPath({{.time = 0,
                                                .yaw = camera.yaw_deg(),
@@ -37,7 +37,7 @@ absl::StatusOr<ViewScene> ViewScene::open(const PanoramaViewOptions& options) {
                                                .fov = camera.fov_deg()}}));
   if (!options.camera_path.empty()) path = CameraPath::read(options.camera_path, camera);
   if (!path.ok()) return path.status();
-  ViewScene scene(options, *std::move(objects), *std::move(path));
+  ViewScene scene(options, std::move(objects), *std::move(path));
   if (!options.is_sequence()) return scene;
   scene.frames_ = options.turn_deg ? frames_until(kTurnSeconds, scene.rate()) - 1
                                    : frames_until(scene.path_.end(), scene.rate());

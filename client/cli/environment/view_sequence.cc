@@ -18,6 +18,7 @@
 #include "client/cli/options/option_words.h"
 #include "client/image/encodings.h"
 #include "client/session.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -59,31 +60,27 @@ class ViewSequence {
     summary_.defaults = options_.defaults;
     if (!options_.view.config.empty()) {
       progress_.show("baking " + options_.view.config);
-      absl::StatusOr<BakedView> baked = bake(options_);
-      if (!baked.ok()) return baked.status();
-      show_by(*baked, settings);
-      summary_.notes.insert(baked->notes.begin(), baked->notes.end());
-      summary_.view = view_words(baked->report);
-      view_ = *std::move(baked);
+      ASSIGN_OR_RETURN(BakedView baked, bake(options_));
+      show_by(baked, settings);
+      summary_.notes.insert(baked.notes.begin(), baked.notes.end());
+      summary_.view = view_words(baked.report);
+      view_ = std::move(baked);
     }
     if (!options_.locked_exposure.empty()) {
-      const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
-      if (!file.ok()) return file.status();
-      exposure_given_ = file->locked;
+      ASSIGN_OR_RETURN(const ExposureFile file, read_exposures(options_.locked_exposure));
+      exposure_given_ = file.locked;
     }
     return link_.check_tier(settings.tier());
   }
 
   absl::Status read() {
     progress_.show("reading " + options_.panorama);
-    const absl::StatusOr<v1::Limits> limits = link_.limits();
-    if (!limits.ok()) return limits.status();
-    absl::StatusOr<PanoramaFile> file =
-        read_panorama(options_.panorama, options_, *limits, view_ ? &*view_ : nullptr);
-    if (!file.ok()) return file.status();
-    summary_.notes.insert(file->notes.begin(), file->notes.end());
-    summary_.primaries.insert(words_of(file->primaries));
-    file_ = *std::move(file);
+    ASSIGN_OR_RETURN(const v1::Limits limits, link_.limits());
+    ASSIGN_OR_RETURN(PanoramaFile file,
+                     read_panorama(options_.panorama, options_, limits, view_ ? &*view_ : nullptr));
+    summary_.notes.insert(file.notes.begin(), file.notes.end());
+    summary_.primaries.insert(words_of(file.primaries));
+    file_ = std::move(file);
     return absl::OkStatus();
   }
 
@@ -133,7 +130,7 @@ class ViewSequence {
       if (!result.ok()) return named(result.status());
       if (!*result) return absl::OkStatus();
       tell_of_resume(session);
-      if (absl::Status status = take(**result); !status.ok()) return status;
+      RETURN_IF_ERROR(take(**result));
     }
   }
 
@@ -225,10 +222,9 @@ class ViewSequence {
 
 absl::StatusOr<StreamSummary> render_view_sequence(const PanoramaViewOptions& options, const ViewScene& scene,
                                                    JsonOutput& json, Progress& progress) {
-  absl::StatusOr<OutputNames> names =
-      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
-  if (!names.ok()) return names.status();
-  return ViewSequence(options, scene, *std::move(names), json, progress).run();
+  ASSIGN_OR_RETURN(OutputNames names,
+                   OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
+  return ViewSequence(options, scene, std::move(names), json, progress).run();
 }
 
 }  // namespace candela

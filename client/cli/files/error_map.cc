@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -128,9 +129,8 @@ absl::StatusOr<Image> draw_error_map(std::span<const uint16_t> halves, uint32_t 
 
 absl::Status write_error_map(const std::string& path, std::span<const uint16_t> halves, uint32_t width,
                              uint32_t height) {
-  const absl::StatusOr<Image> map = draw_error_map(halves, width, height);
-  if (!map.ok()) return map.status();
-  return write_image(path, *map, {.text = {{"Description", error_scale_words()}}}).status();
+  ASSIGN_OR_RETURN(const Image map, draw_error_map(halves, width, height));
+  return write_image(path, map, {.text = {{"Description", error_scale_words()}}}).status();
 }
 
 }  // namespace candela

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -18,9 +19,9 @@ absl::StatusOr<const Image*> FrameFeeder::first() {
       return nullptr;
     }
     if (next_->image.ok()) break;
-    if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
+    RETURN_IF_ERROR(bad_file(next_->index, next_->image.status()));
   }
-  if (absl::Status status = begin_with(*next_->image); !status.ok()) return status;
+  RETURN_IF_ERROR(begin_with(*next_->image));
   return &*next_->image;
 }
 
@@ -126,14 +127,14 @@ absl::Status FrameFeeder::bad_file(uint64_t index, const absl::Status& status) {
 absl::Status FrameFeeder::feed(Session& session, v1::Settings settings) try {
   for (; next_; next_ = reader_.next()) {
     if (!next_->image.ok()) {
-      if (absl::Status status = bad_file(next_->index, next_->image.status()); !status.ok()) return status;
+      RETURN_IF_ERROR(bad_file(next_->index, next_->image.status()));
       continue;
     }
     enter_scene(options_.view.get(), *next_->image);
     const absl::StatusOr<std::optional<double>> exposure =
         options_.exposures.of(sequence_.frames[next_->index].number);
     if (!exposure.ok()) {
-      if (absl::Status status = bad_file(next_->index, exposure.status()); !status.ok()) return status;
+      RETURN_IF_ERROR(bad_file(next_->index, exposure.status()));
       continue;
     }
     v1::Settings own = settings_for(*next_->image, options_.settings);

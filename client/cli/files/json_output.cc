@@ -19,6 +19,7 @@
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -111,11 +112,10 @@ absl::Status JsonOutput::open_path() {
   if (exists && !S_ISREG(info.st_mode)) {
     return access(path_.c_str(), W_OK) == 0 ? absl::OkStatus() : cannot_write(path_, errno);
   }
-  if (absl::Status status = replaces_only_json(kOption, path_); !status.ok()) return status;
-  if (absl::Status status = make_folder_of(path_); !status.ok()) return status;
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path_);
-  if (!file.ok()) return file.status();
-  file_.emplace(*std::move(file));
+  RETURN_IF_ERROR(replaces_only_json(kOption, path_));
+  RETURN_IF_ERROR(make_folder_of(path_));
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path_));
+  file_.emplace(std::move(file));
   return absl::OkStatus();
 }
 

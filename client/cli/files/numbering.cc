@@ -12,6 +12,7 @@
 #include "absl/strings/string_view.h"
 #include "client/cli/files/frame_numbers.h"
 #include "client/cli/files/sequence_files.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -172,14 +173,12 @@ std::string left_out_words(const std::vector<std::string>& hidden, const std::ve
 }  // namespace
 
 absl::StatusOr<NumberedFiles> find_numbered_files(const std::vector<std::string>& inputs) {
-  const absl::StatusOr<FoundFiles> found = find_frames(inputs);
-  if (!found.ok()) return found.status();
-  const std::vector<std::string>& paths = found->paths;
+  ASSIGN_OR_RETURN(const FoundFiles found, find_frames(inputs));
+  const std::vector<std::string>& paths = found.paths;
   std::optional<Numbering> numbering;
   if (inputs.size() == 1) {
-    const absl::StatusOr<std::optional<NamePattern>> pattern = input_pattern(inputs.front());
-    if (!pattern.ok()) return pattern.status();
-    if (*pattern) numbering = numbering_by(**pattern, paths);
+    ASSIGN_OR_RETURN(const std::optional<NamePattern> pattern, input_pattern(inputs.front()));
+    if (pattern) numbering = numbering_by(*pattern, paths);
   }
   if (!numbering) numbering = common_numbering(paths);
   NumberedFiles numbered;
@@ -199,7 +198,7 @@ absl::StatusOr<NumberedFiles> find_numbered_files(const std::vector<std::string>
                           other->second, paths[i], *number));
     }
   }
-  numbered.left_out = left_out_words(found->hidden, unfit, numbered.names);
+  numbered.left_out = left_out_words(found.hidden, unfit, numbered.names);
   return numbered;
 }
 

@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -86,7 +87,7 @@ absl::Status make_folder_of(const std::string& path) {
 absl::Status make_folder(const std::string& folder) {
   std::error_code failed;
   if (folder.empty() || fs::is_directory(folder, failed)) return absl::OkStatus();
-  if (absl::Status status = make_folder_of(folder); !status.ok()) return status;
+  RETURN_IF_ERROR(make_folder_of(folder));
   if (fs::create_directory(folder, failed)) made_folders().push_back(fs::absolute(folder));
   const int error = failed.value();
   if (error != 0) return cannot_write(folder, fs::exists(folder, failed) ? ENOTDIR : error);

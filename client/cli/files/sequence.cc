@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/files/numbering.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -66,10 +67,9 @@ absl::Status choose(const SequenceChoice& choice, Sequence& sequence) {
     }
     return absl::OkStatus();
   }
-  const absl::StatusOr<std::vector<int64_t>> chosen = numbers_in(choice.range, last);
-  if (!chosen.ok()) return chosen.status();
+  ASSIGN_OR_RETURN(const std::vector<int64_t> chosen, numbers_in(choice.range, last));
   std::vector<int64_t> missing;
-  for (const int64_t number : *chosen) {
+  for (const int64_t number : chosen) {
     const auto at = sequence.files.find(number);
     if (at == sequence.files.end()) {
       missing.push_back(number);
@@ -78,7 +78,7 @@ absl::Status choose(const SequenceChoice& choice, Sequence& sequence) {
     }
   }
   sequence.missing = ranges_of(missing);
-  if (!sequence.frames.empty() || may_only_hold(choice, sequence, chosen->front())) return absl::OkStatus();
+  if (!sequence.frames.empty() || may_only_hold(choice, sequence, chosen.front())) return absl::OkStatus();
   return absl::NotFoundError(absl::StrFormat("--range %s: there is no such frame; there are frames %d to %d",
                                              to_text(choice.range), first, last));
 }
@@ -156,21 +156,20 @@ size_t Sequence::index_of(uint64_t session_number) const {
 }
 
 absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
-  absl::StatusOr<NumberedFiles> found = find_numbered_files(choice.inputs);
-  if (!found.ok()) return found.status();
+  ASSIGN_OR_RETURN(NumberedFiles found, find_numbered_files(choice.inputs));
   Sequence sequence;
-  sequence.names = std::move(found->names);
-  sequence.files = std::move(found->files);
+  sequence.names = std::move(found.names);
+  sequence.files = std::move(found.files);
   sequence.zero = choice.zero.value_or(sequence.files.begin()->first);
-  if (!found->left_out.empty()) sequence.notes.push_back(std::move(found->left_out));
+  if (!found.left_out.empty()) sequence.notes.push_back(std::move(found.left_out));
   if (!sequence.names && sequence.files.size() > 1) {
     sequence.notes.push_back(absl::StrFormat(
         "these files do not look like a sequence: their names have no number in common, so they "
         "become frames 0 to %d; `candela render IN... OUTDIR/` renders each for itself",
         sequence.files.size() - 1));
   }
-  if (absl::Status status = choose(choice, sequence); !status.ok()) return status;
-  if (absl::Status status = take_missing(choice, sequence); !status.ok()) return status;
+  RETURN_IF_ERROR(choose(choice, sequence));
+  RETURN_IF_ERROR(take_missing(choice, sequence));
   const int64_t first = sequence.holds_before.empty() ? sequence.first() : sequence.holds_before.front();
   if (first < sequence.zero) {
     return absl::InvalidArgumentError(
@@ -178,7 +177,7 @@ absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
                         "with --range, or meter the whole shot",
                         first, sequence.zero));
   }
-  if (absl::Status status = mark_cuts(choice, sequence); !status.ok()) return status;
+  RETURN_IF_ERROR(mark_cuts(choice, sequence));
   uint64_t place = sequence.holds_before.size();
   for (SequenceFrame& frame : sequence.frames) {
     frame.place = place;

@@ -13,6 +13,7 @@
 #include "absl/strings/str_replace.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -150,7 +151,7 @@ std::string words_of_hidden(const std::vector<std::string>& hidden) {
 absl::StatusOr<FoundFiles> find_frames(const std::vector<std::string>& inputs) {
   std::vector<std::string> files, hidden;
   for (const std::string& input : inputs) {
-    if (absl::Status status = add_files(input, files, hidden); !status.ok()) return status;
+    RETURN_IF_ERROR(add_files(input, files, hidden));
   }
   const auto sorted = [](const std::vector<std::string>& paths) {
     const std::set<std::string> once(paths.begin(), paths.end());

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/options/usage.h"
 #include "server/base/near_words.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -95,7 +96,7 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
       if (takes_value && words[at] == name + "=") return empty_value(name);
       const bool needs_value = takes_value && name == words[at];
       if (!needs_value || at + 1 == words.size()) continue;
-      if (absl::Status status = check_value(*command, *option, words[++at]); !status.ok()) return status;
+      RETURN_IF_ERROR(check_value(*command, *option, words[++at]));
       continue;
     }
     return usage_error(absl::StrFormat("unknown option %s; %ssee candela%s --help", name,

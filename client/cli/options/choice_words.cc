@@ -8,8 +8,8 @@
 #include "absl/strings/str_join.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/options/usage.h"
-#include "server/base/near_words.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/near_words.h"
 
 namespace candela {
 namespace {

@@ -13,6 +13,7 @@
 #include "client/cli/options/usage.h"
 #include "client/cli/options/view_options.h"
 #include "client/image/encodings.h"
+#include "server/base/status_macros.h"
 #include "server/encode/image_file.h"
 
 namespace candela {
@@ -150,8 +151,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
   choose_alpha(options, encoding, output);
   options.write.transfer = encoded_transfer(options.settings);
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
-  if (absl::Status status = finish_view_options(options, output, encoding.holds_codes()); !status.ok())
-    return status;
+  RETURN_IF_ERROR(finish_view_options(options, output, encoding.holds_codes()));
   return check_settings_options(options.settings);
 }
 

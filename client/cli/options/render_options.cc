@@ -14,6 +14,7 @@
 #include "client/cli/options/verify_options.h"
 #include "client/cli/options/view_options.h"
 #include "client/image/encodings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -73,8 +74,8 @@ absl::Status set_files(RenderArguments& arguments) {
   }
   options.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
-  if (absl::Status status = check_input_names(options.inputs); !status.ok()) return status;
-  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
+  RETURN_IF_ERROR(check_input_names(options.inputs));
+  RETURN_IF_ERROR(check_output_name(options.output));
   if (const std::string name = name_with_space(arguments.files); !name.empty()) {
     return usage_error(absl::StrFormat("%s has a space in its name; write it in quotes, '%s'", name, name));
   }
@@ -144,7 +145,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
 
 absl::Status finish_render_options(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
-  if (absl::Status status = set_files(arguments); !status.ok()) return status;
+  RETURN_IF_ERROR(set_files(arguments));
   const std::string output =
       options.extension.empty()
           ? options.output

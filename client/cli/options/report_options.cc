@@ -8,6 +8,7 @@
 #include "client/cli/options/picture_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -18,9 +19,8 @@ constexpr v1::Range<double> kMegapixels{0.001, 256};
 absl::Status set_megapixels(ReportOptions& options, const std::string& text) {
   std::vector<double> sizes;
   for (absl::string_view part : absl::StrSplit(text, ',')) {
-    const absl::StatusOr<double> size = parse_number("--megapixels", std::string(part), kMegapixels);
-    if (!size.ok()) return size.status();
-    sizes.push_back(*size);
+    ASSIGN_OR_RETURN(const double size, parse_number("--megapixels", std::string(part), kMegapixels));
+    sizes.push_back(size);
   }
   std::sort(sizes.begin(), sizes.end());
   sizes.erase(std::unique(sizes.begin(), sizes.end()), sizes.end());

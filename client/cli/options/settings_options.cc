@@ -19,6 +19,7 @@
 #include "client/image/encodings.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/near_words.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -91,16 +92,15 @@ void add_percentiles(CLI::App& app, v1::Settings& settings, const SettingField& 
                format_number(setting.declaration().default_()),
                format_number(setting_at("exposure.metering.percentile_high").declaration().default_())),
            [&metering, range](const std::string& text) {
-             const auto values = parse_list("--percentiles", text, 2, range);
-             if (!values.ok()) return values.status();
-             if ((*values)[1] - (*values)[0] < v1::kLeastPercentileRange) {
+             ASSIGN_OR_RETURN(const auto values, parse_list("--percentiles", text, 2, range));
+             if (values[1] - values[0] < v1::kLeastPercentileRange) {
                return usage_error(
                    absl::StrFormat("--percentiles is \"%s\"; the first must be smaller by %s or more", text,
                                    format_number(v1::kLeastPercentileRange)));
              }
              metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
-             metering.set_percentile_low((*values)[0]);
-             metering.set_percentile_high((*values)[1]);
+             metering.set_percentile_low(values[0]);
+             metering.set_percentile_high(values[1]);
              return absl::OkStatus();
            });
 }
@@ -110,14 +110,14 @@ void add_spot(CLI::App& app, v1::Settings& settings, const SettingField& setting
   add_text(app, setting.declaration().group(), "--spot", "X0,Y0,X1,Y1",
            "Meter the pixels from X0,Y0 up to but without X1,Y1; implies --weights spot",
            [&metering](const std::string& text) {
-             const auto values = parse_list("--spot", text, 4, {0, double{v1::kMaxDimension}}, true);
-             if (!values.ok()) return values.status();
+             ASSIGN_OR_RETURN(const auto values,
+                              parse_list("--spot", text, 4, {0, double{v1::kMaxDimension}}, true));
              metering.set_weights(v1::Metering::WEIGHTS_SPOT);
              v1::Rectangle& spot = *metering.mutable_spot();
-             spot.set_x0(static_cast<uint32_t>((*values)[0]));
-             spot.set_y0(static_cast<uint32_t>((*values)[1]));
-             spot.set_x1(static_cast<uint32_t>((*values)[2]));
-             spot.set_y1(static_cast<uint32_t>((*values)[3]));
+             spot.set_x0(static_cast<uint32_t>(values[0]));
+             spot.set_y0(static_cast<uint32_t>(values[1]));
+             spot.set_x1(static_cast<uint32_t>(values[2]));
+             spot.set_y1(static_cast<uint32_t>(values[3]));
              return absl::OkStatus();
            });
 }
@@ -126,15 +126,13 @@ absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
   settings.clear_input_primaries();
   settings.clear_input_chromaticities();
   if (!absl::StrContains(text, ',')) {
-    const absl::StatusOr<int> named = enum_value(*v1::Primaries_descriptor(), "primaries", text);
-    if (!named.ok()) return named.status();
-    settings.set_input_primaries(static_cast<v1::Primaries>(*named));
+    ASSIGN_OR_RETURN(const int named, enum_value(*v1::Primaries_descriptor(), "primaries", text));
+    settings.set_input_primaries(static_cast<v1::Primaries>(named));
     return absl::OkStatus();
   }
-  const auto xy = parse_list("--primaries", text, 8, {-2, 2});
-  if (!xy.ok()) return xy.status();
+  ASSIGN_OR_RETURN(const auto xy, parse_list("--primaries", text, 8, {-2, 2}));
   std::array<float, 8> values{};
-  std::copy(xy->begin(), xy->end(), values.begin());
+  std::copy(xy.begin(), xy.end(), values.begin());
   *settings.mutable_input_chromaticities() = to_message(values);
   return absl::OkStatus();
 }
@@ -182,17 +180,16 @@ absl::Status set_background(v1::Settings& settings, v1::Range<double> range, con
     return usage_error(absl::StrFormat(
         "--background is \"%s\", a code for a display; it is light, so write --background %s", text, light));
   }
-  const auto rgb = parse_list("--background", text, 3, range);
-  if (!rgb.ok()) return rgb.status();
+  ASSIGN_OR_RETURN(const auto rgb, parse_list("--background", text, 3, range));
   if (settings.alpha() != v1::ALPHA_UNSPECIFIED && settings.alpha() != v1::ALPHA_OVER) {
     return usage_error(absl::StrFormat("--background needs --alpha over; --alpha %s has no background",
                                        v1::word_of(settings.alpha())));
   }
   settings.set_alpha(v1::ALPHA_OVER);
   v1::Background& background = *settings.mutable_background();
-  background.set_red(static_cast<float>((*rgb)[0]));
-  background.set_green(static_cast<float>((*rgb)[1]));
-  background.set_blue(static_cast<float>((*rgb)[2]));
+  background.set_red(static_cast<float>(rgb[0]));
+  background.set_green(static_cast<float>(rgb[1]));
+  background.set_blue(static_cast<float>(rgb[2]));
   return absl::OkStatus();
 }
 
@@ -333,7 +330,7 @@ absl::Status check_settings_options(const v1::Settings& settings) {
   }
   v1::Settings completed;  // only the exposure: parsing has checked it, so completing it cannot fail
   *completed.mutable_exposure() = settings.exposure();
-  if (absl::Status status = v1::complete_settings(completed); !status.ok()) return status;
+  RETURN_IF_ERROR(v1::complete_settings(completed));
   const double min = completed.exposure().min_exposure();
   const double max = completed.exposure().max_exposure();
   if (min <= max) return absl::OkStatus();

@@ -14,6 +14,7 @@
 #include "client/cli/options/view_options.h"
 #include "client/image/encodings.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -66,8 +67,8 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   }
   options.sequence.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
-  if (absl::Status status = check_input_names(options.sequence.inputs); !status.ok()) return status;
-  if (absl::Status status = check_output_name(options.output); !status.ok()) return status;
+  RETURN_IF_ERROR(check_input_names(options.sequence.inputs));
+  RETURN_IF_ERROR(check_output_name(options.output));
   const absl::StatusOr<OutputNames> names =
       OutputNames::parse(options.output, output_encoding(options.encoding).extension());
   if (!names.ok()) return names.status();
@@ -83,7 +84,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   if (absl::Status status = check_server_encoding(options.encoding, sample, options.output); !status.ok()) {
     return status;
   }
-  if (absl::Status status = finish_exposure_options(options); !status.ok()) return status;
+  RETURN_IF_ERROR(finish_exposure_options(options));
   choose_view_defaults(
       options, !options.exposures.empty() || !options.locked_exposure.empty() || !options.state.empty());
   return finish_server_options(options.server);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -136,10 +137,9 @@ absl::StatusOr<Json> compare_aces(const ReportSession& session, const std::vecto
     return comparison;
   }
   session.show("ACES: charts");
-  const absl::StatusOr<std::vector<Chart>> charts = color_charts();
-  if (!charts.ok()) return charts.status();
+  ASSIGN_OR_RETURN(const std::vector<Chart> charts, color_charts());
   Json rows = Json::array();
-  for (const Chart& chart : *charts)
+  for (const Chart& chart : charts)
     ColorSet(session, chart.name, chart.frame, false).add_rows(*reference, rows);
   for (const ReportImage& image : images) {
     session.show("ACES: " + image.name);

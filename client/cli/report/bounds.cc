@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/cli/report/scenes.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -41,21 +42,19 @@ constexpr double kCountedComponents = 1000;
 
 absl::StatusOr<Json> measure_ingest(const ReportSession& session) {
   session.show("ingest: every half");
-  const absl::StatusOr<Image> frame = every_half();
-  if (!frame.ok()) return frame.status();
+  ASSIGN_OR_RETURN(const Image frame, every_half());
   v1::Settings settings = ReportSession::settings(session.bounded_tier());
   settings.set_curve(v1::TONE_CURVE_LINEAR);
   settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   settings.mutable_bloom()->set_intensity(0);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-  const absl::StatusOr<RenderResult> result = session.render(settings, *frame);
-  if (!result.ok()) return result.status();
+  ASSIGN_OR_RETURN(const RenderResult result, session.render(settings, frame));
   Worst worst = {"codes", "ingest: every half, NaN and Inf among them", "codes", 0};
-  for (size_t half = 0; half < pixel_count(*result); ++half) {
+  for (size_t half = 0; half < pixel_count(result); ++half) {
     const float in = imath_half_to_float(static_cast<uint16_t>(half));
     const float light = std::isnan(in) ? 0 : std::clamp(in, 0.0f, 1.0f);
     for (size_t k = 0; k < 3; ++k) {
-      const double codes = 255 * std::abs(double{component(*result, half, k)} - double{light});
+      const double codes = 255 * std::abs(double{component(result, half, k)} - double{light});
       if (codes != 0) worst.look_at(absl::StrFormat("half 0x%04x", half), {{"codes", json_number(codes)}});
     }
   }

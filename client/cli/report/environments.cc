@@ -12,6 +12,7 @@
 #include "client/cli/environment/view_objects.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/report/samples.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -61,7 +62,7 @@ class EnvironmentWork {
     session_.show(absl::StrFormat("environment: pictures of %s", name_));
     if (shown_) {
       const absl::StatusOr<Image> sheet = render_sheet();
-      if (absl::Status status = write(sheet, levels_name(number), "levels", row); !status.ok()) return status;
+      RETURN_IF_ERROR(write(sheet, levels_name(number), "levels", row));
     }
     return write(render_lookdev(), lookdev_name(number), "lookdev", row);
   }
@@ -96,9 +97,8 @@ class EnvironmentWork {
     StageTimes stages;
     for (int i = 0; i < warm_up + bakes; ++i) {
       const Clock::time_point begin = Clock::now();
-      absl::StatusOr<EnvironmentBake> baked = bake(tier, /*verify=*/false);
-      if (!baked.ok()) return baked.status();
-      const double ms = device_ms(baked->header.stages());
+      ASSIGN_OR_RETURN(EnvironmentBake baked, bake(tier, /*verify=*/false));
+      const double ms = device_ms(baked.header.stages());
       slowest_ms_ = std::max(slowest_ms_, ms);
       if (i == 0 && ms > kSlowMs) {
         warm_up = 0;
@@ -107,8 +107,8 @@ class EnvironmentWork {
       if (i < warm_up) continue;
       device.push_back(ms);
       call.push_back(ms_since(begin));
-      stages.add(baked->header.stages());
-      if (tier == session_.bounded_tier()) shown_ = *std::move(baked);
+      stages.add(baked.header.stages());
+      if (tier == session_.bounded_tier()) shown_ = std::move(baked);
     }
     row.update({{"bakes", device.size()},
                 {"device_ms", spread(device)},
@@ -139,27 +139,23 @@ class EnvironmentWork {
   }
 
   absl::StatusOr<Image> render_sheet() const {
-    const absl::StatusOr<BakedEnvironment> baked = environment_from(*shown_, Handedness::kLeft);
-    if (!baked.ok()) return baked.status();
-    const absl::StatusOr<Image> sheet = environment_preview(*baked);
-    if (!sheet.ok()) return sheet.status();
-    return picture(preview_settings(), view_of(*sheet));
+    ASSIGN_OR_RETURN(const BakedEnvironment baked, environment_from(*shown_, Handedness::kLeft));
+    ASSIGN_OR_RETURN(const Image sheet, environment_preview(baked));
+    return picture(preview_settings(), view_of(sheet));
   }
 
   absl::StatusOr<Image> render_lookdev() const {
-    const absl::StatusOr<std::vector<v1::Sphere>> spheres = view_objects(kLookdev);
-    if (!spheres.ok()) return spheres.status();
+    ASSIGN_OR_RETURN(const std::vector<v1::Sphere> spheres, view_objects(kLookdev));
     FrameView frame{.width = kViewWidth, .height = kViewHeight};
     frame.view.emplace().set_environment(environment_.id());
-    frame.view->mutable_objects()->Assign(spheres->begin(), spheres->end());
+    frame.view->mutable_objects()->Assign(spheres.begin(), spheres.end());
     return picture(ReportSession::settings(session_.bounded_tier()), frame);
   }
 
   absl::StatusOr<Image> picture(const v1::Settings& settings, const FrameView& frame) const {
-    const absl::StatusOr<RenderResult> result =
-        session_.server().render(settings, frame, absl::Now() + kBakeTimeout);
-    if (!result.ok()) return result.status();
-    return picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
+    ASSIGN_OR_RETURN(const RenderResult result,
+                     session_.server().render(settings, frame, absl::Now() + kBakeTimeout));
+    return picture_of(result, /*has_alpha=*/false, /*pixel_aspect=*/1);
   }
 
   // Names the file at `key`, or says why there is none. Fails only if it cannot be written.
@@ -219,7 +215,7 @@ absl::StatusOr<EnvironmentRows> measure_environments(const ReportSession& sessio
                                                      const BakePlan& plan) {
   EnvironmentRows rows;
   for (const ReportPanorama& panorama : panoramas) {
-    if (absl::Status status = measure_panorama(session, plan, panorama, rows); !status.ok()) return status;
+    RETURN_IF_ERROR(measure_panorama(session, plan, panorama, rows));
   }
   return rows;
 }

@@ -11,6 +11,7 @@
 #include "client/base/number_words.h"
 #include "client/cli/report/pictures.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -107,12 +108,10 @@ v1::Settings highlight_settings(const std::string& tier, bool weights) {
 
 absl::StatusOr<double> light_of(const ReportSession& session, v1::Settings settings,
                                 std::optional<int> eighths) {
-  const absl::StatusOr<Image> frame = moving_highlight(eighths);
-  if (!frame.ok()) return frame.status();
+  ASSIGN_OR_RETURN(const Image frame, moving_highlight(eighths));
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
-  const absl::StatusOr<RenderResult> result = session.render(settings, *frame);
-  if (!result.ok()) return result.status();
-  return summed_light(*result);
+  ASSIGN_OR_RETURN(const RenderResult result, session.render(settings, frame));
+  return summed_light(result);
 }
 
 // (max - min) / mean of the light above the ground, over a pixel's eighths.
@@ -131,14 +130,13 @@ absl::StatusOr<double> flicker(const ReportSession& session, const v1::Settings&
 }
 
 absl::StatusOr<Json> highlight_row(const ReportSession& session, const std::string& tier, bool weights) {
-  const absl::StatusOr<Image> frame = moving_highlight(3);
-  if (!frame.ok()) return frame.status();
+  ASSIGN_OR_RETURN(const Image frame, moving_highlight(3));
   const v1::Settings settings = highlight_settings(tier, weights);
   const std::string expected =
       weights ? "its light varies, which is the price of the weights" : "its light varies by 0.3 % at most";
   const std::string name =
       weights ? "highlight moving by 1/8 pixel" : "highlight moving by 1/8 pixel, without firefly weights";
-  Json row = verified_row(session, row_of(name, expected, *frame, tier), settings, *frame, std::nullopt);
+  Json row = verified_row(session, row_of(name, expected, frame, tier), settings, frame, std::nullopt);
   if (row.contains("error")) return row;
   const absl::StatusOr<double> varies = flicker(session, settings);
   if (!varies.ok()) return failed(std::move(row), varies.status());
@@ -197,9 +195,8 @@ absl::StatusOr<Json> image_row(const ReportSession& session, const ReportImage& 
       maps.push_back(failed({{"tier", tier}}, result.status()));
       continue;
     }
-    absl::StatusOr<Json> map = map_row(session, *result, tier, files);
-    if (!map.ok()) return map.status();
-    maps.push_back(*std::move(map));
+    ASSIGN_OR_RETURN(Json map, map_row(session, *result, tier, files));
+    maps.push_back(std::move(map));
     if (tier == session.bounded_tier()) row["file"] = files.stem + ".png";
   }
   row["maps"] = std::move(maps);
@@ -213,10 +210,9 @@ std::string error_map_name(size_t image, const std::string& tier) {
 }
 
 absl::StatusOr<Json> measure_hard_cases(const ReportSession& session) {
-  const absl::StatusOr<std::vector<HardCase>> cases = hard_cases();
-  if (!cases.ok()) return cases.status();
+  ASSIGN_OR_RETURN(const std::vector<HardCase> cases, hard_cases());
   Json rows = Json::array();
-  for (const HardCase& hard : *cases) {
+  for (const HardCase& hard : cases) {
     session.show("hard case: " + hard.name);
     for (const std::string& tier : session.tiers()) {
       rows.push_back(verified_row(session, row_of(hard.name, hard.expected, hard.frame, tier),
@@ -226,9 +222,8 @@ absl::StatusOr<Json> measure_hard_cases(const ReportSession& session) {
   for (const bool weights : {true, false}) {
     session.show("hard case: moving highlight");
     for (const std::string& tier : session.tiers()) {
-      absl::StatusOr<Json> row = highlight_row(session, tier, weights);
-      if (!row.ok()) return row.status();
-      rows.push_back(*std::move(row));
+      ASSIGN_OR_RETURN(Json row, highlight_row(session, tier, weights));
+      rows.push_back(std::move(row));
     }
   }
   return rows;
@@ -238,16 +233,14 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
                                     const std::string& folder) {
   Json rows = Json::array();
   for (const ReportImage& image : images) {
-    absl::StatusOr<Json> row = image_row(session, image, {folder, rows.size() + 1});
-    if (!row.ok()) return row.status();
-    rows.push_back(*std::move(row));
+    ASSIGN_OR_RETURN(Json row, image_row(session, image, {folder, rows.size() + 1}));
+    rows.push_back(std::move(row));
   }
   return rows;
 }
 
 absl::StatusOr<Json> measure_curves(const ReportSession& session) {
-  const absl::StatusOr<Image> frame = sample_frame(320, 180);
-  if (!frame.ok()) return frame.status();
+  ASSIGN_OR_RETURN(const Image frame, sample_frame(320, 180));
   Json rows = Json::array();
   for (const int value : session.info().curves()) {
     // The error of a table is not the error of a stage: docs/pipeline.md gives that of aces-1 by table size,
@@ -257,8 +250,8 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
     session.show("curve: " + word);
     v1::Settings settings = ReportSession::settings(session.bounded_tier());
     settings.set_curve(static_cast<v1::ToneCurve>(value));
-    Json row = row_of("sample scene, " + word, "the curve's own", *frame, settings.tier());
-    rows.push_back(verified_row(session, std::move(row), settings, *frame, std::nullopt));
+    Json row = row_of("sample scene, " + word, "the curve's own", frame, settings.tier());
+    rows.push_back(verified_row(session, std::move(row), settings, frame, std::nullopt));
   }
   return rows;
 }

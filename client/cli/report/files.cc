@@ -4,6 +4,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -99,10 +100,9 @@ std::string csv(const Column (&columns)[N], const Json& rows) {
 }
 
 absl::Status write_file(const std::string& path, const std::string& text) {
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
-  file->write(text.data(), text.size());
-  return file->commit();
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
+  file.write(text.data(), text.size());
+  return file.commit();
 }
 
 // A path need not be UTF-8.

@@ -11,6 +11,7 @@
 
 #include "client/cli/files/scene_image.h"
 #include "client/image/sample.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -101,11 +102,10 @@ FrameSize frame_size(double megapixels) {
 }
 
 absl::StatusOr<Image> sample_frame(uint32_t width, uint32_t height, float most) {
-  const absl::StatusOr<Image> scene = sample_scene(width, height);
-  if (!scene.ok()) return scene.status();
+  ASSIGN_OR_RETURN(const Image scene, sample_scene(width, height));
   absl::StatusOr<Image> frame = make_image(width, height, ImageFormat::kRgba16f);
   if (!frame.ok()) return frame;
-  const std::byte* in = scene->pixels.data();
+  const std::byte* in = scene.pixels.data();
   std::byte* out = frame->pixels.data();
   for (uint64_t i = 0; i < uint64_t{width} * height * 4; ++i) {
     float value = 0;
@@ -154,10 +154,9 @@ absl::StatusOr<Image> cropped(Image image, double megapixels) {
 absl::StatusOr<std::vector<HardCase>> hard_cases() {
   std::vector<HardCase> cases;
   for (CaseShape& shape : case_shapes()) {
-    absl::StatusOr<Image> frame = scene_image(shape.width, shape.height, shape.texel);
-    if (!frame.ok()) return frame.status();
+    ASSIGN_OR_RETURN(Image frame, scene_image(shape.width, shape.height, shape.texel));
     cases.push_back(
-        {std::move(shape.name), std::move(shape.expected), *std::move(frame), std::move(shape.previous)});
+        {std::move(shape.name), std::move(shape.expected), std::move(frame), std::move(shape.previous)});
   }
   return cases;
 }
@@ -210,9 +209,8 @@ absl::StatusOr<std::vector<Chart>> color_charts() {
   };
   std::vector<Chart> charts;
   for (const auto& shape : shapes) {
-    absl::StatusOr<Image> frame = scene_image(kChartWidth, shape.height, shape.texel);
-    if (!frame.ok()) return frame.status();
-    charts.push_back({shape.name, *std::move(frame)});
+    ASSIGN_OR_RETURN(Image frame, scene_image(kChartWidth, shape.height, shape.texel));
+    charts.push_back({shape.name, std::move(frame)});
   }
   return charts;
 }

@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/report/samples.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -70,15 +71,14 @@ absl::StatusOr<Samples> time_frames(const ReportSession& session, const v1::Sett
   for (int i = 0; i < warm_up + frames; ++i) {
     const double copy = yardstick.copy_ms();
     const Clock::time_point begin = Clock::now();
-    const absl::StatusOr<RenderResult> result = session.render(settings, frame);
-    if (!result.ok()) return result.status();
+    ASSIGN_OR_RETURN(const RenderResult result, session.render(settings, frame));
     const double call = ms_since(begin);
-    if (i == 0 && device_ms(result->header.stages()) > kSlowMs) {
+    if (i == 0 && device_ms(result.header.stages()) > kSlowMs) {
       warm_up = 0;
       frames = std::min(frames, plan.slow_frames);
     }
     if (i < warm_up) continue;
-    samples.add(result->header);
+    samples.add(result.header);
     samples.call.push_back(call);
     samples.copy.push_back(copy);
   }

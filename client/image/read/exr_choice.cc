@@ -19,6 +19,7 @@
 #include "client/image/exr/picture_rank.h"
 #include "client/image/read/exr_color.h"
 #include "client/image/read/readers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -78,10 +79,9 @@ class Pictures {
 
   // The picture that a choice means, without notes.
   absl::StatusOr<Shown> find(const PictureChoice& choice) const {
-    const absl::StatusOr<Candidates> candidates = allowed_by(choice);
-    if (!candidates.ok()) return candidates.status();
-    auto shown = best_of(*candidates, choice);
-    if (!shown) return nothing_to_show(*candidates, choice);
+    ASSIGN_OR_RETURN(const Candidates candidates, allowed_by(choice));
+    auto shown = best_of(candidates, choice);
+    if (!shown) return nothing_to_show(candidates, choice);
     return *std::move(shown);
   }
 
@@ -136,9 +136,8 @@ class Pictures {
     Candidates candidates;
     int part = -1;
     if (!choice.part.empty()) {
-      const absl::StatusOr<int> named = part_called(choice.part);
-      if (!named.ok()) return named.status();
-      part = *named;
+      ASSIGN_OR_RETURN(const int named, part_called(choice.part));
+      part = named;
     }
     for (const Candidate& candidate : all_) {
       if (part < 0 || candidate.part == part) candidates.push_back(&candidate);
@@ -368,9 +367,8 @@ bool is_deep(const Imf::Header& header) { return header.hasType() && Imf::isDeep
 absl::StatusOr<ExrPicture> choose_exr_picture(const std::string& path, const Imf::MultiPartInputFile& file,
                                               const PictureChoice& choice) {
   const Pictures pictures(path, file);
-  const absl::StatusOr<Shown> shown = pictures.find(choice);
-  if (!shown.ok()) return shown.status();
-  return ExrPicture{shown->candidate->part, shown->channels, pictures.notes_on(*shown, choice)};
+  ASSIGN_OR_RETURN(const Shown shown, pictures.find(choice));
+  return ExrPicture{shown.candidate->part, shown.channels, pictures.notes_on(shown, choice)};
 }
 
 }  // namespace candela

@@ -17,6 +17,7 @@
 #include "client/image/read/exr_file.h"
 #include "client/image/read/exr_rate.h"
 #include "client/image/read/readers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -93,7 +94,7 @@ std::string shown_words(const Imf::MultiPartInputFile& file, const ExrPicture& p
 
 absl::StatusOr<FileFacts> describe_exr(FileReader& opened, const ImageLimits& limits) {
   FileFacts facts{.kind = "OpenEXR"};
-  const absl::Status status = with_exr_file(opened, [&](Imf::MultiPartInputFile& file) {
+  RETURN_IF_ERROR(with_exr_file(opened, [&](Imf::MultiPartInputFile& file) {
     for (int i = 0; i < file.parts(); ++i) facts.parts.push_back(part_of(file.header(i)));
     const absl::StatusOr<ExrPicture> picture = choose_exr_picture(opened.path(), file, {});
     facts.renderable = picture.status();
@@ -114,8 +115,7 @@ absl::StatusOr<FileFacts> describe_exr(FileReader& opened, const ImageLimits& li
           luma_chroma ? "does not read luminance and chroma" : "renders what is there"));
     }
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   return facts;
 }
 

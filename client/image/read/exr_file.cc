@@ -14,6 +14,7 @@
 #include "client/base/failure.h"
 #include "client/image/read/exr_header.h"
 #include "client/image/read/readers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -47,7 +48,7 @@ class FileStream : public Imf::IStream {
 absl::Status with_exr_file(FileReader& opened,
                            absl::FunctionRef<absl::Status(Imf::MultiPartInputFile& file)> use, int threads) {
   opened.seek(0);
-  if (absl::Status status = check_exr_header(opened); !status.ok()) return status;
+  RETURN_IF_ERROR(check_exr_header(opened));
   const std::string& path = opened.path();
   try {
     FileStream stream(opened);

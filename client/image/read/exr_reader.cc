@@ -32,6 +32,7 @@
 #include "client/image/read/exr_rate.h"
 #include "client/image/read/exr_windows.h"
 #include "client/image/read/readers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -122,22 +123,18 @@ class PictureReader {
 
   // Chooses the picture, checks the limits, and makes an image without its pixels.
   absl::StatusOr<Image> begin(const Imf::MultiPartInputFile& file) {
-    absl::StatusOr<ExrPicture> picture = choose_exr_picture(path_, file, choice_);
-    if (!picture.ok()) return picture.status();
-    picture_ = *std::move(picture);
+    ASSIGN_OR_RETURN(ExrPicture picture, choose_exr_picture(path_, file, choice_));
+    picture_ = std::move(picture);
     const ExrChannels& channels = picture_.channels;
     const Imf::Header& header = file.header(picture_.part);
-    if (absl::Status status = check_exr_picture(path_, header, channels, limits_); !status.ok())
-      return status;
+    RETURN_IF_ERROR(check_exr_picture(path_, header, channels, limits_));
     const Window data(header.dataWindow()), display(header.displayWindow());
-    absl::StatusOr<ExrColor> color = exr_color(path_, header, choice_);
-    if (!color.ok()) return color.status();
-    color_ = *std::move(color);
+    ASSIGN_OR_RETURN(ExrColor color, exr_color(path_, header, choice_));
+    color_ = std::move(color);
     if (channels.xyz && !choice_.own_values) color_.xy = kXyz.xy;
     if (wants_floats()) {
-      absl::Status status = check_image_size(path_, "image", display.width(), display.height(),
-                                             ImageFormat::kRgba32f, limits_);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(check_image_size(path_, "image", display.width(), display.height(),
+                                       ImageFormat::kRgba32f, limits_));
     }
     absl::StatusOr<Image> image =
         make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),

@@ -25,6 +25,7 @@
 #include "client/image/primaries.h"
 #include "client/image/read/radiance_scanline.h"
 #include "client/image/read/readers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -170,22 +171,21 @@ double radiance_scale(const Header& header, Image& image) {
 
 absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits, bool fills_gaps) {
   Header header;
-  if (absl::Status status = read_header(file, header); !status.ok()) return status;
-  absl::StatusOr<Resolution> r = read_resolution(file);
-  if (!r.ok()) return r.status();
+  RETURN_IF_ERROR(read_header(file, header));
+  ASSIGN_OR_RETURN(Resolution r, read_resolution(file));
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
-  if (absl::Status status = check_image_size(file.path(), "image", r->width, r->height, kFormat, limits);
+  if (absl::Status status = check_image_size(file.path(), "image", r.width, r.height, kFormat, limits);
       !status.ok()) {
     return status;
   }
-  const int64_t lines = r->columns ? r->width : r->height, length = r->columns ? r->height : r->width;
+  const int64_t lines = r.columns ? r.width : r.height, length = r.columns ? r.height : r.width;
   // Every scan line takes at least one record of four bytes.
   if (!fills_gaps && file.remaining() < static_cast<uint64_t>(lines) * 4) {
     return or_fill(file.truncated(absl::StrFormat("most of its %d scan lines", lines)));
   }
 
   absl::StatusOr<Image> image =
-      make_image(static_cast<uint32_t>(r->width), static_cast<uint32_t>(r->height), kFormat);
+      make_image(static_cast<uint32_t>(r.width), static_cast<uint32_t>(r.height), kFormat);
   if (!image.ok()) return image;
   apply_header(header, *image);
   const double scale = radiance_scale(header, *image);
@@ -197,9 +197,9 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits,
   }
 
   const auto row_bytes = static_cast<int64_t>(image->row_bytes());
-  const int64_t x_step = r->right ? 16 : -16, y_step = r->down ? row_bytes : -row_bytes;
-  const int64_t line_step = r->columns ? x_step : y_step, pixel_step = r->columns ? y_step : x_step;
-  const int64_t first = (r->right ? 0 : row_bytes - 16) + (r->down ? 0 : (r->height - 1) * row_bytes);
+  const int64_t x_step = r.right ? 16 : -16, y_step = r.down ? row_bytes : -row_bytes;
+  const int64_t line_step = r.columns ? x_step : y_step, pixel_step = r.columns ? y_step : x_step;
+  const int64_t first = (r.right ? 0 : row_bytes - 16) + (r.down ? 0 : (r.height - 1) * row_bytes);
   std::vector<Rgbe> line(static_cast<size_t>(length));
   for (int64_t i = 0; i < lines; ++i) {
     if (absl::Status status = read_scanline(file, i, line); !status.ok()) {

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -52,17 +53,16 @@ absl::StatusOr<std::string> writable_destination(const std::string& path) {
 }
 
 absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
-  absl::StatusOr<std::string> target = writable_destination(path);
-  if (!target.ok()) return target.status();
+  ASSIGN_OR_RETURN(std::string target, writable_destination(path));
   struct stat old {};
-  const bool replaces = stat(target->c_str(), &old) == 0;
+  const bool replaces = stat(target.c_str(), &old) == 0;
   // The permissions are never wider than the old file's. A new file is created with the usual mode, so that
   // the umask applies.
   const mode_t mode = replaces ? old.st_mode & 0777 : 0666;
-  const size_t slash = target->rfind('/') + 1;
+  const size_t slash = target.rfind('/') + 1;
   for (int attempts = 0; attempts < 100; ++attempts) {
-    const std::string name = absl::StrFormat("%s.%s.%d-%d.part", target->substr(0, slash),
-                                             target->substr(slash, 200), getpid(), counter++);
+    const std::string name = absl::StrFormat("%s.%s.%d-%d.part", target.substr(0, slash),
+                                             target.substr(slash, 200), getpid(), counter++);
     int descriptor = -1;
     std::optional<TemporaryPath> temporary = TemporaryPath::create(name, mode, descriptor);
     if (!temporary && errno == EEXIST) continue;
@@ -74,7 +74,7 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
       return cannot_write(path, error);
     }
     setvbuf(file, nullptr, _IOFBF, 1 << 16);
-    return AtomicFile(path, *std::move(target), *std::move(temporary), file);
+    return AtomicFile(path, std::move(target), *std::move(temporary), file);
   }
   return cannot_write(path, EEXIST);
 }

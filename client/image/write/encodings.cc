@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
 #include "client/image/write/writers.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -151,30 +152,27 @@ AspectRatio aspect_ratio(double pixel_aspect) {
 }
 
 absl::StatusOr<Notes> write_image(const std::string& path, const Image& image, const WriteOptions& options) {
-  absl::StatusOr<const OutputEncoding*> found = check_output_path(path);
-  if (!found.ok()) return found.status();
-  const OutputEncoding& encoding = **found;
+  ASSIGN_OR_RETURN(const OutputEncoding* found, check_output_path(path));
+  const OutputEncoding& encoding = *found;
   const auto fails = [&path](const absl::Status& status) {
     return failure_of(FailureKind::kOutput,
                       absl::Status(status.code(), absl::StrCat(path, ": ", status.message())));
   };
   if (absl::Status status = check_image(encoding, image); !status.ok()) return fails(status);
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
   Notes notes;
   note_lost_alpha(encoding, image.has_alpha, notes);
-  const absl::Status status = encoding.write(*file, image, options, notes);
-  if (!status.ok() && !file->failed()) return fails(status);
-  if (absl::Status committed = file->commit(); !committed.ok()) return committed;
+  const absl::Status status = encoding.write(file, image, options, notes);
+  if (!status.ok() && !file.failed()) return fails(status);
+  RETURN_IF_ERROR(file.commit());
   return notes;
 }
 
 absl::StatusOr<Notes> write_encoded(const std::string& path, std::span<const std::byte> bytes,
                                     v1::Encoding encoding, bool has_alpha, double pixel_aspect) {
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(path);
-  if (!file.ok()) return file.status();
-  write_with_aspect(*file, bytes, pixel_aspect);
-  if (absl::Status status = file->commit(); !status.ok()) return status;
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
+  write_with_aspect(file, bytes, pixel_aspect);
+  RETURN_IF_ERROR(file.commit());
   Notes notes;
   note_lost_alpha(output_encoding(encoding), has_alpha, notes);
   return notes;

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/slices.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -55,7 +56,7 @@ absl::StatusOr<std::shared_ptr<const ColorTable>> bake(uint32_t size, uint32_t a
   std::vector<float> rgb = lattice_light(size, axes, end);
   for (std::span<float> rest = rgb; !rest.empty(); rest = rest.subspan(std::min(kPiece, rest.size()))) {
     checkpoint();
-    if (absl::Status status = aces_1(rest.first(std::min(kPiece, rest.size()))); !status.ok()) return status;
+    RETURN_IF_ERROR(aces_1(rest.first(std::min(kPiece, rest.size()))));
   }
   checkpoint();
   return std::make_shared<const ColorTable>(make_color_table(size, axes, end, rgb));

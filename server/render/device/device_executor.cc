@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/base/status_macros.h"
 #include "server/render/device/passes.h"
 #include "server/render/plan/metering.h"
 
@@ -38,16 +39,14 @@ DeviceExecutor::DeviceExecutor(Device& device, PipelineCache pipelines, Recorder
     : pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), pace_(kFirstPace), tables_(device) {}
 
 absl::StatusOr<std::unique_ptr<DeviceExecutor>> DeviceExecutor::create(Device& device) {
-  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(device);
-  if (!pipelines.ok()) return pipelines.status();
-  absl::StatusOr<Recorder> recorder = Recorder::create(device);
-  if (!recorder.ok()) return recorder.status();
+  ASSIGN_OR_RETURN(PipelineCache pipelines, PipelineCache::create(device));
+  ASSIGN_OR_RETURN(Recorder recorder, Recorder::create(device));
   return std::unique_ptr<DeviceExecutor>(
-      new DeviceExecutor(device, *std::move(pipelines), *std::move(recorder)));
+      new DeviceExecutor(device, std::move(pipelines), std::move(recorder)));
 }
 
 absl::StatusOr<Metered> DeviceExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
-  if (absl::Status status = recorder_.usable(); !status.ok()) return status;
+  RETURN_IF_ERROR(recorder_.usable());
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
   return meter_frame(plan, textures.layout.desc,
@@ -91,20 +90,19 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
     read_back(textures.tiles, textures.tiles_readback, recorder_);
     read_back(textures.histogram, textures.histogram_readback, recorder_);
   }
-  if (absl::Status ended = submissions.end(); !ended.ok()) return ended;
+  RETURN_IF_ERROR(submissions.end());
   return sum_tiles(textures, plan, read);
 }
 
 absl::StatusOr<Drawn> DeviceExecutor::run_draw(FrameMemory& memory, const Plan& plan,
                                                std::vector<StageTime>* stages) {
-  if (absl::Status status = recorder_.usable(); !status.ok()) return status;
+  RETURN_IF_ERROR(recorder_.usable());
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
   std::shared_ptr<const Buffer> table;
   if (plan.table) {
-    absl::StatusOr<std::shared_ptr<const Buffer>> points = tables_.get(plan.table, recorder_);
-    if (!points.ok()) return points.status();
-    table = *std::move(points);
+    ASSIGN_OR_RETURN(std::shared_ptr<const Buffer> points, tables_.get(plan.table, recorder_));
+    table = std::move(points);
   }
   Submissions submissions(recorder_, pace_, !textures.upload, stages);
   absl::Status status = submissions.begin();
@@ -122,7 +120,7 @@ absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const 
     recorder_.barrier();
   }
   for (const BloomStep& step : plan.bloom_steps) {
-    if (absl::Status status = record_bloom_step(step, textures, submissions); !status.ok()) return status;
+    RETURN_IF_ERROR(record_bloom_step(step, textures, submissions));
     recorder_.barrier();
   }
   const auto record = [&](uint64_t first, uint64_t last) {
@@ -165,8 +163,7 @@ absl::Status DeviceExecutor::record_verification(const FrameTextures& textures, 
   const auto record = [&](uint64_t first, uint64_t last) {
     return record_exact(plan.resolve, table, textures, pipelines_, recorder_, rows_of(first, last));
   };
-  absl::Status status = submissions.pass("verify", groups_of(plan.resolve), kResolveGroupTexels, record);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(submissions.pass("verify", groups_of(plan.resolve), kResolveGroupTexels, record));
   recorder_.barrier();
   read_back(textures.exact, textures.exact_readback, recorder_);
   if (plan.bloom()) read_back(textures.levels[0], textures.level_readback, recorder_);

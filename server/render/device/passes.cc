@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "server/base/check.h"
+#include "server/base/status_macros.h"
 #include "shaders/bloom_down.spv.h"
 #include "shaders/bloom_up.spv.h"
 #include "shaders/bright_pass.spv.h"
@@ -64,8 +65,7 @@ template <typename Inputs>
 absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<const uint32_t> spirv,
                       const Inputs& inputs, std::initializer_list<VkBufferView> reads, const Target& target,
                       std::span<const Box> work, const GroupRows& of) {
-  const absl::StatusOr<VkPipeline> pipeline = pipelines.get(spirv, words_of(inputs.constants));
-  if (!pipeline.ok()) return pipeline.status();
+  ASSIGN_OR_RETURN(const VkPipeline pipeline, pipelines.get(spirv, words_of(inputs.constants)));
   // Each part has to begin at a row of work groups, and where a binding may begin.
   const uint64_t step = target.group_rows * PipelineCache::kWriteAlignment / 16;
   const uint64_t rows = PipelineCache::kMaxWriteBytes / target.row_bytes / step * step;
@@ -81,7 +81,7 @@ absl::Status dispatch(PipelineCache& pipelines, Recorder& recorder, std::span<co
     params.first_row = static_cast<uint32_t>(first);
     const VkDescriptorBufferInfo written = {target.buffer.handle(), first * target.row_bytes,
                                             std::min<uint64_t>(rows, target.rows - first) * target.row_bytes};
-    recorder.bind(*pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
+    recorder.bind(pipeline, pipelines.layout(), {reads.begin(), reads.size()}, written, &params,
                   sizeof params);
     dispatch_all(part, recorder);
   }
@@ -152,13 +152,12 @@ absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const
   params.tiles_hi = high(tiles);
   params.histogram_lo = low(histogram);
   params.histogram_hi = high(histogram);
-  const absl::StatusOr<VkPipeline> pipeline = pipelines.get(k_ingest_spirv, words_of(constants));
-  if (!pipeline.ok()) return pipeline.status();
+  ASSIGN_OR_RETURN(const VkPipeline pipeline, pipelines.get(k_ingest_spirv, words_of(constants)));
   const VkBufferView frame = textures.input.buffer().view();
   const VkBufferView reads[] = {frame,
                                 textures.center_weights ? textures.center_weights.buffer().view() : frame};
   const Box all = ingest_groups(layout);
-  recorder.bind(*pipeline, pipelines.layout(), reads, {}, &params, sizeof params);
+  recorder.bind(pipeline, pipelines.layout(), reads, {}, &params, sizeof params);
   dispatch_all(within({&all, 1}, rows), recorder);
   return absl::OkStatus();
 }

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "server/base/slices.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -72,8 +73,8 @@ absl::Status Submissions::cut(const char* stage, std::span<const double> costs, 
     size_t last = first + 1;
     while (last < costs.size() && cost + costs[last] <= left) cost += costs[last++];
     if (cost > left && expected_seconds_ > 0) {
-      if (absl::Status status = submit(); !status.ok()) return status;
-      if (absl::Status status = begin(); !status.ok()) return status;
+      RETURN_IF_ERROR(submit());
+      RETURN_IF_ERROR(begin());
       continue;
     }
     recorder_.mark(stage);
@@ -84,8 +85,8 @@ absl::Status Submissions::cut(const char* stage, std::span<const double> costs, 
     costs_[stage] += cost;
     first = last;
     if (first == costs.size()) break;
-    if (absl::Status status = submit(); !status.ok()) return status;
-    if (absl::Status status = begin(); !status.ok()) return status;
+    RETURN_IF_ERROR(submit());
+    RETURN_IF_ERROR(begin());
     most_cost *= 2;
   }
   return absl::OkStatus();
@@ -94,7 +95,7 @@ absl::Status Submissions::cut(const char* stage, std::span<const double> costs, 
 absl::Status Submissions::submit() {
   recorder_.barrier_to_host();
   const Clock::time_point begin = Clock::now();
-  if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
+  RETURN_IF_ERROR(recorder_.submit_and_wait());
   const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
   std::map<const char*, double> took;
   for (const Recorder::Timing& timing : recorder_.timings()) {

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "server/base/status_macros.h"
+
 namespace candela {
 
 absl::StatusOr<std::shared_ptr<const Buffer>> TableCache::get(const std::shared_ptr<const ColorTable>& table,
@@ -9,19 +11,17 @@ absl::StatusOr<std::shared_ptr<const Buffer>> TableCache::get(const std::shared_
   if (std::shared_ptr<const Buffer> found = tables_.find(table)) return found;
   tables_.make_room();
   const uint64_t bytes = point_count(*table) * sizeof(TablePoint);
-  absl::StatusOr<Buffer> points = Buffer::create(device_, bytes, MemoryUse::kDevice);
-  if (!points.ok()) return points.status();
+  ASSIGN_OR_RETURN(Buffer points, Buffer::create(device_, bytes, MemoryUse::kDevice));
   if (device_.unified_memory()) {
-    write_points(*table, points->mapped());
+    write_points(*table, points.mapped());
   } else {
-    absl::StatusOr<Buffer> upload = Buffer::create(device_, bytes, MemoryUse::kUpload);
-    if (!upload.ok()) return upload.status();
-    write_points(*table, upload->mapped());
-    if (absl::Status status = recorder.begin(); !status.ok()) return status;
-    recorder.copy(*upload, *points, bytes);
-    if (absl::Status status = recorder.submit_and_wait(); !status.ok()) return status;
+    ASSIGN_OR_RETURN(Buffer upload, Buffer::create(device_, bytes, MemoryUse::kUpload));
+    write_points(*table, upload.mapped());
+    RETURN_IF_ERROR(recorder.begin());
+    recorder.copy(upload, points, bytes);
+    RETURN_IF_ERROR(recorder.submit_and_wait());
   }
-  return tables_.keep(table, *std::move(points));
+  return tables_.keep(table, std::move(points));
 }
 
 }  // namespace candela

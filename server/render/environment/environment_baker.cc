@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 #include "shaders/brdf_table.spv.h"
 #include "shaders/cube_down.spv.h"
 #include "shaders/cube_face.spv.h"
@@ -68,10 +69,9 @@ double specular_cost(double alpha2, double detail2) { return 100 + 4 / detail2 *
 
 absl::StatusOr<CubeLevels> take_levels(TexturePool& pool, uint32_t size, uint32_t levels) {
   const uint64_t texels = cube_bytes(size, levels) / kCubeTexelBytes;
-  absl::StatusOr<TexturePool::Lease> lease =
-      pool.take({static_cast<uint32_t>(texels), 1, static_cast<uint32_t>(kCubeTexelBytes)});
-  if (!lease.ok()) return lease.status();
-  return CubeLevels{*std::move(lease), size, levels};
+  ASSIGN_OR_RETURN(TexturePool::Lease lease,
+                   pool.take({static_cast<uint32_t>(texels), 1, static_cast<uint32_t>(kCubeTexelBytes)}));
+  return CubeLevels{std::move(lease), size, levels};
 }
 
 LongPass level_pass(std::span<const uint32_t> spirv, std::vector<VkBufferView> reads,
@@ -92,9 +92,8 @@ EnvironmentBaker::EnvironmentBaker(Device& device, TexturePool& pool, Crew* crew
 
 absl::StatusOr<std::unique_ptr<EnvironmentBaker>> EnvironmentBaker::create(Device& device, TexturePool& pool,
                                                                            Crew* crew) {
-  absl::StatusOr<LongPasses> passes = LongPasses::create(device, pool);
-  if (!passes.ok()) return passes.status();
-  return std::unique_ptr<EnvironmentBaker>(new EnvironmentBaker(device, pool, crew, *std::move(passes)));
+  ASSIGN_OR_RETURN(LongPasses passes, LongPasses::create(device, pool));
+  return std::unique_ptr<EnvironmentBaker>(new EnvironmentBaker(device, pool, crew, std::move(passes)));
 }
 
 absl::StatusOr<PanoramaUpload> EnvironmentBaker::take(const FrameDesc& desc) const {
@@ -106,15 +105,13 @@ absl::StatusOr<Environment> EnvironmentBaker::finish(PanoramaUpload upload,
                                                      absl::FunctionRef<absl::Status(uint64_t)> grow,
                                                      absl::FunctionRef<bool()> free_one) {
   if (upload.staged_) {
-    absl::Status status = passes_.copy(upload.staged_.buffer(), upload.wire_.buffer());
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(passes_.copy(upload.staged_.buffer(), upload.wire_.buffer()));
   }
-  const absl::StatusOr<shader::PanoramaCounts> found = run_panorama(upload, matrix, /*floats=*/false);
-  if (!found.ok()) return found.status();
-  const bool floats = found->max_scene_bits > std::bit_cast<uint32_t>(shader::MAX_HALF);
+  ASSIGN_OR_RETURN(const shader::PanoramaCounts found, run_panorama(upload, matrix, /*floats=*/false));
+  const bool floats = found.max_scene_bits > std::bit_cast<uint32_t>(shader::MAX_HALF);
   if (floats) {
     const TextureKey key = {upload.pitch_, upload.desc_.height, 4 * sizeof(float)};
-    if (absl::Status grown = grow(key.bytes()); !grown.ok()) return grown;
+    RETURN_IF_ERROR(grow(key.bytes()));
     upload.panorama_ = TexturePool::Lease();
     absl::StatusOr<TexturePool::Lease> larger = pool_.take(key, upload.wire_.bytes());
     while (absl::IsUnavailable(larger.status()) && free_one()) {
@@ -122,20 +119,18 @@ absl::StatusOr<Environment> EnvironmentBaker::finish(PanoramaUpload upload,
     }
     if (!larger.ok()) return larger.status();
     upload.panorama_ = *std::move(larger);
-    const absl::Status status = run_panorama(upload, matrix, floats).status();
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(run_panorama(upload, matrix, floats).status());
   }
   Environment environment;
   environment.width = upload.desc_.width;
   environment.height = upload.desc_.height;
   environment.pitch = upload.pitch_;
-  environment.bad = {found->nan_components,
-                     found->infinite_components,
-                     found->negative_components,
-                     found->clamped_components,
+  environment.bad = {found.nan_components,
+                     found.infinite_components,
+                     found.negative_components,
+                     found.clamped_components,
                      {}};
-  if (found->first_bad_texel_inverted != 0)
-    environment.bad.first_bad_texel = ~found->first_bad_texel_inverted;
+  if (found.first_bad_texel_inverted != 0) environment.bad.first_bad_texel = ~found.first_bad_texel_inverted;
   environment.panorama = std::move(upload.panorama_);
   environment.floats = floats;
   return environment;
@@ -144,16 +139,15 @@ absl::StatusOr<Environment> EnvironmentBaker::finish(PanoramaUpload upload,
 absl::StatusOr<shader::PanoramaCounts> EnvironmentBaker::run_panorama(
     const PanoramaUpload& upload, const std::optional<std::array<float, 9>>& matrix, bool floats) {
   const shader::PanoramaCounts none{};
-  absl::StatusOr<TexturePool::Lease> counts = passes_.upload(std::as_bytes(std::span(&none, 1)));
-  if (!counts.ok()) return counts.status();
+  ASSIGN_OR_RETURN(TexturePool::Lease counts, passes_.upload(std::as_bytes(std::span(&none, 1))));
   const FrameDesc& desc = upload.desc_;
   shader::PanoramaParams params{};
   params.frame.width = desc.width;
   params.frame.height = desc.height;
   params.frame.input_pitch = upload.pitch_;
   if (matrix) std::memcpy(&params.frame.m00, matrix->data(), sizeof *matrix);
-  params.counts_lo = low(counts->buffer().address());
-  params.counts_hi = high(counts->buffer().address());
+  params.counts_lo = low(counts.buffer().address());
+  params.counts_hi = high(counts.buffer().address());
   const LongPass pass = {
       .spirv = k_panorama_spirv,
       .constants = {static_cast<uint32_t>(desc.format), matrix ? 1u : 0u, floats ? 1u : 0u},
@@ -162,9 +156,9 @@ absl::StatusOr<shader::PanoramaCounts> EnvironmentBaker::run_panorama(
       .invocations = uint64_t{upload.pitch_} / shader::GROUP_TEXELS * desc.height,
       .invocation_bytes = shader::GROUP_TEXELS * (floats ? 16u : 8u),
       .cost = kPanoramaCost};
-  if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
+  RETURN_IF_ERROR(passes_.run(pass, params));
   shader::PanoramaCounts found{};
-  if (absl::Status status = passes_.read(counts->buffer(), 0, std::as_writable_bytes(std::span(&found, 1)));
+  if (absl::Status status = passes_.read(counts.buffer(), 0, std::as_writable_bytes(std::span(&found, 1)));
       !status.ok()) {
     return status;
   }
@@ -174,22 +168,20 @@ absl::StatusOr<shader::PanoramaCounts> EnvironmentBaker::run_panorama(
 absl::StatusOr<Harmonics> EnvironmentBaker::radiance(Environment& environment) {
   if (environment.radiance) return *environment.radiance;
   const uint32_t width = environment.width;
-  const absl::StatusOr<TexturePool::Lease> columns = passes_.upload(bytes_of(column_factors(width)));
-  if (!columns.ok()) return columns.status();
+  ASSIGN_OR_RETURN(const TexturePool::Lease columns, passes_.upload(bytes_of(column_factors(width))));
   std::vector<float> sums(size_t{environment.height} * shader::SH_PARTS * 16);
-  const absl::StatusOr<TexturePool::Lease> parts = passes_.take(sums.size() * sizeof(float));
-  if (!parts.ok()) return parts.status();
+  ASSIGN_OR_RETURN(const TexturePool::Lease parts, passes_.take(sums.size() * sizeof(float)));
   const LongPass pass = {.spirv = k_panorama_sh_spirv,
                          .constants = {environment.floats},
-                         .reads = {environment.panorama.buffer().view(), columns->buffer().view()},
-                         .target = &parts->buffer(),
+                         .reads = {environment.panorama.buffer().view(), columns.buffer().view()},
+                         .target = &parts.buffer(),
                          .invocations = uint64_t{environment.height} * shader::SH_PARTS,
                          .invocation_bytes = 16 * sizeof(float),
                          .cost = kShTexelCost * (2.0 + static_cast<double>(width) / shader::SH_PARTS)};
   shader::PanoramaShParams params{};
   params.panorama = layout_of(environment, 0);
   absl::Status status = passes_.run(pass, params);
-  if (status.ok()) status = passes_.read(parts->buffer(), 0, std::as_writable_bytes(std::span(sums)));
+  if (status.ok()) status = passes_.read(parts.buffer(), 0, std::as_writable_bytes(std::span(sums)));
   if (!status.ok()) return status;
   environment.radiance = radiance_of(sums, width, environment.height);
   return *environment.radiance;
@@ -234,16 +226,15 @@ absl::StatusOr<BakedCube> EnvironmentBaker::bake(const Environment& environment,
   cube.spec = spec;
   cube.spec.size = *size_of(environment, spec);
   const uint32_t chain_size = std::max(cube.spec.size, default_cube_size(environment.width));
-  absl::StatusOr<CubeLevels> chain = take_levels(pool_, chain_size, chain_levels_made(cube.spec, chain_size));
-  if (!chain.ok()) return chain.status();
-  cube.chain = *std::move(chain);
+  ASSIGN_OR_RETURN(CubeLevels chain,
+                   take_levels(pool_, chain_size, chain_levels_made(cube.spec, chain_size)));
+  cube.chain = std::move(chain);
   cube.first = chain_levels(chain_size) - chain_levels(cube.spec.size);
   absl::Status status = make_level_0(environment, cube.spec, cube.chain);
   if (status.ok()) status = make_chain(cube.chain);
   if (!status.ok()) return status;
-  absl::StatusOr<CubeLevels> specular = make_specular(cube.spec, cube.chain);
-  if (!specular.ok()) return specular.status();
-  cube.specular = *std::move(specular);
+  ASSIGN_OR_RETURN(CubeLevels specular, make_specular(cube.spec, cube.chain));
+  cube.specular = std::move(specular);
   return cube;
 }
 
@@ -266,7 +257,7 @@ absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
     params.from = static_cast<uint32_t>(chain.start(level - 1));
     const LongPass pass =
         level_pass(k_cube_down_spirv, {chain.texels.buffer().view()}, chain, level, kDownCost);
-    if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
+    RETURN_IF_ERROR(passes_.run(pass, params));
   }
   return absl::OkStatus();
 }
@@ -274,9 +265,8 @@ absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
 absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLevels& chain) {
   const uint32_t levels = specular_levels_made(spec);
   if (levels == 0) return CubeLevels{};
-  absl::StatusOr<CubeLevels> taken = take_levels(pool_, spec.size / 2, levels);
-  if (!taken.ok()) return taken.status();
-  CubeLevels specular = *std::move(taken);
+  ASSIGN_OR_RETURN(CubeLevels taken, take_levels(pool_, spec.size / 2, levels));
+  CubeLevels specular = std::move(taken);
   const double detail2 = spec.quality.specular_detail * spec.quality.specular_detail;
   for (uint32_t level = 0; level < levels; ++level) {
     const double roughness = specular_roughness(level + 1, specular_levels(spec.size), spec.mapping);
@@ -289,7 +279,7 @@ absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec,
     params.detail2 = static_cast<float>(detail2);
     const LongPass pass = level_pass(k_cube_specular_spirv, {chain.texels.buffer().view()}, specular, level,
                                      specular_cost(alpha2, detail2));
-    if (absl::Status status = passes_.run(pass, params); !status.ok()) return status;
+    RETURN_IF_ERROR(passes_.run(pass, params));
   }
   return specular;
 }
@@ -297,18 +287,16 @@ absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec,
 absl::StatusOr<std::span<const uint16_t>> EnvironmentBaker::brdf_table() {
   if (!brdf_.empty()) return brdf_;
   const uint64_t texels = uint64_t{shader::BRDF_SIZE} * shader::BRDF_SIZE / 4;
-  absl::StatusOr<TexturePool::Lease> lease = passes_.take(texels * 16);
-  if (!lease.ok()) return lease.status();
+  ASSIGN_OR_RETURN(TexturePool::Lease lease, passes_.take(texels * 16));
   const LongPass pass = {.spirv = k_brdf_table_spirv,
                          .constants = {},
                          .reads = {},
-                         .target = &lease->buffer(),
+                         .target = &lease.buffer(),
                          .invocations = texels,
                          .cost = kBrdfCost};
-  if (absl::Status status = passes_.run(pass, shader::BrdfTableParams{}); !status.ok()) return status;
+  RETURN_IF_ERROR(passes_.run(pass, shader::BrdfTableParams{}));
   std::vector<uint16_t> halves(size_t{2} * shader::BRDF_SIZE * shader::BRDF_SIZE);
-  absl::Status status = passes_.read(lease->buffer(), 0, std::as_writable_bytes(std::span(halves)));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(passes_.read(lease.buffer(), 0, std::as_writable_bytes(std::span(halves))));
   // Another job may have made it meanwhile, and may be reading it.
   if (brdf_.empty()) brdf_ = std::move(halves);
   return brdf_;
@@ -318,9 +306,8 @@ absl::StatusOr<std::vector<float>> EnvironmentBaker::read_face(const CubeLevels&
                                                                uint32_t face) {
   std::vector<std::array<float, 4>> stored(levels.face_texels(level));
   const uint64_t first = levels.start(level) + face * levels.face_texels(level);
-  absl::Status status = passes_.read(levels.texels.buffer(), first * kCubeTexelBytes,
-                                     std::as_writable_bytes(std::span(stored)));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(passes_.read(levels.texels.buffer(), first * kCubeTexelBytes,
+                               std::as_writable_bytes(std::span(stored))));
   const uint32_t size = levels.size_of(level);
   std::vector<float> rgb;
   rgb.reserve(size_t{3} * size * size);
@@ -341,8 +328,7 @@ absl::StatusOr<std::vector<std::array<float, 4>>> EnvironmentBaker::read_panoram
   std::vector<std::array<float, 4>> texels;
   texels.reserve(size_t{environment.width} * environment.height);
   for (uint32_t y = 0; y < environment.height; ++y) {
-    absl::Status status = passes_.read(environment.panorama.buffer(), y * row.size(), row);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(passes_.read(environment.panorama.buffer(), y * row.size(), row));
     for (uint32_t x = 0; x < environment.width; ++x) {
       std::array<float, 4>& texel = texels.emplace_back();
       if (environment.floats) {

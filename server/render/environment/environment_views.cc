@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
 #include "server/render/environment/view_tiles.h"
@@ -40,30 +41,28 @@ std::vector<host::ViewPart> parts_of(const std::vector<ViewRun>& runs) {
 absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality,
                                             bool objects) {
   if (objects) {
-    if (absl::Status status = brdf_table().status(); !status.ok()) return status;
+    RETURN_IF_ERROR(brdf_table().status());
   }
   BakedCube& view = environment.view;
   const BakeQuality sky = {quality.cube_samples, 0.0};
   if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
     view = {};
-    absl::StatusOr<BakedCube> cube = bake(environment, {.size = view_cube_size(environment.width),
+    ASSIGN_OR_RETURN(BakedCube cube, bake(environment, {.size = view_cube_size(environment.width),
                                                         .mapping = RoughnessMapping::kPerceptual,
-                                                        .quality = objects ? quality : sky});
-    if (!cube.ok()) return cube.status();
-    view = *std::move(cube);
+                                                        .quality = objects ? quality : sky}));
+    view = std::move(cube);
   }
   if (!objects || view.spec.quality == quality) return absl::OkStatus();
   BakeSpec spec = view.spec;
   spec.quality = quality;
-  absl::StatusOr<CubeLevels> specular = make_specular(spec, view.chain);
-  if (!specular.ok()) return specular.status();
-  view.specular = *std::move(specular);
+  ASSIGN_OR_RETURN(CubeLevels specular, make_specular(spec, view.chain));
+  view.specular = std::move(specular);
   view.spec = spec;
   return absl::OkStatus();
 }
 
 absl::Status EnvironmentBaker::render_view(Environment& environment, const View& view, FrameMemory& memory) {
-  if (absl::Status status = check_view(view); !status.ok()) return status;
+  RETURN_IF_ERROR(check_view(view));
   const bool with_objects = !view.objects.empty();
   if (!environment.view.chain || (with_objects && environment.view.spec.quality.specular_detail == 0.0)) {
     return absl::FailedPreconditionError("the environment has no levels for this view");
@@ -72,17 +71,15 @@ absl::Status EnvironmentBaker::render_view(Environment& environment, const View&
     return absl::InvalidArgumentError(
         absl::StrCat("a view of this environment is a frame of ", v1::word_of(format)));
   }
-  const absl::StatusOr<Harmonics> light = radiance(environment);
-  if (!light.ok()) return light.status();
+  ASSIGN_OR_RETURN(const Harmonics light, radiance(environment));
   absl::StatusOr<std::span<const uint16_t>> brdf = std::span<const uint16_t>();
   if (with_objects) brdf = brdf_table();
   if (!brdf.ok()) return brdf.status();
   const std::vector<shader::ViewObject> objects = view_objects(view, environment.view.specular, *brdf);
-  const shader::ViewLight irradiance = view_light(irradiance_of(*light));
+  const shader::ViewLight irradiance = view_light(irradiance_of(light));
   if (crew_ != nullptr) return draw_on_host(environment, view, irradiance, objects, memory);
-  const absl::StatusOr<TexturePool::Lease> scene = passes_.upload(view_scene(irradiance, objects));
-  if (!scene.ok()) return scene.status();
-  absl::Status status = draw_view(environment, view, objects, scene->buffer(), memory);
+  ASSIGN_OR_RETURN(const TexturePool::Lease scene, passes_.upload(view_scene(irradiance, objects)));
+  absl::Status status = draw_view(environment, view, objects, scene.buffer(), memory);
   const FrameTextures& textures = memory.textures();
   if (!status.ok() || !textures.upload) return status;
   // Whoever renders the frame takes its pixels from here, like those of the wire.
@@ -115,14 +112,12 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
                                             (last - params.first_row) * row_bytes};
     bool over_sky = false;
     for (const auto& [kind, boxes] : boxes_of(std::span(rows).subspan(begin, end - begin), begin)) {
-      const absl::StatusOr<VkPipeline> pipeline =
-          passes_.pipelines().get(k_view_spirv, constants_of(kind, view, environment.floats));
-      if (!pipeline.ok()) return pipeline.status();
+      ASSIGN_OR_RETURN(const VkPipeline pipeline,
+                       passes_.pipelines().get(k_view_spirv, constants_of(kind, view, environment.floats)));
       if (kind.objects && !std::exchange(over_sky, true)) passes_.recorder().barrier();
       params.first_object = kind.first_object;
       params.end_object = kind.end_object;
-      passes_.recorder().bind(*pipeline, passes_.pipelines().layout(), reads, written, &params,
-                              sizeof params);
+      passes_.recorder().bind(pipeline, passes_.pipelines().layout(), reads, written, &params, sizeof params);
       for (const Box& box : boxes) passes_.recorder().dispatch(box.x0, box.y0, box.x1, box.y1);
     }
     return absl::OkStatus();

@@ -7,6 +7,7 @@
 
 #include "server/base/check.h"
 #include "server/base/slices.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -24,21 +25,19 @@ LongPasses::LongPasses(TexturePool& pool, PipelineCache pipelines, Recorder reco
     : pool_(&pool), pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), pace_(kFirstPace) {}
 
 absl::StatusOr<LongPasses> LongPasses::create(const Device& device, TexturePool& pool) {
-  absl::StatusOr<PipelineCache> pipelines = PipelineCache::create(device);
-  if (!pipelines.ok()) return pipelines.status();
-  absl::StatusOr<Recorder> recorder = Recorder::create(device);
-  if (!recorder.ok()) return recorder.status();
-  return LongPasses(pool, *std::move(pipelines), *std::move(recorder));
+  ASSIGN_OR_RETURN(PipelineCache pipelines, PipelineCache::create(device));
+  ASSIGN_OR_RETURN(Recorder recorder, Recorder::create(device));
+  return LongPasses(pool, std::move(pipelines), std::move(recorder));
 }
 
 absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
                                 const std::function<absl::Status()>& record) {
   checkpoint();
-  if (absl::Status status = recorder_.begin(); !status.ok()) return status;
-  if (absl::Status status = record(); !status.ok()) return status;
+  RETURN_IF_ERROR(recorder_.begin());
+  RETURN_IF_ERROR(record());
   recorder_.barrier_to_host();
   const auto begin = std::chrono::steady_clock::now();
-  if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
+  RETURN_IF_ERROR(recorder_.submit_and_wait());
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   pace_.learn(spirv.data(), cost, seconds);
   return absl::OkStatus();
@@ -46,8 +45,7 @@ absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
 
 absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params_bytes,
                              shader::PassRange& range) {
-  const absl::StatusOr<VkPipeline> pipeline = pipelines_.get(pass.spirv, pass.constants);
-  if (!pipeline.ok()) return pipeline.status();
+  ASSIGN_OR_RETURN(const VkPipeline pipeline, pipelines_.get(pass.spirv, pass.constants));
   CHECK(pass.target_offset + pass.invocations * pass.invocation_bytes <= pass.target->bytes());
   constexpr uint64_t kGroup = shader::ENVIRONMENT_GROUP;
   const uint64_t most = std::min(kMaxGroups * kGroup, PipelineCache::kMaxWriteBytes / pass.invocation_bytes);
@@ -60,12 +58,12 @@ absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params
       const VkDescriptorBufferInfo written = {pass.target->handle(),
                                               pass.target_offset + first * pass.invocation_bytes,
                                               count * pass.invocation_bytes};
-      recorder_.bind(*pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes);
+      recorder_.bind(pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes);
       recorder_.dispatch(0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1);
       return absl::OkStatus();
     };
     const double cost = pass.cost * static_cast<double>(count);
-    if (absl::Status status = submit(pass.spirv, cost, record); !status.ok()) return status;
+    RETURN_IF_ERROR(submit(pass.spirv, cost, record));
     first += count;
   }
   return absl::OkStatus();
@@ -80,7 +78,7 @@ absl::Status LongPasses::run(const Steps& steps) {
       cost += steps.cost(end++);
     }
     const auto record = [&] { return steps.record(begin, end); };
-    if (absl::Status status = submit(steps.spirv, cost, record); !status.ok()) return status;
+    RETURN_IF_ERROR(submit(steps.spirv, cost, record));
     begin = end;
   }
   return absl::OkStatus();
@@ -91,22 +89,20 @@ absl::StatusOr<TexturePool::Lease> LongPasses::take(uint64_t bytes, MemoryUse us
 }
 
 absl::StatusOr<TexturePool::Lease> LongPasses::upload(std::span<const std::byte> bytes) {
-  absl::StatusOr<TexturePool::Lease> lease = take(bytes.size());
-  if (!lease.ok()) return lease.status();
-  if (lease->buffer().mapped() != nullptr) {
-    std::memcpy(lease->buffer().mapped(), bytes.data(), bytes.size());
+  ASSIGN_OR_RETURN(TexturePool::Lease lease, take(bytes.size()));
+  if (lease.buffer().mapped() != nullptr) {
+    std::memcpy(lease.buffer().mapped(), bytes.data(), bytes.size());
     return lease;
   }
-  const absl::StatusOr<TexturePool::Lease> staged = take(bytes.size(), MemoryUse::kUpload);
-  if (!staged.ok()) return staged.status();
-  std::memcpy(staged->buffer().mapped(), bytes.data(), bytes.size());
-  if (absl::Status status = copy(staged->buffer(), lease->buffer()); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const TexturePool::Lease staged, take(bytes.size(), MemoryUse::kUpload));
+  std::memcpy(staged.buffer().mapped(), bytes.data(), bytes.size());
+  RETURN_IF_ERROR(copy(staged.buffer(), lease.buffer()));
   return lease;
 }
 
 absl::Status LongPasses::copy(const Buffer& from, const Buffer& to) {
   checkpoint();
-  if (absl::Status status = recorder_.begin(); !status.ok()) return status;
+  RETURN_IF_ERROR(recorder_.begin());
   recorder_.copy(from, to, std::min(from.bytes(), to.bytes()));
   recorder_.barrier_to_host();
   return recorder_.submit_and_wait();
@@ -120,16 +116,15 @@ absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std
     std::memcpy(to.data(), from.mapped() + offset, to.size());
     return absl::OkStatus();
   }
-  const absl::StatusOr<TexturePool::Lease> staged = take(staging_bytes(to.size()), MemoryUse::kReadback);
-  if (!staged.ok()) return staged.status();
+  ASSIGN_OR_RETURN(const TexturePool::Lease staged, take(staging_bytes(to.size()), MemoryUse::kReadback));
   for (uint64_t first = 0; first < to.size(); first += kReadBytes) {
     checkpoint();
     const uint64_t part = std::min<uint64_t>(kReadBytes, to.size() - first);
-    if (absl::Status status = recorder_.begin(); !status.ok()) return status;
-    recorder_.copy_from(from, offset + first, staged->buffer(), part);
+    RETURN_IF_ERROR(recorder_.begin());
+    recorder_.copy_from(from, offset + first, staged.buffer(), part);
     recorder_.barrier_to_host();
-    if (absl::Status status = recorder_.submit_and_wait(); !status.ok()) return status;
-    std::memcpy(to.data() + first, staged->buffer().mapped(), part);
+    RETURN_IF_ERROR(recorder_.submit_and_wait());
+    std::memcpy(to.data() + first, staged.buffer().mapped(), part);
   }
   return absl::OkStatus();
 }

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
 #include "server/render/plan/texture_layout.h"
 #include "shaders/environment/environment_params.h"
 
@@ -45,20 +46,19 @@ absl::StatusOr<PanoramaUpload> PanoramaUpload::take(TexturePool& pool, const Dev
   TextureKey wire = {upload.pitch_, desc.height, bytes_per_pixel(desc.format)};
   const TextureKey panorama = {upload.pitch_, desc.height, kPanoramaTexelBytes};
   const uint64_t bytes = wire.bytes() * (device.unified_memory ? 1 : 2) + panorama.bytes();
-  const absl::Status fits = check_sizes(desc, std::max(wire.bytes(), panorama.bytes()), bytes,
-                                        device.max_allocation_bytes, pool.budget_bytes());
-  if (!fits.ok()) return fits;
+  RETURN_IF_ERROR(check_sizes(desc, std::max(wire.bytes(), panorama.bytes()), bytes,
+                              device.max_allocation_bytes, pool.budget_bytes()));
   const auto take_one = [&](const TextureKey& key, TexturePool::Lease* lease) {
     absl::StatusOr<TexturePool::Lease> taken =
         pool.take(key, upload.panorama_.bytes() + upload.wire_.bytes());
     if (taken.ok()) *lease = *std::move(taken);
     return taken.status();
   };
-  if (absl::Status status = take_one(panorama, &upload.panorama_); !status.ok()) return status;
-  if (absl::Status status = take_one(wire, &upload.wire_); !status.ok()) return status;
+  RETURN_IF_ERROR(take_one(panorama, &upload.panorama_));
+  RETURN_IF_ERROR(take_one(wire, &upload.wire_));
   if (device.unified_memory) return upload;
   wire.use = MemoryUse::kUpload;
-  if (absl::Status status = take_one(wire, &upload.staged_); !status.ok()) return status;
+  RETURN_IF_ERROR(take_one(wire, &upload.staged_));
   return upload;
 }
 

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "absl/strings/str_format.h"
+#include "server/base/status_macros.h"
 #include "shaders/environment/environment_params.h"
 
 namespace candela {
@@ -93,7 +94,7 @@ absl::Status check_view(const View& view) {
                                                       view.objects.size(), shader::VIEW_OBJECTS));
   }
   for (size_t i = 0; i < view.objects.size(); ++i) {
-    if (absl::Status status = check_sphere(view.camera, view.objects[i], i); !status.ok()) return status;
+    RETURN_IF_ERROR(check_sphere(view.camera, view.objects[i], i));
   }
   return absl::OkStatus();
 }

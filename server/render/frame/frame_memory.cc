@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/check.h"
+#include "server/base/status_macros.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/vulkan/device.h"
 #include "shaders/params.h"
@@ -105,16 +106,14 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
                       FrameTextures& textures) {
   uint64_t taken = 0;
   for (const Wanted& w : wanted) {
-    absl::StatusOr<TexturePool::Lease> lease = pool.take(w.key, taken);
-    if (!lease.ok()) return lease.status();
-    taken += lease->bytes();
-    *w.lease = *std::move(lease);
+    ASSIGN_OR_RETURN(TexturePool::Lease lease, pool.take(w.key, taken));
+    taken += lease.bytes();
+    *w.lease = std::move(lease);
   }
   if (reference_bytes == 0) return absl::OkStatus();
-  absl::StatusOr<TexturePool::Lease> lease =
-      pool.reserve(reference_bytes, "the float64 reference of the frame");
-  if (!lease.ok()) return lease.status();
-  textures.reference = *std::move(lease);
+  ASSIGN_OR_RETURN(TexturePool::Lease lease,
+                   pool.reserve(reference_bytes, "the float64 reference of the frame"));
+  textures.reference = std::move(lease);
   CHECK(taken + reference_bytes == textures.bytes);
   return absl::OkStatus();
 }

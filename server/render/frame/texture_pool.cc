@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/base/check.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -48,7 +49,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
       return Lease(this, std::move(entry));
     }
     const std::string what = absl::StrFormat("a %dx%d texture", key.width, key.height);
-    if (absl::Status status = make_room(bytes, what, &given_up); !status.ok()) return status;
+    RETURN_IF_ERROR(make_room(bytes, what, &given_up));
     ++counters_.misses;
   }
   given_up.clear();
@@ -75,7 +76,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
 absl::StatusOr<TexturePool::Lease> TexturePool::reserve(uint64_t bytes, const std::string& what) {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   const std::lock_guard lock(mutex_);
-  if (absl::Status status = make_room(bytes, what, &given_up); !status.ok()) return status;
+  RETURN_IF_ERROR(make_room(bytes, what, &given_up));
   return Lease(this, std::make_unique<Entry>(TextureKey{}, bytes, Buffer()));
 }
 

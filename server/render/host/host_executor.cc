@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/base/status_macros.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/frame/tile_sums.h"
 #include "server/render/host/bloom/run_bloom.h"
@@ -61,7 +62,7 @@ absl::Status HostExecutor::usable() const {
 }
 
 absl::StatusOr<Metered> HostExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
-  if (absl::Status status = usable(); !status.ok()) return status;
+  RETURN_IF_ERROR(usable());
   const FrameTextures& textures = memory.textures();
   return meter_frame(
       plan, textures.layout.desc,
@@ -75,7 +76,7 @@ absl::StatusOr<Metered> HostExecutor::run_meter(FrameMemory& memory, const Inges
 
 absl::StatusOr<Drawn> HostExecutor::run_draw(FrameMemory& memory, const Plan& plan,
                                              std::vector<StageTime>* stages) {
-  if (absl::Status status = usable(); !status.ok()) return status;
+  RETURN_IF_ERROR(usable());
   FrameTextures& textures = memory.textures();
   textures.planar_levels = true;
   for (const BloomStep& step : plan.bloom_steps) {

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/check.h"
+#include "server/base/status_macros.h"
 #include "server/render/plan/metering.h"
 
 namespace candela {
@@ -29,7 +30,7 @@ absl::Status check_factor(const char* field, double factor) {
 }
 
 absl::Status check_previous(const PreviousExposure& previous) {
-  if (absl::Status status = check_factor("previous.exposure", previous.exposure); !status.ok()) return status;
+  RETURN_IF_ERROR(check_factor("previous.exposure", previous.exposure));
   // Written so that NaN fails.
   if (!(previous.elapsed_seconds >= v1::kElapsedSeconds.min &&
         previous.elapsed_seconds <= v1::kElapsedSeconds.max)) {

@@ -11,6 +11,7 @@
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/check.h"
+#include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
 #include "shaders/params.h"
 
@@ -82,7 +83,7 @@ absl::StatusOr<std::shared_ptr<const ColorTable>> table_from(const v1::Settings&
         absl::StrFormat("there is a table and curve is %s; set curve to TABLE, or leave the table out",
                         v1::word_of(message.curve())));
   }
-  if (absl::Status status = check_table_fields(message.table()); !status.ok()) return status;
+  RETURN_IF_ERROR(check_table_fields(message.table()));
   const std::string& bytes = message.table().values();
   auto table = std::make_shared<ColorTable>();
   table->size = message.table().size();
@@ -135,20 +136,17 @@ absl::StatusOr<Settings> Settings::from(v1::Settings message) {
         "tier is \"%s\" and max_error_codes is %g, which chooses the tier; give only one of the two",
         message.tier(), message.max_error_codes()));
   }
-  if (absl::Status status = v1::complete_settings(message); !status.ok()) return status;
-  if (absl::Status status = check_exposure(message.exposure()); !status.ok()) return status;
-  const absl::StatusOr<const Tier*> tier = find_known_tier(message);
-  if (!tier.ok()) return tier.status();
-  absl::StatusOr<std::shared_ptr<const ColorTable>> table = table_from(message);
-  if (!table.ok()) return table.status();
-  const auto matrix = matrix_from(message);
-  if (!matrix.ok()) return matrix.status();
+  RETURN_IF_ERROR(v1::complete_settings(message));
+  RETURN_IF_ERROR(check_exposure(message.exposure()));
+  ASSIGN_OR_RETURN(const Tier* tier, find_known_tier(message));
+  ASSIGN_OR_RETURN(std::shared_ptr<const ColorTable> table, table_from(message));
+  ASSIGN_OR_RETURN(const auto matrix, matrix_from(message));
   if (message.has_table()) message.mutable_table()->clear_values();
   auto state = std::make_shared<State>();
   state->message = std::move(message);
-  state->tier = *tier;
-  state->table = *std::move(table);
-  state->to_scene = *matrix;
+  state->tier = tier;
+  state->table = std::move(table);
+  state->to_scene = matrix;
   if (state->table && state->message.has_max_error_codes()) state->table_step = largest_step(*state->table);
   return Settings(std::move(state));
 }

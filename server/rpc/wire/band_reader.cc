@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/band_wire.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -21,9 +22,8 @@ absl::StatusOr<uint32_t> BandReader::count_rows(uint64_t bytes) const {
 absl::Status BandReader::read(grpc::ByteBuffer& message, Row row) {
   uint32_t count = 0;
   const auto take = [&](google::protobuf::io::CodedInputStream& input, uint64_t bytes) -> absl::Status {
-    const absl::StatusOr<uint32_t> rows = count_rows(bytes);
-    if (!rows.ok()) return rows.status();
-    count = *rows;
+    ASSIGN_OR_RETURN(const uint32_t rows, count_rows(bytes));
+    count = rows;
     const int padding = static_cast<int>(stride_bytes_ - desc_.row_bytes());
     for (uint32_t i = 0; i < count; ++i) {
       const std::span<std::byte> place = row(rows_ + i);
@@ -33,13 +33,12 @@ absl::Status BandReader::read(grpc::ByteBuffer& message, Row row) {
     }
     return absl::OkStatus();
   };
-  const absl::StatusOr<uint32_t> first_row = v1::read_band(kind_, message, take);
-  if (!first_row.ok()) return first_row.status();
+  ASSIGN_OR_RETURN(const uint32_t first_row, v1::read_band(kind_, message, take));
   if (count == 0) return absl::InvalidArgumentError("band holds no pixels");
-  if (*first_row != rows_) {
+  if (first_row != rows_) {
     return absl::InvalidArgumentError(
         absl::StrFormat("band begins at row %d and row %d is next; bands come in order and do not overlap",
-                        *first_row, rows_));
+                        first_row, rows_));
   }
   rows_ += count;
   return absl::OkStatus();

@@ -8,6 +8,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/baked_environment_support.h"
 
 namespace candela {
@@ -27,14 +28,13 @@ std::array<float, 3> pixel_of(const std::string& path, uint32_t x, uint32_t y) {
 
 // A picture of 64x32 floats: 0.5, and one pixel of `sun`.
 void write_sun(const std::string& path, float sun) {
-  absl::StatusOr<Image> image = make_image(64, 32, ImageFormat::kRgba32f);
-  ASSERT_TRUE(image.ok()) << image.status();
+  ASSERT_OK_AND_ASSIGN(Image image, make_image(64, 32, ImageFormat::kRgba32f));
   for (uint32_t i = 0; i < 64 * 32; ++i) {
     const float v = i == 10 * 64 + 20 ? sun : 0.5f;
     const float pixel[4] = {v, v, v, 1};
-    std::memcpy(image->pixels.data() + i * sizeof pixel, pixel, sizeof pixel);
+    std::memcpy(image.pixels.data() + i * sizeof pixel, pixel, sizeof pixel);
   }
-  ASSERT_TRUE(write_image(path, *image).ok());
+  ASSERT_TRUE(write_image(path, image).ok());
 }
 
 class FieldLight : public ::testing::Test {

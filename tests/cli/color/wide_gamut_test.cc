@@ -15,6 +15,7 @@
 #include "server/render/color/primaries.h"
 #include "tests/cli/command.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -57,15 +58,14 @@ class WideGamutFile : public ::testing::Test {
 
 TEST_F(WideGamutFile, AnAcescgRampByAces1IsWithin3CodesOfOpenColorIO) {
   const auto report = render({"--curve", "aces-1", "--verify"});
-  const absl::StatusOr<Image> picture = read_image(out_);
-  ASSERT_TRUE(picture.ok()) << picture.status();
+  ASSERT_OK_AND_ASSIGN(const Image picture, read_image(out_));
   double worst = 0.0;
   double sum = 0.0;
   for (size_t i = 0; i < rec709_.size(); ++i) {
     Color truth = rec709_[i];
     ASSERT_TRUE(aces_1(truth).ok());
     std::array<float, 4> light;
-    std::memcpy(light.data(), picture->pixels.data() + i * sizeof light, sizeof light);
+    std::memcpy(light.data(), picture.pixels.data() + i * sizeof light, sizeof light);
     for (size_t k = 0; k < 3; ++k) {
       const double shown = std::clamp<double>(light[k], 0.0, 1.0);
       const double value = shown <= 0.0031308 ? 12.92 * shown : 1.055 * std::pow(shown, 1 / 2.4) - 0.055;

@@ -17,6 +17,7 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/baked_environment_support.h"
 
 namespace candela {
@@ -32,16 +33,15 @@ Vector direction(double lon_deg, double lat_deg) {
 
 void write_panorama(const std::string& path, const std::function<Vector(const Vector& d)>& color) {
   constexpr uint32_t kWidth = 256, kHeight = 128;
-  absl::StatusOr<Image> image = make_image(kWidth, kHeight, ImageFormat::kRgba16f);
-  ASSERT_TRUE(image.ok()) << image.status();
+  ASSERT_OK_AND_ASSIGN(Image image, make_image(kWidth, kHeight, ImageFormat::kRgba16f));
   for (uint32_t i = 0; i < kWidth * kHeight; ++i) {
     const double u = (i % kWidth + 0.5) / kWidth, v = (i / kWidth + 0.5) / kHeight;
     const Vector rgb = color(direction(360 * (u - 0.5), 180 * (0.5 - v)));
     const half texel[4] = {half(static_cast<float>(rgb[0])), half(static_cast<float>(rgb[1])),
                            half(static_cast<float>(rgb[2])), half(1.0f)};
-    std::memcpy(image->pixels.data() + i * sizeof texel, texel, sizeof texel);
+    std::memcpy(image.pixels.data() + i * sizeof texel, texel, sizeof texel);
   }
-  ASSERT_TRUE(write_image(path, *image).ok());
+  ASSERT_TRUE(write_image(path, image).ok());
 }
 
 // R, G and B of a texel of a face, as the file has them.

@@ -15,6 +15,7 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -32,8 +33,7 @@ void write_exr_of(const std::string& path, const std::function<Pixel(uint32_t x,
     }
   }
   image.has_alpha = true;
-  const auto notes = write_image(path, image);
-  ASSERT_TRUE(notes.ok()) << notes.status();
+  ASSERT_OK_AND_ASSIGN(const auto notes, write_image(path, image));
 }
 
 // Grey 0.5 whose edge falls from alpha 1 to 0 over 32 columns; nothing on either side of them.

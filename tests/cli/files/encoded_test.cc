@@ -7,6 +7,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -30,18 +31,17 @@ class Encoded : public ::testing::Test {
 
   // An image with this alpha everywhere, lit or black, and pixels twice as wide as high.
   void write_flat(float alpha, bool lit) {
-    absl::StatusOr<Image> image = make_image(24, 16, ImageFormat::kRgba32f);
-    ASSERT_TRUE(image.ok());
-    auto* component = reinterpret_cast<float*>(image->pixels.data());
+    ASSERT_OK_AND_ASSIGN(Image image, make_image(24, 16, ImageFormat::kRgba32f));
+    auto* component = reinterpret_cast<float*>(image.pixels.data());
     for (uint32_t i = 0; i < 24 * 16; ++i, component += 4) {
       for (int k = 0; k < 3; ++k) component[k] = lit ? 0.1f * static_cast<float>(k + 1) : 0;
       component[3] = alpha;
     }
-    image->has_alpha = true;
-    image->pixel_aspect = 2;
+    image.has_alpha = true;
+    image.pixel_aspect = 2;
     ASSERT_EQ(candela({"sample", folder_.path("in/x.exr"), "--size", "8x8", "-q"}).code, 0);  // the folder
     std::filesystem::remove(folder_.path("in/x.exr"));
-    ASSERT_TRUE(write_image(folder_.path("in/0000.exr"), *image).ok());
+    ASSERT_TRUE(write_image(folder_.path("in/0000.exr"), image).ok());
   }
 
   const TemporaryFolder folder_;

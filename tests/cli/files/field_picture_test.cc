@@ -16,6 +16,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -179,9 +180,8 @@ TEST_F(FieldPicture, WhatThereIsOfAnUnfinishedFileCanBeRendered) {
     const nlohmann::json frame =
         candela_json({"render", file(name), folder_.path("out.exr"), "--incomplete", "fill"});
     EXPECT_EQ(absl::StrCat(frame.at("missing_pixels").get<int>()), missing);
-    const absl::StatusOr<Image> image = read_image(folder_.path("out.exr"));
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_TRUE(image->has_alpha);
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(folder_.path("out.exr")));
+    EXPECT_TRUE(image.has_alpha);
   }
 }
 
@@ -205,13 +205,12 @@ TEST_F(FieldPicture, ACubeMapIsReadAsOne) {
   picture("E01_envcube.exr");
   expect_note("the file is a cube map (envmap)");
   const nlohmann::json bake = candela_json({"environment", cube, folder_.path("pano.exr")});
-  const absl::StatusOr<Image> panorama = read_image(folder_.path("pano.exr"));
-  ASSERT_TRUE(panorama.ok()) << panorama.status();
-  const uint32_t w = panorama->width, h = panorama->height;
+  ASSERT_OK_AND_ASSIGN(const Image panorama, read_image(folder_.path("pano.exr")));
+  const uint32_t w = panorama.width, h = panorama.height;
   ASSERT_EQ(w, 2 * h);
   // The faces are +X red, -X cyan, +Y green, -Y magenta, +Z blue, -Z yellow.
   const auto expect_light = [&](uint32_t x, uint32_t y, std::array<float, 3> rgb) {
-    const std::array<float, 3> shown = pixel(*panorama, x, y);
+    const std::array<float, 3> shown = pixel(panorama, x, y);
     for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(shown[c], rgb[c], 0.02) << x << "," << y;
   };
   expect_light(w / 2, h / 2, {0, 0, 1});

@@ -12,6 +12,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/baked_environment_support.h"
 
 namespace candela {
@@ -38,9 +39,8 @@ Vector pixel(const Image& image, uint32_t x, uint32_t y) {
 class Orientation : public ::testing::Test {
  protected:
   void SetUp() override {
-    absl::StatusOr<Image> image = make_image(kWidth, kHeight, ImageFormat::kRgba16f);
-    ASSERT_TRUE(image.ok()) << image.status();
-    std::byte* out = image->pixels.data();
+    ASSERT_OK_AND_ASSIGN(Image image, make_image(kWidth, kHeight, ImageFormat::kRgba16f));
+    std::byte* out = image.pixels.data();
     for (uint32_t y = 0; y < kHeight; ++y) {
       for (uint32_t x = 0; x < kWidth; ++x) {
         const Vector rgb = arrows(0, panorama_point(x, y));
@@ -50,7 +50,7 @@ class Orientation : public ::testing::Test {
         out += sizeof texel;
       }
     }
-    ASSERT_TRUE(write_image(pano_, *image).ok());
+    ASSERT_TRUE(write_image(pano_, image).ok());
   }
 
   void bake(const std::string& out, Handedness handedness) {

@@ -10,6 +10,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -64,10 +65,9 @@ TEST_F(Render, EveryKindOfOutputIsWritten) {
             picture({"--quality", "95"}, "large.jpg").size());
   for (const char* name : {"a.exr", "a.pfm"}) {
     picture({}, name);
-    const absl::StatusOr<Image> image = read_image(folder_.path(name));
-    ASSERT_TRUE(image.ok()) << image.status();
-    EXPECT_EQ(image->width, 31u);
-    EXPECT_EQ(image->height, 17u);
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(folder_.path(name)));
+    EXPECT_EQ(image.width, 31u);
+    EXPECT_EQ(image.height, 17u);
   }
 }
 
@@ -79,14 +79,13 @@ TEST_F(Render, AlphaAndPixelAspectReachPngAndExr) {
     EXPECT_NEAR(png_facts(folder_.path("out.png")).pixel_aspect, 2, 1e-3);
   }
   picture({}, "out.exr");
-  const absl::StatusOr<Image> image = read_image(folder_.path("out.exr"));
-  ASSERT_TRUE(image.ok()) << image.status();
-  EXPECT_TRUE(image->has_alpha);
-  EXPECT_EQ(image->pixel_aspect, 2);
+  ASSERT_OK_AND_ASSIGN(const Image image, read_image(folder_.path("out.exr")));
+  EXPECT_TRUE(image.has_alpha);
+  EXPECT_EQ(image.pixel_aspect, 2);
   const absl::StatusOr<Image> input = read_image(in_);
-  for (size_t i = 6; i < image->bytes(); i += 8) {  // the alpha half
-    ASSERT_EQ(image->pixels.data()[i], input->pixels.data()[i]);
-    ASSERT_EQ(image->pixels.data()[i + 1], input->pixels.data()[i + 1]);
+  for (size_t i = 6; i < image.bytes(); i += 8) {  // the alpha half
+    ASSERT_EQ(image.pixels.data()[i], input->pixels.data()[i]);
+    ASSERT_EQ(image.pixels.data()[i + 1], input->pixels.data()[i + 1]);
   }
 }
 

@@ -14,6 +14,7 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -163,10 +164,9 @@ TEST_F(Report, TheTextIsOneLineAndVerboseSaysTheRest) {
 TEST_F(Report, EveryResultSaysWhichPrimariesWereUsedAndWhoSaidSo) {
   const std::string pfm = folder_.path("in.pfm"), exr = folder_.path("ap1.exr");
   ASSERT_EQ(candela({"sample", pfm, "--size", "32x16", "-q"}).code, 0);
-  absl::StatusOr<Image> image = read_image(in_);
-  ASSERT_TRUE(image.ok()) << image.status();
-  image->chromaticities = {0.713f, 0.293f, 0.165f, 0.83f, 0.128f, 0.044f, 0.32168f, 0.33767f};
-  ASSERT_TRUE(write_image(exr, *image).ok());
+  ASSERT_OK_AND_ASSIGN(Image image, read_image(in_));
+  image.chromaticities = {0.713f, 0.293f, 0.165f, 0.83f, 0.128f, 0.044f, 0.32168f, 0.33767f};
+  ASSERT_TRUE(write_image(exr, image).ok());
   struct Case {
     std::vector<std::string> input;
     std::string words, from;

@@ -12,6 +12,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -195,11 +196,10 @@ TEST(ForeignServer, AFrameWithoutPixelsIsRefusedBeforeItIsSent) {
     send_band(stream, 0, 0);
     return grpc::Status::OK;
   });
-  const absl::StatusOr<Connection> connection = Connection::open(server.address());
-  ASSERT_TRUE(connection.ok()) << connection.status();
+  ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open(server.address()));
   for (const auto& [width, height] : {std::pair<uint32_t, uint32_t>{0, 0}, {0, 3}, {3, 0}}) {
     const absl::Status status =
-        connection->render({}, {.width = width, .height = height, .pixels = {}}).status();
+        connection.render({}, {.width = width, .height = height, .pixels = {}}).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
     EXPECT_NE(status.message().find("at least 1x1"), absl::string_view::npos) << status;
   }
