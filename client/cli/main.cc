@@ -10,7 +10,6 @@
 #include <exception>
 #include <optional>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "absl/strings/str_format.h"
@@ -22,11 +21,12 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/system_failure.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/options.h"
+#include "client/cli/options/command_line.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/temporary_path.h"
 #include "server/base/end_process.h"
+#include "server/base/status_macros.h"
 #include "server/base/variables.h"
 
 namespace candela {
@@ -93,43 +93,9 @@ void clean_up_on_signals() {
   _exit(exit_code(FailureKind::kOther));
 }
 
-absl::Status run(const Invocation& invocation, JsonOutput& json) {
-  return std::visit(
-      [&json](const auto& options) {
-        using Options = std::decay_t<decltype(options)>;
-        if constexpr (std::is_same_v<Options, TextToPrint>) return print(options.text);
-        if constexpr (std::is_same_v<Options, RenderOptions>) return run_render(options, json);
-        if constexpr (std::is_same_v<Options, StreamOptions>) return run_stream(options, json);
-        if constexpr (std::is_same_v<Options, MeterOptions>) return run_meter(options, json);
-        if constexpr (std::is_same_v<Options, PanoramaViewOptions>) return run_view(options, json);
-        if constexpr (std::is_same_v<Options, EnvironmentOptions>) return run_environment(options, json);
-        if constexpr (std::is_same_v<Options, BenchOptions>) return run_bench(options, json);
-        if constexpr (std::is_same_v<Options, SampleOptions>) return run_sample(options);
-        if constexpr (std::is_same_v<Options, ReportOptions>) return run_report(options);
-        if constexpr (std::is_same_v<Options, InfoOptions>) return run_info(options, json);
-        if constexpr (std::is_same_v<Options, HealthOptions>) return run_health(options);
-      },
-      invocation);
-}
-
-bool is_quiet(const Invocation& invocation) {
-  return std::visit(
-      [](const auto& options) {
-        if constexpr (requires { options.quiet; }) return options.quiet;
-        return false;
-      },
-      invocation);
-}
-
-// The destination of --json.
-std::string json_path(const Invocation& invocation) {
-  return std::visit(
-      [](const auto& options) -> std::string {
-        if constexpr (requires { options.json; }) return options.json;
-        return "";
-      },
-      invocation);
-}
+constexpr const Command* kCommands[] = {
+    &kRenderCommand, &kStreamCommand, &kMeterCommand, &kViewCommand, &kEnvironmentCommand,
+    &kSampleCommand, &kReportCommand, &kBenchCommand, &kInfoCommand, &kHealthCommand};
 
 // A variable with a typing error would otherwise go unnoticed.
 void tell_of_unknown_variables() {
@@ -138,29 +104,16 @@ void tell_of_unknown_variables() {
   }
 }
 
-// Adds to the error where the server's address is from.
-absl::Status explained(const absl::Status& status, const Invocation& invocation) {
-  return std::visit(
-      [&status](const auto& options) {
-        if constexpr (requires { options.server; }) return name_source(status, options.server);
-        return status;
-      },
-      invocation);
-}
-
-// `health` is a probe: it serves or not.
-absl::Status of_probe(const absl::Status& status) {
-  return status.ok() || is_usage_error(status) ? status : absl::Status(status.code(), status.message());
-}
-
 absl::Status run_line(const std::vector<std::string>& words, std::optional<JsonOutput>& json) try {
-  const absl::StatusOr<Invocation> invocation = parse_command_line(words);
-  json.emplace(invocation.ok() ? json_path(*invocation) : json_path_in(words));
-  if (!invocation.ok()) return invocation.status();
-  if (absl::Status status = check_open_files(); !status.ok()) return status;
-  if (!is_quiet(*invocation)) tell_of_unknown_variables();
-  const absl::Status status = explained(run(*invocation, *json), *invocation);
-  return std::holds_alternative<HealthOptions>(*invocation) ? of_probe(status) : status;
+  const absl::StatusOr<Invocation> asked = parse_command_line(words, kCommands);
+  json.emplace(asked.ok() ? asked->json : json_path_in(words));
+  if (!asked.ok()) return asked.status();
+  RETURN_IF_ERROR(check_open_files());
+  if (!asked->quiet) tell_of_unknown_variables();
+  absl::Status status = asked->run(*json);
+  if (asked->server) status = name_source(status, *asked->server);
+  if (!asked->is_probe || status.ok() || is_usage_error(status)) return status;
+  return absl::Status(status.code(), status.message());
 } catch (const std::exception& error) {
   return system_failure(error);
 }

@@ -1,6 +1,8 @@
+#include <CLI/App.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <memory>
 #include <thread>
 #include <utility>
 
@@ -13,8 +15,12 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/bench_options.h"
+#include "client/cli/options/command_line.h"
 #include "client/cli/options/option_words.h"
+#include "client/cli/options/server_options.h"
 #include "client/image/sample.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -136,8 +142,7 @@ class Load {
 
 // The first frame of a server waits until the driver has compiled the shaders.
 absl::Status warm_up(ServerLink& link, const Image& frame) {
-  const absl::StatusOr<const Connection*> server = link.connection();
-  if (!server.ok()) return server.status();
+  RETURN_IF_ERROR(link.connection().status());
   const absl::Time deadline = absl::Now() + kWarmUpTimeout;
   return link.call(deadline,
                    [&](const Connection& one) { return one.render({}, view_of(frame), deadline).status(); });
@@ -145,26 +150,23 @@ absl::Status warm_up(ServerLink& link, const Image& frame) {
 
 absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progress) {
   progress.show("making the frame");
-  absl::StatusOr<Image> made = sample_sequence_frame(options.width, options.height, 0, 1);
-  if (!made.ok()) return made.status();
-  const auto frame = std::make_shared<const Image>(*std::move(made));
+  ASSIGN_OR_RETURN(Image made, sample_sequence_frame(options.width, options.height, 0, 1));
+  const auto frame = std::make_shared<const Image>(std::move(made));
   ServerLink link(options.server, options.quiet);
-  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
-  if (!info.ok()) return info.status();
+  ASSIGN_OR_RETURN(const v1::GetServerInfoResponse info, link.info());
   BenchReport report;
-  report.device = info->device().name();
+  report.device = info.device().name();
   report.sent_bytes = frame->bytes();
   progress.show("warming up");
-  if (absl::Status status = warm_up(link, *frame); !status.ok()) return status;
+  RETURN_IF_ERROR(warm_up(link, *frame));
   SessionOptions session;
   session.lookahead = options.lookahead;
   session.encoding = options.encoding;
   std::vector<std::unique_ptr<Load>> loads;
   for (uint32_t i = 0; i < options.sessions; ++i) {
     progress.show(absl::StrFormat("opening session %d of %d", i + 1, options.sessions));
-    absl::StatusOr<Session> opened = link.open_session(session);
-    if (!opened.ok()) return opened.status();
-    loads.push_back(std::make_unique<Load>(options, *std::move(opened), frame));
+    ASSIGN_OR_RETURN(Session opened, link.open_session(session));
+    loads.push_back(std::make_unique<Load>(options, std::move(opened), frame));
   }
   const absl::Time begin = absl::Now();
   for (const auto& load : loads) load->start(begin);
@@ -190,20 +192,36 @@ absl::StatusOr<BenchReport> measure(const BenchOptions& options, Progress& progr
   return report;
 }
 
-}  // namespace
-
 absl::Status run_bench(const BenchOptions& options, JsonOutput& json) {
-  absl::Status apart = check_outputs_apart(files_of(options.server), {{options.json, "the JSON"}});
-  if (!apart.ok()) return apart;
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  RETURN_IF_ERROR(check_outputs_apart(files_of(options.server), {{options.json, "the JSON"}}));
+  RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   const absl::StatusOr<BenchReport> report = measure(options, progress);
   progress.clear();
   if (!report.ok()) return report.status();
   if (!options.quiet && !json.to_stdout()) {
-    if (absl::Status status = print(to_text(options, *report)); !status.ok()) return status;
+    RETURN_IF_ERROR(print(to_text(options, *report)));
   }
   return json.write(to_json(options, *report));
 }
+
+constexpr char kBenchExamples[] =
+    "Examples:\n"
+    "  candela bench --server 127.0.0.1:50051 --sessions 4 --size 1280x720\n"
+    "  candela bench --server 127.0.0.1:50051 --fps 24 --seconds 60 --json figures.json";
+
+Finish define_bench(CLI::App& app) {
+  const auto options = std::make_shared<BenchOptions>();
+  add_bench_options(app, *options);
+  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_server_options(options->server));
+    return invocation(*options, run_bench);
+  };
+}
+
+}  // namespace
+
+const Command kBenchCommand{"bench", "Measures a server under the load of several sessions.", kBenchExamples,
+                            define_bench};
 
 }  // namespace candela

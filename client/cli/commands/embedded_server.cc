@@ -8,6 +8,7 @@
 
 #include "server/base/cgroup.h"
 #include "server/base/driver_environment.h"
+#include "server/base/status_macros.h"
 #include "server/memory_budget.h"
 #include "server/option_table.h"
 #include "server/server.h"
@@ -34,18 +35,16 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std:
                                                                       bool measures_tiers) {
   Config config;
   if (!passes.empty()) {
-    const absl::StatusOr<ExecutorKind> who = parse_executor(passes);
-    if (!who.ok()) return who.status();
-    config.passes = *who;
+    ASSIGN_OR_RETURN(const ExecutorKind who, parse_executor(passes));
+    config.passes = who;
   }
   config.device = device;
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   // Its one client may bring the largest panorama.
   config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;
   config.measure_tiers = measures_tiers;
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
-  if (!server.ok()) return server.status();
-  return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(*std::move(server)));
+  ASSIGN_OR_RETURN(std::unique_ptr<Server> server, Server::start(config));
+  return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(std::move(server)));
 }
 
 EmbeddedServer::EmbeddedServer(std::unique_ptr<Server> server) : server_(std::move(server)) {}

@@ -12,6 +12,7 @@
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/frame_reader.h"
 #include "client/cli/options/option_words.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -39,18 +40,17 @@ absl::Status HeldImages::repeat(StreamFrame frame) {
   next_ = frame.number;
   while (file != sequence_.files.begin() && std::prev(file)->first >= first) {
     --file;
-    absl::StatusOr<Rendered> rendered = render_alone(file->first, file->second);
-    if (!rendered.ok()) return rendered.status();
-    if (rendered->status.ok()) {
+    ASSIGN_OR_RETURN(Rendered rendered, render_alone(file->first, file->second));
+    if (rendered.status.ok()) {
       image_of_ = file->second;
       frame.held = true;
       frame.input = image_of_;
-      const std::string bad = bad_values_note(rendered->image.header.statistics());
+      const std::string bad = bad_values_note(rendered.image.header.statistics());
       if (!bad.empty()) summary_.notes.insert(absl::StrCat(image_of_, ": ", bad));
-      return images_.write(std::move(frame), std::move(rendered->image), rendered->facts);
+      return images_.write(std::move(frame), std::move(rendered.image), rendered.facts);
     }
-    if (!options_.skip_bad) return rendered->status;
-    summary_.notes.insert(absl::StrFormat("not repeated: %s", rendered->status.message()));
+    if (!options_.skip_bad) return rendered.status;
+    summary_.notes.insert(absl::StrFormat("not repeated: %s", rendered.status.message()));
   }
   if (image_of_.empty()) {
     frame.status.Update(failure_of(

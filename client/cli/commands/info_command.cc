@@ -1,3 +1,5 @@
+#include <CLI/App.hpp>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -16,8 +18,14 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
-#include "server/base/rounded_up.h"
+#include "client/cli/options/command_line.h"
+#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/picture_options.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/settings_options.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/rounded_up.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -186,7 +194,7 @@ absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
   if (!info.ok()) return info.status();
   const std::string& address = options.server.address;
   if (!json.to_stdout()) {
-    if (absl::Status status = print(to_text(*info, address)); !status.ok()) return status;
+    RETURN_IF_ERROR(print(to_text(*info, address)));
   }
   return json.write(to_json(*info, address));
 }
@@ -205,7 +213,7 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
       const std::string line = line_of({{"file", file},
                                         {"error", std::string(facts.status().message())},
                                         {"code", exit_code(kind_of(facts.status()))}});
-      if (absl::Status status = json.add(line); !status.ok()) return status;
+      RETURN_IF_ERROR(json.add(line));
       continue;
     }
     absl::Status status;
@@ -218,16 +226,43 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
                                                                     failed, files.size())));
 }
 
-}  // namespace
-
 absl::Status run_info(const InfoOptions& options, JsonOutput& json) {
   std::vector<std::string> inputs = files_of(options.server);
   inputs.insert(inputs.end(), options.files.begin(), options.files.end());
   if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  RETURN_IF_ERROR(json.open());
   return options.files.empty() ? describe_server(options, json) : describe_files(options.files, json);
 }
+
+constexpr char kInfoExamples[] =
+    "`candela info FILE...` also says what would be rendered of each file.\n"
+    "`candela info --json -` also lists every setting with its range, default and choices.\n\n"
+    "Examples:\n"
+    "  candela info\n"
+    "  candela info shot.exr\n"
+    "  candela info --server 127.0.0.1:50051 --json -";
+
+Finish define_info(CLI::App& app) {
+  const auto options = std::make_shared<InfoOptions>();
+  app.add_option("FILE", options->files, "Images to describe (default: describe the server)")
+      ->option_text("...");
+  add_json_option(app, kOutputSection,
+                  "Write one line of JSON a file, or one for the server with every setting", options->json);
+  add_server_options(app, options->server);
+  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+    absl::Status status = check_input_names(options->files);
+    status.Update(finish_server_options(options->server));
+    if (!status.ok()) return status;
+    return invocation(*options, run_info);
+  };
+}
+
+}  // namespace
+
+const Command kInfoCommand{
+    "info", "Describes image files: parts, layers, channels, windows. Without files, describes a server.",
+    kInfoExamples, define_info};
 
 }  // namespace candela

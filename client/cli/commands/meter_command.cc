@@ -1,6 +1,9 @@
+#include <CLI/App.hpp>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
@@ -19,7 +22,11 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/command_line.h"
+#include "client/cli/options/idle_options.h"
+#include "client/cli/options/meter_options.h"
 #include "client/cli/options/option_words.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -148,47 +155,67 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   progress.show("metering " + input);
   ServerLink link(options.server, options.quiet);
-  const absl::StatusOr<v1::Limits> limits = link.limits();
-  if (!limits.ok()) return limits.status();
-  const absl::StatusOr<Image> image = read_image(input, image_limits(*limits, options), choice_of(options));
-  if (!image.ok()) return image.status();
+  ASSIGN_OR_RETURN(const v1::Limits limits, link.limits());
+  ASSIGN_OR_RETURN(const Image image, read_image(input, image_limits(limits, options), choice_of(options)));
   if (const auto server = link.connection(); !server.ok()) return server.status();
-  if (absl::Status status = link.check_tier(options.settings.tier()); !status.ok()) return status;
-  v1::Settings settings = settings_for(*image, options.settings);
-  const std::string alpha_note = options.ignore_empty_alpha ? ignore_empty_alpha(*image, settings) : "";
+  RETURN_IF_ERROR(link.check_tier(options.settings.tier()));
+  v1::Settings settings = settings_for(image, options.settings);
+  const std::string alpha_note = options.ignore_empty_alpha ? ignore_empty_alpha(image, settings) : "";
   absl::StatusOr<v1::MeterResponse> metered;
   const absl::Time deadline = absl::Now() + kMeterTimeout;
   const absl::Status called = link.call(deadline, [&](const Connection& one) {
-    metered = one.meter(settings, view_of(*image), deadline);
+    metered = one.meter(settings, view_of(image), deadline);
     return metered.status();
   });
   progress.clear();
   if (!called.ok()) return name_file(in_options(called, options.settings), input);
-  const PrimariesUsed primaries = primaries_used(*image, options.settings);
+  const PrimariesUsed primaries = primaries_used(image, options.settings);
   if (!options.quiet) {
     for (const std::string& note : options.notes) print_note(note);
-    for (const std::string& note : image->notes) print_note(note);
-    for (const std::string& note : {alpha_note, cube_map_note(*image),
-                                    held_words(metered->target(), metered->target_before_limits())}) {
+    for (const std::string& note : image.notes) print_note(note);
+    for (const std::string& note :
+         {alpha_note, cube_map_note(image), held_words(metered->target(), metered->target_before_limits())}) {
       if (!note.empty()) print_note(note);
     }
     if (!json.to_stdout()) {
-      absl::Status status = print(to_text(input, *image, primaries, *metered));
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(print(to_text(input, image, primaries, *metered)));
     }
   }
-  return json.write(to_json(input, *image, primaries, *metered));
+  return json.write(to_json(input, image, primaries, *metered));
 }
-
-}  // namespace
 
 absl::Status run_meter(const MeterOptions& options, JsonOutput& json) {
   if (!is_single_image(options)) return run_stream(options, json);
   return about_input(meter_image(options, json), options.sequence.inputs.front());
 }
+
+constexpr char kMeterExamples[] =
+    "Examples:\n"
+    "  candela meter in.exr --percentiles 5,95 --json -\n"
+    "  candela meter 'shot/*.exr' --lookahead 4 --detect-cuts --save-exposures shot.json\n"
+    "  candela stream 'shot/*.exr' out/%04d.png --range 100-149 --exposures shot.json\n"
+    "  candela stream 'shot/*.exr' out/%04d.png --locked-exposure shot.json";
+
+Finish define_meter(CLI::App& app) {
+  const auto options = std::make_shared<MeterOptions>();
+  add_meter_options(app, *options);
+  return [options](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_meter_options(*options));
+    add_idle_notes(
+        *options,
+        {.given = given, .adapts = true, .elapsed_seconds = std::numeric_limits<double>::infinity()});
+    return invocation(*options, run_meter);
+  };
+}
+
+}  // namespace
+
+const Command kMeterCommand{
+    "meter", "Reports the exposure that metering chooses for an image, or for each frame of a shot, and why.",
+    kMeterExamples, define_meter};
 
 }  // namespace candela

@@ -22,6 +22,7 @@
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/system_failure.h"
 #include "client/cli/options/usage.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -118,9 +119,8 @@ class Reporter {
     }
     const double seconds = absl::ToDoubleSeconds(absl::Now() - begin_);
     if (!options_.quiet && !json_.to_stdout()) {
-      const absl::Status status = print(
-          absl::StrFormat("%d of %d images -> %s in %.2f s\n", written_, jobs_, options_.output, seconds));
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(print(
+          absl::StrFormat("%d of %d images -> %s in %.2f s\n", written_, jobs_, options_.output, seconds)));
     }
     absl::Status status = json_.write(
         line_of({{"summary",
@@ -137,7 +137,7 @@ class Reporter {
         if (++notes_[note] == 1) print_note(of_run(note) ? note : report.input + ": " + note);
       }
       if (!json_.to_stdout()) {
-        if (absl::Status status = print(to_text(report, options_.verbose)); !status.ok()) return status;
+        RETURN_IF_ERROR(print(to_text(report, options_.verbose)));
       }
     }
     return json_.add(to_json(report));
@@ -226,9 +226,9 @@ absl::Status render_batch(const RenderOptions& options, const std::vector<Render
   for (size_t i = 0; i < jobs.size(); ++i) {
     const Result result = workers.take(i);
     if (!result.ok()) {
-      if (absl::Status status = broken(); !status.ok()) return status;
+      RETURN_IF_ERROR(broken());
     }
-    if (absl::Status status = reporter.add(jobs[i], result); !status.ok()) return status;
+    RETURN_IF_ERROR(reporter.add(jobs[i], result));
   }
   return reporter.finish();
 }

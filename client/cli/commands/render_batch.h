@@ -35,11 +35,11 @@ using RenderOne = std::function<absl::StatusOr<RenderReport>(const RenderJob& jo
 
 // Renders all of them, a few at once. Prints and writes the results in the order of the jobs, whatever
 // finishes first. An image that fails is a line on stderr and does not stop the others; at the end the
-// failure is "2 of 30 images failed", of the kind that all of them have. `broken` says why no image can be rendered at all, which ends
-// everything; else OK.
+// failure is "2 of 30 images failed", of the kind that all of them have. `broken` says why no image can be
+// rendered at all, which ends everything; else OK.
 //
-// The JSON is one line an image, to_json() of its report or {input, output, error (text), code}, and a last line {summary
-// {images, written, failed, seconds}}.
+// The JSON is one line an image, to_json() of its report or {input, output, error (text), code}, and a last
+// line {summary {images, written, failed, seconds}}.
 absl::Status render_batch(const RenderOptions& options, const std::vector<RenderJob>& jobs,
                           const RenderOne& render, const std::function<absl::Status()>& broken,
                           JsonOutput& json, Progress& progress);

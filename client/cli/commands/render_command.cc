@@ -1,34 +1,37 @@
 #include <OpenEXR/ImfThreading.h>
 
+#include <CLI/App.hpp>
 #include <algorithm>
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <span>
 #include <thread>
 #include <utility>
 
-#include "absl/base/thread_annotations.h"
 #include "absl/strings/str_format.h"
-#include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/gamut_note.h"
 #include "client/cli/commands/held_exposure.h"
+#include "client/cli/commands/image_run.h"
 #include "client/cli/commands/render_batch.h"
 #include "client/cli/commands/render_report.h"
-#include "client/cli/commands/server_link.h"
 #include "client/cli/files/error_map.h"
-#include "client/cli/files/exposure_file.h"
 #include "client/cli/files/frame_alpha.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/command_line.h"
+#include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_words.h"
+#include "client/cli/options/render_options.h"
 #include "client/color/view_error.h"
 #include "client/image/image.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -36,139 +39,41 @@ namespace {
 // Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
 constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
 
-double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
-
-// The things that all images of a run share: the server, its limits, and the baked view of --ocio. Any thread
-// may use them.
-class Shared {
- public:
-  explicit Shared(const RenderOptions& options) : options_(options), link_(options.server, options.quiet) {}
-
-  // Reads the file of --locked-exposure, if it is given.
-  absl::Status read_exposure() {
-    if (options_.locked_exposure.empty()) return absl::OkStatus();
-    const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
-    if (file.ok()) locked_ = file->locked;
-    return file.status();
-  }
-
-  // Bakes the view of --ocio, if it is set, into a table. Call it before the others.
-  absl::Status bake() {
-    if (options_.view.config.empty()) return absl::OkStatus();
-    const absl::Time begin = absl::Now();
-    absl::StatusOr<BakedView> baked = candela::bake(options_);
-    if (!baked.ok()) return baked.status();
-    view_ = *std::move(baked);
-    bake_ms_ = ms_since(begin);
-    return absl::OkStatus();
-  }
-
-  absl::StatusOr<v1::Limits> limits() {
-    const absl::MutexLock lock(&mutex_);
-    if (!limits_) limits_ = link_.limits();
-    return *limits_;
-  }
-
-  // Waits for the built-in server. OK once link() may be called.
-  absl::Status connect() {
-    const absl::MutexLock lock(&mutex_);
-    if (connected_) return *connected_;
-    connected_ = link_.connection().status();
-    if (connected_->ok()) connected_ = link_.check_tier(options_.settings.tier());
-    return *connected_;
-  }
-  const ServerLink& link() const { return link_; }
-
-  // Why no image can be rendered; OK as long as they can.
-  absl::Status failure() {
-    const absl::MutexLock lock(&mutex_);
-    if (limits_ && !limits_->ok()) return limits_->status();
-    return connected_.value_or(absl::OkStatus());
-  }
-
-  // Stops the built-in server and frees its memory. Connections must not be used any more.
-  void close() {
-    const absl::MutexLock lock(&mutex_);
-    link_.close();
-  }
-
-  void begin_call() {
-    const absl::MutexLock lock(&calls_mutex_);
-    ++calls_;
-  }
-  void end_call() {
-    const absl::MutexLock lock(&calls_mutex_);
-    --calls_;
-    ++ended_calls_;
-  }
-  // Waits until the call of another image has ended; false if there is none.
-  bool wait_for_a_call() {
-    const absl::MutexLock lock(&calls_mutex_);
-    if (calls_ == 0) return false;
-    const auto ended = [this, before = ended_calls_] { return ended_calls_ != before; };
-    calls_mutex_.Await(absl::Condition(&ended));
-    return true;
-  }
-
-  const std::optional<BakedView>& view() const { return view_; }
-  // The exposure of all images, if it is given.
-  std::optional<double> locked() const { return locked_; }
-  double bake_ms() const { return bake_ms_; }
-  // Call it after connect().
-  double start_ms() const { return link_.start_ms(); }
-
- private:
-  const RenderOptions& options_;
-  absl::Mutex mutex_;
-  ServerLink link_;
-  std::optional<absl::StatusOr<v1::Limits>> limits_ ABSL_GUARDED_BY(mutex_);
-  std::optional<absl::Status> connected_ ABSL_GUARDED_BY(mutex_);
-  absl::Mutex calls_mutex_;
-  int calls_ ABSL_GUARDED_BY(calls_mutex_) = 0;
-  uint64_t ended_calls_ ABSL_GUARDED_BY(calls_mutex_) = 0;
-  std::optional<BakedView> view_;
-  std::optional<double> locked_;
-  double bake_ms_ = 0;
-};
-
 // Renders one file: reads it, has the server render it, and writes the result.
 class Rendering {
  public:
   // `only` says that no other image follows: the server is stopped before the image is written.
-  Rendering(const RenderOptions& options, const RenderJob& job, bool only, Shared& shared, Progress& progress)
-      : options_(options), job_(job), only_(only), shared_(shared), progress_(progress) {}
+  Rendering(const RenderOptions& options, const RenderJob& job, bool only, ImageRun& run, Progress& progress)
+      : options_(options), job_(job), only_(only), run_(run), progress_(progress) {}
 
   absl::StatusOr<RenderReport> run() {
     report_.input = job_.input;
     report_.output = job_.output;
     report_.error_map = options_.verify.error_map;
-    report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !shared_.locked();
+    report_.metered = options_.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !run_.locked();
     report_.notes = options_.notes;
     report_.curve = curve_word(options_.settings);
     report_.defaults = options_.defaults;
-    if (shared_.view()) {
-      report_.view = shared_.view()->report;
+    if (run_.view()) {
+      report_.view = run_.view()->report;
       report_.curve = report_.view->view;
-      add_notes(shared_.view()->notes);
+      add_notes(run_.view()->notes);
     }
-    absl::StatusOr<Image> image = read();
-    if (!image.ok()) return image.status();
-    report_.primaries = primaries_of(*image, options_.settings, view());
-    report_.missing_pixels = image->missing_pixels;
-    absl::StatusOr<Image> picture = render(*std::move(image));
-    if (!picture.ok()) return picture.status();
-    if (absl::Status status = write(*picture); !status.ok()) return status;
-    if (absl::Status status = write_error_map(); !status.ok()) return status;
+    ASSIGN_OR_RETURN(Image image, read());
+    report_.primaries = primaries_of(image, options_.settings, view());
+    report_.missing_pixels = image.missing_pixels;
+    ASSIGN_OR_RETURN(Image picture, render(std::move(image)));
+    RETURN_IF_ERROR(write(picture));
+    RETURN_IF_ERROR(write_error_map());
     report_.total_ms = ms_since(begin_);
     return std::move(report_);
   }
 
  private:
   absl::StatusOr<Image> read_input() {
-    const absl::StatusOr<v1::Limits> limits = shared_.limits();
-    if (!limits.ok()) return limits.status();
+    ASSIGN_OR_RETURN(const v1::Limits limits, run_.limits());
     absl::StatusOr<Image> image =
-        read_image(job_.input, image_limits(*limits, options_), choice_of(options_, view()));
+        read_image(job_.input, image_limits(limits, options_), choice_of(options_, view()));
     if (!image.ok()) return image;
     if (verifies_view() && view()->view.to_scene) {
       const std::span<const std::byte> values = image->pixels.span();
@@ -178,14 +83,14 @@ class Rendering {
     return image;
   }
 
-  const BakedView* view() const { return shared_.view() ? &*shared_.view() : nullptr; }
+  const BakedView* view() const { return run_.view() ? &*run_.view() : nullptr; }
   // Numbers, which no gamut cuts.
   bool shows_data() const { return view() != nullptr && view()->view.as_is; }
   bool verifies_view() const { return options_.verify.verify && view() != nullptr; }
 
   absl::StatusOr<Image> read() {
     progress_.show("reading " + job_.input);
-    if (const auto limits = shared_.limits(); !limits.ok()) return limits.status();
+    if (const auto limits = run_.limits(); !limits.ok()) return limits.status();
     const absl::Time begin = absl::Now();
     absl::StatusOr<Image> image = read_input();
     read_ms_ = ms_since(begin);
@@ -199,11 +104,11 @@ class Rendering {
   // picture stays in memory.
   absl::StatusOr<Image> render(Image frame) {
     progress_.show("rendering " + job_.input);
-    if (absl::Status status = shared_.connect(); !status.ok()) return status;
+    RETURN_IF_ERROR(run_.connect());
     const absl::Time begin = absl::Now();
     FrameView view = view_of(frame);
     if (options_.previous.exposure() > 0) view.previous = options_.previous;
-    view.exposure = shared_.locked();
+    view.exposure = run_.locked();
     view.verify = options_.verify.verify;
     view.error_map = !options_.verify.error_map.empty();
     // The picture will need the memory.
@@ -211,24 +116,24 @@ class Rendering {
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.ignore_empty_alpha) add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
-    if (shared_.view()) show_by(*shared_.view(), settings);
+    if (run_.view()) show_by(*run_.view(), settings);
     report_.tone_curve = settings.curve();
     absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
-    if (only_) shared_.close();
+    if (only_) run_.close();
 
     report_.header = result->header;
-    if (!shared_.locked()) {
+    if (!run_.locked()) {
       add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
     }
     if (!shows_data()) add_note(gamut_note(report_.header, settings).value_or(""));
     if (verifies_view()) {
       const std::span<const std::byte> own = own_values_.empty() ? view.pixels : own_values_;
-      const absl::StatusOr<ViewError> error = error_of_view(
-          shared_.view()->view, {view.format, own, std::move(settings), result->header, result->pixels()});
-      if (!error.ok()) return error.status();
-      report_.view_error = *error;
+      ASSIGN_OR_RETURN(const ViewError error,
+                       error_of_view(run_.view()->view, {view.format, own, std::move(settings),
+                                                         result->header, result->pixels()}));
+      report_.view_error = error;
       frame.pixels = {};
     }
     error_map_ = std::move(result->error_map);
@@ -244,12 +149,11 @@ class Rendering {
   absl::StatusOr<RenderResult> call(const v1::Settings& settings, Image& frame, FrameView& view,
                                     absl::Time deadline) {
     absl::StatusOr<RenderResult> result;
-    const absl::Status status = shared_.link().call(deadline, [&](const Connection& server) {
-      if (absl::Status read = read_again(frame, view); !read.ok()) return read;
+    RETURN_IF_ERROR(run_.link().call(deadline, [&](const Connection& server) {
+      RETURN_IF_ERROR(read_again(frame, view));
       result = call_once(server, settings, view, deadline);
       return result.status();
-    });
-    if (!status.ok()) return status;
+    }));
     return result;
   }
 
@@ -258,10 +162,10 @@ class Rendering {
   absl::StatusOr<RenderResult> call_once(const Connection& server, const v1::Settings& settings,
                                          const FrameView& view, absl::Time deadline) {
     while (true) {
-      shared_.begin_call();
+      run_.begin_call();
       absl::StatusOr<RenderResult> result = server.render(settings, view, deadline);
-      shared_.end_call();
-      if (only_ || !absl::IsUnavailable(result.status()) || !shared_.wait_for_a_call()) return result;
+      run_.end_call();
+      if (only_ || !absl::IsUnavailable(result.status()) || !run_.wait_for_a_call()) return result;
     }
   }
 
@@ -284,10 +188,9 @@ class Rendering {
   absl::Status write(const Image& picture) {
     progress_.show("writing " + job_.output);
     const absl::Time begin = absl::Now();
-    absl::StatusOr<std::vector<std::string>> notes = write_image(job_.output, picture, options_.write);
-    if (!notes.ok()) return notes.status();
+    ASSIGN_OR_RETURN(std::vector<std::string> notes, write_image(job_.output, picture, options_.write));
     report_.stage_ms.emplace_back("write", ms_since(begin));
-    add_notes(*std::move(notes));
+    add_notes(std::move(notes));
     return absl::OkStatus();
   }
 
@@ -307,8 +210,8 @@ class Rendering {
   }
 
   void add_stages(double call_ms) {
-    if (shared_.start_ms() > 0) report_.stage_ms.emplace_back("start", shared_.start_ms());
-    if (report_.view) report_.stage_ms.emplace_back("view", shared_.bake_ms());
+    if (run_.start_ms() > 0) report_.stage_ms.emplace_back("start", run_.start_ms());
+    if (report_.view) report_.stage_ms.emplace_back("view", run_.bake_ms());
     report_.stage_ms.emplace_back("read", read_ms_);
     double server_ms = 0;
     for (const v1::StageTime& stage : report_.header.stages()) {
@@ -323,7 +226,7 @@ class Rendering {
   const RenderOptions& options_;
   const RenderJob& job_;
   const bool only_;
-  Shared& shared_;
+  ImageRun& run_;
   Progress& progress_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
@@ -342,10 +245,10 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
   }
   outputs.push_back({options.verify.error_map, "the error map"});
   outputs.push_back({options.json, "the JSON"});
-  if (absl::Status status = check_outputs_apart(inputs, outputs); !status.ok()) return status;
+  RETURN_IF_ERROR(check_outputs_apart(inputs, outputs));
   for (const std::string& path : {jobs.front().output, options.verify.error_map}) {
     if (path.empty()) continue;
-    if (absl::Status status = make_folder_of(path); !status.ok()) return status;
+    RETURN_IF_ERROR(make_folder_of(path));
     if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
   }
   return absl::OkStatus();
@@ -353,17 +256,17 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
 
 absl::Status render_one(const RenderOptions& options, const RenderJob& job, JsonOutput& json,
                         Progress& progress) {
-  Shared shared(options);
+  ImageRun run(options);
   if (!options.view.config.empty()) progress.show("baking " + options.view.config);
-  if (absl::Status status = shared.read_exposure(); !status.ok()) return status;
-  if (absl::Status status = shared.bake(); !status.ok()) return status;
-  const absl::StatusOr<RenderReport> report = Rendering(options, job, true, shared, progress).run();
+  RETURN_IF_ERROR(run.read_exposure());
+  RETURN_IF_ERROR(run.bake());
+  const absl::StatusOr<RenderReport> report = Rendering(options, job, true, run, progress).run();
   progress.clear();
   if (!report.ok()) return about_input(report.status(), job.input);
   if (!options.quiet) {
     for (const std::string& note : notes_for_user(*report)) print_note(note);
     if (!json.to_stdout()) {
-      if (absl::Status status = print(to_text(*report, options.verbose)); !status.ok()) return status;
+      RETURN_IF_ERROR(print(to_text(*report, options.verbose)));
     }
   }
   return json.write(to_json(*report));
@@ -371,31 +274,56 @@ absl::Status render_one(const RenderOptions& options, const RenderJob& job, Json
 
 absl::Status render_folder(const RenderOptions& options, const std::vector<RenderJob>& jobs, JsonOutput& json,
                            Progress& progress) {
-  Shared shared(options);
+  ImageRun run(options);
   if (!options.view.config.empty()) progress.show("baking " + options.view.config);
-  if (absl::Status status = shared.read_exposure(); !status.ok()) return status;
-  if (absl::Status status = shared.bake(); !status.ok()) return status;
+  RETURN_IF_ERROR(run.read_exposure());
+  RETURN_IF_ERROR(run.bake());
   const auto render = [&](const RenderJob& job) {
     Progress silent(false);
-    return Rendering(options, job, false, shared, silent).run();
+    return Rendering(options, job, false, run, silent).run();
   };
   return render_batch(
-      options, jobs, render, [&shared] { return shared.failure(); }, json, progress);
+      options, jobs, render, [&run] { return run.failure(); }, json, progress);
+}
+
+absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
+  ASSIGN_OR_RETURN(const RenderPlan plan, plan_render(options));
+  const std::vector<RenderJob>& jobs = plan.jobs;
+  RETURN_IF_ERROR(prepare_outputs(options, jobs));
+  RETURN_IF_ERROR(json.open());
+  Progress progress(!options.quiet);
+  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+  if (!plan.hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(plan.hidden));
+  return options.extension.empty() ? render_one(options, jobs.front(), json, progress)
+                                   : render_folder(options, jobs, json, progress);
+}
+
+constexpr char kRenderExamples[] =
+    "Examples:\n"
+    "  candela render in.exr out.png\n"
+    "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
+    "  candela render a.exr b.hdr 'more/*.exr' out/ --as jpg\n"
+    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -";
+
+Finish define_render(CLI::App& app) {
+  const auto arguments = std::make_shared<RenderArguments>();
+  add_render_options(app, *arguments);
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_render_options(*arguments));
+    RenderOptions& options = arguments->options;
+    add_idle_notes(options, {.given = given,
+                             .encoding = encoding_of(options.extension.empty() ? options.output
+                                                                               : "*" + options.extension),
+                             .view = !options.view.config.empty(),
+                             .adapts = options.previous.exposure() > 0,
+                             .elapsed_seconds = options.previous.elapsed_seconds()});
+    return invocation(options, run_render);
+  };
 }
 
 }  // namespace
 
-absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
-  const absl::StatusOr<RenderPlan> plan = plan_render(options);
-  if (!plan.ok()) return plan.status();
-  const std::vector<RenderJob>& jobs = plan->jobs;
-  if (absl::Status status = prepare_outputs(options, jobs); !status.ok()) return status;
-  if (absl::Status status = json.open(); !status.ok()) return status;
-  Progress progress(!options.quiet);
-  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  if (!plan->hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(plan->hidden));
-  return options.extension.empty() ? render_one(options, jobs.front(), json, progress)
-                                   : render_folder(options, jobs, json, progress);
-}
+const Command kRenderCommand{"render", "Renders an HDR image: exposure, bloom, tone curve.", kRenderExamples,
+                             define_render};
 
 }  // namespace candela

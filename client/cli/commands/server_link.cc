@@ -11,8 +11,9 @@
 #include "client/cli/options/option_words.h"
 #include "client/cli/options/usage.h"
 #include "client/retry.h"
-#include "server/base/address_space.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/address_space.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -35,7 +36,7 @@ ServerLink::ServerLink(const ServerChoice& choice, bool quiet, bool measures_tie
     : choice_(choice), quiet_(quiet) {
   if (!choice_.address.empty()) return;
   absl::Status room = check_address_space(server_bytes(), "the built-in server",
-                                              ", or name a running candelad with --server");
+                                          ", or name a running candelad with --server");
   if (!room.ok()) {
     std::promise<Started> refused;
     refused.set_value(failure_of(FailureKind::kOther, room));
@@ -114,9 +115,8 @@ absl::StatusOr<Session> ServerLink::open_one(const SessionOptions& session) {
     tell_of_wait(server, why);
   };
   if (choice_.address.empty()) {
-    const absl::StatusOr<const Connection*> server = connection();
-    if (!server.ok()) return server.status();
-    return Session::open({(*server)->channel()}, options);
+    ASSIGN_OR_RETURN(const Connection* server, connection());
+    return Session::open({server->channel()}, options);
   }
   if (absl::Status room = check_address_space(session_bytes(), "a session", ""); !room.ok()) {
     return failure_of(FailureKind::kOther, room);
@@ -128,14 +128,12 @@ absl::StatusOr<Session> ServerLink::open_one(const SessionOptions& session) {
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
-  const absl::StatusOr<const Connection*> server = connection();
-  if (!server.ok()) return server.status();
+  ASSIGN_OR_RETURN(const Connection* server, connection());
   absl::StatusOr<v1::GetServerInfoResponse> info;
-  const absl::Status status = call(absl::InfiniteFuture(), [&info](const Connection& one) {
+  RETURN_IF_ERROR(call(absl::InfiniteFuture(), [&info](const Connection& one) {
     info = ask_info(one);
     return info.status();
-  });
-  if (!status.ok()) return status;
+  }));
   return info;
 }
 
@@ -146,17 +144,15 @@ absl::StatusOr<v1::Limits> ServerLink::limits() {
     limits.set_max_frame_bytes(v1::kDefaultMaxFrameBytes);
     return limits;
   }
-  const absl::StatusOr<v1::GetServerInfoResponse> server = info();
-  if (!server.ok()) return server.status();
-  return server->limits();
+  ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server, info());
+  return server.limits();
 }
 
 absl::Status ServerLink::check_tier(const std::string& tier) {
   if (tier.empty()) return absl::OkStatus();
-  const absl::StatusOr<v1::GetServerInfoResponse> server = info();
-  if (!server.ok()) return server.status();
+  ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server, info());
   std::vector<std::string> names;
-  for (const v1::Tier& known : server->tiers()) {
+  for (const v1::Tier& known : server.tiers()) {
     if (known.name() == tier) return absl::OkStatus();
     names.push_back(known.name());
   }

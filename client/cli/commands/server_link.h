@@ -23,8 +23,8 @@ namespace candela {
 class ServerLink {
  public:
   // Starts the built-in server on another thread if the choice names
-  // no server, so that files can be read meanwhile. `quiet`: no note tells the user of a wait for a server. It
-  // measures its tiers at once if `measures_tiers` is set.
+  // no server, so that files can be read meanwhile. `quiet`: no note tells the user of a wait for a server.
+  // It measures its tiers at once if `measures_tiers` is set.
   ServerLink(const ServerChoice& choice, bool quiet, bool measures_tiers = false);
   ~ServerLink() { close(); }
   ServerLink(const ServerLink&) = delete;

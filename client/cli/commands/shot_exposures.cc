@@ -7,6 +7,7 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -17,14 +18,13 @@ absl::StatusOr<ShotExposures> ShotExposures::open(const StreamOptions& options) 
     if (!path.empty()) shot.path_ = path;
   }
   if (shot.path_.empty()) return shot;
-  absl::StatusOr<ExposureFile> file = read_exposures(shot.path_);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(ExposureFile file, read_exposures(shot.path_));
   if (!options.locked_exposure.empty()) {
-    shot.given_ = GivenExposures::locked(file->locked);
+    shot.given_ = GivenExposures::locked(file.locked);
     return shot;
   }
-  if (!options.exposures.empty()) shot.given_ = GivenExposures::each(shot.path_, *file);
-  shot.read_ = *std::move(file);
+  if (!options.exposures.empty()) shot.given_ = GivenExposures::each(shot.path_, file);
+  shot.read_ = std::move(file);
   return shot;
 }
 
@@ -53,11 +53,11 @@ absl::StatusOr<std::vector<std::string>> ShotExposures::check(const Sequence& se
   std::vector<std::string> notes;
   if (!options_.skip_bad) {
     for (const SequenceFrame& frame : sequence.frames) {
-      if (absl::Status status = given_.of(frame.number).status(); !status.ok()) return status;
+      RETURN_IF_ERROR(given_.of(frame.number).status());
     }
   }
   if (options_.state.empty()) return notes;
-  if (absl::Status status = check_after_state(sequence); !status.ok()) return status;
+  RETURN_IF_ERROR(check_after_state(sequence));
   if (options_.cut_threshold_ev > 0 && read_->state.picture().empty()) {
     notes.push_back(absl::StrFormat("%s was made without --detect-cuts, so no cut is detected at frame %d",
                                     path_, sequence.first()));
@@ -101,11 +101,10 @@ absl::Status ShotExposures::save(const Sequence& sequence, FrameRate rate,
                            .frames = frames,
                            .locked = locked_exposure(settings, frames),
                            .state = state};
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(options_.save_exposures);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(options_.save_exposures));
   const std::string text = to_text(saved);
-  file->write(text.data(), text.size());
-  return file->commit();
+  file.write(text.data(), text.size());
+  return file.commit();
 }
 
 }  // namespace candela

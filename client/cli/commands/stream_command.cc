@@ -1,5 +1,7 @@
 #include <OpenEXR/ImfThreading.h>
 
+#include <CLI/App.hpp>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <set>
@@ -29,8 +31,12 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/command_line.h"
+#include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_words.h"
+#include "client/cli/options/stream_options.h"
 #include "client/cli/options/usage.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -71,10 +77,9 @@ class Streaming {
     summary_.missing = to_text(sequence_.missing);
     SessionOptions session;
     std::shared_ptr<const BakedView> view;
-    if (absl::Status status = prepare(session.settings, view); !status.ok()) return status;
-    const absl::StatusOr<v1::Limits> limits = link_.limits();
-    if (!limits.ok()) return limits.status();
-    const ImageLimits files = image_limits(*limits, options_);
+    RETURN_IF_ERROR(prepare(session.settings, view));
+    ASSIGN_OR_RETURN(const v1::Limits limits, link_.limits());
+    const ImageLimits files = image_limits(limits, options_);
     progress_.show("reading " + named_.front().input);
     FrameReader reader(paths_of(sequence_), files, kReadAhead, choice_of(options_, view.get()));
     const FeedOptions feed{.settings = without_table(session.settings),
@@ -118,12 +123,11 @@ class Streaming {
     summary_.defaults = options_.defaults;
     if (!options_.view.config.empty()) {
       progress_.show("baking " + options_.view.config);
-      absl::StatusOr<BakedView> baked = bake(options_);
-      if (!baked.ok()) return baked.status();
-      show_by(*baked, settings);
-      summary_.notes.insert(baked->notes.begin(), baked->notes.end());
-      summary_.view = view_words(baked->report);
-      view = std::make_shared<const BakedView>(*std::move(baked));
+      ASSIGN_OR_RETURN(BakedView baked, bake(options_));
+      show_by(baked, settings);
+      summary_.notes.insert(baked.notes.begin(), baked.notes.end());
+      summary_.view = view_words(baked.report);
+      view = std::make_shared<const BakedView>(std::move(baked));
       shows_data_ = view->view.as_is;
     }
     return link_.check_tier(settings.tier());
@@ -173,8 +177,8 @@ class Streaming {
       if (!*result) return absl::OkStatus();
       tell_of_resume(session);
       const size_t index = sequence_.index_of((*result)->sequence);
-      if (absl::Status status = add_skipped(feeder, index); !status.ok()) return status;
-      if (absl::Status status = take(index, **result, feeder.take_facts(index)); !status.ok()) return status;
+      RETURN_IF_ERROR(add_skipped(feeder, index));
+      RETURN_IF_ERROR(take(index, **result, feeder.take_facts(index)));
       show(index);
     }
   }
@@ -325,27 +329,46 @@ absl::Status tell(const StreamOptions& options, const StreamSummary& summary, co
   return json_to_stdout ? absl::OkStatus() : print(to_text(summary, where));
 }
 
+constexpr char kStreamExamples[] =
+    "Examples:\n"
+    "  candela stream 'in/*.exr' out/%04d.png --fps 24\n"
+    "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
+    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json";
+
+Finish define_stream(CLI::App& app) {
+  const auto arguments = std::make_shared<StreamArguments>();
+  add_stream_options(app, *arguments);
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_stream_options(*arguments));
+    StreamOptions& options = arguments->options;
+    add_idle_notes(options, {.given = given,
+                             .encoding = encoding_of(options.output, options.encoding),
+                             .view = !options.view.config.empty(),
+                             .adapts = true,
+                             .elapsed_seconds = std::numeric_limits<double>::infinity()});
+    return invocation(options, run_stream);
+  };
+}
+
 }  // namespace
 
 absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
-  const absl::StatusOr<ShotExposures> shot = ShotExposures::open(options);
-  if (!shot.ok()) return shot.status();
-  const absl::StatusOr<StreamPlan> plan = plan_stream(options, *shot);
-  if (!plan.ok()) return plan.status();
-  const auto& [names, sequence, images] = *plan;
-  const bool wants_exposures = shot->saved() || !options.plot.empty();
+  ASSIGN_OR_RETURN(const ShotExposures shot, ShotExposures::open(options));
+  ASSIGN_OR_RETURN(const StreamPlan plan, plan_stream(options, shot));
+  const auto& [names, sequence, images] = plan;
+  const bool wants_exposures = shot.saved() || !options.plot.empty();
   if (sequence.frames.empty() && wants_exposures) {
     return usage_error(
         "every image repeats a frame before --range, so there are no exposures to save or to draw; leave out "
         "--save-exposures and --exposure-plot, or give another --range");
   }
-  if (absl::Status status = shot->prepare_save(); !status.ok()) return status;
+  RETURN_IF_ERROR(shot.prepare_save());
   if (!options.plot.empty()) {
-    if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
+    RETURN_IF_ERROR(check_plot(options.plot));
   }
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  RETURN_IF_ERROR(json.open());
   if (names) {
-    if (absl::Status status = make_folder_of(names->path(0, "")); !status.ok()) return status;
+    RETURN_IF_ERROR(make_folder_of(names->path(0, "")));
   }
   if (!options.quiet) {
     for (const std::string& note : sequence.notes) print_note(note);
@@ -353,7 +376,7 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   const absl::StatusOr<StreamSummary> summary =
-      Streaming(options, *shot, sequence, images, json, progress).run();
+      Streaming(options, shot, sequence, images, json, progress).run();
   progress.clear();
   if (!summary.ok()) return summary.status();
   if (summary->curve.empty() && wants_exposures) {
@@ -362,18 +385,20 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
         absl::NotFoundError("no frame of its own was rendered, so there is no exposure to save or "
                             "to draw"));
   }
-  if (shot->saved()) {
-    absl::Status status = shot->save(sequence, summary->rate.rate, summary->curve, summary->state);
-    if (!status.ok()) return status;
+  if (shot.saved()) {
+    RETURN_IF_ERROR(shot.save(sequence, summary->rate.rate, summary->curve, summary->state));
   }
   if (!options.plot.empty()) {
-    if (absl::Status status = plot_exposure(summary->curve, options.plot); !status.ok()) return status;
+    RETURN_IF_ERROR(plot_exposure(summary->curve, options.plot));
   }
   const std::string where =
       names ? absl::StrFormat("%s .. %s", images.front().output, images.back().output) : "";
-  if (absl::Status status = tell(options, *summary, where, json.to_stdout()); !status.ok()) return status;
-  if (absl::Status status = json.add(to_json(*summary)); !status.ok()) return status;
+  RETURN_IF_ERROR(tell(options, *summary, where, json.to_stdout()));
+  RETURN_IF_ERROR(json.add(to_json(*summary)));
   return json.close();
 }
+
+const Command kStreamCommand{"stream", "Renders a sequence of frames with exposure that adapts over time.",
+                             kStreamExamples, define_stream};
 
 }  // namespace candela

@@ -11,6 +11,7 @@
 #include "client/cli/files/frame_files.h"
 #include "client/image/encodings.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -25,11 +26,10 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
     return write_encoded(path, result.pixels(), result.header.encoding(), facts.has_alpha,
                          facts.pixel_aspect);
   }
-  absl::StatusOr<Image> picture = picture_of(result, facts.has_alpha, facts.pixel_aspect);
-  if (!picture.ok()) return picture.status();
-  picture->frame_rate = facts.frame_rate;
-  picture->kept = facts.kept;
-  return write_image(path, *picture, options);
+  ASSIGN_OR_RETURN(Image picture, picture_of(result, facts.has_alpha, facts.pixel_aspect));
+  picture.frame_rate = facts.frame_rate;
+  picture.kept = facts.kept;
+  return write_image(path, picture, options);
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(
       absl::StrFormat("%s: out of memory; give this process more memory (ulimit -v)", path));
@@ -43,18 +43,17 @@ absl::Status copy_file(const std::string& from, const std::string& to) {
         absl::NotFoundError(absl::StrFormat(
             "%s: cannot read it to repeat it as %s; leave the images in place until the command ends", from,
             to)));
-  absl::StatusOr<AtomicFile> file = AtomicFile::create(to);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(to));
   std::vector<char> bytes(kCopiedAtOnce);
   while (source) {
     source.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    if (!file->write(bytes.data(), static_cast<size_t>(source.gcount()))) break;
+    if (!file.write(bytes.data(), static_cast<size_t>(source.gcount()))) break;
   }
   if (source.bad()) {
     return failure_of(FailureKind::kOutput,
                       absl::UnavailableError(absl::StrFormat("%s: cannot read it to repeat it", from)));
   }
-  return file->commit();
+  return file.commit();
 }
 
 }  // namespace
@@ -90,12 +89,11 @@ absl::Status StreamImages::finish_oldest() {
   entries_.pop_front();
   const StreamFrame& frame = oldest.frame;
   if (oldest.written.valid()) {
-    const absl::StatusOr<std::vector<std::string>> notes = oldest.written.get();
-    if (!notes.ok()) return notes.status();
-    summary_.notes.insert(notes->begin(), notes->end());
+    ASSIGN_OR_RETURN(const std::vector<std::string> notes, oldest.written.get());
+    summary_.notes.insert(notes.begin(), notes.end());
     last_ = frame.output;
   } else if (frame.held) {
-    if (absl::Status status = copy_file(last_, frame.output); !status.ok()) return status;
+    RETURN_IF_ERROR(copy_file(last_, frame.output));
     last_ = frame.output;
   }
   count(frame);

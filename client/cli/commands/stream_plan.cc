@@ -9,6 +9,7 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/options/usage.h"
 #include "client/image/encodings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -74,14 +75,12 @@ std::string sign_note(const OutputNames& names, const NamedImage& first) {
 absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot) {
   StreamPlan plan;
   if (options.encoding != v1::ENCODING_NONE) {
-    absl::StatusOr<OutputNames> names =
-        OutputNames::parse(options.output, output_encoding(options.encoding).extension());
-    if (!names.ok()) return names.status();
-    plan.names = *std::move(names);
+    ASSIGN_OR_RETURN(OutputNames names,
+                     OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
+    plan.names = std::move(names);
   }
-  const absl::StatusOr<SequenceChoice> choice = shot.choice();
-  if (!choice.ok()) return choice.status();
-  absl::StatusOr<Sequence> sequence = find_sequence(*choice);
+  ASSIGN_OR_RETURN(const SequenceChoice choice, shot.choice());
+  absl::StatusOr<Sequence> sequence = find_sequence(choice);
   if (!sequence.ok()) {
     const std::vector<std::string>& inputs = options.sequence.inputs;
     return input_failure(sequence.status(), inputs.size() == 1 ? inputs.front() : "");
@@ -94,14 +93,13 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
     return failure_of(
         FailureKind::kInput,
         absl::NotFoundError(absl::StrFormat(
-            "--range %s: there is no such frame to meter; give another --range", to_text(choice->range))));
+            "--range %s: there is no such frame to meter; give another --range", to_text(choice.range))));
   }
   plan.images = named_images(plan.sequence, plan.names, options.first);
   if (plan.names && !plan.names->keeps_sign() && options.first.value_or(plan.images.front().number) < 0) {
     plan.sequence.notes.push_back(sign_note(*plan.names, plan.images.front()));
   }
-  if (absl::Status status = check_outputs(options, plan.sequence, plan.images, plan.names); !status.ok())
-    return status;
+  RETURN_IF_ERROR(check_outputs(options, plan.sequence, plan.images, plan.names));
   return plan;
 }
 

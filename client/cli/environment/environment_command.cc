@@ -1,8 +1,10 @@
 // `candela environment`: the cube map of a panorama as files.
 #include <OpenEXR/ImfThreading.h>
 
+#include <CLI/App.hpp>
 #include <algorithm>
 #include <filesystem>
+#include <memory>
 #include <thread>
 #include <utility>
 
@@ -17,15 +19,19 @@
 #include "client/cli/environment/environment_preview.h"
 #include "client/cli/environment/environment_report.h"
 #include "client/cli/environment/panorama_file.h"
+#include "client/cli/environment/panorama_options.h"
 #include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/command_line.h"
+#include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_words.h"
 #include "client/cli/options/usage.h"
 #include "client/environment/environment_files.h"
 #include "client/environment/pictures.h"
 #include "client/image/write/atomic_file.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -91,16 +97,14 @@ class EnvironmentJob {
  private:
   absl::Status read() {
     progress_.show("reading " + options_.panorama);
-    const absl::StatusOr<v1::Limits> limits = link_.limits();
-    if (!limits.ok()) return limits.status();
+    ASSIGN_OR_RETURN(const v1::Limits limits, link_.limits());
     const absl::Time begin = absl::Now();
-    absl::StatusOr<PanoramaFile> file = read_panorama(options_.panorama, options_, *limits);
-    if (!file.ok()) return file.status();
+    ASSIGN_OR_RETURN(PanoramaFile file, read_panorama(options_.panorama, options_, limits));
     add_stage("read", ms_since(begin));
-    report_.primaries = file->primaries;
-    report_.missing_pixels = file->missing_pixels;
-    std::move(file->notes.begin(), file->notes.end(), std::back_inserter(report_.notes));
-    panorama_ = std::move(file->panorama);
+    report_.primaries = file.primaries;
+    report_.missing_pixels = file.missing_pixels;
+    std::move(file.notes.begin(), file.notes.end(), std::back_inserter(report_.notes));
+    panorama_ = std::move(file.panorama);
     return absl::OkStatus();
   }
 
@@ -124,9 +128,8 @@ class EnvironmentJob {
     if (!bad.empty()) report_.notes.push_back(bad);
     const std::string losses = losses_note(report_.bake, options_.format);
     if (!losses.empty()) report_.notes.push_back(losses);
-    absl::StatusOr<BakedEnvironment> environment = environment_from(*bake, options_.handedness);
-    if (!environment.ok()) return environment.status();
-    environment_ = *std::move(environment);
+    ASSIGN_OR_RETURN(BakedEnvironment environment, environment_from(*bake, options_.handedness));
+    environment_ = std::move(environment);
     return absl::OkStatus();
   }
 
@@ -134,15 +137,14 @@ class EnvironmentJob {
   absl::StatusOr<EnvironmentBake> bake_on(const Connection& server, absl::Time deadline) {
     progress_.show("sending " + options_.panorama);
     absl::Time begin = absl::Now();
-    const absl::StatusOr<v1::Environment> put = server.put_environment(*panorama_, deadline);
-    if (!put.ok()) return put.status();
-    report_.panorama = *put;
+    ASSIGN_OR_RETURN(const v1::Environment put, server.put_environment(*panorama_, deadline));
+    report_.panorama = put;
     const double put_ms = ms_since(begin);
-    const uint32_t size = options_.size == 0 ? put->default_cube_size() : options_.size;
-    if (absl::Status status = check_levels(options_.levels.value_or(1), size); !status.ok()) return status;
+    const uint32_t size = options_.size == 0 ? put.default_cube_size() : options_.size;
+    RETURN_IF_ERROR(check_levels(options_.levels.value_or(1), size));
     progress_.show(absl::StrFormat("baking a cube map of %dx%d", size, size));
     begin = absl::Now();
-    absl::StatusOr<EnvironmentBake> bake = server.bake_environment(request(put->id()), deadline);
+    absl::StatusOr<EnvironmentBake> bake = server.bake_environment(request(put.id()), deadline);
     if (bake.ok()) add_server_stages(put_ms, ms_since(begin), bake->header);
     return bake;
   }
@@ -180,12 +182,11 @@ class EnvironmentJob {
 
   absl::Status write_pictures() {
     for (size_t level = 0; level < environment_.levels.size(); ++level) {
-      const absl::StatusOr<Image> picture = options_.layout == EnvironmentLayout::kCross
+      ASSIGN_OR_RETURN(const Image picture, options_.layout == EnvironmentLayout::kCross
                                                 ? cross_picture(environment_, level)
-                                                : equirectangular_picture(environment_, level);
-      if (!picture.ok()) return picture.status();
+                                                : equirectangular_picture(environment_, level));
       const std::string path = picture_path(options_, level);
-      if (const auto notes = write_image(path, *picture); !notes.ok()) return notes.status();
+      if (const auto notes = write_image(path, picture); !notes.ok()) return notes.status();
       if (level > 0) report_.files.push_back(path);
     }
     return absl::OkStatus();
@@ -196,17 +197,15 @@ class EnvironmentJob {
     if (options_.preview.empty()) return absl::OkStatus();
     progress_.show("writing " + options_.preview);
     const absl::Time begin = absl::Now();
-    const absl::StatusOr<Image> sheet = environment_preview(environment_);
-    if (!sheet.ok()) return sheet.status();
+    ASSIGN_OR_RETURN(const Image sheet, environment_preview(environment_));
     absl::StatusOr<RenderResult> result;
     const absl::Status status = link_.call(begin + kBakeTimeout, [&](const Connection& server) {
-      result = server.render(preview_settings(), view_of(*sheet), begin + kBakeTimeout);
+      result = server.render(preview_settings(), view_of(sheet), begin + kBakeTimeout);
       return result.status();
     });
     if (!status.ok()) return reworded(status, absl::StrFormat("%s: %s", options_.preview, status.message()));
-    const absl::StatusOr<Image> picture = picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
-    if (!picture.ok()) return picture.status();
-    if (const auto notes = write_image(options_.preview, *picture); !notes.ok()) return notes.status();
+    ASSIGN_OR_RETURN(const Image picture, picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1));
+    if (const auto notes = write_image(options_.preview, picture); !notes.ok()) return notes.status();
     report_.files.push_back(options_.preview);
     add_stage("preview", ms_since(begin));
     return absl::OkStatus();
@@ -273,20 +272,18 @@ absl::Status prepare_outputs(const EnvironmentOptions& options) {
   const std::vector<OutputFile> outputs = outputs_of(options);
   std::vector<OutputFile> possible = further_faces_of(options);
   possible.insert(possible.begin(), outputs.begin(), outputs.end());
-  if (absl::Status status = check_outputs_apart(inputs, possible); !status.ok()) return status;
+  RETURN_IF_ERROR(check_outputs_apart(inputs, possible));
   for (const OutputFile& output : outputs) {
     if (output.path.empty() || output.path == options.json) continue;
-    if (absl::Status status = make_folder_of(output.path); !status.ok()) return status;
+    RETURN_IF_ERROR(make_folder_of(output.path));
     if (const auto there = writable_destination(output.path); !there.ok()) return there.status();
   }
   return absl::OkStatus();
 }
 
-}  // namespace
-
 absl::Status run_environment(const EnvironmentOptions& options, JsonOutput& json) {
-  if (absl::Status status = prepare_outputs(options); !status.ok()) return status;
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  RETURN_IF_ERROR(prepare_outputs(options));
+  RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   const absl::StatusOr<EnvironmentReport> report = EnvironmentJob(options, progress).run();
@@ -295,10 +292,33 @@ absl::Status run_environment(const EnvironmentOptions& options, JsonOutput& json
   if (!options.quiet) {
     for (const std::string& note : report->notes) print_note(note);
     if (!json.to_stdout()) {
-      if (absl::Status status = print(to_text(*report, options)); !status.ok()) return status;
+      RETURN_IF_ERROR(print(to_text(*report, options)));
     }
   }
   return json.write(to_json(*report, options));
 }
+
+constexpr char kEnvironmentExamples[] =
+    "Examples:\n"
+    "  candela environment pano.hdr pano.ktx2 --sh pano.json --preview pano.png\n"
+    "  candela environment pano.hdr pano.ktx2 --handedness right --roughness-mapping perceptual\n"
+    "  candela environment pano.exr faces/ --size 512\n"
+    "  candela environment pano.exr cross.exr --layout cross";
+
+Finish define_environment(CLI::App& app) {
+  const auto arguments = std::make_shared<EnvironmentArguments>();
+  add_environment_options(app, *arguments);
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_environment_options(*arguments));
+    add_idle_notes(arguments->options, {.given = given});
+    return invocation(arguments->options, run_environment);
+  };
+}
+
+}  // namespace
+
+const Command kEnvironmentCommand{
+    "environment", "Bakes a panorama into a cube map with specular levels, for renderers and engines.",
+    kEnvironmentExamples, define_environment};
 
 }  // namespace candela

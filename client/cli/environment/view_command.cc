@@ -1,7 +1,10 @@
 // `candela view`: a picture of a panorama, or a sequence of them.
 #include <OpenEXR/ImfThreading.h>
 
+#include <CLI/App.hpp>
 #include <algorithm>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <set>
 #include <thread>
@@ -16,6 +19,7 @@
 #include "client/cli/commands/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/environment/panorama_file.h"
+#include "client/cli/environment/panorama_options.h"
 #include "client/cli/environment/view_objects.h"
 #include "client/cli/environment/view_scene.h"
 #include "client/cli/environment/view_sequence.h"
@@ -27,8 +31,11 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/sequence_files.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/command_line.h"
+#include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_words.h"
 #include "client/image/encodings.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -58,9 +65,8 @@ class OneView {
     if (status.ok()) status = read();
     if (status.ok()) status = connect();
     if (!status.ok()) return status;
-    absl::StatusOr<Image> picture = render();
-    if (!picture.ok()) return picture.status();
-    if (status = write(*picture); !status.ok()) return status;
+    ASSIGN_OR_RETURN(Image picture, render());
+    if (status = write(picture); !status.ok()) return status;
     if (status = draw_error(); !status.ok()) return status;
     report_.total_ms = ms_since(begin_);
     return std::move(report_);
@@ -75,38 +81,34 @@ class OneView {
     frame_.error_map = !options_.verify.error_map.empty();
     if (options_.previous.exposure() > 0) frame_.previous = options_.previous;
     if (!options_.locked_exposure.empty()) {
-      const absl::StatusOr<ExposureFile> file = read_exposures(options_.locked_exposure);
-      if (!file.ok()) return file.status();
-      frame_.exposure = file->locked;
+      ASSIGN_OR_RETURN(const ExposureFile file, read_exposures(options_.locked_exposure));
+      frame_.exposure = file.locked;
     }
     if (options_.view.config.empty()) return absl::OkStatus();
     progress_.show("baking " + options_.view.config);
     const absl::Time begin = absl::Now();
-    absl::StatusOr<BakedView> baked = bake(options_);
-    if (!baked.ok()) return baked.status();
+    ASSIGN_OR_RETURN(BakedView baked, bake(options_));
     report_.stage_ms.emplace_back("ocio", ms_since(begin));
-    report_.view = baked->report;
-    report_.curve = baked->report.view;
-    add_notes(baked->notes);
-    show_by(*baked, settings_);
+    report_.view = baked.report;
+    report_.curve = baked.report.view;
+    add_notes(baked.notes);
+    show_by(baked, settings_);
     report_.tone_curve = settings_.curve();
-    view_ = *std::move(baked);
+    view_ = std::move(baked);
     return absl::OkStatus();
   }
 
   absl::Status read() {
     progress_.show("reading " + options_.panorama);
-    const absl::StatusOr<v1::Limits> limits = link_.limits();
-    if (!limits.ok()) return limits.status();
+    ASSIGN_OR_RETURN(const v1::Limits limits, link_.limits());
     const absl::Time begin = absl::Now();
-    absl::StatusOr<PanoramaFile> file =
-        read_panorama(options_.panorama, options_, *limits, view_ ? &*view_ : nullptr);
-    if (!file.ok()) return file.status();
+    ASSIGN_OR_RETURN(PanoramaFile file,
+                     read_panorama(options_.panorama, options_, limits, view_ ? &*view_ : nullptr));
     report_.stage_ms.emplace_back("read", ms_since(begin));
-    report_.primaries = file->primaries;
-    report_.missing_pixels = file->missing_pixels;
-    add_notes(std::exchange(file->notes, {}));
-    panorama_ = std::move(file->panorama);
+    report_.primaries = file.primaries;
+    report_.missing_pixels = file.missing_pixels;
+    add_notes(std::exchange(file.notes, {}));
+    panorama_ = std::move(file.panorama);
     return absl::OkStatus();
   }
 
@@ -140,16 +142,15 @@ class OneView {
   absl::StatusOr<RenderResult> render_on(const Connection& server, absl::Time deadline) {
     progress_.show("sending " + options_.panorama);
     absl::Time begin = absl::Now();
-    const absl::StatusOr<v1::Environment> environment = server.put_environment(*panorama_, deadline);
-    if (!environment.ok()) return environment.status();
-    report_.environment = environment->id();
-    bad_values_ = bad_values_note(*environment);
+    ASSIGN_OR_RETURN(const v1::Environment environment, server.put_environment(*panorama_, deadline));
+    report_.environment = environment.id();
+    bad_values_ = bad_values_note(environment);
     const double put_ms = ms_since(begin);
     progress_.show(
         absl::StrFormat("rendering %s; the first view of a panorama takes longer", options_.output));
     begin = absl::Now();
     FrameView frame = frame_;
-    frame.view = scene_.view(environment->id(), 0);
+    frame.view = scene_.view(environment.id(), 0);
     absl::StatusOr<RenderResult> result = server.render(settings_, frame, deadline);
     if (result.ok()) add_stages(put_ms, ms_since(begin), result->header);
     return result;
@@ -158,10 +159,9 @@ class OneView {
   absl::Status write(const Image& picture) {
     progress_.show("writing " + options_.output);
     const absl::Time begin = absl::Now();
-    absl::StatusOr<std::vector<std::string>> notes = write_image(options_.output, picture, options_.write);
-    if (!notes.ok()) return notes.status();
+    ASSIGN_OR_RETURN(std::vector<std::string> notes, write_image(options_.output, picture, options_.write));
     report_.stage_ms.emplace_back("write", ms_since(begin));
-    add_notes(*std::move(notes));
+    add_notes(std::move(notes));
     return absl::OkStatus();
   }
 
@@ -220,10 +220,10 @@ absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene
   if (!apart.ok()) return apart;
   for (const std::string& path : {options.output, options.verify.error_map}) {
     if (path.empty()) continue;
-    if (absl::Status status = make_folder_of(path); !status.ok()) return status;
+    RETURN_IF_ERROR(make_folder_of(path));
     if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
   }
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   const absl::StatusOr<RenderReport> report = OneView(options, scene, progress).run();
   progress.clear();
@@ -231,7 +231,7 @@ absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene
   if (!options.quiet) {
     for (const std::string& note : notes_for_user(*report)) print_note(note);
     if (!json.to_stdout()) {
-      if (absl::Status status = print(to_text(*report, options.verbose)); !status.ok()) return status;
+      RETURN_IF_ERROR(print(to_text(*report, options.verbose)));
     }
   }
   return json.write(to_json(*report));
@@ -239,49 +239,72 @@ absl::Status view_one(const PanoramaViewOptions& options, const ViewScene& scene
 
 // Checks the files of a sequence before the work, and makes its folder.
 absl::StatusOr<std::string> prepare_sequence(const PanoramaViewOptions& options, uint64_t frames) {
-  const absl::StatusOr<OutputNames> names =
-      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const OutputNames names,
+                   OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
   std::vector<OutputFile> outputs = {{options.json, "the JSON"}, {options.plot, "the plot"}};
-  for (uint64_t i = 0; i < frames; ++i) outputs.push_back({names->path(i, ""), "the images"});
-  if (absl::Status status = check_outputs_apart(inputs_of(options), outputs); !status.ok()) return status;
+  for (uint64_t i = 0; i < frames; ++i) outputs.push_back({names.path(i, ""), "the images"});
+  RETURN_IF_ERROR(check_outputs_apart(inputs_of(options), outputs));
   if (!options.plot.empty()) {
-    if (absl::Status status = check_plot(options.plot); !status.ok()) return status;
+    RETURN_IF_ERROR(check_plot(options.plot));
   }
-  if (absl::Status status = make_folder_of(names->path(0, "")); !status.ok()) return status;
-  return absl::StrFormat("%s .. %s", names->path(0, ""), names->path(frames - 1, ""));
+  RETURN_IF_ERROR(make_folder_of(names.path(0, "")));
+  return absl::StrFormat("%s .. %s", names.path(0, ""), names.path(frames - 1, ""));
 }
 
 absl::Status view_sequence(const PanoramaViewOptions& options, const ViewScene& scene, JsonOutput& json) {
-  const absl::StatusOr<std::string> where = prepare_sequence(options, scene.frames());
-  if (!where.ok()) return where.status();
-  if (absl::Status status = json.open(); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const std::string where, prepare_sequence(options, scene.frames()));
+  RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   const absl::StatusOr<StreamSummary> summary = render_view_sequence(options, scene, json, progress);
   progress.clear();
   if (!summary.ok()) return about_input(summary.status(), options.panorama);
   if (!options.plot.empty()) {
-    if (absl::Status status = plot_exposure(summary->curve, options.plot); !status.ok()) return status;
+    RETURN_IF_ERROR(plot_exposure(summary->curve, options.plot));
   }
   if (!options.quiet) {
     std::set<std::string> notes = summary->notes;
     notes.insert(options.notes.begin(), options.notes.end());
     for (const std::string& note : notes) print_note(note);
     if (!json.to_stdout()) {
-      if (absl::Status status = print(to_text(*summary, *where)); !status.ok()) return status;
+      RETURN_IF_ERROR(print(to_text(*summary, where)));
     }
   }
-  if (absl::Status status = json.add(to_json(*summary)); !status.ok()) return status;
+  RETURN_IF_ERROR(json.add(to_json(*summary)));
   return json.close();
+}
+
+absl::Status run_view(const PanoramaViewOptions& options, JsonOutput& json) {
+  ASSIGN_OR_RETURN(const ViewScene scene, ViewScene::open(options));
+  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+  return options.is_sequence() ? view_sequence(options, scene, json) : view_one(options, scene, json);
+}
+
+constexpr char kViewExamples[] =
+    "Examples:\n"
+    "  candela view pano.hdr view.png --yaw 30 --pitch 10 --fov 70 --objects lookdev\n"
+    "  candela view pano.hdr out/%04d.png --turn 360 --frames 240 --fps 24\n"
+    "  candela view pano.exr out/%04d.png --path keys.json --exposure-plot exposure.svg";
+
+Finish define_view(CLI::App& app) {
+  const auto arguments = std::make_shared<PanoramaViewArguments>();
+  add_panorama_view_options(app, *arguments);
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_panorama_view_options(*arguments));
+    PanoramaViewOptions& options = arguments->options;
+    add_idle_notes(options,
+                   {.given = given,
+                    .encoding = encoding_of(options.output, options.encoding),
+                    .view = !options.view.config.empty(),
+                    .adapts = options.is_sequence() || options.previous.exposure() > 0,
+                    .elapsed_seconds = options.is_sequence() ? std::numeric_limits<double>::infinity()
+                                                             : options.previous.elapsed_seconds()});
+    return invocation(options, run_view);
+  };
 }
 
 }  // namespace
 
-absl::Status run_view(const PanoramaViewOptions& options, JsonOutput& json) {
-  const absl::StatusOr<ViewScene> scene = ViewScene::open(options);
-  if (!scene.ok()) return scene.status();
-  Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  return options.is_sequence() ? view_sequence(options, *scene, json) : view_one(options, *scene, json);
-}
+const Command kViewCommand{"view", "Renders a view of a panorama, or a sequence with a moving camera.",
+                           kViewExamples, define_view};
 
 }  // namespace candela

@@ -147,4 +147,9 @@ std::vector<std::string> idle_options(Request request) {
   return notes;
 }
 
+const OutputEncoding* encoding_of(const std::string& output, v1::Encoding by_server) {
+  const absl::StatusOr<const OutputEncoding*> named = output_encoding(output);
+  return named.ok() ? *named : &output_encoding(by_server);
+}
+
 }  // namespace candela

@@ -2,8 +2,11 @@
 // meant. They are no error, but the user is told.
 #pragma once
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "candela/v1/render.pb.h"
@@ -26,5 +29,18 @@ struct Request {
 
 // A note for each given option that changes nothing, or looks like a slip.
 std::vector<std::string> idle_options(Request request);
+
+// Adds these notes to the options' own. Takes settings and servers from `options`.
+template <typename Options>
+void add_idle_notes(Options& options, Request request) {
+  request.settings = options.settings;
+  if (!options.server.address.empty()) request.servers = {options.server.address};
+  request.servers.insert(request.servers.end(), options.server.others.begin(), options.server.others.end());
+  std::vector<std::string> notes = idle_options(std::move(request));
+  std::move(notes.begin(), notes.end(), std::back_inserter(options.notes));
+}
+
+// The encoding of the images that a file name, a pattern or a folder gets.
+const OutputEncoding* encoding_of(const std::string& output, v1::Encoding by_server = v1::ENCODING_RAW);
 
 }  // namespace candela

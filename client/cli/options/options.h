@@ -206,19 +206,4 @@ struct HealthOptions {
   absl::Duration timeout = absl::Seconds(5);
 };
 
-struct TextToPrint {
-  std::string text;  // --help, --version
-};
-
-using Invocation =
-    std::variant<TextToPrint, RenderOptions, StreamOptions, MeterOptions, PanoramaViewOptions,
-                 EnvironmentOptions, BenchOptions, SampleOptions, ReportOptions, InfoOptions, HealthOptions>;
-
-// Reads nothing but its arguments, which are those after the program's name. Every failure is a usage error
-// (see usage.h) of one line that says how to correct the command.
-absl::StatusOr<Invocation> parse_command_line(const std::vector<std::string>& words);
-
-// The destination of --json in arguments that cannot be parsed; "" if there is none.
-std::string json_path_in(const std::vector<std::string>& words);
-
 }  // namespace candela

@@ -1,9 +1,11 @@
 #include <OpenEXR/ImfThreading.h>
 
+#include <CLI/App.hpp>
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <thread>
 #include <utility>
 
@@ -21,13 +23,16 @@
 #include "client/cli/files/output_files.h"
 #include "client/cli/files/scene_image.h"
 #include "client/cli/files/terminal.h"
+#include "client/cli/options/command_line.h"
 #include "client/cli/options/option_words.h"
+#include "client/cli/options/report_options.h"
 #include "client/cli/report/aces.h"
 #include "client/cli/report/bounds.h"
 #include "client/cli/report/environments.h"
 #include "client/cli/report/errors.h"
 #include "client/cli/report/files.h"
 #include "client/cli/report/times.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -100,18 +105,15 @@ absl::StatusOr<std::vector<ReportImage>> read_images(const ReportOptions& option
   const double most = options.quick ? kQuickImageMegapixels : kImageMegapixels;
   std::vector<ReportImage> images;
   for (const std::string& path : options.images) {
-    absl::StatusOr<Image> image = read_image(path, image_limits(limits, {}));
-    if (!image.ok()) return image.status();
-    absl::StatusOr<ReportImage> cut =
-        cut_to(most, std::filesystem::path(path).filename().string(), *std::move(image));
-    if (!cut.ok()) return cut.status();
-    images.push_back(*std::move(cut));
+    ASSIGN_OR_RETURN(Image image, read_image(path, image_limits(limits, {})));
+    ASSIGN_OR_RETURN(ReportImage cut,
+                     cut_to(most, std::filesystem::path(path).filename().string(), std::move(image)));
+    images.push_back(std::move(cut));
   }
   if (!images.empty()) return images;
   const FrameSize size = frame_size(std::min(most, options.megapixels.back()));
-  absl::StatusOr<Image> sample = sample_frame(size.width, size.height);
-  if (!sample.ok()) return sample.status();
-  images.push_back({"sample scene", *std::move(sample), ""});
+  ASSIGN_OR_RETURN(Image sample, sample_frame(size.width, size.height));
+  images.push_back({"sample scene", std::move(sample), ""});
   return images;
 }
 
@@ -120,18 +122,16 @@ absl::StatusOr<std::vector<ReportPanorama>> read_panoramas(const ReportOptions& 
                                                            const v1::Limits& limits) {
   std::vector<ReportPanorama> panoramas;
   for (const std::string& path : options.panoramas) {
-    absl::StatusOr<PanoramaFile> file = read_panorama(path, PictureOptions(), limits);
-    if (!file.ok()) return file.status();
+    ASSIGN_OR_RETURN(PanoramaFile file, read_panorama(path, PictureOptions(), limits));
     const std::string name = std::filesystem::path(path).filename().string();
     const bool taken = std::any_of(panoramas.begin(), panoramas.end(),
                                    [&name](const ReportPanorama& other) { return other.name == name; });
-    panoramas.push_back({taken ? path : name, std::move(file->panorama)});
+    panoramas.push_back({taken ? path : name, std::move(file.panorama)});
   }
   if (!panoramas.empty()) return panoramas;
   const uint32_t height = options.quick ? kQuickPanoramaHeight : kPanoramaHeight;
-  absl::StatusOr<Image> sample = scene_image(2 * height, height, scenes::panorama(2 * height, height));
-  if (!sample.ok()) return sample.status();
-  panoramas.push_back({"sample panorama", panorama_of(*std::move(sample), v1::Settings())});
+  ASSIGN_OR_RETURN(Image sample, scene_image(2 * height, height, scenes::panorama(2 * height, height)));
+  panoramas.push_back({"sample panorama", panorama_of(std::move(sample), v1::Settings())});
   return panoramas;
 }
 
@@ -213,11 +213,9 @@ struct Pictures {
 };
 
 absl::StatusOr<Pictures> read_pictures(const ReportOptions& options, const v1::Limits& limits) {
-  absl::StatusOr<std::vector<ReportImage>> images = read_images(options, limits);
-  if (!images.ok()) return images.status();
-  absl::StatusOr<std::vector<ReportPanorama>> panoramas = read_panoramas(options, limits);
-  if (!panoramas.ok()) return panoramas.status();
-  return Pictures{*std::move(images), *std::move(panoramas)};
+  ASSIGN_OR_RETURN(std::vector<ReportImage> images, read_images(options, limits));
+  ASSIGN_OR_RETURN(std::vector<ReportPanorama> panoramas, read_panoramas(options, limits));
+  return Pictures{std::move(images), std::move(panoramas)};
 }
 
 // The measurements. The longest ones come last, because --quick may run out of time.
@@ -235,32 +233,28 @@ absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
   if (!pictures.ok()) return pictures;
   Json stages = judge_stages(session, {*hard, *curves, *pictures});
   stages.insert(stages.begin(), *ingest);
-  absl::StatusOr<EnvironmentRows> baked = measure_environments(session, given.panoramas, bake_plan);
-  if (!baked.ok()) return baked.status();
+  ASSIGN_OR_RETURN(EnvironmentRows baked, measure_environments(session, given.panoramas, bake_plan));
   Json scenes = measure_scenes(session, plan);
   Json times = measure_times(session, plan);
-  return Json{{"times", std::move(times)},       {"stage_errors", std::move(stages)},
-              {"hard_cases", *std::move(hard)},  {"curves", *std::move(curves)},
-              {"aces", *std::move(aces)},        {"scenes", std::move(scenes)},
-              {"images", *std::move(pictures)},  {"environments", std::move(baked->environments)},
-              {"bakes", std::move(baked->bakes)}};
+  return Json{{"times", std::move(times)},      {"stage_errors", std::move(stages)},
+              {"hard_cases", *std::move(hard)}, {"curves", *std::move(curves)},
+              {"aces", *std::move(aces)},       {"scenes", std::move(scenes)},
+              {"images", *std::move(pictures)}, {"environments", std::move(baked.environments)},
+              {"bakes", std::move(baked.bakes)}};
 }
 
 absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progress) {
   const absl::Time begin = absl::Now();
   const std::string load_before = load();
   ServerLink link(options.server, options.quiet);
-  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
-  if (!info.ok()) return info.status();
-  const absl::StatusOr<const Connection*> server = link.connection();
-  if (!server.ok()) return server.status();
-  const absl::StatusOr<Pictures> given = read_pictures(options, info->limits());
-  if (!given.ok()) return given.status();
-  const ReportSession session(**server, *info, progress);
-  if (absl::Status status = check_outputs(options, session.tiers()); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const v1::GetServerInfoResponse info, link.info());
+  ASSIGN_OR_RETURN(const Connection* server, link.connection());
+  ASSIGN_OR_RETURN(const Pictures given, read_pictures(options, info.limits()));
+  const ReportSession session(*server, info, progress);
+  RETURN_IF_ERROR(check_outputs(options, session.tiers()));
   const TimePlan plan = time_plan(options, begin);
   const absl::StatusOr<Json> measured =
-      measure(session, plan, *given, {options.quick, plan.deadline, options.directory});
+      measure(session, plan, given, {options.quick, plan.deadline, options.directory});
   if (!measured.ok()) return of_server(measured.status());
   progress.show("writing " + options.directory);
   const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);
@@ -270,16 +264,14 @@ absl::StatusOr<double> make_report(const ReportOptions& options, Progress& progr
                  {"quick", options.quick},
                  {"date", absl::FormatTime("%Y-%m-%d %H:%M UTC", begin, absl::UTCTimeZone())},
                  {"seconds", seconds},
-                 {"machine", machine(*info, options.server, load_before)},
-                 {"tiers", tiers_of(*info)},
+                 {"machine", machine(info, options.server, load_before)},
+                 {"tiers", tiers_of(info)},
                  {"bounded_tier", session.bounded_tier()},
                  {"error_map_scale", error_scale_words()}};
   report.update(*measured);
-  if (absl::Status status = write_report(report, options.directory); !status.ok()) return status;
+  RETURN_IF_ERROR(write_report(report, options.directory));
   return seconds;
 }
-
-}  // namespace
 
 absl::Status run_report(const ReportOptions& options) {
   absl::Status status = check_outputs(options, {});
@@ -295,5 +287,24 @@ absl::Status run_report(const ReportOptions& options) {
       "%s/index.html: measured in %.0f s; report.json, the pictures and the tables as CSV are beside it\n",
       options.directory, *seconds));
 }
+
+constexpr char kReportExamples[] =
+    "Examples:\n"
+    "  candela report out --quick\n"
+    "  candela report out --images a.exr b.hdr";
+
+Finish define_report(CLI::App& app) {
+  const auto options = std::make_shared<ReportOptions>();
+  add_report_options(app, *options);
+  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+    RETURN_IF_ERROR(finish_report_options(*options));
+    return invocation(*options, run_report);
+  };
+}
+
+}  // namespace
+
+const Command kReportCommand{"report", "Measures this machine and writes a report page.", kReportExamples,
+                             define_report};
 
 }  // namespace candela
