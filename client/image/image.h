@@ -107,9 +107,10 @@ absl::StatusOr<const OutputEncoding*> check_output_path(const std::string& path)
 
 struct WriteOptions {
   // The transfer of the integer formats. A PNG gets an sRGB chunk, or gAMA and cHRM chunks, that say so, and
-  // a JPEG an ICC profile. Neither gets any if it is unknown.
+  // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
-  int jpeg_quality = 92;  // 1..100
+  int jpeg_quality = 92;          // 1..100
+  bool associated_alpha = false;  // a TIFF says whether its colour is multiplied by alpha
   // Keywords (1..79 characters) and texts for a PNG's tEXt chunks, in Latin-1. Other formats ignore them.
   std::vector<std::pair<std::string, std::string>> text = {};
 };

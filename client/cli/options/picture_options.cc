@@ -149,6 +149,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
                                      : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
                                                             : v1::OUTPUT_FORMAT_RGBA8);
   choose_alpha(options, encoding, output);
+  options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
   options.write.transfer = encoded_transfer(options.settings);
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
   RETURN_IF_ERROR(finish_view_options(options, output, encoding.holds_codes()));

@@ -13,6 +13,7 @@
 namespace candela {
 
 absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
+absl::Status write_tiff(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 
 // A pixel's width : height as the nearest fraction of 16-bit numbers.

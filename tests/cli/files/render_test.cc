@@ -63,6 +63,9 @@ TEST_F(Render, EveryKindOfOutputIsWritten) {
   EXPECT_EQ(picture({}, "a.jpg").substr(0, 2), "\xff\xd8");
   EXPECT_LT(picture({"--quality", "5"}, "small.jpeg").size(),
             picture({"--quality", "95"}, "large.jpg").size());
+  const std::string tiff("II*\0", 4);
+  EXPECT_EQ(picture({}, "a.tif").substr(0, 4), tiff);
+  EXPECT_EQ(picture({"--bits", "16"}, "deep.tiff").substr(0, 4), tiff);
   for (const char* name : {"a.exr", "a.pfm"}) {
     picture({}, name);
     ASSERT_OK_AND_ASSIGN(const Image image, read_image(folder_.path(name)));

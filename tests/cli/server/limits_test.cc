@@ -36,7 +36,8 @@ class Limits : public ::testing::Test {
 TEST_F(Limits, AFileThatMayNotBecomeSoLargeIsAnErrorAndTheOldOneStays) {
   const std::string scene = folder_.path("scene.exr");
   ASSERT_EQ(candela({"sample", scene, "--size", "320x180", "-q"}).code, 0);
-  for (const std::string& path : {out_, folder_.path("out.exr"), folder_.path("out.pfm")}) {
+  for (const std::string& path :
+       {out_, folder_.path("out.tif"), folder_.path("out.exr"), folder_.path("out.pfm")}) {
     write_file(path, "old");
     const std::vector<std::string> before = folder_.list();
     expect_failure(candela_with_ulimit("-f 8", {"sample", path.substr(0, path.size() - 4) + ".pfm"}),
@@ -140,7 +141,8 @@ TEST_F(Limits, APictureNeedsAPlainFile) {
   const Outcome device = candela({"render", in_, "/dev/full", "-q"});
   EXPECT_EQ(device.code, 2) << device.err;
   EXPECT_EQ(device.err,
-            "candela: error: /dev/full: images are not written as ''; use .png, .jpg, .jpeg, .exr or .pfm\n");
+            "candela: error: /dev/full: images are not written as ''; use .png, .jpg, .jpeg, .tif, .tiff, "
+            ".exr or .pfm\n");
   EXPECT_EQ(folder_.list(), before);
   EXPECT_EQ(std::filesystem::read_symlink(full), "/dev/full");
 }
