@@ -7,6 +7,8 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/image/describe.h"
+#include "client/image/primaries.h"
 #include "client/image/read/file_reader.h"
 #include "client/image/read/readers.h"
 #include "server/base/status_macros.h"
@@ -59,44 +61,6 @@ absl::StatusOr<Image> to_floats(Image image) {
   return image;
 }
 
-absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,
-                              ImageFormat format, const ImageLimits& limits) {
-  if (width < 1 || height < 1) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: the %s is %dx%d pixels; it must be at least 1x1", path, what, width, height));
-  }
-  if (width > limits.max_dimension || height > limits.max_dimension) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: the %s is %dx%d pixels; the limit is %d on a side, so crop it or scale it down",
-                        path, what, width, height, limits.max_dimension));
-  }
-  if (limits.max_pixels > 0 &&
-      static_cast<uint64_t>(width) * static_cast<uint64_t>(height) > limits.max_pixels) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("%s: the %s is %dx%d, %d pixels; --max-pixels allows %d", path, what, width, height,
-                        width * height, limits.max_pixels));
-  }
-  // Divides, because a product might overflow 64 bits.
-  const uint32_t pixel_bytes = bytes_per_pixel(format);
-  if (static_cast<uint64_t>(height) > limits.max_bytes / (static_cast<uint64_t>(width) * pixel_bytes)) {
-    return absl::ResourceExhaustedError(absl::StrFormat(
-        "%s: the %s is %dx%d pixels of %d bytes; the limit is %d bytes, so save it %s, or start a "
-        "candelad with a larger --max-frame-bytes and name it with --server",
-        path, what, width, height, pixel_bytes, limits.max_bytes,
-        format == ImageFormat::kRgba32f ? "as half floats or smaller" : "smaller"));
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<FileKind> file_kind(FileReader& file) {
-  ASSIGN_OR_RETURN(const std::string magic, file.peek(4));
-  if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
-  if (magic.starts_with("#?")) return FileKind::kRadiance;
-  if (magic.starts_with("PF") || magic.starts_with("Pf")) return FileKind::kPfm;
-  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
-  return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
-}
-
 namespace {
 
 absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits& limits,
@@ -119,6 +83,27 @@ absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits&
   return image;
 }
 
+absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const ImageLimits& limits) {
+  ASSIGN_OR_RETURN(FileReader file, FileReader::open(path));
+  ASSIGN_OR_RETURN(const FileKind kind, file_kind(file));
+  if (kind == FileKind::kExr) return describe_exr(file, limits);
+
+  const bool radiance = kind == FileKind::kRadiance;
+  ASSIGN_OR_RETURN(const Image image, radiance ? read_radiance(file, limits) : read_pfm(file, limits));
+  const WindowFacts window{0, 0, int64_t{image.width} - 1, int64_t{image.height} - 1};
+  PartFacts part{.storage = "scan lines",
+                 .display = window,
+                 .data = window,
+                 .pixel_aspect = image.pixel_aspect,
+                 .chromaticities = image.chromaticities};
+  if (image.names_primaries && !image.chromaticities) part.chromaticities = kRec709.xy;
+  return FileFacts{.kind = radiance ? "Radiance" : "PFM",
+                   .parts = {std::move(part)},
+                   .renderable = absl::OkStatus(),
+                   .shown = "the whole picture",
+                   .notes = image.notes};
+}
+
 }  // namespace
 
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits,
@@ -126,6 +111,12 @@ absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& lim
   absl::StatusOr<Image> image = read_any_image(path, limits, choice);
   if (image.ok()) return image;
   return input_failure(image.status(), path);
+}
+
+absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits) {
+  absl::StatusOr<FileFacts> facts = describe_any_image(path, limits);
+  if (facts.ok()) return facts;
+  return input_failure(facts.status(), path);
 }
 
 }  // namespace candela

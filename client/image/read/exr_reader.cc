@@ -133,8 +133,9 @@ class PictureReader {
     color_ = std::move(color);
     if (channels.xyz && !choice_.own_values) color_.xy = kXyz.xy;
     if (wants_floats()) {
-      RETURN_IF_ERROR(check_image_size(path_, "image", display.width(), display.height(),
-                                       ImageFormat::kRgba32f, limits_));
+      absl::Status status =
+          check_image_size(path_, "image", display.width(), display.height(), ImageFormat::kRgba32f, limits_);
+      if (!status.ok()) return status;
     }
     absl::StatusOr<Image> image =
         make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),
