@@ -6,8 +6,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/call/environment_calls.h"
-#include "client/call/exchange.h"
 #include "client/call/raw_call.h"
 #include "client/call/result_reader.h"
 #include "client/call/wire.h"
@@ -92,26 +90,6 @@ absl::StatusOr<v1::MeterResponse> Connection::meter(const v1::Settings& settings
   const bool answered = call.write(start_message(settings, frame)) && send_bands(call, frame) &&
                         call.half_close() && call.read(message);
   return answer_of<v1::MeterResponse>(call, answered, message, peer_);
-}
-
-absl::StatusOr<v1::Environment> Connection::put_environment(const Panorama& panorama,
-                                                            absl::Time deadline) const {
-  return candela::put_environment(channel_, peer_, panorama, deadline);
-}
-
-absl::StatusOr<v1::Environment> Connection::get_environment(const std::string& id,
-                                                            absl::Time deadline) const {
-  return candela::get_environment(channel_, peer_, id, deadline);
-}
-
-absl::StatusOr<EnvironmentBake> Connection::bake_environment(const v1::BakeEnvironmentRequest& request,
-                                                             absl::Time deadline) const {
-  return candela::bake_environment(channel_, peer_, request, deadline);
-}
-
-absl::StatusOr<v1::DropEnvironmentResponse> Connection::drop_environment(const std::string& id,
-                                                                         absl::Time deadline) const {
-  return candela::drop_environment(channel_, peer_, id, deadline);
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> Connection::server_info(absl::Time deadline) const {

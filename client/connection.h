@@ -58,6 +58,9 @@ class Connection {
   // A connection to a server in this process. `channel` must not outlive that server.
   explicit Connection(std::shared_ptr<grpc::Channel> channel);
 
+  // A connection over a channel that leads to `peer`.
+  Connection(std::shared_ptr<grpc::Channel> channel, Peer peer);
+
   // Renders the frame and returns the image. It is sent in bands, and only one band is copied at a time. If
   // the server refuses the frame by its header, no pixels are sent. UNIMPLEMENTED if `verify` or
   // `exposure` is set and the server does not know it.
@@ -96,8 +99,6 @@ class Connection {
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
  private:
-  Connection(std::shared_ptr<grpc::Channel> channel, Peer peer);
-
   std::shared_ptr<grpc::Channel> channel_;
   Peer peer_;
 };

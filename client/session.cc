@@ -8,10 +8,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "client/call/environment_calls.h"
 #include "client/call/retry_schedule.h"
 #include "client/call/session_stream.h"
 #include "client/call/wire.h"
+#include "client/connection.h"
 #include "client/session_state.h"
 #include "server/base/status_macros.h"
 
@@ -75,7 +75,8 @@ class Session::Core {
     for (const auto& [id, panorama] : panoramas) {
       if (state_.cancelled()) return false;
       const absl::StatusOr<v1::Environment> put =
-          put_environment(server.channel, server.peer, *panorama, absl::Now() + options_.silence_limit);
+          Connection(server.channel, server.peer)
+              .put_environment(*panorama, absl::Now() + options_.silence_limit);
       if (put.ok() && put->id() == id) continue;
       end.status = put.ok() ? absl::InvalidArgumentError(absl::StrFormat(
                                   "the view's environment is %s, and that of its panorama %s", id, put->id()))

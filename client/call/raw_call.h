@@ -1,16 +1,26 @@
 // A gRPC call of raw messages, driven by the thread that owns it.
 #pragma once
 
+#include <google/protobuf/message.h>
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
 #include <grpcpp/completion_queue.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/support/byte_buffer.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "client/call/incoming_bands.h"
+#include "client/call/wire.h"
+#include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/message_wire.h"
 
 namespace candela {
 
@@ -45,5 +55,30 @@ class RawCall {
   bool connected_ = false;
   bool finished_ = false;
 };
+
+// Sends rows of `row_bytes` bytes in bands. Copies each band, because gRPC may keep a message after its call
+// has ended. Returns false if the call is over.
+bool send_bands(RawCall& call, v1::BandKind kind, uint64_t row_bytes, std::span<const std::byte> pixels);
+
+// Finishes the call, and returns the error for the user.
+absl::Status end_of(RawCall& call, const Peer& peer);
+
+// Ends a call that has one answer. `answered` says whether `message` holds it.
+template <typename Response>
+absl::StatusOr<Response> answer_of(RawCall& call, bool answered, grpc::ByteBuffer& message,
+                                   const Peer& peer) {
+  if (absl::Status status = end_of(call, peer); !status.ok()) return status;
+  Response response;
+  if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
+  return response;
+}
+
+// Sends one message and reads one.
+template <typename Response>
+absl::StatusOr<Response> ask(RawCall& call, const google::protobuf::Message& request, const Peer& peer) {
+  grpc::ByteBuffer message;
+  const bool answered = call.write(v1::pack(request)) && call.half_close() && call.read(message);
+  return answer_of<Response>(call, answered, message, peer);
+}
 
 }  // namespace candela

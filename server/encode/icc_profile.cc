@@ -1,9 +1,9 @@
-#include "server/encode/icc_profile.h"
-
 #include <lcms2.h>
 
 #include <algorithm>
 #include <memory>
+
+#include "server/encode/picture.h"
 
 namespace candela {
 namespace {

@@ -21,10 +21,9 @@ absl::StatusOr<std::string> encode_image(const PictureView& picture, const v1::S
     return true;
   };
   const EncodedTransfer transfer = encoded_transfer(settings);
-  const absl::Status status =
-      encoding == v1::ENCODING_JPEG
-          ? encode_jpeg(picture, {quality, transfer}, append)
-          : encode_png(picture, {!opaque && keeps_alpha(settings), transfer}, append);
+  const absl::Status status = encoding == v1::ENCODING_JPEG
+                                  ? encode_jpeg(picture, {quality, transfer}, append)
+                                  : encode_png(picture, {!opaque && keeps_alpha(settings), transfer}, append);
   if (!status.ok()) return status;
   file.shrink_to_fit();  // it may wait for a slow client
   return file;

@@ -9,7 +9,6 @@
 #include <cstdlib>
 
 #include "absl/strings/str_format.h"
-#include "server/encode/icc_profile.h"
 #include "server/encode/picture.h"
 
 namespace candela {

@@ -51,4 +51,9 @@ struct JpegOptions {
 // not be wide. INTERNAL with libjpeg's reason, or if the sink returned false.
 absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink);
 
+// For a JPEG or a TIFF, which has no word for its primaries and transfer.
+// A profile (ICC.1:2010) of Rec.709 primaries, D65 and this transfer. "" if the transfer is unknown or memory
+// runs out. The same transfer gives the same bytes. Any thread; the profile is made once.
+const std::string& icc_profile(EncodedTransfer transfer);
+
 }  // namespace candela

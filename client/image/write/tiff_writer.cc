@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/image/write/writers.h"
-#include "server/encode/icc_profile.h"
+#include "server/encode/picture.h"
 
 namespace candela {
 namespace {

@@ -1,10 +1,10 @@
-#include "client/call/environment_calls.h"
+#include "client/environment.h"
 
 #include <utility>
 
-#include "client/call/exchange.h"
 #include "client/call/incoming_bands.h"
 #include "client/call/raw_call.h"
+#include "client/connection.h"
 #include "proto/candela/v1/environment_id.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
@@ -100,45 +100,41 @@ std::string environment_id(const Panorama& panorama) {
   return id.finish();
 }
 
-absl::StatusOr<v1::Environment> put_environment(const std::shared_ptr<grpc::Channel>& channel,
-                                                const Peer& peer, const Panorama& panorama,
-                                                absl::Time deadline) {
+absl::StatusOr<v1::Environment> Connection::put_environment(const Panorama& panorama,
+                                                            absl::Time deadline) const {
   RETURN_IF_ERROR(check_panorama(panorama));
-  absl::StatusOr<v1::Environment> known = get_environment(channel, peer, environment_id(panorama), deadline);
+  absl::StatusOr<v1::Environment> known = get_environment(environment_id(panorama), deadline);
   if (!absl::IsNotFound(known.status())) return known;
-  return upload(channel, peer, panorama, deadline);
+  return upload(channel_, peer_, panorama, deadline);
 }
 
-absl::StatusOr<v1::Environment> get_environment(const std::shared_ptr<grpc::Channel>& channel,
-                                                const Peer& peer, const std::string& id,
-                                                absl::Time deadline) {
-  RawCall call(channel, "/candela.v1.RenderService/GetEnvironment", deadline);
+absl::StatusOr<v1::Environment> Connection::get_environment(const std::string& id,
+                                                            absl::Time deadline) const {
+  RawCall call(channel_, "/candela.v1.RenderService/GetEnvironment", deadline);
   v1::GetEnvironmentRequest request;
   request.set_id(id);
-  return ask<v1::Environment>(call, request, peer);
+  return ask<v1::Environment>(call, request, peer_);
 }
 
-absl::StatusOr<EnvironmentBake> bake_environment(const std::shared_ptr<grpc::Channel>& channel,
-                                                 const Peer& peer, const v1::BakeEnvironmentRequest& request,
-                                                 absl::Time deadline) {
-  RawCall call(channel, "/candela.v1.RenderService/BakeEnvironment", deadline);
+absl::StatusOr<EnvironmentBake> Connection::bake_environment(const v1::BakeEnvironmentRequest& request,
+                                                             absl::Time deadline) const {
+  RawCall call(channel_, "/candela.v1.RenderService/BakeEnvironment", deadline);
   BakeReader reader(request.format());
   grpc::ByteBuffer message;
   const bool sent = call.write(v1::pack(request)) && call.half_close();
   while (sent && call.read(message)) {
     RETURN_IF_ERROR(reader.read(message));
   }
-  RETURN_IF_ERROR(end_of(call, peer));
+  RETURN_IF_ERROR(end_of(call, peer_));
   return reader.take();
 }
 
-absl::StatusOr<v1::DropEnvironmentResponse> drop_environment(const std::shared_ptr<grpc::Channel>& channel,
-                                                             const Peer& peer, const std::string& id,
-                                                             absl::Time deadline) {
-  RawCall call(channel, "/candela.v1.RenderService/DropEnvironment", deadline);
+absl::StatusOr<v1::DropEnvironmentResponse> Connection::drop_environment(const std::string& id,
+                                                                         absl::Time deadline) const {
+  RawCall call(channel_, "/candela.v1.RenderService/DropEnvironment", deadline);
   v1::DropEnvironmentRequest request;
   request.set_id(id);
-  return ask<v1::DropEnvironmentResponse>(call, request, peer);
+  return ask<v1::DropEnvironmentResponse>(call, request, peer_);
 }
 
 }  // namespace candela
