@@ -1,12 +1,8 @@
 #include "client/environment/baked_environment.h"
 
 #include <cmath>
-#include <cstring>
-#include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/environment/cube_faces.h"
-#include "proto/candela/v1/rgb9e5.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -30,14 +26,6 @@ absl::Status check_level(const BakedEnvironment& environment, size_t index) {
         "level %d of the environment has roughness %g; it must be 0 .. 1", index, level.roughness));
   }
   return absl::OkStatus();
-}
-
-uint32_t pack(const std::array<float, 3>& rgb, Rgb9e5Losses& losses) {
-  for (const float component : rgb) {
-    losses.negative += !(component >= 0);
-    losses.clamped += component > v1::kMaxRgb9e5;
-  }
-  return v1::pack_rgb9e5(rgb);
 }
 
 }  // namespace
@@ -66,30 +54,6 @@ absl::Status check_harmonics(const RadianceHarmonics& harmonics) {
     }
   }
   return absl::OkStatus();
-}
-
-absl::StatusOr<Rgb9e5Losses> convert_to_rgb9e5(BakedEnvironment& environment) {
-  RETURN_IF_ERROR(check_environment(environment));
-  Rgb9e5Losses losses;
-  if (environment.format == CubeFormat::kRgb9e5) return losses;
-  std::vector<PixelBuffer> packed;
-  for (const BakedLevel& level : environment.levels) {
-    const uint32_t texel_bytes = bytes_per_texel(environment.format);
-    const size_t bytes = level.texels.size() / texel_bytes * 4;
-    PixelBuffer& words = packed.emplace_back(bytes);
-    if (words.empty()) {
-      return absl::ResourceExhaustedError(
-          absl::StrFormat("not enough memory for the %d bytes of an RGB9E5 level", bytes));
-    }
-    for (size_t i = 0; i < words.size() / 4; ++i) {
-      const uint32_t word =
-          pack(texel_rgb(level.texels.data() + texel_bytes * i, environment.format), losses);
-      std::memcpy(words.data() + 4 * i, &word, 4);
-    }
-  }
-  for (size_t i = 0; i < packed.size(); ++i) environment.levels[i].texels = std::move(packed[i]);
-  environment.format = CubeFormat::kRgb9e5;
-  return losses;
 }
 
 }  // namespace candela

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 #include "client/image/pixel_buffer.h"
 
 namespace candela {
@@ -55,15 +54,5 @@ struct BakedEnvironment {
 // above.
 absl::Status check_environment(const BakedEnvironment& environment);
 absl::Status check_harmonics(const RadianceHarmonics& harmonics);
-
-// What a conversion to RGB9E5 changed, in components of texels.
-struct Rgb9e5Losses {
-  uint64_t negative = 0;  // below 0, or NaN: became 0
-  uint64_t clamped = 0;   // above 65408: became 65408
-};
-
-// Converts all levels to RGB9E5; nothing is lost if they already are. RESOURCE_EXHAUSTED if there is not
-// enough memory; then the environment is as it was.
-absl::StatusOr<Rgb9e5Losses> convert_to_rgb9e5(BakedEnvironment& environment);
 
 }  // namespace candela

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "client/environment/cube_faces.h"
+#include "proto/candela/v1/rgb9e5.h"
 #include "tests/support/files.h"
 
 namespace candela {
@@ -67,6 +69,18 @@ void convert_to_floats(BakedEnvironment& environment) {
     level.texels = std::move(floats);
   }
   environment.format = CubeFormat::kRgba32f;
+}
+
+void convert_to_rgb9e5(BakedEnvironment& environment) {
+  for (BakedLevel& level : environment.levels) {
+    PixelBuffer words(level.texels.size() / 2);
+    for (size_t i = 0; i < words.size() / 4; ++i) {
+      const uint32_t word = v1::pack_rgb9e5(texel_rgb(level.texels.data() + 8 * i, environment.format));
+      std::memcpy(words.data() + 4 * i, &word, 4);
+    }
+    level.texels = std::move(words);
+  }
+  environment.format = CubeFormat::kRgb9e5;
 }
 
 Vector telling(size_t level, const Vector& point) {

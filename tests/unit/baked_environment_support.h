@@ -26,6 +26,7 @@ BakedEnvironment environment_of(const std::vector<uint32_t>& sizes, const WorldF
 
 // From halves.
 void convert_to_floats(BakedEnvironment& environment);
+void convert_to_rgb9e5(BakedEnvironment& environment);
 
 // (2 + point) 2^level: exact in halves and in RGB9E5 for sizes up to 64, and different in every texel.
 Vector telling(size_t level, const Vector& point);
