@@ -21,6 +21,7 @@
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -67,7 +68,7 @@ absl::Status end_of(RawCall& call, const Peer& peer);
 template <typename Response>
 absl::StatusOr<Response> answer_of(RawCall& call, bool answered, grpc::ByteBuffer& message,
                                    const Peer& peer) {
-  if (absl::Status status = end_of(call, peer); !status.ok()) return status;
+  RETURN_IF_ERROR(end_of(call, peer));
   Response response;
   if (!answered || !v1::unpack(message, response)) return not_the_protocol("it cannot be read");
   return response;

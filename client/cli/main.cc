@@ -105,7 +105,7 @@ void tell_of_unknown_variables() {
 }
 
 absl::Status run_line(const std::vector<std::string>& words, std::optional<JsonOutput>& json) try {
-  const absl::StatusOr<Invocation> asked = parse_command_line(words, kCommands);
+  const absl::StatusOr<ParsedCommand> asked = parse_command_line(words, kCommands);
   json.emplace(asked.ok() ? asked->json : json_path_in(words));
   if (!asked.ok()) return asked.status();
   RETURN_IF_ERROR(check_open_files());

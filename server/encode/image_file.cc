@@ -1,5 +1,7 @@
 #include "server/encode/image_file.h"
 
+#include "server/base/status_macros.h"
+
 namespace candela {
 
 bool keeps_alpha(const v1::Settings& settings) {
@@ -21,10 +23,9 @@ absl::StatusOr<std::string> encode_image(const PictureView& picture, const v1::S
     return true;
   };
   const EncodedTransfer transfer = encoded_transfer(settings);
-  const absl::Status status = encoding == v1::ENCODING_JPEG
-                                  ? encode_jpeg(picture, {quality, transfer}, append)
-                                  : encode_png(picture, {!opaque && keeps_alpha(settings), transfer}, append);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(encoding == v1::ENCODING_JPEG
+                      ? encode_jpeg(picture, {quality, transfer}, append)
+                      : encode_png(picture, {!opaque && keeps_alpha(settings), transfer}, append));
   file.shrink_to_fit();  // it may wait for a slow client
   return file;
 }

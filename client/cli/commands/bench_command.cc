@@ -213,9 +213,9 @@ constexpr char kBenchExamples[] =
 Finish define_bench(CLI::App& app) {
   const auto options = std::make_shared<BenchOptions>();
   add_bench_options(app, *options);
-  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+  return [options](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_server_options(options->server));
-    return invocation(*options, run_bench);
+    return parsed_command(*options, run_bench);
   };
 }
 

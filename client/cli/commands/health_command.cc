@@ -35,13 +35,13 @@ Finish define_health(CLI::App& app) {
   add_number(app, "Options", "--timeout", "SECONDS", {0.001, 3600}, absl::ToDoubleSeconds(options->timeout),
              "How long to wait for an answer",
              [options](double seconds) { options->timeout = absl::Seconds(seconds); });
-  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+  return [options](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_server_options(options->server));
     if (options->server.address.empty()) {
       options->server.address = kDefaultAddress;
       options->server.source = "candelad's default; --server names another";
     }
-    Invocation health = invocation(*options, run_health);
+    ParsedCommand health = parsed_command(*options, run_health);
     health.is_probe = true;
     return health;
   };

@@ -251,11 +251,11 @@ Finish define_info(CLI::App& app) {
   add_json_option(app, kOutputSection,
                   "Write one line of JSON a file, or one for the server with every setting", options->json);
   add_server_options(app, options->server);
-  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+  return [options](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
     absl::Status status = check_input_names(options->files);
     status.Update(finish_server_options(options->server));
     if (!status.ok()) return status;
-    return invocation(*options, run_info);
+    return parsed_command(*options, run_info);
   };
 }
 

@@ -203,12 +203,12 @@ constexpr char kMeterExamples[] =
 Finish define_meter(CLI::App& app) {
   const auto options = std::make_shared<MeterOptions>();
   add_meter_options(app, *options);
-  return [options](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+  return [options](const GivenOptions& given) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_meter_options(*options));
     add_idle_notes(
         *options,
         {.given = given, .adapts = true, .elapsed_seconds = std::numeric_limits<double>::infinity()});
-    return invocation(*options, run_meter);
+    return parsed_command(*options, run_meter);
   };
 }
 

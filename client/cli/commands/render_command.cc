@@ -308,7 +308,7 @@ constexpr char kRenderExamples[] =
 Finish define_render(CLI::App& app) {
   const auto arguments = std::make_shared<RenderArguments>();
   add_render_options(app, *arguments);
-  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_render_options(*arguments));
     RenderOptions& options = arguments->options;
     add_idle_notes(options, {.given = given,
@@ -317,7 +317,7 @@ Finish define_render(CLI::App& app) {
                              .view = !options.view.config.empty(),
                              .adapts = options.previous.exposure() > 0,
                              .elapsed_seconds = options.previous.elapsed_seconds()});
-    return invocation(options, run_render);
+    return parsed_command(options, run_render);
   };
 }
 

@@ -128,9 +128,9 @@ absl::Status finish_sample_options(SampleOptions& sample) {
 Finish define_sample(CLI::App& app) {
   const auto options = std::make_shared<SampleOptions>();
   add_sample_options(app, *options);
-  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+  return [options](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_sample_options(*options));
-    return invocation(*options, run_sample);
+    return parsed_command(*options, run_sample);
   };
 }
 

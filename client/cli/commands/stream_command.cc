@@ -338,7 +338,7 @@ constexpr char kStreamExamples[] =
 Finish define_stream(CLI::App& app) {
   const auto arguments = std::make_shared<StreamArguments>();
   add_stream_options(app, *arguments);
-  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_stream_options(*arguments));
     StreamOptions& options = arguments->options;
     add_idle_notes(options, {.given = given,
@@ -346,7 +346,7 @@ Finish define_stream(CLI::App& app) {
                              .view = !options.view.config.empty(),
                              .adapts = true,
                              .elapsed_seconds = std::numeric_limits<double>::infinity()});
-    return invocation(options, run_stream);
+    return parsed_command(options, run_stream);
   };
 }
 

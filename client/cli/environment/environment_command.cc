@@ -308,10 +308,10 @@ constexpr char kEnvironmentExamples[] =
 Finish define_environment(CLI::App& app) {
   const auto arguments = std::make_shared<EnvironmentArguments>();
   add_environment_options(app, *arguments);
-  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_environment_options(*arguments));
     add_idle_notes(arguments->options, {.given = given});
-    return invocation(arguments->options, run_environment);
+    return parsed_command(arguments->options, run_environment);
   };
 }
 

@@ -288,7 +288,7 @@ constexpr char kViewExamples[] =
 Finish define_view(CLI::App& app) {
   const auto arguments = std::make_shared<PanoramaViewArguments>();
   add_panorama_view_options(app, *arguments);
-  return [arguments](const GivenOptions& given) -> absl::StatusOr<Invocation> {
+  return [arguments](const GivenOptions& given) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_panorama_view_options(*arguments));
     PanoramaViewOptions& options = arguments->options;
     add_idle_notes(options,
@@ -298,7 +298,7 @@ Finish define_view(CLI::App& app) {
                     .adapts = options.is_sequence() || options.previous.exposure() > 0,
                     .elapsed_seconds = options.is_sequence() ? std::numeric_limits<double>::infinity()
                                                              : options.previous.elapsed_seconds()});
-    return invocation(options, run_view);
+    return parsed_command(options, run_view);
   };
 }
 

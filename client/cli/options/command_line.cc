@@ -44,8 +44,8 @@ std::string help(const CLI::App& app, const CLI::App* command) {
   return absl::StrReplaceAll(text, {{"\n\n\n", "\n\n"}, {"OUT...", "OUT"}});
 }
 
-Invocation print_text(std::string text) {
-  Invocation printing;
+ParsedCommand print_text(std::string text) {
+  ParsedCommand printing;
   printing.run = [text = std::move(text)](JsonOutput&) { return print(text); };
   return printing;
 }
@@ -53,7 +53,7 @@ Invocation print_text(std::string text) {
 Finish define_help(CLI::App& app, CLI::App& own) {
   const auto topic = std::make_shared<std::string>();
   own.add_option("COMMAND", *topic, "One of the commands (default: all of them, in short)")->option_text(" ");
-  return [&app, topic](const GivenOptions&) -> absl::StatusOr<Invocation> {
+  return [&app, topic](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
     if (topic->empty()) return print_text(help(app, nullptr));
     const auto named = [&topic](const CLI::App* known) { return known->check_name(*topic); };
     const std::vector<const CLI::App*> found = std::as_const(app).get_subcommands(named);
@@ -130,8 +130,8 @@ std::string json_path_in(const std::vector<std::string>& words) {
   return is_path ? json->second : "";
 }
 
-absl::StatusOr<Invocation> parse_command_line(const std::vector<std::string>& words,
-                                              std::span<const Command* const> commands) {
+absl::StatusOr<ParsedCommand> parse_command_line(const std::vector<std::string>& words,
+                                                 std::span<const Command* const> commands) {
   CLI::App app("candela: renders HDR images for a display, here or on a server.\n", "candela");
   const Finishes finishes = define(app, commands);
   RETURN_IF_ERROR(check_words(app, words));

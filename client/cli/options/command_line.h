@@ -18,7 +18,7 @@
 namespace candela {
 
 // A command as it was asked for, parsed and checked.
-struct Invocation {
+struct ParsedCommand {
   // Does it: prints what it did, unless --quiet is set, and returns its failure. It returns a usage error
   // (see usage.h) if a wrong option only shows while it works. It opens the destination of --json after it
   // has checked its outputs, and closes it if it succeeds.
@@ -31,8 +31,8 @@ struct Invocation {
 
 // Runs `options` with `run`, which takes a JsonOutput, too, or not.
 template <typename Options, typename RunOptions>
-Invocation invocation(const Options& options, RunOptions run) {
-  Invocation made;
+ParsedCommand parsed_command(const Options& options, RunOptions run) {
+  ParsedCommand made;
   made.run = [options, run]([[maybe_unused]] JsonOutput& json) -> absl::Status {
     if constexpr (std::is_invocable_v<RunOptions, const Options&, JsonOutput&>) {
       return run(options, json);
@@ -48,7 +48,7 @@ Invocation invocation(const Options& options, RunOptions run) {
 
 using GivenOptions = std::map<std::string, std::string>;  // "--key" on the command line, and its value
 // Checks what was parsed, and says what to run.
-using Finish = std::function<absl::StatusOr<Invocation>(const GivenOptions&)>;
+using Finish = std::function<absl::StatusOr<ParsedCommand>(const GivenOptions&)>;
 
 // A row of the table.
 struct Command {
@@ -60,8 +60,8 @@ struct Command {
 
 // Reads nothing but its arguments, which are those after the program's name. Every failure is a usage error
 // (see usage.h) of one line that says how to correct the command.
-absl::StatusOr<Invocation> parse_command_line(const std::vector<std::string>& words,
-                                              std::span<const Command* const> commands);
+absl::StatusOr<ParsedCommand> parse_command_line(const std::vector<std::string>& words,
+                                                 std::span<const Command* const> commands);
 
 // The destination of --json in arguments that cannot be parsed; "" if there is none.
 std::string json_path_in(const std::vector<std::string>& words);

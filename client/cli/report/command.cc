@@ -296,9 +296,9 @@ constexpr char kReportExamples[] =
 Finish define_report(CLI::App& app) {
   const auto options = std::make_shared<ReportOptions>();
   add_report_options(app, *options);
-  return [options](const GivenOptions&) -> absl::StatusOr<Invocation> {
+  return [options](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_report_options(*options));
-    return invocation(*options, run_report);
+    return parsed_command(*options, run_report);
   };
 }
 

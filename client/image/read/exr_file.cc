@@ -140,9 +140,8 @@ absl::Status check_version(const std::string& path, uint32_t version) {
 
 // Looks at the value of the attribute `compression`. UNIMPLEMENTED if this OpenEXR does not know it.
 absl::Status check_compression(FileReader& file) {
-  const absl::StatusOr<std::string> byte = file.peek(1);
-  if (!byte.ok()) return byte.status();
-  const int number = byte->empty() ? 0 : static_cast<unsigned char>(byte->front());
+  ASSIGN_OR_RETURN(const std::string byte, file.peek(1));
+  const int number = byte.empty() ? 0 : static_cast<unsigned char>(byte.front());
   if (number < Imf::NUM_COMPRESSION_METHODS) return absl::OkStatus();
   // https://openexr.com/en/latest/OpenEXRFileLayout.html, "compression"
   const std::string what = number == 10   ? "HTJ2K256, which OpenEXR 3.4 and later read"
@@ -182,7 +181,7 @@ absl::Status check_exr_header(FileReader& file) {
                           file.path(), printable(name), size, file.remaining()));
     }
     if (whole && type == "compression" && size == 1) {
-      if (absl::Status known = check_compression(file); !known.ok()) return known;
+      RETURN_IF_ERROR(check_compression(file));
     }
     if (whole && !take_value(file, type, size)) {
       return absl::InvalidArgumentError(

@@ -10,6 +10,7 @@
 #include "absl/strings/strip.h"
 #include "client/base/number_words.h"
 #include "client/image/primaries.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
@@ -65,13 +66,11 @@ size_t printable_bytes(absl::string_view text) {
 }  // namespace
 
 absl::StatusOr<FileKind> file_kind(FileReader& file) {
-  const absl::StatusOr<std::string> magic = file.peek(4);
-  if (!magic.ok()) return magic.status();
-  if (*magic == "\x76\x2f\x31\x01") return FileKind::kExr;
-  if (magic->starts_with("#?")) return FileKind::kRadiance;
-  if (magic->starts_with("PF") || magic->starts_with("Pf")) return FileKind::kPfm;
-  if (magic->empty())
-    return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
+  ASSIGN_OR_RETURN(const std::string magic, file.peek(4));
+  if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
+  if (magic.starts_with("#?")) return FileKind::kRadiance;
+  if (magic.starts_with("PF") || magic.starts_with("Pf")) return FileKind::kPfm;
+  if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
   return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
 }
 
