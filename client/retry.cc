@@ -4,8 +4,8 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "client/call/retry_info.h"
-#include "client/call/retry_schedule.h"
+#include "client/call/retry/retry_info.h"
+#include "client/call/retry/retry_schedule.h"
 
 namespace candela {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "client/call/retry_schedule.h"
+#include "client/call/retry/retry_schedule.h"
 #include "client/call/session_stream.h"
 #include "client/call/wire.h"
 #include "client/connection.h"

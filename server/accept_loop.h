@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "absl/synchronization/mutex.h"
-#include "server/base/listening_socket.h"
 #include "server/base/metrics.h"
-#include "server/base/rate_limit.h"
+#include "server/base/net/listening_socket.h"
+#include "server/base/net/rate_limit.h"
 
 namespace candela {
 

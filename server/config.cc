@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/base/address.h"
+#include "server/base/net/address.h"
 #include "server/listen_address.h"
 #include "server/option_table.h"
 

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "server/access/client_identity.h"
-#include "server/base/address.h"
-#include "server/base/listening_socket.h"
+#include "server/base/net/address.h"
+#include "server/base/net/listening_socket.h"
 #include "server/base/status_macros.h"
 #include "server/memory_budget.h"
 

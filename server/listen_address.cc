@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "absl/strings/str_format.h"
-#include "server/base/address.h"
+#include "server/base/net/address.h"
 
 namespace candela {
 

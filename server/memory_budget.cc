@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
-#include "server/base/units.h"
+#include "server/base/words/units.h"
 
 namespace candela {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "server/base/cgroup.h"
+#include "server/base/process/cgroup.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "server/base/units.h"
+#include "server/base/words/units.h"
 
 namespace candela {
 namespace {

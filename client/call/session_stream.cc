@@ -7,7 +7,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "client/call/retry_info.h"
+#include "client/call/retry/retry_info.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"

@@ -12,13 +12,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
-#include "client/call/channel_credentials.h"
-#include "client/call/retry_info.h"
-#include "client/call/tls_probe.h"
+#include "client/call/retry/retry_info.h"
+#include "client/call/security/channel_credentials.h"
+#include "client/call/security/tls_probe.h"
 #include "client/call/transport_words.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
-#include "server/base/address.h"
+#include "server/base/net/address.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -25,9 +25,9 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
 #include "client/image/write/temporary_path.h"
-#include "server/base/end_process.h"
+#include "server/base/process/end_process.h"
 #include "server/base/status_macros.h"
-#include "server/base/variables.h"
+#include "server/base/words/variables.h"
 
 namespace candela {
 namespace {

@@ -13,8 +13,8 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "server/access/client_identity.h"
-#include "server/base/address.h"
 #include "server/base/log.h"
+#include "server/base/net/address.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

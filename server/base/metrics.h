@@ -11,7 +11,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
-#include "server/base/http_pages.h"
+#include "server/base/net/http_pages.h"
 
 namespace candela {
 

@@ -15,7 +15,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "server/base/descriptors.h"
+#include "server/base/process/descriptors.h"
 
 namespace candela {
 namespace {

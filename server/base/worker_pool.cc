@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "server/base/cgroup.h"
+#include "server/base/process/cgroup.h"
 
 namespace candela {
 

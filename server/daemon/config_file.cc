@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
-#include "server/base/near_words.h"
+#include "server/base/words/near_words.h"
 
 namespace candela {
 namespace {

@@ -8,10 +8,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "server/base/address.h"
-#include "server/base/near_words.h"
+#include "server/base/net/address.h"
 #include "server/base/option_file.h"
-#include "server/base/units.h"
+#include "server/base/words/near_words.h"
+#include "server/base/words/units.h"
 #include "server/daemon/config_file.h"
 #include "server/option_table.h"
 

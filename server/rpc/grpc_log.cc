@@ -9,7 +9,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "server/base/log.h"
-#include "server/base/rate_limit.h"
+#include "server/base/net/rate_limit.h"
 
 namespace candela {
 namespace {

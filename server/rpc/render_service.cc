@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "server/render/self_test.h"
-#include "server/rpc/bake_environment_call.h"
-#include "server/rpc/put_environment_call.h"
+#include "server/rpc/environments/bake_environment_call.h"
+#include "server/rpc/environments/put_environment_call.h"
 #include "server/rpc/render_call.h"
 #include "server/rpc/stream_call.h"
 #include "server/rpc/wire/status.h"

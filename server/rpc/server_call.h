@@ -16,7 +16,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "server/session/call_gate.h"
+#include "server/session/limits/call_gate.h"
 
 namespace candela {
 

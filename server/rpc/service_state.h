@@ -13,8 +13,8 @@
 #include "server/render/renderer.h"
 #include "server/render/tier_times.h"
 #include "server/schedule/render_loop.h"
-#include "server/session/call_gate.h"
-#include "server/session/environment_store.h"
+#include "server/session/environments/environment_store.h"
+#include "server/session/limits/call_gate.h"
 #include "server/session/sessions.h"
 
 namespace candela {

@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "server/schedule/frame_queue.h"
-#include "server/session/client_memory.h"
+#include "server/session/limits/client_memory.h"
 #include "server/session/resume_token.h"
 #include "server/session/session_table.h"
 #include "server/session/stream_start.h"

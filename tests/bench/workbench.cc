@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "server/base/driver_environment.h"
+#include "server/base/process/driver_environment.h"
 #include "server/render/settings/tiers.h"
 
 namespace candela::bench {

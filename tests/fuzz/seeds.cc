@@ -17,7 +17,7 @@
 #include "candela/v1/render.pb.h"
 #include "tests/fuzz/wire_input.h"
 #include "tests/support/files.h"
-#include "tests/unit/image_support.h"
+#include "tests/unit/image/image_support.h"
 
 namespace candela {
 namespace {

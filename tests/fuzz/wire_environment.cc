@@ -13,7 +13,7 @@
 #include "proto/candela/v1/limits.h"
 #include "server/rpc/wire/band_reader.h"
 #include "server/rpc/wire/parse_request.h"
-#include "server/session/environment_start.h"
+#include "server/session/environments/environment_start.h"
 #include "tests/fuzz/expect.h"
 #include "tests/fuzz/wire_slices.h"
 

@@ -17,9 +17,9 @@
 #include "client/session.h"
 #include "proto/candela/v1/environment_id.h"
 #include "server/render/environment/cube_levels.h"
-#include "tests/service/scrape.h"
+#include "tests/service/server/scrape.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/stream_client.h"
+#include "tests/service/sessions/stream_client.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "tests/service/service_fixture.h"
-#include "tests/service/stream_client.h"
+#include "tests/service/sessions/stream_client.h"
 #include "tests/support/files.h"
 
 namespace candela::testing {

@@ -8,7 +8,7 @@
 
 #include "client/image/image.h"
 #include "tests/support/files.h"
-#include "tests/unit/image_support.h"
+#include "tests/unit/image/image_support.h"
 
 namespace candela {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/base/cgroup.h"
-#include "server/base/driver_environment.h"
+#include "server/base/process/cgroup.h"
+#include "server/base/process/driver_environment.h"
 #include "server/base/status_macros.h"
 #include "server/memory_budget.h"
 #include "server/option_table.h"

@@ -5,11 +5,11 @@
 #include "client/cli/commands/commands.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
-#include "client/cli/options/option_kinds.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/words/option_kinds.h"
 #include "client/connection.h"
-#include "server/base/address.h"
+#include "server/base/net/address.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -13,7 +13,7 @@
 #include "absl/time/time.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/exposure_file.h"
-#include "client/cli/files/frame_files.h"
+#include "client/cli/files/sequence/frame_files.h"
 #include "client/cli/options/options.h"
 #include "server/base/status_macros.h"
 

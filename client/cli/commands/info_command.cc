@@ -14,18 +14,18 @@
 #include "client/cli/commands/file_info.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/failure_line.h"
-#include "client/cli/files/frame_files.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/output_files.h"
+#include "client/cli/files/sequence/frame_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
-#include "client/cli/options/option_kinds.h"
-#include "client/cli/options/picture_options.h"
+#include "client/cli/options/picture/picture_options.h"
+#include "client/cli/options/picture/settings_options.h"
 #include "client/cli/options/server_options.h"
-#include "client/cli/options/settings_options.h"
+#include "client/cli/options/words/option_kinds.h"
 #include "proto/candela/v1/settings.h"
-#include "server/base/rounded_up.h"
 #include "server/base/status_macros.h"
+#include "server/base/words/rounded_up.h"
 
 namespace candela {
 namespace {

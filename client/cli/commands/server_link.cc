@@ -8,11 +8,11 @@
 #include "client/base/failure.h"
 #include "client/cli/files/system_failure.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/option_words.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/words/option_words.h"
 #include "client/retry.h"
 #include "proto/candela/v1/limits.h"
-#include "server/base/address_space.h"
+#include "server/base/process/address_space.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

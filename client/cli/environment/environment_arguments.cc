@@ -9,10 +9,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli/environment/panorama_options.h"
-#include "client/cli/options/option_kinds.h"
+#include "client/cli/options/picture/settings_options.h"
 #include "client/cli/options/server_options.h"
-#include "client/cli/options/settings_options.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/words/option_kinds.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 

@@ -5,7 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/number_words.h"
-#include "client/cli/commands/render_report.h"
+#include "client/cli/commands/render/render_report.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/terminal.h"
 #include "proto/candela/v1/rgb9e5.h"

@@ -6,9 +6,9 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
-#include "client/call/plain_file.h"
-#include "client/cli/options/option_kinds.h"
-#include "server/base/near_words.h"
+#include "client/call/security/plain_file.h"
+#include "client/cli/options/words/option_kinds.h"
+#include "server/base/words/near_words.h"
 
 namespace candela {
 namespace {

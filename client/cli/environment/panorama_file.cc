@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/cli/files/frame_files.h"
+#include "client/cli/files/sequence/frame_files.h"
 #include "client/image/cube_panorama.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"

@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "client/cli/options/options.h"
-#include "client/cli/options/picture_options.h"
+#include "client/cli/options/picture/picture_options.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/cli/environment/view_objects.h"
-#include "client/cli/files/frame_numbers.h"
+#include "client/cli/files/sequence/frame_numbers.h"
 #include "client/cli/options/usage.h"
 #include "server/base/status_macros.h"
 

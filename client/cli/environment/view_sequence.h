@@ -2,7 +2,7 @@
 #pragma once
 
 #include "absl/status/statusor.h"
-#include "client/cli/commands/stream_report.h"
+#include "client/cli/commands/stream/stream_report.h"
 #include "client/cli/environment/view_scene.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/terminal.h"

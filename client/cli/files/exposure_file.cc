@@ -13,8 +13,8 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/call/plain_file.h"
-#include "client/cli/files/frame_numbers.h"
+#include "client/call/security/plain_file.h"
+#include "client/cli/files/sequence/frame_numbers.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
 

@@ -16,7 +16,7 @@
 #include "absl/strings/str_format.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/output_files.h"
-#include "client/cli/files/sequence_files.h"
+#include "client/cli/files/sequence/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/usage.h"
 #include "server/base/status_macros.h"

@@ -10,9 +10,9 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/check_words.h"
-#include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/words/check_words.h"
+#include "client/cli/options/words/option_kinds.h"
 #include "server/base/status_macros.h"
 
 #ifndef CANDELA_VERSION

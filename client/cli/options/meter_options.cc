@@ -1,10 +1,10 @@
 #include "client/cli/options/meter_options.h"
 
-#include "client/cli/options/option_kinds.h"
-#include "client/cli/options/picture_options.h"
+#include "client/cli/options/picture/picture_options.h"
+#include "client/cli/options/picture/settings_options.h"
+#include "client/cli/options/sequence/session_options.h"
 #include "client/cli/options/server_options.h"
-#include "client/cli/options/session_options.h"
-#include "client/cli/options/settings_options.h"
+#include "client/cli/options/words/option_kinds.h"
 
 namespace candela {
 

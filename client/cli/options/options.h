@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
-#include "client/cli/files/sequence.h"
+#include "client/cli/files/sequence/sequence.h"
 #include "client/color/view_table.h"
 #include "client/environment/baked_environment.h"
 #include "client/image/image.h"

@@ -4,10 +4,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "client/cli/options/option_kinds.h"
-#include "client/cli/options/picture_options.h"
+#include "client/cli/options/picture/picture_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/usage.h"
+#include "client/cli/options/words/option_kinds.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -9,10 +9,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
-#include "client/cli/options/option_kinds.h"
 #include "client/cli/options/usage.h"
-#include "server/base/address.h"
-#include "server/base/variables.h"
+#include "client/cli/options/words/option_kinds.h"
+#include "server/base/net/address.h"
+#include "server/base/words/variables.h"
 
 namespace candela {
 namespace {

@@ -3,7 +3,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
-#include "server/base/near_words.h"
+#include "server/base/words/near_words.h"
 
 namespace candela {
 

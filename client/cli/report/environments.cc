@@ -10,7 +10,7 @@
 #include "client/cli/environment/environment_from_bake.h"
 #include "client/cli/environment/environment_preview.h"
 #include "client/cli/environment/view_objects.h"
-#include "client/cli/files/frame_files.h"
+#include "client/cli/files/sequence/frame_files.h"
 #include "client/cli/report/samples.h"
 #include "server/base/status_macros.h"
 

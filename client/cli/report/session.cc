@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "client/cli/files/frame_files.h"
+#include "client/cli/files/sequence/frame_files.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {

@@ -8,8 +8,8 @@
 #include <functional>
 #include <new>
 
-#include "client/image/read/exr_checks.h"
-#include "client/image/read/exr_windows.h"
+#include "client/image/read/exr/exr_checks.h"
+#include "client/image/read/exr/exr_windows.h"
 
 namespace candela {
 namespace {

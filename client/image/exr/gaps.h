@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "client/image/image.h"
-#include "client/image/read/exr_channels.h"
+#include "client/image/read/exr/exr_channels.h"
 
 namespace candela {
 

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "absl/strings/str_format.h"
-#include "server/base/rounded_up.h"
+#include "server/base/words/rounded_up.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 

@@ -8,7 +8,8 @@
 namespace candela {
 
 // The largest error of a table of aces-1, in codes of the output, by the output's transfer. Found by a search
-// for the worst colour (tests/unit/error_bound_test.cc repeats it) and a fifth larger than what it found.
+// for the worst colour (tests/unit/render/error_bound_test.cc repeats it) and a fifth larger than what it
+// found.
 struct TableError {
   double srgb;
   double gamma22;

@@ -18,7 +18,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
-#include "tests/unit/baked_environment_support.h"
+#include "tests/unit/image/baked_environment_support.h"
 
 namespace candela {
 namespace {

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "client/environment/environment_files.h"
-#include "tests/unit/baked_environment_support.h"
+#include "tests/unit/image/baked_environment_support.h"
 
 using namespace candela;
 

@@ -1,0 +1,182 @@
+#include "client/cli/options/picture/picture_options.h"
+
+#include <filesystem>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/options/picture/settings_options.h"
+#include "client/cli/options/picture/view_options.h"
+#include "client/cli/options/usage.h"
+#include "client/cli/options/words/option_kinds.h"
+#include "client/image/encodings.h"
+#include "server/base/status_macros.h"
+#include "server/encode/image_file.h"
+
+namespace candela {
+namespace {
+
+constexpr v1::Range<double> kChunkMib{1, 65536};
+constexpr v1::Range<double> kMaxPixels{1, double{v1::kMaxDimension} * v1::kMaxDimension};
+constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
+
+// The alpha of the settings, if the user chose none. The server's default is for the other files.
+void choose_alpha(PictureOptions& options, const OutputEncoding& encoding, const std::string& output) {
+  const v1::Alpha given = options.settings.alpha();
+  options.ignore_empty_alpha =
+      encoding.holds_codes() &&
+      (given == v1::ALPHA_UNSPECIFIED || (given == v1::ALPHA_ASSOCIATED && encoding.has_alpha()));
+  if (given == v1::ALPHA_UNSPECIFIED && encoding.alpha == v1::ALPHA_STRAIGHT) {
+    options.settings.set_alpha(v1::ALPHA_STRAIGHT);
+  }
+  if (given == v1::ALPHA_STRAIGHT && !encoding.has_alpha()) {
+    options.notes.push_back(absl::StrFormat(
+        "--alpha straight: %s has no alpha, so soft edges are hard; --alpha over has a background", output));
+  }
+}
+
+}  // namespace
+
+void add_choice_options(CLI::App& app, PictureOptions& options) {
+  PictureChoice& shown = options.shown;
+  add_text(app, kInputSection, "--part", "N|NAME",
+           "Part of a multi-part OpenEXR file, by number from 1 or by name (default: the one whose name says "
+           "that it is the picture, such as rgba or beauty, else the first with colour)",
+           shown.part);
+  add_text(app, kInputSection, "--layer", "NAME",
+           "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one channel by its full name, as "
+           "grey; RGB for the channels without a layer, XYZ for X, Y and Z as CIE XYZ (default: as for "
+           "--part)",
+           shown.layer);
+  add_text(app, kInputSection, "--exr-view", "NAME", "View of a multi-view OpenEXR file, such as left",
+           shown.view);
+  add_text(app, kInputSection, "--incomplete", "error|fill",
+           "What an unfinished or damaged file is: an error (default), or the pixels that there are, and the "
+           "others absent, with alpha 0",
+           [&shown](const std::string& word) {
+             if (word != "error" && word != "fill")
+               return unknown_word("--incomplete word", word, {"error", "fill"});
+             shown.fills_gaps = word == "fill";
+             return absl::OkStatus();
+           });
+  add_text(
+      app, kInputSection, "--max-chunk-mib", "N",
+      absl::StrFormat("Most MiB that one chunk of an OpenEXR file, some rows or a tile of all channels, may "
+                      "take in memory; %s (default: an eighth of the memory that this process may use)",
+                      format_range(kChunkMib)),
+      [&options](const std::string& text) {
+        const absl::StatusOr<double> mib = parse_number("--max-chunk-mib", text, kChunkMib, true);
+        if (mib.ok()) options.max_chunk_mib = static_cast<uint64_t>(*mib);
+        return mib.status();
+      });
+}
+
+void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
+  add_text(app, kInputSection, "--max-pixels", "N",
+           absl::StrFormat("Refuse an image of more pixels by its header, before it is decoded; %s (default: "
+                           "as many as the server takes)",
+                           format_range(kMaxPixels)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> pixels = parse_number("--max-pixels", text, kMaxPixels, true);
+             if (pixels.ok()) options.max_pixels = static_cast<uint64_t>(*pixels);
+             return pixels.status();
+           });
+}
+
+void add_image_options(CLI::App& app, PictureArguments& arguments) {
+  const std::string bits = absl::StrFormat("Bits per component of a %s (default 8)",
+                                           extensions_with(&OutputEncoding::has_16_bits));
+  add_text(app, kOutputSection, "--bits", "8|16", bits, [&arguments](const std::string& text) {
+    if (text != "8" && text != "16") {
+      return usage_error(absl::StrFormat("--bits is \"%s\"; it must be 8 or 16", text));
+    }
+    arguments.bits = text == "8" ? 8 : 16;
+    return absl::OkStatus();
+  });
+  add_number(
+      app, kOutputSection, "--quality", "N", kJpegQuality, WriteOptions().jpeg_quality,
+      "Quality of a " + extensions_with(&OutputEncoding::has_quality),
+      [&arguments](double n) { arguments.quality = static_cast<int>(n); }, true);
+}
+
+absl::Status check_input_names(const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    if (input != "-") continue;
+    return usage_error(
+        "IN is \"-\", but images cannot be read from a pipe; give a file, or ./- for a file of that name");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_output_name(const std::string& output) {
+  if (output.empty()) return usage_error("OUT is empty; give a file");
+  for (const absl::string_view pipe : {"-", "/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/"}) {
+    if (output != pipe && !(absl::EndsWith(pipe, "fd/") && absl::StartsWith(output, pipe))) continue;
+    return usage_error(absl::StrFormat("OUT is \"%s\", but images cannot be written to a pipe; give a file%s",
+                                       output,
+                                       output == "-" ? ", or ./- for a file or folder of that name" : ""));
+  }
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
+  for (const char* video : {".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mxf", ".mpg"}) {
+    if (extension != video) continue;
+    return usage_error(absl::StrFormat(
+        "OUT is %s, a video, and candela writes images; write out/%%04d.png, and make a video of them with "
+        "ffmpeg -i out/%%04d.png %s",
+        output, output));
+  }
+  if (!absl::StartsWith(output, "-")) return absl::OkStatus();
+  return usage_error(absl::StrFormat("OUT is \"%s\", which looks like an option; write ./%s if it is a name",
+                                     output, output));
+}
+
+absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
+                                    const std::string& output) {
+  const absl::StatusOr<const OutputEncoding*> found = output_encoding(output);
+  if (!found.ok()) return usage_error(std::string(found.status().message()));
+  const OutputEncoding& encoding = **found;
+  if (arguments.bits == 16 && !encoding.has_16_bits()) {
+    return usage_error(absl::StrFormat("--bits 16 is for %s; %s has its own depth",
+                                       extensions_with(&OutputEncoding::has_16_bits), output));
+  }
+  if (arguments.quality != 0 && !encoding.has_quality()) {
+    return usage_error(absl::StrFormat("--quality is for %s; %s loses nothing",
+                                       extensions_with(&OutputEncoding::has_quality), output));
+  }
+  options.settings.set_output_format(encoding.holds_light() ? v1::OUTPUT_FORMAT_RGBA16F
+                                     : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
+                                                            : v1::OUTPUT_FORMAT_RGBA8);
+  choose_alpha(options, encoding, output);
+  options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
+  options.write.transfer = encoded_transfer(options.settings);
+  if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
+  RETURN_IF_ERROR(finish_view_options(options, output, encoding.holds_codes()));
+  return check_settings_options(options.settings);
+}
+
+absl::Status check_server_encoding(v1::Encoding encoding, const std::string& file,
+                                   const std::string& output) {
+  const OutputEncoding& made = output_encoding(encoding);
+  const auto named = output_encoding(file);
+  if (made.server != encoding || !named.ok() || *named == &made) return absl::OkStatus();
+  return usage_error(
+      absl::StrFormat("--encoding makes %s files, but %s is not one; change one of them", made.name, output));
+}
+
+absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height) {
+  const std::vector<std::string> parts = absl::StrSplit(text, absl::ByAnyChar("xX"));
+  uint32_t w = 0, h = 0;
+  const auto fits = [](uint32_t pixels) { return pixels >= 1 && pixels <= v1::kMaxDimension; };
+  if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &w) || !absl::SimpleAtoi(parts[1], &h) || !fits(w) ||
+      !fits(h)) {
+    return usage_error(absl::StrFormat("--size is \"%s\"; it must be WIDTHxHEIGHT, 1x1 .. %dx%d", text,
+                                       v1::kMaxDimension, v1::kMaxDimension));
+  }
+  width = w;
+  height = h;
+  return absl::OkStatus();
+}
+
+}  // namespace candela

@@ -1,0 +1,99 @@
+#include "client/cli/options/picture/view_options.h"
+
+#include <cstdlib>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/cli/options/picture/settings_options.h"
+#include "client/cli/options/usage.h"
+#include "client/cli/options/words/option_kinds.h"
+
+namespace candela {
+namespace {
+
+constexpr char kVariable[] = "OCIO";  // OpenColorIO's own
+
+}  // namespace
+
+void add_view_options(CLI::App& app, PictureOptions& options) {
+  ViewChoice& view = options.view;
+  const auto add = [&](const char* name, const char* placeholder, const char* help, std::string& to) {
+    add_text(app, kToneSection, name, placeholder, help, to);
+  };
+  add("--ocio", "CONFIG",
+      "Instead of a curve: a view of this OpenColorIO configuration, at 0 EV and without bloom unless their "
+      "options are given (default: $OCIO)",
+      view.config);
+  add("--display", "NAME", "Display of --ocio (default: the configuration's)", view.display);
+  add("--ocio-view", "NAME", "View of --ocio (default: the display's)", view.view);
+  add("--ocio-input", "NAME",
+      "Colour space of --ocio that the file's values are in, whatever the file says (default: light of the "
+      "file's "
+      "primaries)",
+      view.input);
+  add_text(app, kHiddenSection, "--view", "NAME", "", options.view_of_either);
+}
+
+absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded) {
+  ViewChoice& view = options.view;
+  view.source = "--ocio";
+  const char* variable = std::getenv(kVariable);
+  const bool curve = options.settings.curve() != v1::TONE_CURVE_UNSPECIFIED;
+  if (view.config.empty() && !curve && variable != nullptr && *variable != '\0') {
+    view.config = variable;
+    view.source = "$OCIO";
+  }
+  if (!options.view_of_either.empty()) {
+    (view.config.empty() ? options.shown.view : view.view) = options.view_of_either;
+  }
+  if (view.config.empty()) {
+    for (const auto& [name, value] :
+         {std::pair("--display", view.display), std::pair("--ocio-view", view.view),
+          std::pair("--ocio-input", view.input)}) {
+      if (!value.empty()) {
+        return usage_error(
+            absl::StrFormat("%s is part of an OpenColorIO configuration; name one with --ocio CONFIG", name));
+      }
+    }
+    return absl::OkStatus();
+  }
+  if (curve) return usage_error("--ocio replaces --curve; give only one of them");
+  const v1::Primaries primaries = options.settings.input_primaries();
+  if (!view.input.empty() &&
+      (options.settings.has_input_chromaticities() ||
+       (primaries != v1::PRIMARIES_UNSPECIFIED && primaries != v1::PRIMARIES_REC709))) {
+    return usage_error(absl::StrFormat(
+        "--primaries and --ocio-input %s both say what the file's values are; give only one of them",
+        view.input));
+  }
+  if (!view.input.empty()) options.settings.clear_input_primaries();
+  if (!encoded) {
+    options.notes.push_back(absl::StrFormat("%s holds the view's display values, not linear light", output));
+  }
+  options.settings.set_curve(v1::TONE_CURVE_TABLE);
+  options.write.transfer = EncodedTransfer::kUnknown;
+  return absl::OkStatus();
+}
+
+void choose_view_defaults(PictureOptions& options, bool exposure_given) {
+  if (options.view.config.empty()) return;
+  v1::Exposure& exposure = *options.settings.mutable_exposure();
+  if (!exposure_given && exposure.mode() == v1::Exposure::MODE_UNSPECIFIED) {
+    exposure.set_mode(v1::Exposure::MODE_MANUAL);
+    exposure.set_manual_ev(0);
+    options.defaults.exposure = true;
+  }
+  if (options.settings.bloom().ByteSizeLong() > 0) return;
+  options.settings.mutable_bloom()->set_intensity(0);
+  options.defaults.bloom = true;
+}
+
+std::string default_exposure_words(const PictureDefaults& defaults) {
+  return defaults.exposure ? ", the default of --ocio" : "";
+}
+
+std::string default_bloom_words(const PictureDefaults& defaults) {
+  return defaults.bloom ? ", no bloom" : "";
+}
+
+}  // namespace candela

@@ -1,0 +1,75 @@
+// Helpers that define the command's options. Each option shows its range and default in --help, and refuses a
+// value with a usage error that names the option, the value and the allowed values.
+#pragma once
+
+#include <google/protobuf/generated_enum_reflection.h>
+
+#include <CLI/App.hpp>
+#include <functional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/cli/options/words/choice_words.h"
+#include "proto/candela/v1/limits.h"
+
+namespace candela {
+
+// Carries a usage error out of CLI11's parser.
+struct OptionError {
+  absl::Status status;
+};
+
+// The section of names that are not in the help, because there are better ones.
+inline constexpr char kHiddenSection[] = "";
+
+// Adds an option to a section of the help. `set` accepts or refuses its text, which is not empty: a script
+// that gives "" lacks a value, and must not turn the option off silently. An empty variable of the
+// environment counts as none. If the option is given twice, the last one counts.
+CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
+                      const std::string& placeholder, const std::string& help,
+                      std::function<absl::Status(const std::string&)> set);
+
+// The same for text that is stored unchanged.
+CLI::Option* add_text(CLI::App& app, const std::string& section, const std::string& name,
+                      const std::string& placeholder, const std::string& help, std::string& text);
+
+// Adds an option for a number in a range; `whole` refuses fractions.
+void add_number(CLI::App& app, const std::string& section, const std::string& name, const std::string& unit,
+                v1::Range<double> range, double initial, const std::string& help,
+                std::function<void(double)> set, bool whole = false);
+
+// Adds an option for a word of an enum.
+template <typename Enum>
+void add_enum(CLI::App& app, const std::string& section, const std::string& name, const std::string& what,
+              Enum initial, const std::string& help, std::function<void(Enum)> set);
+
+// --json FILE|-
+void add_json_option(CLI::App& app, const std::string& section, const std::string& help, std::string& path);
+
+// --quiet
+void add_quiet_option(CLI::App& app, const std::string& section, bool& quiet);
+
+// Parses the text of the option `name` as a number in the range. Fails with a usage error.
+absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
+                                    bool whole = false);
+
+// Parses "on" or "off" for the option `name`. Fails with a usage error.
+absl::StatusOr<bool> parse_switch(const std::string& name, const std::string& text);
+
+std::string format_range(v1::Range<double> range);  // "0 .. 10"
+
+// ---- Only the template's body follows ----
+
+void add_enum_value(CLI::App& app, const std::string& section, const std::string& name,
+                    const std::string& what, const google::protobuf::EnumDescriptor& type, int initial,
+                    const std::string& help, std::function<void(int)> set);
+
+template <typename Enum>
+void add_enum(CLI::App& app, const std::string& section, const std::string& name, const std::string& what,
+              Enum initial, const std::string& help, std::function<void(Enum)> set) {
+  add_enum_value(app, section, name, what, *google::protobuf::GetEnumDescriptor<Enum>(), initial, help,
+                 [set](int value) { set(static_cast<Enum>(value)); });
+}
+
+}  // namespace candela

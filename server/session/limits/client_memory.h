@@ -1,0 +1,92 @@
+// The memory that the clients of a server hold, and the rules by which they share it.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
+#include "server/render/frame/frame_memory.h"
+#include "server/session/limits/client_budget.h"
+
+namespace candela {
+
+// The smallest frames that lately found no memory. A frame counts for kLasts after its last attempt, which is
+// longer than a refused client waits before its next one. Any thread.
+class MemoryPressure {
+ public:
+  static constexpr absl::Duration kLasts = absl::Seconds(2);
+
+  // A frame of `bytes` found no memory: in the budget, or only in the share of client `within`.
+  void wanted(uint64_t bytes, std::optional<ClientId> within, absl::Time now);
+  // A frame of `bytes` of `client` has its memory.
+  void granted(uint64_t bytes, ClientId client);
+
+  // The smallest frame that waits for room in the budget.
+  std::optional<uint64_t> smallest(absl::Time now) const;
+  // The smallest frame that `client` could make room for.
+  std::optional<uint64_t> smallest(ClientId client, absl::Time now) const;
+
+ private:
+  struct Wanted {
+    uint64_t bytes = 0;
+    absl::Time until = absl::InfinitePast();
+  };
+  mutable absl::Mutex mutex_;
+  Wanted in_budget_ ABSL_GUARDED_BY(mutex_);
+  std::map<ClientId, Wanted> in_share_ ABSL_GUARDED_BY(mutex_);
+};
+
+// Three budgets, which count bytes and hold none: frames, what sessions are promised for their look-ahead,
+// and the colour tables of changes of settings. Any thread. What it hands out keeps it alive.
+class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
+ public:
+  // An upload that brings nothing for this long loses its memory if another frame could use it.
+  static constexpr absl::Duration kStalled = absl::Seconds(2);
+
+  // How often a call that uploads calls check_upload().
+  static constexpr absl::Duration kLookInterval = absl::Milliseconds(500);
+
+  // `budget_bytes` is the texture pool's, `percent` a client's share (see ClientBudget), and `slow_upload`
+  // the time after which an upload that is not complete loses its memory if another frame could use it.
+  ClientMemory(uint64_t budget_bytes, uint32_t percent, absl::Duration slow_upload);
+
+  // Counts a frame of `bytes`. UNAVAILABLE if the budget or the client's share has no room now, or if a
+  // smaller frame waits for the rest.
+  absl::StatusOr<std::unique_ptr<MemoryClaim>> claim_frame(ClientId client, uint64_t bytes, absl::Time now);
+  // The device's pool had no room for a frame that was counted.
+  void found_no_texture(uint64_t bytes, absl::Time now) { pressure_.wanted(bytes, std::nullopt, now); }
+
+  // Changes a session's promise from `before` to `bytes`. UNAVAILABLE if there is no room for it now.
+  absl::Status promise_lookahead(ClientId client, uint64_t before, uint64_t bytes);
+  uint64_t budget_bytes() const { return frames_.budget_bytes(); }
+  uint64_t frames_bytes() const { return frames_.held(); }  // of all clients
+
+  // Counts a colour table of `bytes` until the result is destroyed. UNAVAILABLE if there is no room for it.
+  absl::StatusOr<std::shared_ptr<const void>> claim_table(ClientId client, uint64_t bytes);
+
+  // UNAVAILABLE if an upload of `client` has to give its `bytes` to a frame that waits. The upload began
+  // `taken` ago and has brought nothing for `silent`.
+  absl::Status check_upload(ClientId client, uint64_t bytes, absl::Duration taken, absl::Duration silent,
+                            absl::Time now) const;
+
+  ClientPresence& presence() { return presence_; }
+
+ private:
+  class FrameClaim;
+  absl::Status over_share(const ClientBudget& budget, ClientId client, uint64_t bytes,
+                          const char* what) const;
+
+  const absl::Duration slow_upload_;
+  ClientPresence presence_;
+  ClientBudget frames_;
+  ClientBudget lookahead_;
+  ClientBudget tables_;
+  MemoryPressure pressure_;
+};
+
+}  // namespace candela

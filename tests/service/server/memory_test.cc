@@ -1,0 +1,406 @@
+// A client that takes memory and does not use it. Others still get theirs, and within seconds.
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <iostream>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "client/call/retry/retry_info.h"
+#include "server/session/limits/client_memory.h"
+#include "tests/service/service_fixture.h"
+#include "tests/service/sessions/stream_client.h"
+#include "tests/support/daemon.h"
+#include "tests/support/files.h"
+
+namespace candela::testing {
+namespace {
+
+constexpr uint64_t kBudget = uint64_t{256} << 20;
+// Far longer than an upload may stall while others wait, and far longer than any test waits.
+constexpr char kLongIdleTimeout[] = "60s";
+constexpr absl::Duration kWithinSeconds = absl::Seconds(15 * kSlower);
+
+// Another build of candelad, to see these tests fail on it.
+const char* candelad_under_test() {
+  const char* other = std::getenv("CANDELA_TEST_CANDELAD");
+  return other == nullptr ? CANDELAD : other;
+}
+
+double quantile(std::vector<double> values, double of) {
+  std::sort(values.begin(), values.end());
+  return values.at(static_cast<size_t>(of * static_cast<double>(values.size() - 1)));
+}
+
+// A session of small frames, one at a time.
+class Bystander {
+ public:
+  Bystander(const std::string& address, const std::string& session)
+      : client_(own_channel(address), true, absl::Now() + absl::Minutes(2)) {
+    EXPECT_TRUE(client_.open(session));
+  }
+  // Milliseconds from before the header until the whole result, of each frame.
+  std::vector<double> latencies(int frames) {
+    std::vector<double> all;
+    for (int i = 0; i < frames; ++i) {
+      const absl::Time begin = absl::Now();
+      StreamResult result;
+      client_.send(frame_, sequence_, static_cast<int64_t>(sequence_));
+      EXPECT_TRUE(client_.read(result) && !result.failed) << "frame " << sequence_;
+      ++sequence_;
+      all.push_back(absl::ToDoubleMilliseconds(absl::Now() - begin));
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    return all;
+  }
+
+ private:
+  const WireFrame frame_ = natural(160, 90);
+  StreamClient client_;
+  uint64_t sequence_ = 0;
+};
+
+// A fair neighbour: a session that sends frames of 640x360 as fast as they are taken, while it exists.
+class Neighbour {
+ public:
+  explicit Neighbour(const std::string& address) : client_(own_channel(address)) {
+    client_.open("neighbour");
+    sender_ = std::thread([this] {
+      const WireFrame frame = natural(640, 360);
+      for (uint64_t i = 0; !stop_ && client_.send(frame, i, static_cast<int64_t>(i)); ++i) {
+      }
+      client_.half_close();
+    });
+    receiver_ = std::thread([this] { client_.read_all(); });
+  }
+  ~Neighbour() {
+    stop_ = true;
+    sender_.join();
+    receiver_.join();
+  }
+
+ private:
+  StreamClient client_;
+  std::atomic<bool> stop_ = false;
+  std::thread sender_;
+  std::thread receiver_;
+};
+
+std::string first_word(const std::string& words) { return words.substr(0, words.find(' ')); }
+
+class Memory : public ::testing::Test {
+ protected:
+  Memory()
+      : daemon_({"--listen", absl::StrCat("127.0.0.1:0,unix:", folder_.path("door")), "--memory-budget",
+                 "256MiB", "--idle-timeout", kLongIdleTimeout, "--log-level", "info"},
+                candelad_under_test()),
+        address_(first_word(daemon_.wait_until_listening())),
+        connection_(own_channel(address_)) {
+    EXPECT_NE(address_, "") << daemon_.errors();
+  }
+
+  // Another client than those on address_: the local processes that may open this socket.
+  std::string other_address() const { return absl::StrCat("unix:", folder_.path("door")); }
+  uint64_t in_use() const {
+    const absl::StatusOr<v1::GetServerInfoResponse> info = connection_.server_info();
+    return info.ok() ? info->pool().bytes_in_use() : 0;
+  }
+  // Repeats a Render until it is taken; false if it is not within `limit`.
+  static bool renders_within(const std::string& address, absl::Duration limit) {
+    const Connection connection(own_channel(address));
+    const WireFrame frame = natural(640, 360);
+    const absl::Time until = absl::Now() + limit;
+    while (absl::Now() < until) {
+      if (connection.render({}, view(frame), until).ok()) return true;
+      absl::SleepFor(absl::Milliseconds(200));
+    }
+    return false;
+  }
+  // Opens a session and sends a header, and `rows` rows after it.
+  std::unique_ptr<StreamClient> begin_upload(const std::string& address, const std::string& session,
+                                             const WireFrame& frame, uint32_t rows) const {
+    auto client = std::make_unique<StreamClient>(own_channel(address));
+    EXPECT_TRUE(client->open(session) && client->send_header(frame, 0, 0));
+    EXPECT_TRUE(rows == 0 || client->send_rows(frame, 0, rows));
+    return client;
+  }
+  bool wait_until_in_use_is(uint64_t least) const {
+    return wait_until(connection_, [least](const auto& info) { return info.pool().bytes_in_use() >= least; });
+  }
+
+  const TemporaryFolder folder_;
+  Daemon daemon_;
+  const std::string address_;
+  const Connection connection_;
+};
+
+// The frame alone has most of the budget, with staging copies as without.
+WireFrame large_frame() { return natural(2900, 2900); }
+
+TEST_F(Memory, HeadersWithoutAPixelHoldNothingAndDelayNobody) {
+  Bystander bystander(address_, "bystander");
+  bystander.latencies(20);
+  double fair = 0;
+  {
+    const Neighbour neighbour(address_);
+    bystander.latencies(20);
+    fair = quantile(bystander.latencies(150), 0.99);
+  }
+  std::vector<std::unique_ptr<StreamClient>> hogs;
+  for (const uint32_t side : {4096u, 2048u, 1024u, 512u, 256u, 128u, 64u, 32u}) {
+    WireFrame frame = natural(1, 1);
+    frame.desc.width = frame.desc.height = side;
+    for (int i = 0; i < 4; ++i)
+      hogs.push_back(begin_upload(address_, absl::StrCat("hog-", side, "-", i), frame, 0));
+  }
+  absl::SleepFor(absl::Milliseconds(500));
+  EXPECT_LT(in_use(), uint64_t{1} << 20);  // at most the bystander's
+  EXPECT_TRUE(renders_within(address_, kWithinSeconds));
+  std::vector<double> latencies;
+  for (int i = 0; i < 15; ++i) {
+    const std::vector<double> some = bystander.latencies(10);
+    latencies.insert(latencies.end(), some.begin(), some.end());
+    EXPECT_TRUE(connection_.health().ok());
+  }
+  const double attacked = quantile(latencies, 0.99);
+  std::cout << "p99 of the bystander: " << fair << " ms beside a fair neighbour, " << attacked
+            << " ms beside " << hogs.size() << " headers without a pixel\n";
+  EXPECT_LE(attacked, 2 * fair + 20);
+}
+
+TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToAFrameThatWaits) {
+  const WireFrame large = large_frame();
+  const auto stalled = begin_upload(address_, "stalled", large, 1);
+  ASSERT_TRUE(wait_until_in_use_is(kBudget / 2));
+  const absl::Time begin = absl::Now();
+  StreamClient client(own_channel(address_), true, begin + absl::Minutes(2));
+  ASSERT_TRUE(client.open("waits") && client.send(large, 0, 0));
+  StreamResult result;
+  ASSERT_TRUE(client.read(result));
+  EXPECT_FALSE(result.failed);
+  EXPECT_LT(absl::Now() - begin, ClientMemory::kStalled + absl::Seconds(10) * kSlower);
+  const grpc::Status status = stalled->finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
+  EXPECT_NE(status.error_message().find("brought no pixels"), std::string::npos) << status.error_message();
+  EXPECT_GT(retry_delay(status), absl::ZeroDuration());
+  // It may come back and gets the same image.
+  const std::vector<StreamResult> again = stream_all(own_channel(address_), open_of("stalled"), {large});
+  ASSERT_EQ(again.size(), 1u);
+  EXPECT_TRUE(again[0].pixels == result.pixels);
+}
+
+// A refused Render waits too, outside.
+TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToARenderThatWasRefused) {
+  const WireFrame large = large_frame();
+  std::vector<std::unique_ptr<StreamClient>> stalled;
+  stalled.push_back(begin_upload(address_, "stalled", large, 1));
+  ASSERT_TRUE(wait_until_in_use_is(kBudget / 2));
+  const Connection connection(own_channel(address_));
+  const absl::Time until = absl::Now() + kWithinSeconds;
+  absl::Status status = connection.render({}, view(large), until).status();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  while (!status.ok() && absl::Now() < until) {
+    absl::SleepFor(absl::Seconds(1));
+    status = connection.render({}, view(large), until).status();
+  }
+  EXPECT_TRUE(status.ok()) << status;
+}
+
+// The control: the same pause, and nobody waits.
+TEST_F(Memory, AnUploadThatNobodyWaitsForMayPause) {
+  const WireFrame large = large_frame();
+  const auto client = begin_upload(address_, "pauses", large, 1);
+  ASSERT_TRUE(wait_until_in_use_is(kBudget / 2));
+  EXPECT_TRUE(renders_within(address_, kWithinSeconds));
+  absl::SleepFor(absl::Seconds(4));
+  for (uint32_t y = 1; y < large.desc.height; y += 50) {
+    ASSERT_TRUE(client->send_rows(large, y, std::min(50u, large.desc.height - y)));
+  }
+  StreamResult result;
+  EXPECT_TRUE(client->read(result));
+}
+
+// It brings a few rows a second, and stalled uploads and frames that wait come and go beside it.
+TEST_F(Memory, AHonestSlowUploadIsNotStarvedByFramesThatWait) {
+  const WireFrame small = natural(64, 24);
+  const auto slow = begin_upload(address_, "slow", small, 1);
+  ASSERT_TRUE(wait_until(connection_, [](const auto& info) { return info.pool().bytes_in_use() > 0; }));
+  const WireFrame large = large_frame();
+  std::atomic<bool> stop = false;
+  std::thread others([&] {
+    for (int i = 0; !stop; ++i) {
+      const auto stalled = begin_upload(address_, absl::StrCat("stalled", i), large, 1);
+      absl::SleepFor(absl::Milliseconds(300));
+      const auto waits = begin_upload(address_, absl::StrCat("waits", i), large, 1);
+      absl::SleepFor(absl::Milliseconds(2500));
+    }
+  });
+  for (uint32_t y = 1; y < small.desc.height; ++y) {
+    absl::SleepFor(absl::Milliseconds(400));
+    if (!slow->send_rows(small, y, 1)) break;
+  }
+  StreamResult result;
+  const bool answered = slow->read(result);
+  stop = true;
+  others.join();
+  EXPECT_TRUE(answered) << slow->finish().error_message();
+}
+
+// Its uploads go on all the time, so none of them ever stalls.
+TEST_F(Memory, AClientTakesNoMoreThanItsShareBesideAnother) {
+  const WireFrame frame = natural(1200, 1200);  // about 25 MB of the budget
+  Bystander other(other_address(), "other");
+  other.latencies(1);
+  std::vector<std::unique_ptr<StreamClient>> hogs;
+  for (int i = 0; i < 12; ++i) hogs.push_back(begin_upload(address_, absl::StrCat("hog", i), frame, 1));
+  absl::SleepFor(absl::Milliseconds(500));
+  EXPECT_GT(in_use(), kBudget / 4);
+  EXPECT_LE(in_use(), kBudget / 2);
+  // The hog's own next frame is told why; the other client's is taken at once.
+  const absl::Status own = connection_.render({}, view(frame), absl::Now() + kWithinSeconds).status();
+  EXPECT_TRUE(absl::IsUnavailable(own)) << own;
+  EXPECT_NE(std::string(own.message()).find("its share of"), std::string::npos) << own;
+  const Connection by_other(own_channel(other_address()));
+  const absl::Status others = by_other.render({}, view(frame), absl::Now() + kWithinSeconds).status();
+  EXPECT_TRUE(others.ok()) << others;
+}
+
+TEST_F(Memory, AClientThatIsAloneMayUseAllOfIt) {
+  const WireFrame frame = natural(1200, 1200);
+  std::vector<std::unique_ptr<StreamClient>> uploads;
+  for (int i = 0; i < 8; ++i) uploads.push_back(begin_upload(address_, absl::StrCat("u", i), frame, 1));
+  EXPECT_TRUE(wait_until_in_use_is(kBudget / 2 + kBudget / 8)) << in_use();
+}
+
+// On a unix: socket the proxy says who calls.
+TEST_F(Memory, BehindAProxyClientsAreToldApartByTheAddressThatItAdds) {
+  const WireFrame frame = natural(1200, 1200);
+  const auto stub = v1::RenderService::NewStub(own_channel(other_address()));
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReaderWriter<v1::RenderRequest, v1::RenderResponse>>> calls;
+  const auto upload = [&](const std::string& forwarded) {
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    contexts.back()->AddMetadata("x-forwarded-for", forwarded);
+    contexts.back()->set_deadline(absl::ToChronoTime(absl::Now() + kWithinSeconds));
+    calls.push_back(stub->Render(contexts.back().get()));
+    calls.back()->Write(start_of(frame));
+    calls.back()->Write(band_of(frame, 0, 1));
+  };
+  upload("192.0.2.1");
+  // What a client claims itself stands before what the proxy adds.
+  for (int i = 0; i < 12; ++i) upload(absl::StrCat("198.51.100.", i, ", 192.0.2.2"));
+  absl::SleepFor(absl::Milliseconds(500));
+  EXPECT_GT(in_use(), kBudget / 4);
+  EXPECT_LE(in_use(), kBudget / 2 + kBudget / 8);  // half of what the first leaves, and what the first has
+}
+
+v1::Settings with_table(uint32_t size, char fill) {
+  v1::Settings settings;
+  settings.set_curve(v1::TONE_CURVE_TABLE);
+  settings.mutable_table()->set_size(size);
+  settings.mutable_table()->set_values(std::string(size_t{size} * size * size * 6, fill));
+  return settings;
+}
+
+// A table of 65^3 points has 1.65 MB, and 32 MiB are for tables.
+TEST_F(Memory, TablesOfChangesThatWaitAreCounted) {
+  const auto announce = [](StreamClient& client, int changes) {
+    for (int i = 1; i <= changes; ++i) {
+      if (!client.change(static_cast<uint64_t>(i), with_table(65, static_cast<char>(i)))) return;
+    }
+  };
+  StreamClient first(own_channel(address_));
+  StreamResult result;
+  ASSERT_TRUE(first.open("first"));
+  announce(first, 16);
+  ASSERT_TRUE(first.send(natural(8, 8), 0, 0) && first.read(result));  // all changes are read by now
+  StreamClient second(own_channel(address_), true, absl::Now() + absl::Minutes(1));
+  ASSERT_TRUE(second.open("second"));
+  announce(second, 16);
+  const grpc::Status status = second.finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
+  EXPECT_NE(status.error_message().find("colour table"), std::string::npos) << status.error_message();
+  // With the first session its tables go.
+  first.half_close();
+  EXPECT_TRUE(first.finish().ok());
+  StreamClient third(own_channel(address_), true, absl::Now() + absl::Minutes(1));
+  ASSERT_TRUE(third.open("third"));
+  announce(third, 12);
+  EXPECT_TRUE(third.send(natural(8, 8), 0, 0) && third.read(result));
+}
+
+// Each has filled its window of HTTP/2 and waits for memory. gRPC's quota must not end them.
+TEST_F(Memory, SixtyFourSessionsThatWaitAreAllAnswered) {
+  const WireFrame frame = natural(1600, 1000);  // 12.8 MB, three times what gRPC accepts ahead
+  const absl::Time until = absl::Now() + absl::Minutes(8);
+  std::vector<std::thread> clients;
+  std::atomic<int> answered = 0;
+  for (int i = 0; i < 64; ++i) {
+    clients.emplace_back([&, i] {
+      for (;;) {
+        StreamClient client(own_channel(address_), true, until);
+        StreamResult result;
+        client.open(absl::StrCat("waits", i));
+        if (client.send(frame, 0, 0) && client.read(result) && !result.failed) {
+          ++answered;
+          return;
+        }
+        // On a busy machine an upload may stall or wait too long. Then the server, and not gRPC, says when to
+        // come back.
+        const grpc::Status status = client.finish();
+        if (retry_delay(status) == absl::ZeroDuration()) {
+          ADD_FAILURE() << "session " << i << ": " << status.error_code() << " " << status.error_message();
+          return;
+        }
+        absl::SleepFor(retry_delay(status));
+      }
+    });
+  }
+  for (std::thread& client : clients) client.join();
+  EXPECT_EQ(answered, 64);
+}
+
+// Renders frames with `calls` at a time, each over a connection of its own, while it exists.
+class Renders {
+ public:
+  Renders(const std::string& address, int calls) {
+    for (int i = 0; i < calls; ++i) {
+      threads_.emplace_back([this, address] {
+        const Connection connection(own_channel(address));
+        // Frames that take the render thread far longer than their pixels take the connection.
+        const WireFrame frame = natural(320 / kSlower, 180 / kSlower);
+        v1::Settings settings;
+        settings.set_tier("reference");
+        while (!stop_) {
+          if (connection.render(settings, view(frame)).ok()) ++done_;
+        }
+      });
+    }
+  }
+  ~Renders() {
+    stop_ = true;
+    for (std::thread& thread : threads_) thread.join();
+  }
+  double done() const { return static_cast<double>(done_); }
+
+ private:
+  std::atomic<bool> stop_ = false;
+  std::atomic<uint64_t> done_ = 0;
+  std::vector<std::thread> threads_;
+};
+
+TEST_F(Memory, ManyConnectionsOfAClientHaveOneShareOfTheDevice) {
+  const Renders crowd(address_, 12);
+  const Renders other(other_address(), 3);
+  absl::SleepFor(absl::Seconds(1));
+  const double crowd_before = crowd.done(), other_before = other.done();
+  absl::SleepFor(absl::Seconds(5));
+  const double by_crowd = crowd.done() - crowd_before, by_other = other.done() - other_before;
+  const double share = by_other / (by_crowd + by_other);
+  std::cout << "three calls beside twelve got " << share << " of the frames\n";
+  EXPECT_GE(share, 0.33);
+}
+
+}  // namespace
+}  // namespace candela::testing

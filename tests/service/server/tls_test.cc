@@ -1,0 +1,343 @@
+// TLS, client certificates and bearer tokens, between a real candelad and the client library.
+#include <arpa/inet.h>
+#include <grpcpp/create_channel.h>
+#include <netinet/in.h>
+#include <openssl/ssl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "client/call/raw_call.h"
+#include "tests/service/server/security_fixture.h"
+
+namespace candela::testing {
+namespace {
+
+constexpr auto kUnavailable = absl::StatusCode::kUnavailable;
+constexpr auto kUnauthenticated = absl::StatusCode::kUnauthenticated;
+constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
+
+using Tls = SecurityTest;
+using Mtls = SecurityTest;
+using Tokens = SecurityTest;
+using SecurityFiles = SecurityTest;
+
+TEST_F(Tls, ServesThoseWhoTrustItsCa) {
+  Daemon daemon(tls());
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  EXPECT_TRUE(render(address, trusting()).ok()) << render(address, trusting());
+  EXPECT_TRUE(Connection::open(address, trusting())->health().ok());
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
+}
+
+TEST_F(Tls, SaysWhatIsWrongWithTheServersCertificate) {
+  Daemon daemon(tls());
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  expect_says(render(address, trusting("other_ca.pem")), kUnavailable,
+              "is not signed by a CA of " + folder_.path("other_ca.pem") +
+                  "; give the one that signed it with --tls-ca");
+  expect_says(render(address, {.tls = true}), kUnavailable, "is not signed by a CA of this system");
+  ClientSecurity named = trusting();
+  named.server_name = "example.org";
+  expect_says(render(address, named), kUnavailable, "is not for the name example.org");
+  named.server_name = "localhost";
+  EXPECT_TRUE(render(address, named).ok());
+
+  put("server", ca_.issue("server", -absl::Hours(1)));
+  Daemon expired(tls());
+  expect_says(render(expired.wait_until_listening(), trusting()), kUnavailable,
+              "has expired; the server's operator must renew it");
+  EXPECT_TRUE(absl::StrContains(expired.errors(), "the certificate has expired")) << expired.errors();
+}
+
+TEST_F(Tls, PlainAndTlsDoNotMeetAndSaySo) {
+  Daemon secure(tls());
+  const std::string address = secure.wait_until_listening();
+  ASSERT_NE(address, "") << secure.errors();
+  expect_says(render(address, {}), kUnavailable, "speaks TLS and the client did not; give --tls");
+  Daemon plain({"--listen", "127.0.0.1:0"});
+  expect_says(render(plain.wait_until_listening(), trusting()), kUnavailable, "does not speak TLS");
+}
+
+TEST_F(Tls, AUnixSocketStaysPlain) {
+  const std::string address = "unix:" + folder_.path("socket");
+  Daemon daemon(tls({"--listen", address}));
+  ASSERT_EQ(daemon.wait_until_listening(), address) << daemon.errors();
+  EXPECT_TRUE(render(address, {}).ok()) << render(address, {});
+  EXPECT_TRUE(render(address, trusting()).ok()) << "over a socket its options count for nothing";
+}
+
+// The server's answer to a client that speaks this version alone: the protocol that they agreed on, or
+// nothing.
+std::string agreed(const std::string& address, int version) {
+  SSL_CTX* context = SSL_CTX_new(TLS_client_method());
+  SSL_CTX_set_security_level(context, 0);
+  SSL_CTX_set_min_proto_version(context, version);
+  SSL_CTX_set_max_proto_version(context, version);
+  BIO* bio = BIO_new_ssl_connect(context);
+  BIO_set_conn_hostname(bio, address.c_str());
+  SSL* ssl = nullptr;
+  BIO_get_ssl(bio, &ssl);
+  constexpr unsigned char kProtocols[] = "\x02h2";
+  SSL_set_alpn_protos(ssl, kProtocols, 3);
+  std::string protocol;
+  if (BIO_do_connect(bio) == 1) {
+    const unsigned char* name = nullptr;
+    unsigned int size = 0;
+    SSL_get0_alpn_selected(ssl, &name, &size);
+    protocol.assign(reinterpret_cast<const char*>(name), size);
+  }
+  BIO_free_all(bio);
+  SSL_CTX_free(context);
+  return protocol;
+}
+
+TEST_F(Tls, IsOneTwoOrLater) {
+  Daemon daemon(tls());
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  EXPECT_EQ(agreed(address, TLS1_1_VERSION), "");
+  EXPECT_EQ(agreed(address, TLS1_2_VERSION), "h2");
+  EXPECT_EQ(agreed(address, TLS1_3_VERSION), "h2");
+}
+
+TEST_F(Tls, ListensBeyondLoopback) {
+  std::vector<std::string> arguments = tls();
+  arguments[1] = "0.0.0.0:0";
+  Daemon daemon(arguments);
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  EXPECT_TRUE(render("127.0.0.1" + address.substr(address.rfind(':')), trusting()).ok());
+}
+
+TEST_F(Mtls, OnlyThoseWithACertificateOfTheCaComeIn) {
+  put("foreign", other_ca_.issue("client"));
+  put("expired", ca_.issue("client", -absl::Hours(1)));
+  Daemon daemon(tls({"--tls-client-ca", folder_.path("ca.pem")}));
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  EXPECT_TRUE(render(address, showing("client")).ok()) << render(address, showing("client"));
+  expect_says(render(address, trusting()), kUnavailable,
+              "asks for a client certificate; give one with --tls-cert");
+  expect_says(render(address, showing("foreign")), kUnavailable,
+              "refuses the client certificate " + folder_.path("foreign.pem"));
+  expect_says(render(address, showing("expired")), kUnavailable, "expired.pem, which has expired");
+  expect_says(Connection::open(address, trusting())->health(), kUnavailable, "asks for a client certificate");
+}
+
+// The status of a call of any method with these values of the "authorization" and the "x-forwarded-for"
+// metadata.
+absl::Status call(const std::string& address, const std::string& method, const std::string& authorization,
+                  const std::string& forwarded_for = "") {
+  grpc::ClientContext context;
+  if (!forwarded_for.empty()) context.AddMetadata("x-forwarded-for", forwarded_for);
+  if (!authorization.empty()) context.AddMetadata("authorization", authorization);
+  grpc::GenericStub stub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+  grpc::CompletionQueue queue;
+  grpc::ByteBuffer request, response;
+  const grpc::Slice empty("");
+  request = grpc::ByteBuffer(&empty, 1);
+  const auto unary = stub.PrepareUnaryCall(&context, method, request, &queue);
+  unary->StartCall();
+  grpc::Status status;
+  unary->Finish(&response, &status, nullptr);
+  void* tag = nullptr;
+  bool ok = false;
+  queue.Next(&tag, &ok);
+  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+}
+
+TEST_F(Tokens, EveryMethodButHealthAsksForOne) {
+  const std::string socket = "unix:" + folder_.path("socket");
+  Daemon daemon(
+      {"--listen", "127.0.0.1:0," + socket, "--token-file", folder_.path("tokens"), "--log-level", "debug"});
+  const std::string both = daemon.wait_until_listening();
+  ASSERT_NE(both, "") << daemon.errors();
+  for (const std::string& address : {both.substr(0, both.find(' ')), socket}) {
+    for (const char* method : {"/candela.v1.RenderService/GetServerInfo", "/candela.v1.RenderService/Render",
+                               "/candela.v1.RenderService/Meter", "/candela.v1.RenderService/Stream",
+                               "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                               "/no.such/Method", "/grpc.health.v1.Healthy/Check"}) {
+      const absl::Status missing = call(address, method, "");
+      expect_says(missing, kUnauthenticated, "--token-file");
+      for (const std::string& wrong :
+           {absl::StrCat("Bearer ", kOtherToken), std::string(kToken), absl::StrCat("Bearer ", kToken, "x"),
+            absl::StrCat("Basic ", kToken), std::string("Bearer "), std::string("Bearer 0123456789abcdef")}) {
+        EXPECT_EQ(call(address, method, wrong), missing) << wrong << " is told from a missing one";
+      }
+    }
+    EXPECT_TRUE(
+        call(address, "/candela.v1.RenderService/GetServerInfo", absl::StrCat("Bearer ", kToken)).ok());
+    EXPECT_TRUE(
+        call(address, "/candela.v1.RenderService/GetServerInfo", absl::StrCat("bearer ", kToken)).ok());
+    EXPECT_TRUE(call(address, "/grpc.health.v1.Health/Check", "").ok());
+    ClientSecurity security{.token_file = folder_.path("token")};
+    EXPECT_TRUE(render(address, security).ok()) << render(address, security);
+    security.token_file = folder_.path("other_token");
+    expect_says(render(address, security), kUnauthenticated, "--token-file");
+    expect_says(render(address, {}), kUnauthenticated, "--token-file");
+  }
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0);
+  // Only the log tells a missing token from an unknown one.
+  for (const char* reason : {"no token", "unknown token"}) {
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), reason)) << daemon.errors();
+  }
+  EXPECT_FALSE(absl::StrContains(daemon.errors(), "0123456789abcdef")) << daemon.errors();
+}
+
+// Only a proxy on a unix: socket is believed.
+TEST_F(Tokens, TheLogNamesTheClientOfACallThatIsRefused) {
+  const std::string socket = "unix:" + folder_.path("socket");
+  for (const auto& [listen, peer] : std::vector<std::pair<std::string, std::string>>{
+           {socket, "peer=203.0.113.9"}, {"127.0.0.1:0", "peer=127.0.0.1 "}, {"[::1]:0", "peer=::/64 "}}) {
+    Daemon daemon({"--listen", listen, "--token-file", folder_.path("tokens")});
+    const std::string address = daemon.wait_until_listening();
+    ASSERT_NE(address, "") << daemon.errors();
+    call(address, "/candela.v1.RenderService/GetServerInfo", "", "198.51.100.1, 203.0.113.9").IgnoreError();
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait(), 0);
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), "call refused")) << daemon.errors();
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), peer)) << daemon.errors();
+  }
+}
+
+TEST_F(Tokens, TheLogNamesTheClientOfACallThatIsRefusedOverTls) {
+  Daemon daemon(tls({"--token-file", folder_.path("tokens")}));
+  const std::string address = daemon.wait_until_listening();
+  expect_says(render(address, trusting()), kUnauthenticated, "--token-file");
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "peer=127.0.0.1 ")) << daemon.errors();
+}
+
+// A socket at 127.0.0.1's `port` from another of this machine's addresses, which stays open and silent.
+int connect_from(const std::string& source, int port) {
+  const int descriptor = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  inet_pton(AF_INET, source.c_str(), &address.sin_addr);
+  EXPECT_EQ(bind(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  inet_pton(AF_INET, "127.0.0.1", &address.sin_addr);
+  address.sin_port = htons(static_cast<uint16_t>(port));
+  EXPECT_EQ(connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  return descriptor;
+}
+
+// gRPC does not say who called. See `Ports` in grpc_listener.cc.
+TEST_F(Tokens, TheLogNamesTheRefusedClientAmongOthersAndTheCandidatesBeyondSixtyFour) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--token-file", folder_.path("tokens")});
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  const int port = std::stoi(address.substr(address.rfind(':') + 1));
+  const std::string method = "/candela.v1.RenderService/GetServerInfo";
+  std::vector<int> others;
+  for (int i = 2; i < 50; ++i) others.push_back(connect_from(absl::StrCat("127.0.1.", i), port));
+  call(address, method, "").IgnoreError();
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "peer=127.0.0.1 ")) << daemon.errors();
+  for (int i = 50; i < 150; ++i) others.push_back(connect_from(absl::StrCat("127.0.1.", i), port));
+  call(address, method, "Bearer of nothing").IgnoreError();
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "one of 127.0.0.1, 127.0.1.")) << daemon.errors();
+  for (const int descriptor : others) close(descriptor);
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(), 0);
+}
+
+TEST_F(Tokens, GoOverTlsToo) {
+  Daemon daemon(tls({"--token-file", folder_.path("tokens")}));
+  const std::string address = daemon.wait_until_listening();
+  ASSERT_NE(address, "") << daemon.errors();
+  ClientSecurity security = trusting();
+  expect_says(render(address, security), kUnauthenticated, "--token-file");
+  security.token_file = folder_.path("token");
+  EXPECT_TRUE(render(address, security).ok()) << render(address, security);
+  EXPECT_TRUE(Connection::open(address, trusting())->health().ok());
+}
+
+TEST_F(Tokens, NeverGoBeyondThisMachineInTheClear) {
+  const ClientSecurity token{.token_file = folder_.path("token")};
+  for (const char* beyond : {"192.0.2.1:50051", "example.org:1", "127.example.org:1", "[2001:db8::1]:1"}) {
+    expect_says(Connection::open(beyond, token).status(), kInvalid, "in the clear");
+  }
+  ClientSecurity secure = token;
+  secure.tls = true;
+  EXPECT_TRUE(Connection::open("192.0.2.1:50051", secure).ok());
+  EXPECT_TRUE(Connection::open("[::1]:50051", token).ok());
+}
+
+TEST_F(SecurityFiles, OfAClientThatCannotBeUsedAreNamed) {
+  const auto opened = [](const ClientSecurity& security) {
+    return Connection::open("127.0.0.1:1", security).status();
+  };
+  expect_says(opened({.ca_file = "/no/such/ca"}), kInvalid, "/no/such/ca");
+  expect_says(opened({.ca_file = put("text", "no PEM")}), kInvalid, "is not PEM");
+  expect_says(opened({.cert_file = folder_.path("client.pem")}), kInvalid, "--tls-key");
+  expect_says(opened({.cert_file = folder_.path("client.pem"), .key_file = folder_.path("server.key")}),
+              kInvalid, "no PEM private key of the client certificate");
+  expect_says(opened({.key_file = folder_.path("client.key")}), kInvalid, "--tls-cert");
+  expect_says(opened({.token_file = "/no/such/token"}), kInvalid, "/no/such/token");
+  expect_says(opened({.token_file = put("empty", "# none\n")}), kInvalid, "holds no token");
+  expect_says(opened({.token_file = put("spaces", "one two\n")}), kInvalid, "holds a space");
+}
+
+// Before anything listens: each ends candelad with one line that names the option, the file and the reason.
+TEST_F(SecurityFiles, OfAServerThatCannotBeUsedAreNamed) {
+  const Issued other = ca_.issue("other");
+  struct Case {
+    std::string option, file, text, reason;
+  };
+  std::string damaged = ca_.cert();
+  damaged[damaged.size() / 2] = '!';
+  for (const Case& bad :
+       std::vector<Case>{{"tls-cert", "server.pem", "", "holds no PEM certificate"},
+                         {"tls-cert", "server.pem", damaged, "damaged PEM"},
+                         {"tls-cert", "server.pem", ca_.cert() + damaged, "damaged PEM: certificate 2"},
+                         {"tls-key", "server.key", "text", "holds no PEM private key"},
+                         {"tls-key", "server.key", other.key, "is not the key of the first certificate in"},
+                         {"tls-key", "server.key", with_passphrase(other.key), "has a passphrase"},
+                         {"tls-client-ca", "ca.pem", "text", "holds no PEM certificate"},
+                         {"token-file", "tokens", "", "holds no token"},
+                         {"token-file", "tokens", "# one\n\nshort-token\n", "line 3"},
+                         {"token-file", "tokens", "a token with some spaces\n", "line 1"}}) {
+    SetUp();
+    put(bad.file, bad.text);
+    Daemon daemon(tls({"--tls-client-ca", folder_.path("ca.pem"), "--token-file", folder_.path("tokens")}));
+    ASSERT_EQ(daemon.wait_until_listening(), "");
+    EXPECT_EQ(daemon.wait(), 1);
+    const std::string errors = daemon.errors();
+    const std::string line = errors.substr(errors.find("candelad: "));
+    EXPECT_TRUE(absl::StartsWith(line, absl::StrCat("candelad: ", bad.option, ": "))) << line;
+    EXPECT_TRUE(absl::StrContains(line, bad.reason)) << line;
+    EXPECT_TRUE(absl::StrContains(line, folder_.path(bad.file))) << line;
+    EXPECT_EQ(std::count(line.begin(), line.end(), '\n'), 1) << line;
+    EXPECT_FALSE(absl::StrContains(line, "short-token")) << line;
+  }
+  SetUp();
+  for (const auto& [option, file] :
+       std::vector<std::pair<std::string, std::string>>{{"tls-cert", "server.pem"},
+                                                        {"tls-key", "server.key"},
+                                                        {"tls-client-ca", "ca.pem"},
+                                                        {"token-file", "tokens"}}) {
+    std::vector<std::string> arguments =
+        tls({"--tls-client-ca", folder_.path("ca.pem"), "--token-file", folder_.path("tokens")});
+    std::replace(arguments.begin(), arguments.end(), folder_.path(file), std::string("/no/such/file"));
+    Daemon daemon(arguments);
+    ASSERT_EQ(daemon.wait_until_listening(), "");
+    EXPECT_EQ(daemon.wait(), 1);
+    EXPECT_TRUE(absl::StrContains(daemon.errors(), option + ": cannot read /no/such/file"))
+        << daemon.errors();
+  }
+  EXPECT_EQ(chmod(folder_.path("server.key").c_str(), 0644), 0);
+  Daemon daemon(tls());
+  ASSERT_EQ(daemon.wait_until_listening(), "");
+  EXPECT_EQ(daemon.wait(), 1);
+  EXPECT_TRUE(absl::StrContains(daemon.errors(), "chmod 600")) << daemon.errors();
+}
+
+}  // namespace
+}  // namespace candela::testing

@@ -1,0 +1,261 @@
+// Calls that end early, and servers that stop early.
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "client/call/raw_call.h"
+#include "client/call/retry/retry_info.h"
+#include "tests/service/service_fixture.h"
+#include "tests/service/sessions/wire_cutter.h"
+#include "tests/support/status.h"
+
+namespace candela::testing {
+namespace {
+
+// A call through the generated classes that the test can abandon at any point.
+struct OpenCall {
+  explicit OpenCall(const std::shared_ptr<grpc::Channel>& channel)
+      : stub(v1::RenderService::NewStub(channel)), stream(stub->Render(&context)) {}
+
+  grpc::Status finish() {
+    v1::RenderResponse response;
+    while (stream->Read(&response)) {
+    }
+    return stream->Finish();
+  }
+
+  grpc::ClientContext context;
+  std::unique_ptr<v1::RenderService::Stub> stub;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::RenderRequest, v1::RenderResponse>> stream;
+};
+
+class CallLife : public ServiceTest {
+ protected:
+  const WireFrame frame_ = natural(640, 480);
+};
+INSTANTIATE_TEST_SUITE_P(Transport, CallLife, ::testing::Bool(), transport_name);
+
+TEST_P(CallLife, CancelInTheMiddleOfTheBandsGivesTheMemoryBack) {
+  OpenCall call(channel());
+  call.stream->Write(start_of(frame_));
+  call.stream->Write(band_of(frame_, 0, 100));
+  ASSERT_TRUE(wait_until_in_use(connection()));
+  call.context.TryCancel();
+  EXPECT_EQ(call.finish().error_code(), grpc::CANCELLED);
+  EXPECT_TRUE(wait_until_idle(connection()));
+}
+
+TEST_P(CallLife, CancelAtAnyMomentLeavesNothingBehind) {
+  for (int i = 0; i < 60; ++i) {
+    // In process, a call ends for its client before it ends for the server, which counts it until then.
+    if (i % 4 == 0) {
+      ASSERT_TRUE(wait_until_idle(connection()));
+    }
+    OpenCall call(channel());
+    std::thread canceller([&call, i] {
+      absl::SleepFor(absl::Microseconds(300 * i));
+      call.context.TryCancel();
+    });
+    call.stream->Write(start_of(frame_));
+    call.stream->Write(band_of(frame_, 0, 240));
+    call.stream->Write(band_of(frame_, 240, 240));
+    call.stream->WritesDone();
+    const grpc::Status status = call.finish();
+    canceller.join();
+    EXPECT_TRUE(status.ok() || status.error_code() == grpc::CANCELLED) << status.error_message();
+  }
+  EXPECT_TRUE(wait_until_idle(connection()));
+  EXPECT_TRUE(connection().render({}, view(frame_)).ok());
+}
+
+TEST_P(CallLife, ADeadlineEndsTheCall) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(100));
+  const auto stub = v1::RenderService::NewStub(channel());
+  const auto stream = stub->Render(&context);
+  stream->Write(start_of(frame_));
+  v1::RenderResponse response;
+  while (stream->Read(&response)) {
+  }
+  EXPECT_EQ(stream->Finish().error_code(), grpc::DEADLINE_EXCEEDED);
+  EXPECT_TRUE(wait_until_idle(connection()));
+}
+
+TEST_P(CallLife, TheClientReportsItsOwnDeadlineInWords) {
+  const absl::Status status =
+      connection().render({}, view(frame_), absl::Now() + absl::Microseconds(200)).status();
+  EXPECT_TRUE(absl::IsDeadlineExceeded(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("time given"), std::string::npos) << status;
+}
+
+TEST_P(CallLife, AClientThatSendsNothingIsCutOffAfterTheIdleTimeout) {
+  for (bool with_start : {false, true}) {
+    OpenCall call(channel());
+    if (with_start) call.stream->Write(start_of(frame_));
+    const absl::Time start = absl::Now();
+    const grpc::Status status = call.finish();
+    EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED);
+    EXPECT_NE(status.error_message().find("idle timeout"), std::string::npos) << status.error_message();
+    EXPECT_GE(absl::Now() - start, absl::Milliseconds(700));
+    EXPECT_TRUE(wait_until_idle(connection()));
+  }
+}
+
+TEST_P(CallLife, AClientThatKeepsSendingIsNotIdle) {
+  const WireFrame frame = natural(16, 5);
+  OpenCall call(channel());
+  call.stream->Write(start_of(frame));
+  for (uint32_t y = 0; y < 5; ++y) {
+    absl::SleepFor(absl::Milliseconds(400));
+    call.stream->Write(band_of(frame, y, 1));
+  }
+  call.stream->WritesDone();
+  const grpc::Status status = call.finish();
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST_P(CallLife, AClientThatDoesNotReadItsResultIsCutOffToo) {
+  const WireFrame frame = natural(2048, 1024);
+  v1::RenderRequest start = start_of(frame);
+  // A result of 16 MiB, which is more than flow control allows unread.
+  start.mutable_start()->mutable_settings()->set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  OpenCall call(channel());
+  call.stream->Write(start);
+  for (uint32_t y = 0; y < 1024; y += 128) call.stream->Write(band_of(frame, y, 128));
+  call.stream->WritesDone();
+  ASSERT_TRUE(wait_until_in_use(connection()));
+  EXPECT_TRUE(wait_until_idle(connection()));
+  EXPECT_FALSE(call.finish().ok());
+}
+
+TEST(CallLimit, CallsBeyondTheMostAtOnceAreToldToTryAgain) {
+  Config config = test_config();
+  config.idle_timeout = absl::Minutes(1);  // the calls stay open, even on a machine that stands still
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = own_channel(server->addresses().at(0));
+  const Connection connection(channel);
+  std::vector<std::unique_ptr<OpenCall>> calls;
+  for (uint32_t i = 0; i < config.max_calls; ++i) {
+    calls.push_back(std::make_unique<OpenCall>(channel));
+    calls.back()->stream->Write(start_of(natural(1, 1)));
+  }
+  // The calls reach the server at different times.
+  absl::Status status;
+  const absl::Time give_up = absl::Now() + absl::Seconds(10);
+  while (status.ok() && absl::Now() < give_up) status = connection.render({}, view(natural(4, 4))).status();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("8 calls"), std::string::npos) << status;
+  EXPECT_GT(noted_retry_delay(status).value_or(absl::ZeroDuration()), absl::ZeroDuration());
+  for (const auto& call : calls) {
+    call->context.TryCancel();
+    (void)call->finish();
+  }
+}
+
+TEST(VanishedClient, GivesTheMemoryBackAndHurtsNobody) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const Connection witness(server->in_process_channel());
+  const WireFrame frame = natural(320, 480);
+  for (uint32_t rows : {0u, 100u, 480u}) {
+    WireCutter wire(server->addresses().at(0));
+    OpenCall call(grpc::CreateChannel(wire.address(), grpc::InsecureChannelCredentials()));
+    call.stream->Write(start_of(frame));
+    if (rows > 0) {
+      call.stream->Write(band_of(frame, 0, rows));
+      ASSERT_TRUE(wait_until_in_use(witness));
+    }
+    if (rows == 480) call.stream->WritesDone();
+    wire.cut();
+    const grpc::Status status = call.finish();
+    EXPECT_TRUE(rows == 480 || status.error_code() == grpc::UNAVAILABLE) << status.error_message();
+    EXPECT_TRUE(wait_until_idle(witness));
+    EXPECT_TRUE(witness.render({}, view(frame)).ok());
+  }
+}
+
+TEST(Drain, AFrameInFlightFinishesWhileNewCallsAreRefused) {
+  const std::unique_ptr<Server> server = start_server(test_config());
+  const auto channel = server->in_process_channel();
+  const WireFrame frame = natural(16, 16);
+  OpenCall call(channel);
+  call.stream->Write(start_of(frame));
+  call.stream->Write(band_of(frame, 0, 1));
+  ASSERT_TRUE(wait_until_in_use(Connection(channel)));
+  std::thread drain([&server] { server->drain_and_stop(); });
+  absl::Status refused;
+  while (refused.ok()) refused = Connection(channel).render({}, view(frame)).status();
+  EXPECT_TRUE(absl::IsUnavailable(refused)) << refused;
+  EXPECT_NE(std::string(refused.message()).find("draining"), std::string::npos) << refused;
+  EXPECT_TRUE(absl::IsUnavailable(Connection(channel).health()));
+  call.stream->Write(band_of(frame, 1, 15));
+  call.stream->WritesDone();
+  EXPECT_TRUE(call.finish().ok());
+  drain.join();
+}
+
+TEST(Drain, ThePreDrainTakesCallsWhileHealthAlreadyWarns) {
+  Config config = test_config();
+  config.pre_drain = absl::Seconds(2);
+  const std::unique_ptr<Server> server = start_server(config);
+  const Connection connection(
+      grpc::CreateChannel(server->addresses().at(0), grpc::InsecureChannelCredentials()));
+  const absl::Time start = absl::Now();
+  std::thread drain([&server] { server->drain_and_stop(); });
+  while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));
+  absl::Status status = connection.render({}, view(natural(16, 16))).status();
+  EXPECT_TRUE(status.ok()) << status;
+  while (status.ok()) status = connection.render({}, view(natural(16, 16))).status();
+  EXPECT_GE(absl::Now() - start, absl::Seconds(2));
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  drain.join();
+}
+
+TEST(Drain, CallsThatOutlastTheDrainTimeoutAreCancelled) {
+  Config config = test_config();
+  config.drain_timeout = absl::Milliseconds(100);
+  config.idle_timeout = absl::Minutes(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  const auto channel = server->in_process_channel();
+  OpenCall call(channel);
+  const WireFrame frame = natural(16, 16);
+  call.stream->Write(start_of(frame));
+  call.stream->Write(band_of(frame, 0, 1));
+  ASSERT_TRUE(wait_until_in_use(Connection(channel)));
+  const absl::Time start = absl::Now();
+  server->drain_and_stop();
+  EXPECT_LT(absl::Now() - start, absl::Seconds(5));
+  EXPECT_FALSE(call.finish().ok());
+}
+
+// In the same process, a band is the server's memory. It stays valid while anybody holds it.
+TEST(Drain, ABandOutlivesTheServerThatSentIt) {
+  std::unique_ptr<Server> server = start_server(test_config());
+  const WireFrame frame = flat(64, 64, {1, 1, 1, 1});
+  const auto channel = server->in_process_channel();
+  ASSERT_OK_AND_ASSIGN(const RenderResult expected, Connection(channel).render({}, view(frame)));
+  grpc::ByteBuffer band;
+  {
+    RawCall call(channel, "/candela.v1.RenderService/Render", absl::InfiniteFuture());
+    for (const v1::RenderRequest& request : {start_of(frame), band_of(frame, 0, 64)}) {
+      const grpc::Slice bytes(request.SerializeAsString());
+      ASSERT_TRUE(call.write(grpc::ByteBuffer(&bytes, 1)));
+    }
+    ASSERT_TRUE(call.half_close());
+    ASSERT_TRUE(call.read(band));
+    ASSERT_TRUE(call.read(band));
+    ASSERT_TRUE(call.finish().ok());
+  }
+  server.reset();
+  std::vector<grpc::Slice> slices;
+  ASSERT_TRUE(band.Dump(&slices).ok());
+  const grpc::Slice& pixels = slices.back();
+  EXPECT_EQ(std::string(pixels.begin(), pixels.end()),
+            std::string(reinterpret_cast<const char*>(expected.data.get()), expected.bytes));
+}
+
+}  // namespace
+}  // namespace candela::testing

@@ -1,0 +1,367 @@
+// Sessions as render.proto promises them: order, exposure over time, changes, look-ahead, encodings and
+// resuming.
+#include <png.h>
+
+#include <cmath>
+#include <thread>
+
+#include "absl/time/clock.h"
+#include "tests/service/service_fixture.h"
+#include "tests/service/sessions/stream_client.h"
+#include "tests/support/status.h"
+
+namespace candela::testing {
+namespace {
+
+class Stream : public ServiceTest {
+ protected:
+  // Every size and format, alternately brighter and darker.
+  static std::vector<WireFrame> film(size_t count) {
+    std::vector<WireFrame> frames;
+    for (size_t i = 0; i < count; ++i) {
+      const auto width = static_cast<uint32_t>(37 + 61 * (i % 3));
+      const auto height = static_cast<uint32_t>(29 + 40 * (i % 2));
+      frames.push_back(natural(width, height));
+    }
+    return frames;
+  }
+  static WireFrame grey(float value, uint32_t width = 64, uint32_t height = 48) {
+    return flat(width, height, {value, value, value, 1.0f});
+  }
+  // Frames of one picture. Halfway, its light grows by a factor of 2^12.
+  static std::vector<WireFrame> step(size_t count) {
+    std::vector<WireFrame> frames;
+    for (size_t i = 0; i < count; ++i) frames.push_back(grey(i < count / 2 ? 0.01f : 40.96f));
+    return frames;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Transport, Stream, ::testing::Bool(), transport_name);
+
+TEST_P(Stream, ResultsComeInOrderWhateverTheSizes) {
+  const std::vector<WireFrame> frames = film(12);
+  const std::vector<StreamResult> results = stream_all(channel(), open_of("order"), frames);
+  ASSERT_EQ(results.size(), frames.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    EXPECT_EQ(results[i].header.sequence(), i);
+    EXPECT_EQ(results[i].header.width(), frames[i].desc.width);
+    EXPECT_EQ(results[i].header.height(), frames[i].desc.height);
+    EXPECT_FALSE(results[i].token().empty());
+    EXPECT_LE(results[i].token().size(), v1::kMaxTokenBytes);
+  }
+}
+
+TEST_P(Stream, ExposureFollowsTheRecursionAndEachImageIsWhatRenderMakesOfIt) {
+  const std::vector<WireFrame> frames = step(10);
+  const std::vector<StreamResult> results = stream_all(channel(), open_of("recursion"), frames);
+  ASSERT_EQ(results.size(), frames.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    FrameView frame = view(frames[i], i);
+    if (i > 0) {
+      EXPECT_EQ(results[i].header.exposure_before(), results[i - 1].header.exposure());
+      frame.previous = v1::ExposureState();
+      frame.previous->set_exposure(results[i - 1].header.exposure());
+      frame.previous->set_elapsed_seconds(static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) * 1e-9);
+    }
+    ASSERT_OK_AND_ASSIGN(const RenderResult alone, connection().render({}, frame));
+    EXPECT_EQ(results[i].header.exposure(), alone.header.exposure());
+    EXPECT_EQ(results[i].header.target(), alone.header.target());
+    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone.data.get(), alone.bytes)) << "frame " << i;
+  }
+  EXPECT_LT(results[9].header.exposure(), results[4].header.exposure());
+  EXPECT_GT(results[9].header.exposure(), results[9].header.target()) << "it takes its time";
+}
+
+// Opaque frames, transparent ones and frames of nothing in turn: each is what Render makes of it, and a frame
+// of nothing keeps the exposure before it.
+TEST_P(Stream, FramesMayBeOpaqueOrTransparent) {
+  const auto frame = [](size_t kind) {
+    return make_frame(64, 48, v1::PIXEL_FORMAT_RGBA16F, [kind](uint32_t x, uint32_t y) -> Texel {
+      const float a = kind == 0 || x < 32 ? 1.0f : kind == 1 ? static_cast<float>(y) / 64 : 0.0f;
+      return kind == 2 ? Texel{0, 0, 0, 0} : Texel{a, 0.5f * a, 0.25f * a, a};
+    });
+  };
+  std::vector<WireFrame> frames;
+  for (size_t i = 0; i < 9; ++i) frames.push_back(frame(2 * i % 3));
+  v1::StreamOpen open = open_of("alpha");
+  open.mutable_settings()->set_alpha(v1::ALPHA_STRAIGHT);
+  const std::vector<StreamResult> results = stream_all(channel(), open, frames);
+  ASSERT_EQ(results.size(), frames.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    FrameView view_of_frame = view(frames[i], i);
+    if (i > 0) {
+      view_of_frame.previous = v1::ExposureState();
+      view_of_frame.previous->set_exposure(results[i - 1].header.exposure());
+      view_of_frame.previous->set_elapsed_seconds(static_cast<double>(film_time_ns(i) - film_time_ns(i - 1)) *
+                                                  1e-9);
+    }
+    ASSERT_OK_AND_ASSIGN(const RenderResult alone, connection().render(open.settings(), view_of_frame));
+    EXPECT_EQ(results[i].header.exposure(), alone.header.exposure());
+    EXPECT_EQ(0, std::memcmp(results[i].pixels.data(), alone.data.get(), alone.bytes)) << "frame " << i;
+    const bool nothing = results[i].header.statistics().absent_pixels() == 64u * 48u;
+    if (i == 0 || !nothing) continue;
+    EXPECT_EQ(results[i].header.exposure(), results[i - 1].header.exposure());
+  }
+}
+
+TEST_P(Stream, ACutTakesItsTargetAndARepeatTheSameBits) {
+  const std::vector<WireFrame> frames = step(4);
+  StreamClient client(channel());
+  ASSERT_TRUE(client.open("cut"));
+  client.send(frames[0], 0, film_time_ns(0));
+  client.send(frames[3], 1, film_time_ns(1), /*cut=*/true);
+  StreamResult first, second, again;
+  ASSERT_TRUE(client.read(first) && client.read(second));
+  EXPECT_EQ(client.opened().session(), "cut");
+  EXPECT_GE(client.opened().max_frames_in_flight(), 1u);
+  EXPECT_TRUE(second.header.cut());
+  EXPECT_EQ(second.header.exposure(), second.header.target());
+  client.send(frames[3], 1, film_time_ns(1));
+  ASSERT_TRUE(client.read(again));
+  EXPECT_EQ(again.pixels, second.pixels);
+  EXPECT_EQ(again.header.exposure(), second.header.exposure());
+  client.half_close();
+  EXPECT_TRUE(client.finish().ok());
+}
+
+TEST_P(Stream, LookaheadSpreadsASpikeAndIsThePlainRecursionAtZero) {
+  std::vector<WireFrame> frames;
+  for (int i = 0; i < 12; ++i) frames.push_back(grey(i == 6 ? 41.0f : 0.01f));
+  v1::StreamOpen open = open_of("ahead");
+  open.set_lookahead(3);
+  const std::vector<StreamResult> ahead = stream_all(channel(), open, frames);
+  const std::vector<StreamResult> plain = stream_all(channel(), open_of("plain"), frames);
+  ASSERT_EQ(ahead.size(), frames.size());
+  EXPECT_LT(ahead[5].header.exposure(), plain[5].header.exposure()) << "it saw the spike come";
+  EXPECT_LT(ahead[6].header.exposure(), plain[6].header.exposure());
+  EXPECT_EQ(plain[5].header.exposure(), plain[0].header.exposure());
+}
+
+TEST_P(Stream, DetectsACutButNoLightThatGoesOn) {
+  WireFrame other = grey(0.01f, 640, 512);  // with a tile or more for every cell of the print
+  auto* halves = reinterpret_cast<uint16_t*>(other.pixels.data());
+  for (size_t i = 0; i < other.pixels.size() / 4; ++i) halves[i] = 0x5c00;  // the upper half is 256
+  v1::StreamOpen open = open_of("detect");
+  open.set_cut_threshold_ev(1.0);
+  const std::vector<StreamResult> results =
+      stream_all(channel(), open, {grey(0.01f, 640, 512), grey(40.0f, 640, 512), other, other});
+  ASSERT_EQ(results.size(), 4u);
+  EXPECT_FALSE(results[1].header.cut());
+  EXPECT_TRUE(results[2].header.cut());
+  EXPECT_EQ(results[2].header.exposure(), results[2].header.target());
+  EXPECT_FALSE(results[3].header.cut());
+}
+
+TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
+  const std::vector<WireFrame> frames = step(2);
+  v1::Settings manual;
+  manual.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  manual.mutable_exposure()->set_manual_ev(3.0);
+  manual.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
+  StreamClient client(channel());
+  ASSERT_TRUE(client.open("change"));
+  ASSERT_TRUE(client.change(2, manual));
+  for (uint64_t i = 0; i < 4; ++i) ASSERT_TRUE(client.send(frames[0], i, film_time_ns(i)));
+  client.half_close();
+  const std::vector<StreamResult> results = client.read_all();
+  ASSERT_EQ(results.size(), 4u);
+  EXPECT_NE(results[1].header.exposure(), 8.0);
+  EXPECT_EQ(results[2].header.exposure(), 8.0);
+  EXPECT_EQ(results[2].header.format(), v1::OUTPUT_FORMAT_RGBA16);
+  EXPECT_EQ(results[3].header.exposure(), 8.0);
+  EXPECT_TRUE(client.finish().ok());
+}
+
+// A promise is kept frame by frame: draft has no bound where something blooms.
+TEST_P(Stream, APromiseChoosesATierForEachFrame) {
+  v1::StreamOpen open = open_of("tiers");
+  open.mutable_settings()->set_max_error_codes(0.1);
+  const WireFrame dim = flat(70, 50, {0.5f, 0.3f, 0.2f, 1.0f});
+  const TexelFunction lights = [](uint32_t x, uint32_t y) -> Texel {
+    const float v = x % 16 == 3 && y % 16 == 5 ? 200.0f : 0.3f;
+    return {v, v, v, 1.0f};
+  };
+  const WireFrame bright = make_frame(70, 50, v1::PIXEL_FORMAT_RGBA16F, lights);
+  std::vector<WireFrame> frames;
+  for (int i = 0; i < 8; ++i) frames.push_back(i % 2 == 0 ? dim : bright);
+  const std::vector<StreamResult> results = stream_all(channel(), open, frames);
+  ASSERT_EQ(results.size(), frames.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    const v1::ResultHeader& header = results[i].header;
+    EXPECT_EQ(header.tier(), i % 2 == 0 ? "draft" : "standard") << i << ": " << header.tier_reason();
+    EXPECT_TRUE(header.has_error_bound_codes()) << i;
+    EXPECT_LE(header.error_bound_codes(), 0.1) << i;
+    EXPECT_NE(header.tier_reason().find("keeps max_error_codes 0.1"), std::string::npos)
+        << header.tier_reason();
+  }
+}
+
+// There are more such frames in a row than the session can hold, and nothing waits forever.
+TEST_P(Stream, RefusedFramesDoNotHoldLookAheadUp) {
+  v1::StreamOpen open = open_of("refused");
+  open.mutable_settings()->set_bad_values(v1::BAD_VALUES_REJECT);
+  open.set_lookahead(2);
+  const WireFrame good = natural(33, 21);
+  WireFrame bad = good;
+  const uint16_t nan = 0x7e00;
+  std::memcpy(bad.pixels.data(), &nan, sizeof nan);
+  StreamClient client(channel(), true, absl::Now() + absl::Seconds(30));
+  ASSERT_TRUE(client.open(open));
+  constexpr uint64_t kFrames = 10;
+  for (uint64_t i = 0; i < kFrames; ++i) {
+    client.send(i == 0 || i + 1 == kFrames ? good : bad, i, film_time_ns(i));
+  }
+  client.half_close();
+  const std::vector<StreamResult> results = client.read_all();
+  ASSERT_EQ(results.size(), kFrames);
+  for (uint64_t i = 0; i < kFrames; ++i) {
+    EXPECT_EQ(results[i].sequence(), i);
+    EXPECT_EQ(results[i].failed, i > 0 && i + 1 < kFrames);
+  }
+  EXPECT_TRUE(client.finish().ok());
+}
+
+TEST_P(Stream, ARefusedFrameIsItsOwnAndTheSessionGoesOn) {
+  v1::Settings reject;
+  reject.set_bad_values(v1::BAD_VALUES_REJECT);
+  WireFrame bad = natural(33, 21);
+  const uint16_t nan = 0x7e00;
+  std::memcpy(bad.pixels.data() + 5 * 8, &nan, sizeof nan);
+  StreamClient client(channel());
+  ASSERT_TRUE(client.open("bad", reject));
+  client.send(natural(33, 21), 0, film_time_ns(0));
+  client.send(bad, 1, film_time_ns(1));
+  client.send(natural(33, 21), 2, film_time_ns(2));
+  client.half_close();
+  const std::vector<StreamResult> results = client.read_all();
+  ASSERT_EQ(results.size(), 3u);
+  ASSERT_TRUE(results[1].failed);
+  EXPECT_EQ(results[1].failure.code(), static_cast<uint32_t>(grpc::INVALID_ARGUMENT));
+  EXPECT_NE(results[1].failure.message().find("x 5, y 0"), std::string::npos) << results[1].failure.message();
+  EXPECT_EQ(results[2].header.exposure_before(), results[0].header.exposure());
+  EXPECT_TRUE(client.finish().ok());
+}
+
+TEST_P(Stream, EncodedResultsHoldTheSamePixels) {
+  const WireFrame frame = natural(131, 67);
+  const std::vector<StreamResult> raw = stream_all(channel(), open_of("raw"), {frame});
+  v1::StreamOpen open = open_of("png");
+  open.set_encoding(v1::ENCODING_PNG);
+  const std::vector<StreamResult> encoded = stream_all(channel(), open, {frame});
+  ASSERT_EQ(encoded.size(), 1u);
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  ASSERT_TRUE(png_image_begin_read_from_memory(&png, encoded[0].pixels.data(), encoded[0].pixels.size()));
+  ASSERT_EQ(png.width, 131u);
+  ASSERT_EQ(png.height, 67u);
+  png.format = PNG_FORMAT_RGBA;
+  std::string pixels(PNG_IMAGE_SIZE(png), '\0');
+  ASSERT_TRUE(png_image_finish_read(&png, nullptr, pixels.data(), 0, nullptr)) << png.message;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (i % 4 == 3) continue;
+    ASSERT_EQ(pixels[i], raw.at(0).pixels[i]) << "byte " << i;
+  }
+  open.set_session("jpeg");
+  open.set_encoding(v1::ENCODING_JPEG);
+  const std::vector<StreamResult> jpeg = stream_all(channel(), open, {frame});
+  EXPECT_EQ(jpeg.at(0).pixels.substr(0, 2), "\xff\xd8");
+}
+
+TEST_P(Stream, ResumesFromAnyResultWithTheSameBits) {
+  const std::vector<WireFrame> frames = step(6);
+  for (const uint32_t lookahead : {0u, 2u}) {
+    v1::StreamOpen open = open_of("whole");
+    open.set_lookahead(lookahead);
+    const std::vector<StreamResult> whole = stream_all(channel(), open, frames);
+    ASSERT_EQ(whole.size(), frames.size());
+    for (size_t stop = 0; stop + 1 < frames.size(); ++stop) {
+      open.set_resume_token(whole[stop].token());
+      StreamClient client(channel());
+      ASSERT_TRUE(client.open(open));
+      std::thread writer([&] {
+        for (size_t i = stop + 1; i < frames.size(); ++i) client.send(frames[i], i, film_time_ns(i));
+        client.half_close();
+      });
+      const std::vector<StreamResult> rest = client.read_all();
+      writer.join();
+      EXPECT_TRUE(client.finish().ok());
+      EXPECT_EQ(client.opened().epoch(), 1u);
+      ASSERT_EQ(rest.size(), frames.size() - stop - 1);
+      for (size_t i = 0; i < rest.size(); ++i) {
+        EXPECT_EQ(rest[i].pixels, whole[stop + 1 + i].pixels);
+        EXPECT_EQ(rest[i].header.exposure(), whole[stop + 1 + i].header.exposure());
+      }
+    }
+  }
+}
+
+TEST_P(Stream, TokensThatDoNotFitAreRefused) {
+  const std::string token = stream_all(channel(), open_of("tokens"), {natural(16, 16)}).at(0).token();
+  const auto refused = [&](const std::string& session, const v1::Settings& settings,
+                           const std::string& with) {
+    StreamClient client(channel());
+    client.open(session, settings, with);
+    return client.finish();
+  };
+  v1::Settings other;
+  other.set_curve(v1::TONE_CURVE_HABLE);
+  EXPECT_EQ(refused("another", {}, token).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(refused("tokens", other, token).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(refused("tokens", {}, token.substr(0, token.size() - 1)).error_code(), grpc::FAILED_PRECONDITION);
+  std::string forged = token;
+  forged[forged.size() / 2] ^= 1;
+  EXPECT_EQ(refused("tokens", {}, forged).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(refused("tokens", {}, std::string(v1::kMaxTokenBytes + 1, 'x')).error_code(),
+            grpc::INVALID_ARGUMENT);
+}
+
+TEST_P(Stream, OneCallAtATimeHasASession) {
+  StreamClient first(channel());
+  ASSERT_TRUE(first.open("mine"));
+  first.send(natural(16, 16), 0, 0);
+  StreamResult result;
+  ASSERT_TRUE(first.read(result));
+  StreamClient second(channel());
+  second.open("mine");
+  EXPECT_EQ(second.finish().error_code(), grpc::ALREADY_EXISTS);
+  StreamClient third(channel());
+  ASSERT_TRUE(third.open("mine", {}, result.token()));
+  third.send(natural(16, 16), 1, 1);
+  ASSERT_TRUE(third.read(result));
+  EXPECT_EQ(result.sequence(), 1u);
+  EXPECT_EQ(first.finish().error_code(), grpc::ABORTED) << "the session went on elsewhere";
+  third.half_close();
+  EXPECT_TRUE(third.finish().ok());
+}
+
+// A client that loses two calls in a row has the same token for both, whatever the server knows about them.
+TEST_P(Stream, ATokenIsGoodUntilAResultHasComeBack) {
+  StreamClient first(channel());
+  ASSERT_TRUE(first.open("twice"));
+  first.send(natural(16, 16), 0, 0);
+  StreamResult result;
+  ASSERT_TRUE(first.read(result));
+  const std::string token = result.token();
+  StreamClient second(channel());
+  ASSERT_TRUE(second.open("twice", {}, token));
+  second.send(natural(16, 16), 1, 1);
+  ASSERT_TRUE(second.read(result));
+  EXPECT_EQ(first.finish().error_code(), grpc::ABORTED);
+  StreamClient third(channel());
+  ASSERT_TRUE(third.open("twice", {}, token));
+  third.send(natural(16, 16), 1, 1);
+  StreamResult again;
+  ASSERT_TRUE(third.read(again));
+  EXPECT_TRUE(again.pixels == result.pixels);
+  EXPECT_EQ(second.finish().error_code(), grpc::ABORTED);
+  // Once a session continues from the later token, the earlier one is too old.
+  StreamClient fourth(channel());
+  ASSERT_TRUE(fourth.open("twice", {}, again.token()));
+  fourth.send(natural(16, 16), 2, 2);
+  ASSERT_TRUE(fourth.read(result));
+  StreamClient late(channel());
+  late.open("twice", {}, token);
+  EXPECT_EQ(late.finish().error_code(), grpc::FAILED_PRECONDITION);
+}
+
+}  // namespace
+}  // namespace candela::testing
