@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -70,6 +71,7 @@ std::optional<FrameJob> FrameQueue::pop() {
     }
     ++share;
   }
+  CHECK(next != shares_.end() && !next->second.jobs.empty());
   Share& share = next->second;
   clock_ = std::max(clock_, least);
   FrameJob job = std::move(share.jobs.front());
@@ -87,11 +89,13 @@ void FrameQueue::put_back(FrameJob job) {
 void FrameQueue::charge(Flow flow, absl::Duration time) {
   const auto served = shares_.find(flow);
   if (served == shares_.end()) return;
+  CHECK(time >= absl::ZeroDuration());
   served->second.used += time;
   served->second.last = time;
   const auto competing = std::count_if(shares_.begin(), shares_.end(), [flow](const auto& entry) {
     return entry.first == flow || !entry.second.jobs.empty();
   });
+  CHECK(competing > 0);
   clock_ += time / competing;
 }
 
@@ -102,6 +106,7 @@ std::optional<FrameJob> FrameQueue::remove(Ticket ticket) {
     if (entry == share.jobs.end()) continue;
     FrameJob job = std::move(*entry);
     share.jobs.erase(entry);
+    CHECK(waiting_ > 0);
     --waiting_;
     return job;
   }

@@ -1,10 +1,12 @@
 #include "server/session/exposure_track.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -66,9 +68,11 @@ absl::Status ExposureTrack::check_order(uint64_t sequence, int64_t media_time_ns
 }
 
 ExposureTrack::Waiting& ExposureTrack::unmetered(uint64_t sequence) {
-  return *std::find_if(frames_.begin(), frames_.end(), [sequence](const Waiting& frame) {
+  const auto found = std::find_if(frames_.begin(), frames_.end(), [sequence](const Waiting& frame) {
     return frame.sequence == sequence && !frame.stats && !frame.failed;
   });
+  CHECK(found != frames_.end());
+  return *found;
 }
 
 void ExposureTrack::metered(uint64_t sequence, const FrameStats& stats) { unmetered(sequence).stats = stats; }
@@ -166,6 +170,7 @@ ExposurePoint ExposureTrack::after_first(std::optional<double> mean) const {
   }
   const bool cut = takes_target || frame.cut;
   const Exposed exposed = expose(frame.settings, previous, mean, frame.given);
+  CHECK(std::isfinite(exposed.exposure) && exposed.exposure > 0);
   std::optional<ScenePrint> print;
   if (cut_threshold_ev_ > 0.0) print = mean ? frame.stats->print : point_.print;
   return {.begun = true,

@@ -74,6 +74,7 @@ void SessionFrames::close() {
 }
 
 void SessionFrames::submitted(Entry& entry, Work work, Ticket ticket) {
+  CHECK(entry.stage == Stage::kReceiving || entry.stage == Stage::kWaiting);
   entry.ticket = ticket;
   entry.stage = work == Work::kDraw ? Stage::kDrawing : Stage::kQueued;
 }
@@ -90,6 +91,7 @@ Exposed SessionFrames::decide(Entry& entry, const FrameStats& stats) {
 }
 
 void SessionFrames::metered(Entry& entry, RenderedFrame metered) {
+  CHECK(entry.stage == Stage::kQueued && !entry.decided);
   entry.queued += metered.queued;
   entry.meter_stages = std::move(metered.report.stages);
   entry.stage = Stage::kWaiting;
@@ -129,6 +131,7 @@ void SessionFrames::finish_undrawn(Entry& entry) {
 }
 
 void SessionFrames::rendered(Entry& entry, RenderedFrame rendered, bool encode) {
+  CHECK(entry.submitted() && entry.decided);
   entry.queued += rendered.queued;
   entry.report = std::move(rendered.report);
   entry.report->stages.insert(entry.report->stages.begin(), entry.meter_stages.begin(),
@@ -137,6 +140,7 @@ void SessionFrames::rendered(Entry& entry, RenderedFrame rendered, bool encode) 
 }
 
 void SessionFrames::encoded(Entry& entry, std::string file, absl::Duration took) {
+  CHECK(entry.stage == Stage::kEncoding && entry.report);
   entry.file = std::make_shared<const std::string>(std::move(file));
   entry.report->stages.push_back({"encode", static_cast<uint64_t>(absl::ToInt64Nanoseconds(took))});
   entry.stage = Stage::kDone;
@@ -196,6 +200,7 @@ const ExposurePoint& SessionFrames::answer(const Entry& due) {
 }
 
 void SessionFrames::pop() {
+  CHECK(due() != nullptr);  // each frame has its one answer first
   ++answered_;
   frames_.pop_front();
 }

@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/band_wire.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -41,6 +42,7 @@ absl::Status BandReader::read(grpc::ByteBuffer& message, Row row) {
                         first_row, rows_));
   }
   rows_ += count;
+  CHECK(rows_ <= desc_.height);
   return absl::OkStatus();
 }
 

@@ -1,6 +1,7 @@
 #include "server/session/limits/call_gate.h"
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 
 namespace candela {
 
@@ -21,11 +22,13 @@ absl::Status CallGate::enter() {
 
 void CallGate::give_up_place() {
   absl::MutexLock lock(&mutex_);
+  CHECK(places_taken_ > 0);
   --places_taken_;
 }
 
 void CallGate::leave() {
   absl::MutexLock lock(&mutex_);
+  CHECK(inside_ > 0);
   --inside_;
 }
 

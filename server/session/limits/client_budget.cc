@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "server/base/check.h"
+
 namespace candela {
 
 ClientPresence::Visit::Visit(ClientPresence& presence, ClientId client)
@@ -13,6 +15,7 @@ ClientPresence::Visit::Visit(ClientPresence& presence, ClientId client)
 ClientPresence::Visit::~Visit() {
   absl::MutexLock lock(&presence_.mutex_);
   const auto calls = presence_.calls_.find(client_);
+  CHECK(calls != presence_.calls_.end());
   if (--calls->second == 0) presence_.calls_.erase(calls);
 }
 
@@ -32,8 +35,10 @@ ClientBudget::Answer ClientBudget::change(ClientId client, uint64_t before, uint
     const uint64_t share = std::max(share_of(client), least_share);
     if (!alone && holds > 0 && holds + more > share) return Answer::kOverShare;
   }
+  CHECK(held_ >= before);
   held_ = held_ - before + bytes;
   uint64_t& holds = clients_[client];
+  CHECK(holds >= before);
   holds = holds - before + bytes;
   if (holds == 0) clients_.erase(client);
   return Answer::kGranted;
