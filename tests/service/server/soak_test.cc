@@ -1,4 +1,4 @@
-// Mixed traffic with faults for CANDELA_SOAK_SECONDS (60): nothing grows, and correct clients are served.
+// Mixed traffic with faults for CANDELA_SOAK_SECONDS (30): nothing grows, and correct clients are served.
 // Memory is measured in lulls, with nothing in flight. It is the resident memory after the allocator has
 // returned what is free, without the texture pool, which may fill up to its budget. After 20 minutes or more,
 // its slope must be below 1 MiB an hour, within three errors of the fitted line, and that error must be small
@@ -27,7 +27,7 @@ namespace {
 
 absl::Duration soak_time() {
   const char* seconds = std::getenv("CANDELA_SOAK_SECONDS");
-  return absl::Seconds(seconds != nullptr ? std::atoi(seconds) : 60);
+  return absl::Seconds(seconds != nullptr ? std::atoi(seconds) : 30);
 }
 
 // Runs clients one after the other, each with different behaviour. The same seed gives the same clients. Each
