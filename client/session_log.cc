@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -92,6 +93,8 @@ const SessionStep* SessionLog::due() const {
 
 void SessionLog::answered(const std::string& token) {
   const auto frame = first_frame();
+  CHECK(frame != steps_.end() && unanswered_ > 0);
+  CHECK(static_cast<size_t>(frame - steps_.begin()) < given_);  // no answer comes before its frame
   const uint64_t sequence = frame->frame->sequence;
   steps_.erase(frame);
   --given_;
@@ -102,6 +105,7 @@ void SessionLog::answered(const std::string& token) {
   while (!steps_.empty() && steps_.front().frame == nullptr && steps_.front().from_sequence <= sequence) {
     settings_ = std::move(steps_.front().settings);
     steps_.pop_front();
+    CHECK(given_ > 0);
     --given_;
   }
 }

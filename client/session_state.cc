@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -93,6 +94,7 @@ std::optional<SessionState::Start> SessionState::begin_call(const std::string& s
   const absl::MutexLock lock(&mutex_);
   stats_.server = server;
   if (cancelled_) return std::nullopt;
+  CHECK(call_ == nullptr);  // one call at a time
   sent_before_ = log_.rewind();
   call_ = &call;
   return Start{log_.token(), log_.settings()};
@@ -100,6 +102,7 @@ std::optional<SessionState::Start> SessionState::begin_call(const std::string& s
 
 void SessionState::end_call() {
   const absl::MutexLock lock(&mutex_);
+  CHECK(call_ != nullptr);
   call_ = nullptr;
 }
 
@@ -131,10 +134,12 @@ bool SessionState::take_open(const v1::StreamOpened& opened) {
 
 void SessionState::take_answer(FrameAnswer answer) {
   const absl::MutexLock lock(&mutex_);
+  CHECK(log_.due() != nullptr && !ended_);
   const SessionStep& step = *log_.due();
   results_.push_back({step.frame->sequence, std::move(answer.status), std::move(answer.image),
                       absl::Now() - step.submitted});
   log_.answered(answer.token);
+  CHECK(log_.unanswered() < submitted_);
   found_again();
 }
 
@@ -173,6 +178,7 @@ bool SessionState::sleep_until(absl::Time time) const {
 
 void SessionState::end(const absl::Status& status) {
   const absl::MutexLock lock(&mutex_);
+  CHECK(!ended_ && call_ == nullptr);
   ended_ = true;
   end_ = cancelled_ ? absl::CancelledError("the session was cancelled") : status;
   found_again();

@@ -2,6 +2,8 @@
 
 #include <chrono>
 
+#include "server/base/check.h"
+
 namespace candela {
 
 DuplexCall::DuplexCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
@@ -79,11 +81,13 @@ void DuplexCall::finish_if_over() {
 }
 
 void DuplexCall::write(const grpc::ByteBuffer& message) {
+  CHECK(can_write());
   writing_ = true;
   stream_->Write(message, tag(kWrite));
 }
 
 void DuplexCall::half_close() {
+  CHECK(can_write());
   writing_ = true;
   stream_->WritesDone(tag(kWrite));
 }

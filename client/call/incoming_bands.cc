@@ -3,6 +3,7 @@
 #include <string>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 
 namespace candela {
 
@@ -11,6 +12,8 @@ absl::Status not_the_protocol(const char* what) {
 }
 
 void IncomingBands::begin(std::span<std::byte> bytes, uint64_t row_bytes) {
+  CHECK(bytes.empty() || (row_bytes > 0 && bytes.size() % row_bytes == 0));
+  CHECK(whole());  // the image before
   bytes_ = bytes;
   row_bytes_ = row_bytes;
   at_ = 0;
@@ -29,6 +32,7 @@ absl::Status IncomingBands::take(grpc::ByteBuffer& message) {
   if (taken == 0) return not_the_protocol("an empty band");
   if (*first_row * row_bytes_ != at_) return not_the_protocol("its bands are out of order");
   at_ += taken;
+  CHECK(at_ <= bytes_.size());
   return absl::OkStatus();
 }
 

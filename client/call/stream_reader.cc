@@ -12,6 +12,7 @@
 #include "client/call/wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -139,6 +140,7 @@ absl::StatusOr<StreamEvent> StreamReader::take_part(const std::string& part) {
 }
 
 FrameAnswer StreamReader::answer() {
+  CHECK(opened_ && image_.whole());
   inside_ = false;
   std::string token = std::move(*result_.header.mutable_resume_token());
   result_.header.clear_resume_token();

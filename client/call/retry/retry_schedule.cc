@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "absl/time/clock.h"
+#include "server/base/check.h"
 
 namespace candela {
 namespace {
@@ -16,6 +17,7 @@ constexpr double kMostJitter = 0.5;
 
 void RetrySchedule::failed(absl::Duration delay, bool progress) {
   const size_t servers = not_before_.size();
+  CHECK(next_ < servers && delay >= absl::ZeroDuration());
   const absl::Time now = absl::Now();
   const auto jittered = [this](absl::Duration pause) {
     return pause * std::uniform_real_distribution<>(1, 1 + kMostJitter)(random_);
@@ -29,6 +31,7 @@ void RetrySchedule::failed(absl::Duration delay, bool progress) {
     when_ += jittered(std::min(kLongestPause, kFirstPause * (int64_t{1} << rounds)));
   }
   when_ = std::max(when_, not_before_[next_]);
+  CHECK(when_ >= now);
 }
 
 }  // namespace candela

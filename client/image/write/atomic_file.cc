@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -80,16 +81,19 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
 }
 
 bool AtomicFile::write(const void* bytes, size_t count) {
+  CHECK(file_ != nullptr);  // not after commit()
   if (error_ == 0 && std::fwrite(bytes, 1, count, file_.get()) != count) error_ = errno;
   return error_ == 0;
 }
 
 bool AtomicFile::seek(uint64_t position) {
+  CHECK(file_ != nullptr);
   if (error_ == 0 && std::fseek(file_.get(), static_cast<long>(position), SEEK_SET) != 0) error_ = errno;
   return error_ == 0;
 }
 
 absl::Status AtomicFile::commit() {
+  CHECK(file_ != nullptr);
   if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
   // EINVAL: the file is not on a disk.
   if (error_ == 0 && fsync(fileno(file_.get())) != 0 && errno != EINVAL) error_ = errno;

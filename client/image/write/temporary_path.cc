@@ -12,6 +12,8 @@
 #include <cstring>
 #include <utility>
 
+#include "server/base/check.h"
+
 namespace candela {
 namespace {
 
@@ -100,6 +102,7 @@ TemporaryPath::~TemporaryPath() {
 }
 
 bool TemporaryPath::rename_to(const std::string& target) {
+  CHECK(slot_ >= 0 && slots[slot_].state == State::kOwned);
   if (std::rename(path_.c_str(), target.c_str()) != 0) {
     if (ending) wait_for_the_end();  // a failure would be reported as the command's
     return false;
