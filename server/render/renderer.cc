@@ -1,9 +1,11 @@
 #include "server/render/renderer.h"
 
+#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 #include "server/base/process/cgroup.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
@@ -114,6 +116,7 @@ absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& se
 
 absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, const Exposed& exposed) {
+  CHECK(std::isfinite(exposed.exposure) && exposed.exposure > 0);
   FrameReport report;
   report.stats = metered.stats;
   report.exposure = exposed.exposure;

@@ -4,6 +4,7 @@
 #include <unordered_map>
 
 #include "absl/cleanup/cleanup.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/vulkan/result.h"
 
@@ -80,6 +81,7 @@ PipelineCache::~PipelineCache() {
 }
 
 absl::StatusOr<VkPipeline> PipelineCache::get(std::span<const uint32_t> spirv, const Constants& constants) {
+  CHECK(!spirv.empty());
   VkPipeline& pipeline = pipelines_[{spirv.data(), constants}];
   if (pipeline != VK_NULL_HANDLE) return pipeline;
 

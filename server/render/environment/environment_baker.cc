@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "shaders/brdf_table.spv.h"
 #include "shaders/cube_down.spv.h"
@@ -68,6 +69,7 @@ uint32_t specular_levels_made(const BakeSpec& spec) {
 double specular_cost(double alpha2, double detail2) { return 100 + 4 / detail2 * std::log(1 + 2.5 / alpha2); }
 
 absl::StatusOr<CubeLevels> take_levels(TexturePool& pool, uint32_t size, uint32_t levels) {
+  CHECK(levels > 0 && levels <= chain_levels(size));
   const uint64_t texels = cube_bytes(size, levels) / kCubeTexelBytes;
   ASSIGN_OR_RETURN(TexturePool::Lease lease,
                    pool.take({static_cast<uint32_t>(texels), 1, static_cast<uint32_t>(kCubeTexelBytes)}));
@@ -230,6 +232,7 @@ absl::StatusOr<BakedCube> EnvironmentBaker::bake(const Environment& environment,
                    take_levels(pool_, chain_size, chain_levels_made(cube.spec, chain_size)));
   cube.chain = std::move(chain);
   cube.first = chain_levels(chain_size) - chain_levels(cube.spec.size);
+  CHECK(cube.first < cube.chain.levels && cube.chain.size_of(cube.first) == cube.spec.size);
   absl::Status status = make_level_0(environment, cube.spec, cube.chain);
   if (status.ok()) status = make_chain(cube.chain);
   if (!status.ok()) return status;
@@ -299,11 +302,13 @@ absl::StatusOr<std::span<const uint16_t>> EnvironmentBaker::brdf_table() {
   RETURN_IF_ERROR(passes_.read(lease.buffer(), 0, std::as_writable_bytes(std::span(halves))));
   // Another job may have made it meanwhile, and may be reading it.
   if (brdf_.empty()) brdf_ = std::move(halves);
+  CHECK(brdf_.size() == size_t{2} * shader::BRDF_SIZE * shader::BRDF_SIZE);
   return brdf_;
 }
 
 absl::StatusOr<std::vector<float>> EnvironmentBaker::read_face(const CubeLevels& levels, uint32_t level,
                                                                uint32_t face) {
+  CHECK(level < levels.levels && face < kCubeFaces);
   std::vector<std::array<float, 4>> stored(levels.face_texels(level));
   const uint64_t first = levels.start(level) + face * levels.face_texels(level);
   RETURN_IF_ERROR(passes_.read(levels.texels.buffer(), first * kCubeTexelBytes,

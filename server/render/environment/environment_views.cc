@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/environment/view_scene.h"
@@ -71,6 +72,7 @@ absl::Status EnvironmentBaker::render_view(Environment& environment, const View&
     return absl::InvalidArgumentError(
         absl::StrCat("a view of this environment is a frame of ", v1::word_of(format)));
   }
+  CHECK(memory.textures().stage != FrameStage::kOutputOnly);
   ASSIGN_OR_RETURN(const Harmonics light, radiance(environment));
   absl::StatusOr<std::span<const uint16_t>> brdf = std::span<const uint16_t>();
   if (with_objects) brdf = brdf_table();

@@ -32,6 +32,7 @@ absl::StatusOr<LongPasses> LongPasses::create(const Device& device, TexturePool&
 
 absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
                                 const std::function<absl::Status()>& record) {
+  CHECK(cost > 0);
   checkpoint();
   RETURN_IF_ERROR(recorder_.begin());
   RETURN_IF_ERROR(record());

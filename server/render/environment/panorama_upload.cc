@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/plan/texture_layout.h"
 #include "shaders/environment/environment_params.h"
@@ -63,6 +64,7 @@ absl::StatusOr<PanoramaUpload> PanoramaUpload::take(TexturePool& pool, const Dev
 }
 
 std::span<std::byte> PanoramaUpload::row(uint32_t y) {
+  CHECK(y < desc_.height);
   const Buffer& host = staged_ ? staged_.buffer() : wire_.buffer();
   const uint64_t pitch_bytes = uint64_t{pitch_} * bytes_per_pixel(desc_.format);
   return {host.mapped() + y * pitch_bytes, desc_.row_bytes()};

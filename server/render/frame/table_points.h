@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/base/check.h"
 #include "shaders/color_table.h"
 
 namespace candela {
@@ -44,6 +45,7 @@ class TablesUsedLast {
     if (entries_.size() == kTables) entries_.erase(entries_.begin());
   }
   std::shared_ptr<const Points> keep(std::shared_ptr<const ColorTable> table, Points points) {
+    CHECK(entries_.size() < kTables);
     entries_.emplace_back(std::move(table), std::make_shared<const Points>(std::move(points)));
     return entries_.back().second;
   }
