@@ -108,7 +108,7 @@ TEST_F(ExrChoice, ShowsXyzWithoutALayerOnlyWhenItIsChosen) {
   ASSERT_OK_AND_ASSIGN(const Image image, read_image(path_, {}, {.layer = "XYZ"}));
   EXPECT_EQ(component(image, 0, 0, 1), 2);
   ASSERT_TRUE(image.chromaticities.has_value());
-  EXPECT_EQ(image->chromaticities, kXyz.xy);
+  EXPECT_EQ(image.chromaticities, kXyz.xy);
   EXPECT_EQ(image.notes, std::vector<std::string>{"X, Y and Z are taken as CIE XYZ"});
   write_scan_lines(path_, Imf::Header(3, 3), all({named({"X", "Y", "Z"}, 1), colour("beauty.", 10)}));
   EXPECT_EQ(pixel({}), "10 11 12");
