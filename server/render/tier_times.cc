@@ -9,7 +9,9 @@
 
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
+#include "server/render/self_test.h"
 #include "server/render/settings/tiers.h"
+#include "shaders/pcg_hash.h"
 
 namespace candela {
 
@@ -27,47 +29,18 @@ constexpr Sizes kDeviceSizes = {{{128, 128}, {1024, 512}}};
 constexpr Sizes kHostSizes = {{{32, 32}, {128, 64}}};
 const Sizes& sizes_of(const Tier& tier) { return tier.host_reference ? kHostSizes : kDeviceSizes; }
 
-uint32_t hash(uint32_t v) {
-  // PCG: M. Jarzynski and M. Olano, "Hash Functions for GPU Rendering", 2020.
-  v = v * 747796405u + 2891336453u;
-  v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
-  return (v >> 22) ^ v;
-}
-
-// A ramp from 2^-9 to 2^5 with noise, and lights up to 1000 on a hundredth of it. Every texel is one of
-// RGB9E5, so that all formats hold the same picture.
-struct Texel {
-  uint32_t exponent;  // scale is 2^(exponent - 24)
-  uint32_t mantissa[3];
-};
-
-Texel texel(const FrameDesc& desc, uint32_t x, uint32_t y) {
-  const uint32_t noise = hash(x + 16411u * y);
-  const uint32_t block = hash(x / 5 + 32771u * (y / 5));
-  const bool light = block % 100 == 0;
-  const uint32_t ramp = 6 + 14 * x / desc.width;
-  return {light ? 25 : ramp,
-          {128 + noise % 384, 128 + (noise >> 9) % 384, light ? block >> 23 : 128 + (noise >> 18) % 384}};
-}
-
+// A ramp from 2^-9 to 2^5 with noise, and lights up to 1000 on a hundredth of it, in kUsualFormat.
 void fill(const FrameDesc& desc, uint32_t y, std::byte* out) {
-  for (uint32_t x = 0; x < desc.width; ++x, out += bytes_per_pixel(desc.format)) {
-    const Texel t = texel(desc, x, y);
-    if (desc.format == v1::PIXEL_FORMAT_RGB9E5) {
-      const uint32_t word = t.mantissa[0] | (t.mantissa[1] << 9) | (t.mantissa[2] << 18) | (t.exponent << 27);
-      std::memcpy(out, &word, sizeof word);
-      continue;
-    }
-    float values[4] = {0, 0, 0, 1};
+  for (uint32_t x = 0; x < desc.width; ++x, out += bytes_per_pixel(kUsualFormat)) {
+    const uint32_t noise = pcg_hash(x + 16411u * y), block = pcg_hash(x / 5 + 32771u * (y / 5));
+    const bool light = block % 100 == 0;
+    const int exponent = light ? 1 : static_cast<int>(14 * x / desc.width) - 18;
+    const uint32_t mantissas[] = {128 + noise % 384, 128 + (noise >> 9) % 384,
+                                  light ? block >> 23 : 128 + (noise >> 18) % 384};
+    uint16_t halves[4] = {0, 0, 0, imath_float_to_half(1)};
     for (int i = 0; i < 3; ++i) {
-      values[i] = std::ldexp(static_cast<float>(t.mantissa[i]), static_cast<int>(t.exponent) - 24);
+      halves[i] = imath_float_to_half(std::ldexp(static_cast<float>(mantissas[i]), exponent));
     }
-    if (desc.format == v1::PIXEL_FORMAT_RGBA32F) {
-      std::memcpy(out, values, sizeof values);
-      continue;
-    }
-    uint16_t halves[4];
-    for (int i = 0; i < 4; ++i) halves[i] = imath_float_to_half(values[i]);
     std::memcpy(out, halves, sizeof halves);
   }
 }

@@ -128,7 +128,7 @@ absl::StatusOr<Session> ServerLink::open_one(const SessionOptions& session) {
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> ServerLink::info() {
-  ASSIGN_OR_RETURN(const Connection* server, connection());
+  RETURN_IF_ERROR(connection().status());
   absl::StatusOr<v1::GetServerInfoResponse> info;
   RETURN_IF_ERROR(call(absl::InfiniteFuture(), [&info](const Connection& one) {
     info = ask_info(one);

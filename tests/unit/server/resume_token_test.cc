@@ -92,7 +92,7 @@ TEST(ResumeToken, APrintComesBackBitForBit) {
   print[3] = 0x1p-149f;
   ASSERT_OK_AND_ASSIGN(const ResumePoint opened, ours.open(ours.seal(point, kNow), point.session, kNow));
   for (size_t i = 0; i < print.size(); ++i) {
-    EXPECT_EQ(std::bit_cast<uint32_t>((opened->exposure.print)[i]), std::bit_cast<uint32_t>(print[i])) << i;
+    EXPECT_EQ(std::bit_cast<uint32_t>((*opened.exposure.print)[i]), std::bit_cast<uint32_t>(print[i])) << i;
   }
 }
 
