@@ -131,7 +131,7 @@ void SessionFrames::finish_undrawn(Entry& entry) {
 }
 
 void SessionFrames::rendered(Entry& entry, RenderedFrame rendered, bool encode) {
-  CHECK(entry.submitted() && entry.decided);
+  CHECK(entry.submitted());
   entry.queued += rendered.queued;
   entry.report = std::move(rendered.report);
   entry.report->stages.insert(entry.report->stages.begin(), entry.meter_stages.begin(),

@@ -121,7 +121,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
 
   EXPECT_EQ(report.at("format"), "candela report");
   EXPECT_EQ(report.at("command"), "candela report DIR --quick --megapixels 0.02 --images '" + odd_name +
-                                      "' --panoramas " + panorama + " --passes auto");
+                                      "' --panoramas " + panorama + " --executor auto");
   EXPECT_EQ(report.at("version"), 1);
   for (const nlohmann::json& image : report.at("images")) {
     expect_png(at, image.at("file"));
