@@ -162,7 +162,7 @@ TEST_F(Words, OptionsThatChangeNothingAreNamed) {
             {"--bloom-levels"},
             "--bloom gaussian does not use it"},
            {{"--transfer", "srgb", "--dither"}, {"--transfer", "--dither"}, ".exr and .pfm files", "out.exr"},
-           {{"--bits", "8"}, {"--bits"}, "only .png files", "out.jpg"},
+           {{"--bits", "8"}, {"--bits"}, "no choice of bits", "out.jpg"},
            {{"--tls", "--tls-name", "a"}, {"--tls", "--tls-name"}, "built into this process"}}) {
     SCOPED_TRACE(::testing::PrintToString(options));
     const std::string err = notes(options, out);
