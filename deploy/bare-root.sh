@@ -2,7 +2,7 @@
 # Runs commands as a stranger would, in a clone on a bare Debian 12: bare-root.sh [--keep FOLDER] [COMMAND...]
 #
 # Each COMMAND is one line for bash. Without any, these are the two with which README.md begins. The root is mmdebstrap's
-# minbase with /proc, /dev, /dev/shm and this machine's way to its packages, and nothing else: no ca-certificates (which bring
+# minbase with /proc, /sys, /dev, /dev/shm and this machine's way to its packages, and nothing else: no ca-certificates (which bring
 # openssl), no locale, no git, no name in /etc/hosts. The clone has the last commit, at this tree's own path. CANDELA_DATA
 # (../shared/data) is there, too, read-only. --keep copies a folder of the clone into this tree afterwards, if this tree has
 # no such folder and no uncommitted changes.
@@ -21,6 +21,7 @@ inside() {
   mkdir -p "$root$(dirname "$tree")"
   mv "$scratch/clone" "$root$tree"
   mount -t proc proc "$root/proc"
+  mount -t sysfs -o ro sysfs "$root/sys"
   mount --rbind /dev "$root/dev"
   mount -t tmpfs -o mode=1777 shm "$root/dev/shm"
   if [ -n "$data" ]; then

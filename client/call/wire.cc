@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "absl/base/internal/sysinfo.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -71,6 +72,10 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_with(const Peer& peer, absl:
   // A call may have nothing to send for a long time.
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   arguments.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
+  // gRPC 1.51 reads the errno of connect() only after locks (github.com/grpc/grpc/pull/35064).
+  // The first lock that has to wait counts the processors, and sets errno where /sys is not mounted. So they
+  // are counted before; else one connection in 500 fails there.
+  absl::base_internal::NumCPUs();
   return grpc::CreateCustomChannel(address, credentials, arguments);
 }
 
