@@ -49,7 +49,8 @@ std::vector<std::string> with_passes(std::vector<std::string> arguments) {
   const char* passes = std::getenv("CANDELA_TEST_PASSES");
   const auto says = [&arguments](const char* word) { return std::ranges::count(arguments, word) > 0; };
   const bool built_in = !says("--server") && std::getenv("CANDELA_SERVER") == nullptr;
-  if (passes == nullptr || arguments.empty() || !built_in || says("--passes")) return arguments;
+  if (passes == nullptr || arguments.empty() || !built_in || says("--passes") || says("--executor"))
+    return arguments;
   const std::set<std::string> rendering = {"render", "stream", "meter", "view", "environment"};
   if (rendering.contains(arguments.front())) arguments.insert(arguments.begin() + 1, {"--passes", passes});
   return arguments;

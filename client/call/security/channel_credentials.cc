@@ -112,8 +112,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
   const bool tls = security.wants_tls() && !is_unix;
   std::shared_ptr<grpc::ChannelCredentials> channel = grpc::InsecureChannelCredentials();
   if (tls) {
-    ASSIGN_OR_RETURN(auto made, tls_credentials(security));
-    channel = std::move(made);
+    ASSIGN_OR_RETURN(channel, tls_credentials(security));
     if (!security.server_name.empty()) arguments.SetSslTargetNameOverride(security.server_name);
   } else if (!security.key_file.empty() && !is_unix) {
     return absl::InvalidArgumentError(

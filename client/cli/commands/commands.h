@@ -8,7 +8,7 @@ namespace candela {
 extern const Command kRenderCommand, kStreamCommand, kMeterCommand, kViewCommand, kEnvironmentCommand,
     kSampleCommand, kReportCommand, kBenchCommand, kInfoCommand, kHealthCommand;
 
-// What stream does; meter does it for a sequence, without images.
+// Renders a sequence. `meter` calls it, too: its encoding is NONE, so there are no images.
 absl::Status run_stream(const StreamOptions& options, JsonOutput& json);
 
 }  // namespace candela

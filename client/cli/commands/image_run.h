@@ -1,4 +1,4 @@
-// What all images of one run of `candela render` share.
+// The state that all images of one `candela render` share.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "client/cli/commands/render/render_report.h"
 #include "client/cli/commands/server_link.h"
 #include "client/cli/files/exposure_file.h"
 #include "client/cli/files/sequence/frame_files.h"
@@ -18,8 +19,6 @@
 #include "server/base/status_macros.h"
 
 namespace candela {
-
-inline double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
 // The things that all images of a run share: the server, its limits, and the baked view of --ocio. Any thread
 // may use them.
@@ -39,8 +38,7 @@ class ImageRun {
   absl::Status bake() {
     if (options_.view.config.empty()) return absl::OkStatus();
     const absl::Time begin = absl::Now();
-    ASSIGN_OR_RETURN(BakedView baked, candela::bake(options_));
-    view_ = std::move(baked);
+    ASSIGN_OR_RETURN(view_, candela::bake(options_));
     bake_ms_ = ms_since(begin);
     return absl::OkStatus();
   }

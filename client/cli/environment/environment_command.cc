@@ -42,8 +42,6 @@ constexpr absl::Duration kBakeTimeout = absl::Minutes(30);
 
 constexpr uint32_t kSmallestLevel = 16;  // texels along a face's side
 
-double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
-
 bool has_faces(const EnvironmentOptions& options) { return options.layout == EnvironmentLayout::kFaces; }
 
 bool is_ktx2(const EnvironmentOptions& options) {
@@ -128,8 +126,7 @@ class EnvironmentJob {
     if (!bad.empty()) report_.notes.push_back(bad);
     const std::string losses = losses_note(report_.bake, options_.format);
     if (!losses.empty()) report_.notes.push_back(losses);
-    ASSIGN_OR_RETURN(BakedEnvironment environment, environment_from(*bake, options_.handedness));
-    environment_ = std::move(environment);
+    ASSIGN_OR_RETURN(environment_, environment_from(*bake, options_.handedness));
     return absl::OkStatus();
   }
 

@@ -43,8 +43,6 @@ namespace {
 // Ends the wait for a server that never answers.
 constexpr absl::Duration kViewTimeout = absl::Minutes(30);
 
-double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
-
 // Renders one view and writes it.
 class OneView {
  public:

@@ -15,7 +15,7 @@
 namespace candela {
 namespace {
 
-// What libtiff writes to, and the first error that it reports.
+// The file that libtiff writes, and the first error that it reports.
 struct TiffOutput {
   AtomicFile& file;
   uint64_t size = 0;

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/primaries_used.h"
 #include "client/cli/options/options.h"
@@ -55,6 +57,9 @@ struct RenderReport {
   double total_ms = 0;  // from the start of the command until the file is written
   std::vector<std::string> notes;
 };
+
+// The time since `begin`, for stage_ms and total_ms.
+inline double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
 // "1.25 (+0.32 EV)"
 std::string exposure_words(double exposure, const PictureDefaults& defaults = {});

@@ -75,9 +75,8 @@ std::string sign_note(const OutputNames& names, const NamedImage& first) {
 absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot) {
   StreamPlan plan;
   if (options.encoding != v1::ENCODING_NONE) {
-    ASSIGN_OR_RETURN(OutputNames names,
+    ASSIGN_OR_RETURN(plan.names,
                      OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
-    plan.names = std::move(names);
   }
   ASSIGN_OR_RETURN(const SequenceChoice choice, shot.choice());
   absl::StatusOr<Sequence> sequence = find_sequence(choice);

@@ -4,13 +4,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/number_words.h"
 #include "client/cli/commands/render/render_report.h"
 #include "client/cli/files/failure_line.h"
-#include "client/cli/files/output_files.h"
 #include "client/cli/files/terminal.h"
 
 namespace candela {

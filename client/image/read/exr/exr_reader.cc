@@ -123,14 +123,12 @@ class PictureReader {
 
   // Chooses the picture, checks the limits, and makes an image without its pixels.
   absl::StatusOr<Image> begin(const Imf::MultiPartInputFile& file) {
-    ASSIGN_OR_RETURN(ExrPicture picture, choose_exr_picture(path_, file, choice_));
-    picture_ = std::move(picture);
+    ASSIGN_OR_RETURN(picture_, choose_exr_picture(path_, file, choice_));
     const ExrChannels& channels = picture_.channels;
     const Imf::Header& header = file.header(picture_.part);
     RETURN_IF_ERROR(check_exr_picture(path_, header, channels, limits_));
     const Window data(header.dataWindow()), display(header.displayWindow());
-    ASSIGN_OR_RETURN(ExrColor color, exr_color(path_, header, choice_));
-    color_ = std::move(color);
+    ASSIGN_OR_RETURN(color_, exr_color(path_, header, choice_));
     if (channels.xyz && !choice_.own_values) color_.xy = kXyz.xy;
     if (wants_floats()) {
       absl::Status status =
