@@ -17,7 +17,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/image/color_interop.h"
-#include "client/image/exr/kept_attributes.h"
+#include "client/image/kept_attributes.h"
 #include "client/image/read/exr/exr_windows.h"
 #include "client/image/write/writers.h"
 

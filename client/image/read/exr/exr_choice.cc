@@ -16,8 +16,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
-#include "client/image/exr/picture_rank.h"
 #include "client/image/read/exr/exr_color.h"
+#include "client/image/read/exr/exr_picture_rank.h"
 #include "client/image/read/readers.h"
 #include "server/base/status_macros.h"
 

@@ -1,4 +1,4 @@
-#include "client/image/exr/kept_attributes.h"
+#include "client/image/kept_attributes.h"
 
 #include <OpenEXR/ImfStringAttribute.h>
 

@@ -1,4 +1,4 @@
-#include "client/image/exr/picture_rank.h"
+#include "client/image/read/exr/exr_picture_rank.h"
 
 #include <algorithm>
 #include <iterator>

@@ -1,4 +1,4 @@
-#include "client/image/exr/gaps.h"
+#include "client/image/read/exr/exr_gaps.h"
 
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputPart.h>
