@@ -13,9 +13,7 @@ absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOpt
                                                                  uint64_t budget_bytes, ExecutorKind passes) {
   ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(options));
   auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes);
-  ASSIGN_OR_RETURN(std::unique_ptr<Renderer> renderer,
-                   Renderer::create(*opened->device, opened->pool, passes));
-  opened->renderer = std::move(renderer);
+  ASSIGN_OR_RETURN(opened->renderer, Renderer::create(*opened->device, opened->pool, passes));
   RETURN_IF_ERROR(self_test(*opened->renderer));
   return opened;
 }

@@ -179,17 +179,15 @@ absl::Status Server::Impl::serve_metrics() {
             .connections = connections.count(),
             .certificate_expires = access->certificate_expires()};
   });
-  ASSIGN_OR_RETURN(std::unique_ptr<MetricsServer> started,
+  ASSIGN_OR_RETURN(metrics_server,
                    MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections));
-  metrics_server = std::move(started);
   metrics_address = metrics_server->address();
   return absl::OkStatus();
 }
 
 absl::Status Server::Impl::listen() {
-  ASSIGN_OR_RETURN(GrpcListener started,
+  ASSIGN_OR_RETURN(listener,
                    start_grpc(config, descriptors.connections, connections, *access, *metrics, *service));
-  listener = std::move(started);
   health->begin(*listener.server->GetHealthCheckService());
   if (listener.own_doors.empty()) return absl::OkStatus();
   own_door =

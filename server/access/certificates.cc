@@ -103,12 +103,9 @@ absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
   }
   Certificates certificates{std::move(cert), *std::move(key), "", time_of(X509_get0_notAfter(own))};
   if (files.client_ca.empty()) return certificates;
-  ASSIGN_OR_RETURN(std::string ca,
+  ASSIGN_OR_RETURN(certificates.client_ca,
                    read_option_file(kClientCa, files.client_ca, kMaxCertificateFileBytes, Secrecy::kPublic));
-  if (auto parsed_ca = parse_certificates(kClientCa, files.client_ca, ca); !parsed_ca.ok()) {
-    return parsed_ca.status();
-  }
-  certificates.client_ca = std::move(ca);
+  RETURN_IF_ERROR(parse_certificates(kClientCa, files.client_ca, certificates.client_ca).status());
   return certificates;
 }
 

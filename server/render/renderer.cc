@@ -45,14 +45,12 @@ absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
                                       crew->threads(), crew->threads() == 1 ? "" : "s");
     by_device_or_host_ = std::move(executor);
   } else {
-    ASSIGN_OR_RETURN(std::unique_ptr<DeviceExecutor> executor, DeviceExecutor::create(device_));
+    ASSIGN_OR_RETURN(by_device_or_host_, DeviceExecutor::create(device_));
     executor_kind_ = ExecutorKind::kDevice;
     executor_words_ = "on the device";
-    by_device_or_host_ = std::move(executor);
   }
   by_reference_ = std::make_unique<ReferenceExecutor>(*by_device_or_host_);
-  ASSIGN_OR_RETURN(std::unique_ptr<EnvironmentBaker> baker, EnvironmentBaker::create(device_, pool_, crew));
-  baker_ = std::move(baker);
+  ASSIGN_OR_RETURN(baker_, EnvironmentBaker::create(device_, pool_, crew));
   return absl::OkStatus();
 }
 

@@ -26,10 +26,8 @@ absl::StatusOr<EnvironmentUse> find_environment(const std::string& id, const Env
 
 absl::Status use_view(const v1::View& message, const EnvironmentUse& held, ServiceState& state,
                       Admission::Request& request) {
-  ASSIGN_OR_RETURN(View view, view_from(message));
-  ASSIGN_OR_RETURN(EnvironmentUse environment, find_environment(message.environment(), held, state));
-  request.view = std::move(view);
-  request.environment = std::move(environment);
+  ASSIGN_OR_RETURN(request.view, view_from(message));
+  ASSIGN_OR_RETURN(request.environment, find_environment(message.environment(), held, state));
   request.desc.format = EnvironmentBaker::view_format(request.environment->environment);
   return absl::OkStatus();
 }

@@ -57,8 +57,7 @@ absl::Status RenderCall::take_start() {
   v1::RenderRequest request;
   RETURN_IF_ERROR(parse_request(incoming_, request));
   incoming_.Clear();
-  ASSIGN_OR_RETURN(RenderStart start, render_start_from(request, service_.limits.frame));
-  start_ = std::move(start);
+  ASSIGN_OR_RETURN(start_, render_start_from(request, service_.limits.frame));
   if (work_ == Work::kMeter) {
     start_->verify = Verify::kNo;
     start_->settings = start_->settings.for_metering(/*histogram=*/true);
@@ -124,8 +123,7 @@ absl::Status RenderCall::enqueue() {
   job.done = [self = self()](absl::StatusOr<RenderedFrame> rendered) {
     self->on_rendered(std::move(rendered));
   };
-  ASSIGN_OR_RETURN(const Ticket ticket, service_.rendering.loop.submit(std::move(job)));
-  ticket_ = ticket;
+  ASSIGN_OR_RETURN(ticket_, service_.rendering.loop.submit(std::move(job)));
   state_ = State::kQueued;
   return absl::OkStatus();
 }

@@ -18,8 +18,7 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
       const HostStage view("view", &stages);
       RETURN_IF_ERROR(frame.source(frame.memory));
     }
-    ASSIGN_OR_RETURN(Metered metered, renderer.meter(frame.memory, frame.settings));
-    frame.metered = std::move(metered);
+    ASSIGN_OR_RETURN(frame.metered, renderer.meter(frame.memory, frame.settings));
     frame.metered->stages.insert(frame.metered->stages.begin(), stages.begin(), stages.end());
   }
   if (job.work == Work::kMeter) {

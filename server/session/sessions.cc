@@ -9,26 +9,22 @@ namespace candela {
 
 absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, Sessions& sessions,
                                            std::shared_ptr<SessionCall> call) {
-  ASSIGN_OR_RETURN(StreamStart start, stream_start_from(open));
   OpenedSession session;
-  session.start = std::move(start);
+  ASSIGN_OR_RETURN(session.start, stream_start_from(open));
   if (session.start.state) session.point.exposure = *session.start.state;
   session.resumed = !session.start.resume_token.empty();
   if (session.resumed) {
-    ASSIGN_OR_RETURN(ResumePoint point,
+    ASSIGN_OR_RETURN(session.point,
                      sessions.keys.open(session.start.resume_token, session.start.session, absl::Now()));
-    if (point.settings_hash != session.start.settings.hash) {
+    if (session.point.settings_hash != session.start.settings.hash) {
       return absl::FailedPreconditionError(
           "resume_token belongs to a result with other settings; open the session with those settings and "
           "change them afterwards");
     }
-    session.point = std::move(point);
     session.epoch = session.point.epoch + 1;
   }
-  ASSIGN_OR_RETURN(
-      std::shared_ptr<SessionCall> previous,
-      sessions.table.enter(session.start.session, session.epoch, session.resumed, std::move(call)));
-  session.previous = std::move(previous);
+  ASSIGN_OR_RETURN(session.previous, sessions.table.enter(session.start.session, session.epoch,
+                                                          session.resumed, std::move(call)));
   return session;
 }
 

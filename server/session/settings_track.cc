@@ -23,8 +23,7 @@ absl::Status SettingsTrack::add(const v1::SettingsChange& change) {
   }
   std::shared_ptr<const void> claim;
   if (change.settings().has_table()) {
-    ASSIGN_OR_RETURN(auto claimed, claim_table_(change.settings().table().values().size()));
-    claim = std::move(claimed);
+    ASSIGN_OR_RETURN(claim, claim_table_(change.settings().table().values().size()));
   }
   ASSIGN_OR_RETURN(SessionSettings settings, session_settings_from(change.settings(), encoding_));
   if (settings.settings.table() != nullptr) {

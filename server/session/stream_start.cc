@@ -57,8 +57,7 @@ absl::Status take_state(const v1::StreamOpen& open, StreamStart& start) {
         "open.state and open.resume_token are both set; a new session begins with the first and a session "
         "resumes with the second");
   }
-  ASSIGN_OR_RETURN(ExposurePoint point, point_from(open.state()));
-  start.state = std::move(point);
+  ASSIGN_OR_RETURN(start.state, point_from(open.state()));
   return absl::OkStatus();
 }
 
@@ -108,8 +107,7 @@ absl::StatusOr<StreamStart> stream_start_from(const v1::StreamOpen& open) {
   }
   start.resume_token = open.resume_token();
   RETURN_IF_ERROR(take_state(open, start));
-  ASSIGN_OR_RETURN(SessionSettings settings, session_settings_from(open.settings(), start.encoding));
-  start.settings = std::move(settings);
+  ASSIGN_OR_RETURN(start.settings, session_settings_from(open.settings(), start.encoding));
   return start;
 }
 

@@ -44,12 +44,11 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   VkMemoryAllocateFlagsInfo flags{};
   flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
   flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-  ASSIGN_OR_RETURN(const uint32_t type, device.memory_type(use, requirements.memoryTypeBits));
   VkMemoryAllocateInfo allocation{};
   allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
   allocation.pNext = &flags;
   allocation.allocationSize = requirements.size;
-  allocation.memoryTypeIndex = type;
+  ASSIGN_OR_RETURN(allocation.memoryTypeIndex, device.memory_type(use, requirements.memoryTypeBits));
   if (device.refuses_memory()) return vulkan_status(VK_ERROR_OUT_OF_DEVICE_MEMORY, "vkAllocateMemory");
   CANDELA_VK(vkAllocateMemory(device.handle(), &allocation, nullptr, &b.memory_));
   CANDELA_VK(vkBindBufferMemory(device.handle(), b.buffer_, b.memory_, 0));

@@ -50,8 +50,7 @@ absl::StatusOr<std::unique_ptr<Device>> Device::create(const DeviceOptions& opti
 
 absl::Status Device::open(const DeviceOptions& options) {
   const bool validation = options.validation || kAlwaysValidate;
-  ASSIGN_OR_RETURN(VkInstance instance, create_instance(validation));
-  instance_ = instance;
+  ASSIGN_OR_RETURN(instance_, create_instance(validation));
   if (validation) {
     VkDebugUtilsMessengerCreateInfoEXT info{};
     info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;

@@ -228,16 +228,13 @@ absl::StatusOr<BakedCube> EnvironmentBaker::bake(const Environment& environment,
   cube.spec = spec;
   cube.spec.size = *size_of(environment, spec);
   const uint32_t chain_size = std::max(cube.spec.size, default_cube_size(environment.width));
-  ASSIGN_OR_RETURN(CubeLevels chain,
-                   take_levels(pool_, chain_size, chain_levels_made(cube.spec, chain_size)));
-  cube.chain = std::move(chain);
+  ASSIGN_OR_RETURN(cube.chain, take_levels(pool_, chain_size, chain_levels_made(cube.spec, chain_size)));
   cube.first = chain_levels(chain_size) - chain_levels(cube.spec.size);
   CHECK(cube.first < cube.chain.levels && cube.chain.size_of(cube.first) == cube.spec.size);
   absl::Status status = make_level_0(environment, cube.spec, cube.chain);
   if (status.ok()) status = make_chain(cube.chain);
   if (!status.ok()) return status;
-  ASSIGN_OR_RETURN(CubeLevels specular, make_specular(cube.spec, cube.chain));
-  cube.specular = std::move(specular);
+  ASSIGN_OR_RETURN(cube.specular, make_specular(cube.spec, cube.chain));
   return cube;
 }
 
@@ -268,8 +265,7 @@ absl::Status EnvironmentBaker::make_chain(CubeLevels& chain) {
 absl::StatusOr<CubeLevels> EnvironmentBaker::make_specular(const BakeSpec& spec, const CubeLevels& chain) {
   const uint32_t levels = specular_levels_made(spec);
   if (levels == 0) return CubeLevels{};
-  ASSIGN_OR_RETURN(CubeLevels taken, take_levels(pool_, spec.size / 2, levels));
-  CubeLevels specular = std::move(taken);
+  ASSIGN_OR_RETURN(CubeLevels specular, take_levels(pool_, spec.size / 2, levels));
   const double detail2 = spec.quality.specular_detail * spec.quality.specular_detail;
   for (uint32_t level = 0; level < levels; ++level) {
     const double roughness = specular_roughness(level + 1, specular_levels(spec.size), spec.mapping);

@@ -48,16 +48,14 @@ absl::Status EnvironmentBaker::prepare_view(Environment& environment, const Bake
   const BakeQuality sky = {quality.cube_samples, 0.0};
   if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
     view = {};
-    ASSIGN_OR_RETURN(BakedCube cube, bake(environment, {.size = view_cube_size(environment.width),
-                                                        .mapping = RoughnessMapping::kPerceptual,
-                                                        .quality = objects ? quality : sky}));
-    view = std::move(cube);
+    ASSIGN_OR_RETURN(view, bake(environment, {.size = view_cube_size(environment.width),
+                                              .mapping = RoughnessMapping::kPerceptual,
+                                              .quality = objects ? quality : sky}));
   }
   if (!objects || view.spec.quality == quality) return absl::OkStatus();
   BakeSpec spec = view.spec;
   spec.quality = quality;
-  ASSIGN_OR_RETURN(CubeLevels specular, make_specular(spec, view.chain));
-  view.specular = std::move(specular);
+  ASSIGN_OR_RETURN(view.specular, make_specular(spec, view.chain));
   view.spec = spec;
   return absl::OkStatus();
 }

@@ -106,14 +106,11 @@ absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint
                       FrameTextures& textures) {
   uint64_t taken = 0;
   for (const Wanted& w : wanted) {
-    ASSIGN_OR_RETURN(TexturePool::Lease lease, pool.take(w.key, taken));
-    taken += lease.bytes();
-    *w.lease = std::move(lease);
+    ASSIGN_OR_RETURN(*w.lease, pool.take(w.key, taken));
+    taken += w.lease->bytes();
   }
   if (reference_bytes == 0) return absl::OkStatus();
-  ASSIGN_OR_RETURN(TexturePool::Lease lease,
-                   pool.reserve(reference_bytes, "the float64 reference of the frame"));
-  textures.reference = std::move(lease);
+  ASSIGN_OR_RETURN(textures.reference, pool.reserve(reference_bytes, "the float64 reference of the frame"));
   CHECK(taken + reference_bytes == textures.bytes);
   return absl::OkStatus();
 }

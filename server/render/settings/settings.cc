@@ -138,15 +138,12 @@ absl::StatusOr<Settings> Settings::from(v1::Settings message) {
   }
   RETURN_IF_ERROR(v1::complete_settings(message));
   RETURN_IF_ERROR(check_exposure(message.exposure()));
-  ASSIGN_OR_RETURN(const Tier* tier, find_known_tier(message));
-  ASSIGN_OR_RETURN(std::shared_ptr<const ColorTable> table, table_from(message));
-  ASSIGN_OR_RETURN(const auto matrix, matrix_from(message));
-  if (message.has_table()) message.mutable_table()->clear_values();
   auto state = std::make_shared<State>();
+  ASSIGN_OR_RETURN(state->tier, find_known_tier(message));
+  ASSIGN_OR_RETURN(state->table, table_from(message));
+  ASSIGN_OR_RETURN(state->to_scene, matrix_from(message));
+  if (message.has_table()) message.mutable_table()->clear_values();
   state->message = std::move(message);
-  state->tier = tier;
-  state->table = std::move(table);
-  state->to_scene = matrix;
   if (state->table && state->message.has_max_error_codes()) state->table_step = largest_step(*state->table);
   return Settings(std::move(state));
 }

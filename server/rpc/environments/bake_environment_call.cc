@@ -155,12 +155,10 @@ absl::Status BakeEnvironmentCall::on_read(bool message) {
 absl::Status BakeEnvironmentCall::take_request() {
   v1::BakeEnvironmentRequest request;
   RETURN_IF_ERROR(parse_request(incoming_, request));
-  ASSIGN_OR_RETURN(BakeStart start, bake_start_from(request));
-  const std::shared_ptr<Renderer> renderer = state_.rendering.renderer();
-  ASSIGN_OR_RETURN(EnvironmentUse environment, state_.environments.find("id", request.id(), *renderer));
   work_ = std::make_shared<Work>();
-  work_->environment = std::move(environment);
-  work_->start = std::move(start);
+  ASSIGN_OR_RETURN(work_->start, bake_start_from(request));
+  const std::shared_ptr<Renderer> renderer = state_.rendering.renderer();
+  ASSIGN_OR_RETURN(work_->environment, state_.environments.find("id", request.id(), *renderer));
   work_->size =
       work_->start.spec.size == 0 ? work_->environment->facts.default_cube_size() : work_->start.spec.size;
   const uint32_t levels = specular_levels(work_->size);
@@ -182,9 +180,7 @@ absl::Status BakeEnvironmentCall::take_memory() {
   const uint64_t host_bytes = work_->host_memory();
   ASSIGN_OR_RETURN(const uint64_t bytes,
                    baker.bake_bytes(work_->environment->environment, work_->start.spec, host_bytes));
-  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim,
-                   state_.sessions.memory->claim_frame(client_, bytes, absl::Now()));
-  work_->claim = std::move(claim);
+  ASSIGN_OR_RETURN(work_->claim, state_.sessions.memory->claim_frame(client_, bytes, absl::Now()));
   absl::StatusOr<TexturePool::Lease> lease = baker.reserve(host_bytes);
   while (absl::IsUnavailable(lease.status()) && state_.environments.free_one()) {
     lease = baker.reserve(host_bytes);

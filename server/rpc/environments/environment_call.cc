@@ -46,8 +46,7 @@ absl::Status EnvironmentCall::work(std::function<absl::Status()> task, std::func
     then();
   };
   job.deadline = absl::FromChrono(context_.deadline());
-  ASSIGN_OR_RETURN(const Ticket ticket, state_.rendering.loop.submit(std::move(job)));
-  ticket_ = ticket;
+  ASSIGN_OR_RETURN(ticket_, state_.rendering.loop.submit(std::move(job)));
   return absl::OkStatus();
 }
 

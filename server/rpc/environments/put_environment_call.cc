@@ -55,11 +55,10 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
   auto kept = std::make_shared<KeptEnvironment>();
   {
     const HostStage stage("panorama", &stages);
-    ASSIGN_OR_RETURN(Environment finished,
+    ASSIGN_OR_RETURN(kept->environment,
                      baker.finish(
                          *std::move(upload), start.to_scene, [this](uint64_t bytes) { return grow(bytes); },
                          [this] { return store->free_one(); }));
-    kept->environment = std::move(finished);
   }
   const PanoramaBadValues& bad = kept->environment.bad;
   if (start.reject_bad && bad.first_bad_texel) {
@@ -133,12 +132,9 @@ absl::Status PutEnvironmentCall::take_memory() {
     upload = work->renderer->baker().take(desc);
   }
   if (!upload.ok()) return upload.status();
-  ASSIGN_OR_RETURN(EnvironmentRoom room,
+  ASSIGN_OR_RETURN(work->room,
                    state_.environments.make_room(environment_bytes(desc.width, upload->kept_bytes())));
-  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim,
-                   state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now()));
-  work->claim = std::move(claim);
-  work->room = std::move(room);
+  ASSIGN_OR_RETURN(work->claim, state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now()));
   work->upload = *std::move(upload);
   work_ = std::move(work);
   reading_ = State::kBands;

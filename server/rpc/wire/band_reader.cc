@@ -23,8 +23,7 @@ absl::StatusOr<uint32_t> BandReader::count_rows(uint64_t bytes) const {
 absl::Status BandReader::read(grpc::ByteBuffer& message, Row row) {
   uint32_t count = 0;
   const auto take = [&](google::protobuf::io::CodedInputStream& input, uint64_t bytes) -> absl::Status {
-    ASSIGN_OR_RETURN(const uint32_t rows, count_rows(bytes));
-    count = rows;
+    ASSIGN_OR_RETURN(count, count_rows(bytes));
     const int padding = static_cast<int>(stride_bytes_ - desc_.row_bytes());
     for (uint32_t i = 0; i < count; ++i) {
       const std::span<std::byte> place = row(rows_ + i);

@@ -136,8 +136,7 @@ class Pictures {
     Candidates candidates;
     int part = -1;
     if (!choice.part.empty()) {
-      ASSIGN_OR_RETURN(const int named, part_called(choice.part));
-      part = named;
+      ASSIGN_OR_RETURN(part, part_called(choice.part));
     }
     for (const Candidate& candidate : all_) {
       if (part < 0 || candidate.part == part) candidates.push_back(&candidate);
