@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # Runs fuzz_image or fuzz_wire for CANDELA_FUZZ_SECONDS (30): run.sh BUILD-FOLDER image|wire [LIBFUZZER OPTION...]
 #
-# Starts from the seeds of the build and, for images, from the damaged ones in CANDELA_DATA. Inputs that cover new
-# code are kept in BUILD-FOLDER/corpus for the next run. An input that crashes, takes too long or too much memory is left
-# in BUILD-FOLDER/findings.
+# Starts from the seeds of the build, from what earlier runs found (corpus/ here) and, for images, from the damaged ones in
+# CANDELA_DATA. Inputs that cover new code are kept in BUILD-FOLDER/corpus for the next run. An input that crashes, takes too
+# long or too much memory is left in BUILD-FOLDER/findings.
 set -euo pipefail
 here=$(dirname "$0")
 build=$1 kind=$2
 shift 2
 corpus=$build/corpus/$kind findings=$build/findings
 mkdir -p "$corpus" "$findings"
-inputs=("$build/seeds/$kind")
+inputs=("$build/seeds/$kind" "$here/corpus/$kind")
 options=(-max_total_time="${CANDELA_FUZZ_SECONDS:-30}" -artifact_prefix="$findings/$kind-" -print_final_stats=1
   -timeout=10)
 
