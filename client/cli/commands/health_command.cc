@@ -2,11 +2,12 @@
 #include <memory>
 
 #include "absl/time/clock.h"
+#include "client/base/usage.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
+#include "client/cli/options/options.h"
 #include "client/cli/options/server_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/connection.h"
 #include "server/base/net/address.h"

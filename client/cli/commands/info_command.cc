@@ -12,17 +12,19 @@
 #include "client/base/number_words.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/commands/file_info.h"
-#include "client/cli/commands/server_link.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/json_output.h"
-#include "client/cli/files/output_files.h"
-#include "client/cli/files/sequence/frame_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
+#include "client/cli/options/options.h"
 #include "client/cli/options/picture/picture_options.h"
 #include "client/cli/options/picture/settings_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
+#include "client/run/events.h"
+#include "client/run/output_files.h"
+#include "client/run/picture/frame_files.h"
+#include "client/run/server/server_link.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 #include "server/base/words/rounded_up.h"
@@ -182,7 +184,8 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
 }
 
 absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
-  ServerLink link(options.server, /*quiet=*/true, /*measures_tiers=*/true);
+  RunEvents silent;
+  ServerLink link(options.server, silent, /*measures_tiers=*/true);
   absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   // The built-in server has just begun to measure, unless an earlier one did.
   for (const absl::Time limit = absl::Now() + kMeasuringTimeout;

@@ -2,17 +2,18 @@
 #include <memory>
 
 #include "absl/strings/str_format.h"
+#include "client/base/usage.h"
 #include "client/cli/commands/commands.h"
-#include "client/cli/files/output_files.h"
-#include "client/cli/files/scene_image.h"
-#include "client/cli/files/sequence/sequence_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
+#include "client/cli/options/options.h"
 #include "client/cli/options/picture/picture_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
 #include "client/image/sample.h"
+#include "client/run/output_files.h"
+#include "client/run/picture/scene_image.h"
+#include "client/run/sequence/sequence_files.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -6,9 +6,9 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
-#include "client/cli/files/output_files.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "client/image/write/atomic_file.h"
+#include "client/run/output_files.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

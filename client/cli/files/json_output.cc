@@ -14,11 +14,11 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/base/usage.h"
 #include "client/cli/files/failure_line.h"
-#include "client/cli/files/output_files.h"
-#include "client/cli/files/sequence/sequence_files.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/usage.h"
+#include "client/run/output_files.h"
+#include "client/run/sequence/sequence_files.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -47,13 +47,6 @@ std::vector<std::string> files_of_word(const std::string& word) {
   return files;
 }
 
-// True of an empty file, too.
-bool holds_json(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  const int first = file.get();
-  return file.is_open() && (first == '{' || first == std::ifstream::traits_type::eof());
-}
-
 // Whether fail() may write this path although no command has checked it.
 bool may_be_replaced(const std::string& name, const std::vector<std::string>& words) {
   std::error_code failed;
@@ -76,15 +69,6 @@ bool may_be_replaced(const std::string& name, const std::vector<std::string>& wo
 }
 
 }  // namespace
-
-absl::Status replaces_only_json(const char* option, const std::string& path) {
-  std::error_code failed;
-  const std::filesystem::path file = std::filesystem::weakly_canonical(path, failed);
-  if (!std::filesystem::is_regular_file(file, failed) || holds_json(file)) return absl::OkStatus();
-  return usage_error(absl::StrFormat(
-      "%s %s: this file is there and holds no JSON, so it is not replaced; name another file%s", option, path,
-      absl::string_view(option) == kOption ? ", or - for stdout" : ""));
-}
 
 absl::Status JsonOutput::open() {
   absl::Status status = open_path();

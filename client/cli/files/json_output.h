@@ -13,9 +13,6 @@
 
 namespace candela {
 
-// A usage error if this option's file is there and holds no JSON, such as an image that was named by mistake.
-absl::Status replaces_only_json(const char* option, const std::string& path);
-
 // Used by one thread.
 class JsonOutput {
  public:

@@ -13,7 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/cli/files/json_output.h"
-#include "client/cli/options/options.h"
+#include "client/run/options.h"
 
 namespace candela {
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "candela/v1/render.pb.h"
-#include "client/cli/options/options.h"
 #include "client/image/encodings.h"
+#include "client/run/options.h"
 
 namespace candela {
 

@@ -4,7 +4,7 @@
 #include <CLI/App.hpp>
 
 #include "absl/status/status.h"
-#include "client/cli/options/options.h"
+#include "client/run/options.h"
 
 namespace candela {
 

@@ -4,9 +4,9 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "client/base/usage.h"
 #include "client/cli/options/picture/picture_options.h"
 #include "client/cli/options/server_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "server/base/status_macros.h"
 

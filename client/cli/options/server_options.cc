@@ -9,7 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "server/base/net/address.h"
 #include "server/base/words/variables.h"

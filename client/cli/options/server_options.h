@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "client/cli/options/options.h"
+#include "client/run/options.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {

@@ -1,5 +1,5 @@
 // The frames of a sequence: numbers in names, ranges, gaps, cuts and media times.
-#include "client/cli/files/sequence/sequence.h"
+#include "client/run/sequence/sequence.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 
 #include "absl/numeric/int128.h"
 #include "absl/strings/str_replace.h"
-#include "client/cli/files/sequence/sequence_files.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
+#include "client/run/sequence/sequence_files.h"
 #include "proto/candela/v1/limits.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"

@@ -18,10 +18,10 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
+#include "client/base/system_failure.h"
+#include "client/base/usage.h"
 #include "client/cli/files/failure_line.h"
-#include "client/cli/files/sequence/sequence_files.h"
-#include "client/cli/files/system_failure.h"
-#include "client/cli/options/usage.h"
+#include "client/run/sequence/sequence_files.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

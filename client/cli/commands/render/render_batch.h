@@ -7,18 +7,13 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/cli/commands/render/render_report.h"
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/terminal.h"
-#include "client/cli/options/options.h"
+#include "client/cli/results/render_report.h"
+#include "client/run/frame_run.h"
+#include "client/run/options.h"
 
 namespace candela {
-
-// One image to render: a file in, a file out.
-struct RenderJob {
-  std::string input;
-  std::string output;
-};
 
 struct RenderPlan {
   std::vector<RenderJob> jobs;

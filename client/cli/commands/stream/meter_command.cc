@@ -11,21 +11,22 @@
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
 #include "client/cli/commands/commands.h"
-#include "client/cli/commands/render/held_exposure.h"
-#include "client/cli/commands/render/render_report.h"
-#include "client/cli/commands/server_link.h"
-#include "client/cli/commands/stream/stream_report.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/json_output.h"
-#include "client/cli/files/output_files.h"
-#include "client/cli/files/primaries_used.h"
-#include "client/cli/files/sequence/frame_alpha.h"
-#include "client/cli/files/sequence/frame_files.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
 #include "client/cli/options/idle_options.h"
 #include "client/cli/options/meter_options.h"
-#include "client/cli/options/words/option_words.h"
+#include "client/cli/results/render_report.h"
+#include "client/cli/results/run_display.h"
+#include "client/cli/results/stream_report.h"
+#include "client/run/output_files.h"
+#include "client/run/picture/frame_alpha.h"
+#include "client/run/picture/frame_files.h"
+#include "client/run/picture/frame_notes.h"
+#include "client/run/picture/primaries_used.h"
+#include "client/run/run.h"
+#include "client/run/server/option_words.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -157,17 +158,17 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   }
   RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
-  progress.show("metering " + input);
-  ServerLink link(options.server, options.quiet);
-  ASSIGN_OR_RETURN(const v1::Limits limits, link.limits());
+  RunDisplay display(options.quiet, json, progress);
+  display.begins("metering " + input);
+  Run run(options, display);
+  ASSIGN_OR_RETURN(const v1::Limits limits, run.limits());
   ASSIGN_OR_RETURN(const Image image, read_image(input, image_limits(limits, options), choice_of(options)));
-  if (const auto server = link.connection(); !server.ok()) return server.status();
-  RETURN_IF_ERROR(link.check_tier(options.settings.tier()));
+  RETURN_IF_ERROR(run.connect());
   v1::Settings settings = settings_for(image, options.settings);
   const std::string alpha_note = options.ignore_empty_alpha ? ignore_empty_alpha(image, settings) : "";
   absl::StatusOr<v1::MeterResponse> metered;
   const absl::Time deadline = absl::Now() + kMeterTimeout;
-  const absl::Status called = link.call(deadline, [&](const Connection& one) {
+  const absl::Status called = run.link().call(deadline, [&](const Connection& one) {
     metered = one.meter(settings, view_of(image), deadline);
     return metered.status();
   });

@@ -1,8 +1,8 @@
 #include "client/cli/options/picture/exposure_options.h"
 
 #include "absl/strings/str_format.h"
+#include "client/base/usage.h"
 #include "client/cli/options/picture/settings_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 
 namespace candela {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "client/cli/options/options.h"
+#include "client/run/options.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "client/cli/options/options.h"
+#include "client/run/options.h"
 
 namespace candela {
 

@@ -14,9 +14,10 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
+#include "client/run/picture/frame_files.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"
 #include "server/base/words/near_words.h"
@@ -337,19 +338,6 @@ absl::Status check_settings_options(const v1::Settings& settings) {
   return usage_error(
       absl::StrFormat("--min-exposure %s is above --max-exposure %s; give both so that it is not",
                       format_number(min), format_number(max)));
-}
-
-v1::Chromaticities to_message(const std::array<float, 8>& xy) {
-  v1::Chromaticities c;
-  c.set_red_x(xy[0]);
-  c.set_red_y(xy[1]);
-  c.set_green_x(xy[2]);
-  c.set_green_y(xy[3]);
-  c.set_blue_x(xy[4]);
-  c.set_blue_y(xy[5]);
-  c.set_white_x(xy[6]);
-  c.set_white_y(xy[7]);
-  return c;
 }
 
 }  // namespace candela

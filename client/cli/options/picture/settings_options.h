@@ -32,7 +32,4 @@ void add_settings_options(
 // After parsing: refuses settings that conflict, with a usage error.
 absl::Status check_settings_options(const v1::Settings& settings);
 
-// CIE xy of red, green, blue and white.
-v1::Chromaticities to_message(const std::array<float, 8>& xy);
-
 }  // namespace candela

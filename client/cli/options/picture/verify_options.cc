@@ -1,7 +1,7 @@
 #include "client/cli/options/picture/verify_options.h"
 
 #include "absl/strings/str_format.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
 

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/base/usage.h"
 #include "client/cli/options/picture/settings_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 
 namespace candela {
@@ -86,14 +86,6 @@ void choose_view_defaults(PictureOptions& options, bool exposure_given) {
   if (options.settings.bloom().ByteSizeLong() > 0) return;
   options.settings.mutable_bloom()->set_intensity(0);
   options.defaults.bloom = true;
-}
-
-std::string default_exposure_words(const PictureDefaults& defaults) {
-  return defaults.exposure ? ", the default of --ocio" : "";
-}
-
-std::string default_bloom_words(const PictureDefaults& defaults) {
-  return defaults.bloom ? ", no bloom" : "";
 }
 
 }  // namespace candela

@@ -5,8 +5,8 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "client/base/usage.h"
 #include "client/cli/options/sequence/session_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 
 namespace candela {

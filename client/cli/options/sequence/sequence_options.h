@@ -4,7 +4,7 @@
 #include <CLI/App.hpp>
 #include <string>
 
-#include "client/cli/files/sequence/sequence.h"
+#include "client/run/sequence/sequence.h"
 
 namespace candela {
 

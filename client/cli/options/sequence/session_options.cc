@@ -1,11 +1,11 @@
 #include "client/cli/options/sequence/session_options.h"
 
 #include "absl/strings/str_format.h"
+#include "client/base/usage.h"
 #include "client/cli/options/picture/exposure_options.h"
 #include "client/cli/options/picture/settings_options.h"
 #include "client/cli/options/sequence/sequence_options.h"
 #include "client/cli/options/server_options.h"
-#include "client/cli/options/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "proto/candela/v1/settings.h"
 

@@ -6,12 +6,10 @@
 
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
-#include "client/cli/options/options.h"
+#include "client/run/options.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
-
-inline constexpr v1::Range<double> kFps{0.001, 100000};
 
 void add_lookahead_option(CLI::App& app, const std::string& section, uint32_t& frames);
 void add_encoding_option(CLI::App& app, const std::string& section, v1::Encoding& encoding,

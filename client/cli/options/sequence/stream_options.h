@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "client/cli/options/options.h"
 #include "client/cli/options/picture/picture_options.h"
+#include "client/run/options.h"
 
 namespace candela {
 

@@ -6,7 +6,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "server/base/status_macros.h"
 #include "server/base/words/near_words.h"
 

@@ -7,7 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "candela/v1/render.pb.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/words/near_words.h"
 

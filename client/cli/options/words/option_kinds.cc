@@ -9,7 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
-#include "client/cli/options/usage.h"
+#include "client/base/usage.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {

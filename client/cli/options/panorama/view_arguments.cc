@@ -1,0 +1,216 @@
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/base/usage.h"
+#include "client/cli/options/panorama/panorama_options.h"
+#include "client/cli/options/picture/exposure_options.h"
+#include "client/cli/options/picture/picture_options.h"
+#include "client/cli/options/picture/settings_options.h"
+#include "client/cli/options/picture/verify_options.h"
+#include "client/cli/options/picture/view_options.h"
+#include "client/cli/options/sequence/session_options.h"
+#include "client/cli/options/server_options.h"
+#include "client/cli/options/words/option_kinds.h"
+#include "client/image/encodings.h"
+#include "client/run/panorama/view_scene.h"
+#include "client/run/sequence/frame_numbers.h"
+#include "client/run/sequence/sequence_files.h"
+#include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+constexpr char kCamera[] = "Camera";
+constexpr char kMove[] = "Sequence";
+constexpr v1::Range<double> kTurnDeg{-36000, 36000};
+constexpr v1::Range<double> kFrames{1, kMostViewFrames};
+
+// A view is opaque, so settings about alpha would change nothing.
+bool is_for_views(const v1::SettingField& setting) {
+  return setting.path != "alpha" && setting.declaration().flag() != "background";
+}
+
+void add_camera_options(CLI::App& app, PanoramaViewOptions& options) {
+  v1::Camera& camera = options.camera;
+  const auto degrees = [&](const char* name, v1::Range<double> range, double initial, const char* help,
+                           void (v1::Camera::*set)(double)) {
+    add_number(app, kCamera, name, "DEG", range, initial, help,
+               [&camera, set](double value) { (camera.*set)(value); });
+  };
+  degrees("--yaw", v1::kCameraAngleDeg, 0, "Turn the camera to the right; 0 looks at the panorama's middle",
+          &v1::Camera::set_yaw_deg);
+  degrees("--pitch", v1::kCameraAngleDeg, 0, "Raise the camera; 90 looks straight up",
+          &v1::Camera::set_pitch_deg);
+  degrees("--roll", v1::kCameraAngleDeg, 0, "Lean the camera to its right", &v1::Camera::set_roll_deg);
+  degrees("--fov", v1::kFovDeg, v1::kDefaultFovDeg, "Vertical field of view", &v1::Camera::set_fov_deg);
+  add_text(app, kCamera, "--size", "WIDTHxHEIGHT",
+           absl::StrFormat("Size of the view in pixels; 1x1 .. %dx%d (default %dx%d)", v1::kMaxDimension,
+                           v1::kMaxDimension, options.width, options.height),
+           [&options](const std::string& text) { return parse_size(text, options.width, options.height); });
+  add_text(app, kCamera, "--samples", "1|4|16",
+           absl::StrFormat("Rays per pixel at the edges of objects (default %d)", v1::kDefaultViewSamples),
+           [&options](const std::string& text) {
+             if (text != "1" && text != "4" && text != "16") {
+               return usage_error(absl::StrFormat("--samples is \"%s\"; it must be 1, 4 or 16", text));
+             }
+             options.samples = text == "1" ? 1 : text == "4" ? 4 : 16;
+             return absl::OkStatus();
+           });
+  add_rotation_option(app, kCamera, options.rotation_deg);
+  add_text(
+      app, kCamera, "--objects", "lookdev|FILE.json",
+      "Spheres to draw: lookdev (chrome, grey, gold, plastic), or those of a file, "
+      "{\"objects\":[{\"centre\":[x,y,z],\"radius\":r,\"base_color\":[r,g,b],\"metallic\":m,"
+      "\"roughness\":r,\"fixed_to_camera\":true}]}, where +X is right, +Y up and -Z ahead (default: none)",
+      options.objects);
+}
+
+void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
+  add_text(app, kMove, "--turn", "DEG",
+           absl::StrFormat(
+               "Render a sequence that turns the camera right by DEG degrees; the last frame stops one "
+               "step short, so that 360 loops; %s",
+               format_range(kTurnDeg)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> turn = parse_number("--turn", text, kTurnDeg);
+             if (turn.ok()) options.turn_deg = *turn;
+             return turn.status();
+           });
+  add_text(app, kMove, "--path", "FILE.json",
+           "Render a sequence that follows camera keys, {\"keys\":[{\"time\":s,\"yaw\":deg,\"pitch\":deg,"
+           "\"roll\":deg,\"fov\":deg}]}; between keys the camera moves smoothly and never beyond them",
+           options.camera_path);
+  add_text(app, kMove, "--frames", "N",
+           absl::StrFormat("Number of frames; %s (default: 10 seconds of a turn, or all up to the last key)",
+                           format_range(kFrames)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<double> frames = parse_number("--frames", text, kFrames, true);
+             if (frames.ok()) options.frames = static_cast<uint64_t>(*frames);
+             return frames.status();
+           });
+  add_text(app, kMove, "--fps", "FPS",
+           absl::StrFormat("Frames a second of media time, such as 25 or 24000/1001; %s (default 24)",
+                           format_range(kFps)),
+           [&options](const std::string& text) {
+             const absl::StatusOr<FrameRate> rate = parse_frame_rate("--fps", text);
+             if (rate.ok()) options.rate = *rate;
+             return rate.status();
+           });
+  add_lookahead_option(app, kMove, options.lookahead);
+  add_text(app, kMove, "--session", "NAME", "Name of the session (default: a random one)", options.session);
+}
+
+// Options that only a sequence takes, or only a single view.
+absl::Status check_kind(const PanoramaViewOptions& options) {
+  if (options.turn_deg && !options.camera_path.empty()) {
+    return usage_error("--turn and --path both move the camera; give only one of them");
+  }
+  if (options.is_sequence()) {
+    if (options.verify.verify) {
+      return usage_error("--verify is for a single view; render one of the sequence's views with its camera");
+    }
+    if (options.previous.exposure() == 0) return absl::OkStatus();
+    return usage_error("--previous-exposure is for a single view; in a sequence exposure adapts by itself");
+  }
+  const absl::StatusOr<std::optional<NamePattern>> pattern = parse_name_pattern(options.output);
+  const bool numbered = pattern.ok() && *pattern && options.output.find('%') != std::string::npos;
+  const std::pair<bool, const char*> alone[] = {{options.frames.has_value(), "--frames"},
+                                                {options.rate.has_value(), "--fps"},
+                                                {options.lookahead > 0, "--lookahead"},
+                                                {!options.session.empty(), "--session"},
+                                                {!options.plot.empty(), "--exposure-plot"},
+                                                {options.encoding != v1::ENCODING_RAW, "--encoding"},
+                                                {numbered, "a pattern as OUT"}};
+  for (const auto& [given, name] : alone) {
+    if (given) {
+      return usage_error(
+          absl::StrFormat("%s is for a sequence; move the camera with --turn DEG or --path FILE.json", name));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_verify(const PanoramaViewOptions& options) {
+  if (options.verify.verify && !options.view.config.empty()) {
+    return usage_error(
+        "--verify compares a view of --ocio with the frame's pixels, and only the server has "
+        "those of a panorama's view; leave out one of the two");
+  }
+  return check_verify_options(options.verify, options.output);
+}
+
+// The name of one of the output's files, by which its format is chosen.
+absl::StatusOr<std::string> sample_name(const PanoramaViewOptions& options) {
+  if (!options.is_sequence()) return options.output;
+  ASSIGN_OR_RETURN(const OutputNames names,
+                   OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
+  std::string name = names.path(0, "");
+  if (absl::Status status = check_server_encoding(options.encoding, name, options.output); !status.ok()) {
+    return status;
+  }
+  return name;
+}
+
+}  // namespace
+
+void add_rotation_option(CLI::App& app, const std::string& section, double& degrees) {
+  add_number(app, section, "--rotation", "DEG", v1::kRotationDeg, 0,
+             "Turn the panorama about the vertical; 90 moves what was ahead to the left",
+             [&degrees](double value) { degrees = value; });
+}
+
+void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) {
+  PanoramaViewOptions& options = arguments.options;
+  app.add_option("PANO", options.panorama,
+                 "Panorama in the equirectangular projection, twice as wide as high: OpenEXR, Radiance .hdr "
+                 "or PFM; --primaries and --bad-values are about it")
+      ->required()
+      ->option_text(" ");
+  app.add_option("OUT", options.output,
+                 absl::StrFormat("File to write: %s; for a sequence a pattern for the frame's number, "
+                                 "out/%%04d.png, or a folder for .png",
+                                 extensions_with()))
+      ->required()
+      ->option_text(" ");
+  add_camera_options(app, options);
+  add_move_options(app, options);
+  add_choice_options(app, options);
+  add_max_pixels_option(app, options);
+  add_settings_options(app, options.settings, is_for_views);
+  add_view_options(app, options);
+  add_previous_options(app, options.previous);
+  add_locked_exposure_option(app, options.locked_exposure);
+  add_verify_options(app, options.verify);
+  add_image_options(app, arguments.picture);
+  add_encoding_option(app, kOutputSection, options.encoding,
+                      "Who encodes the files of a sequence: this command (raw) or the server (png, jpeg)");
+  add_text(app, kOutputSection, "--exposure-plot", "FILE",
+           "Draw a sequence's exposure over time: a .svg file", options.plot);
+  add_json_option(app, kOutputSection,
+                  "Write the result's numbers as one line of JSON; for a sequence one line a frame, and one "
+                  "for all",
+                  options.json);
+  add_quiet_option(app, kOutputSection, options.quiet);
+  app.add_flag("--verbose,-v", options.verbose, "Print everything about a single view, not only a line")
+      ->group(kOutputSection);
+  add_servers_options(app, options.server);
+}
+
+absl::Status finish_panorama_view_options(PanoramaViewArguments& arguments) {
+  PanoramaViewOptions& options = arguments.options;
+  RETURN_IF_ERROR(check_input_names({options.panorama}));
+  RETURN_IF_ERROR(check_output_name(options.output));
+  RETURN_IF_ERROR(check_kind(options));
+  ASSIGN_OR_RETURN(const std::string name, sample_name(options));
+  absl::Status status = finish_picture_options(options, arguments.picture, name);
+  options.settings.set_alpha(v1::ALPHA_IGNORE);  // a view has none
+  status.Update(finish_previous_options(options.previous));
+  status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
+  choose_view_defaults(options, !options.locked_exposure.empty() || options.previous.exposure() > 0);
+  status.Update(check_verify(options));
+  status.Update(finish_server_options(options.server));
+  return status;
+}
+
+}  // namespace candela

@@ -1,0 +1,61 @@
+// The result of `candela render`, as text and as JSON.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
+#include "client/cli/files/json_output.h"
+#include "client/color/view_error.h"
+#include "client/run/picture/primaries_used.h"
+#include "client/run/report.h"
+
+namespace candela {
+
+// ", the default of --ocio" after the exposure, or "".
+std::string default_exposure_words(const PictureDefaults& defaults);
+// ", no bloom" after that, or "".
+std::string default_bloom_words(const PictureDefaults& defaults);
+
+// "1.25 (+0.32 EV)"
+std::string exposure_words(double exposure, const PictureDefaults& defaults = {});
+
+// The result in one line, with a line end, and if the frame was verified the lines about that. `verbose`: all
+// about it in several lines.
+std::string to_text(const RenderReport& report, bool verbose);
+
+// {nan, inf, negative}: how many components of a frame or a panorama were such. `counted` is the message that
+// counts them.
+template <typename Message>
+nlohmann::ordered_json bad_values_json(const Message& counted) {
+  return {{"nan", counted.nan_components()},
+          {"inf", counted.infinite_components()},
+          {"negative", counted.negative_components()}};
+}
+
+// The report's notes, and one about values that were no numbers, if there were any.
+std::vector<std::string> notes_for_user(const RenderReport& report);
+
+// Prints the notes and, if the JSON does not go to stdout, the result; `quiet`: neither. Writes the JSON.
+absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutput& json);
+
+// One object on one line, with the keys input, output, environment (only of a view), size {width, height},
+// primaries {name, xy, from} (name null if they have none; from as in primaries_used.h), curve, device,
+// tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
+// max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, view
+// {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes, config, from} (null
+// without --ocio; from is --ocio or $OCIO), gamut_cut_components, plan, stage_ms, total_ms, notes. A verified
+// frame also has verify and verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes,
+// worst_pixel [x, y], differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view
+// {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with
+// --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An
+// infinite number becomes null.
+std::string to_json(const RenderReport& report);
+
+}  // namespace candela

@@ -1,0 +1,130 @@
+#include "client/run/frames/file_frames.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/run/picture/frame_alpha.h"
+#include "client/run/picture/frame_files.h"
+#include "client/run/picture/frame_notes.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+
+absl::Status FileFrames::open() {
+  while (std::optional<FrameReader::Read> read = reader_.next()) {
+    read_.push_back(*std::move(read));
+    const absl::StatusOr<Image>& image = read_.back().image;
+    if (!image.ok()) {
+      if (!options_.skip_bad) return image.status();
+      continue;
+    }
+    decide_rate(&read_.back());
+    first_path_ = sequence_.frames[read_.back().index].path;
+    first_width_ = image->width;
+    first_height_ = image->height;
+    return check_media_time(sequence_, rate_.rate);
+  }
+  decide_rate(nullptr);
+  return absl::OkStatus();
+}
+
+// A part of a sequence has the rate of the whole, so the files before its first frame decide.
+void FileFrames::decide_rate(const FrameReader::Read* first) {
+  std::string path = first == nullptr ? "" : sequence_.frames[first->index].path;
+  std::optional<FrameRate> of_file = first == nullptr ? std::nullopt : first->image->frame_rate;
+  for (auto file = sequence_.files.begin(); !options_.rate && file != sequence_.files.end(); ++file) {
+    if (file->first >= sequence_.first()) break;
+    const absl::StatusOr<Image> image = reader_.read(file->second);
+    if (!image.ok()) continue;
+    path = file->second;
+    of_file = image->frame_rate;
+    break;
+  }
+  if (of_file && !is_usable(*of_file)) {
+    rate_notes_.push_back(absl::StrFormat(
+        "%s: its framesPerSecond is %d/%d, which is no usable rate, and is ignored; --fps sets the rate",
+        path, of_file->frames, of_file->seconds));
+    of_file.reset();
+  }
+  rate_ = choose_rate(options_.rate, of_file);
+  if (options_.rate || of_file) said_rate_ = rate_.rate;
+}
+
+std::optional<SourceFrame> FileFrames::next() {
+  std::optional<FrameReader::Read> read;
+  if (read_.empty()) {
+    read = reader_.next();
+  } else {
+    read = std::move(read_.front());
+    read_.pop_front();
+  }
+  if (!read) return std::nullopt;
+  const SequenceFrame& file = sequence_.frames[read->index];
+  SourceFrame made;
+  made.frame.sequence = sequence_.session_number(read->index);
+  made.facts.number = file.number;
+  made.facts.input = file.path;
+  made.facts.place = file.place;
+  made.facts.media_time_ns = sequence_.media_time_ns(file.number, rate_.rate);
+  made.facts.cut = file.cut;
+  made.status = make(std::move(read->image), file, made);
+  if (!made.status.ok()) begins_scene_ |= file.cut;
+  return made;
+}
+
+absl::Status FileFrames::make(absl::StatusOr<Image> read, const SequenceFrame& file, SourceFrame& made) {
+  RETURN_IF_ERROR(read.status());
+  Image& frame = *read;
+  enter_scene(options_.view.get(), frame);
+  ASSIGN_OR_RETURN(const std::optional<double> exposure, options_.exposures.of(file.number));
+  made.settings = settings_for(frame, options_.settings);
+  if (options_.ignore_empty_alpha) {
+    const std::string note = ignore_empty_alpha(frame, made.settings);
+    if (!note.empty()) frame.notes.push_back(note);
+  }
+  add_notes(frame, file.path, made.notes);
+  made.facts.has_alpha = frame.has_alpha && keeps_alpha(made.settings);
+  made.facts.pixel_aspect = frame.pixel_aspect;
+  made.facts.frame_rate = said_rate_;
+  made.facts.primaries = primaries_of(frame, options_.settings, options_.view.get());
+  made.facts.exposure_given = exposure.has_value();
+  made.facts.kept = frame.kept;
+  made.facts.missing_pixels = frame.missing_pixels;
+  const auto image = std::make_shared<const Image>(std::move(frame));
+  made.frame = {.width = image->width,
+                .height = image->height,
+                .format = wire_format(image->format),
+                .pixels = image->pixels.span(),
+                .owner = image,
+                .sequence = made.frame.sequence,
+                .media_time_ns = made.facts.media_time_ns,
+                .cut = std::exchange(begins_scene_, false) || file.cut,
+                .exposure = exposure,
+                .timeout = options_.timeout};
+  return absl::OkStatus();
+}
+
+// Also, once each, that files have another size or another rate than the first.
+void FileFrames::add_notes(const Image& image, const std::string& path, std::vector<std::string>& notes) {
+  notes = std::exchange(rate_notes_, {});
+  for (const std::string& note : image.notes) {
+    // How much is missing is another number in each file.
+    notes.push_back(image.missing_pixels > 0 ? absl::StrCat(path, ": ", note) : note);
+  }
+  if (image.is_cube_map) notes.push_back(cube_map_note(image));
+  if (!size_differs_ && (image.width != first_width_ || image.height != first_height_)) {
+    size_differs_ = true;
+    notes.push_back(absl::StrFormat(
+        "these files do not look like a sequence: %s is %dx%d, and %s %dx%d; `candela render IN... OUTDIR/` "
+        "renders each for itself",
+        first_path_, first_width_, first_height_, path, image.width, image.height));
+  }
+  if (!rate_differs_ && !options_.rate && image.frame_rate && reduced(*image.frame_rate) != rate_.rate) {
+    rate_differs_ = true;
+    notes.push_back(absl::StrFormat("%s says %s fps; all frames are shown at %s; --fps changes it", path,
+                                    to_text(*image.frame_rate), to_text(rate_)));
+  }
+}
+
+}  // namespace candela

@@ -1,0 +1,54 @@
+// Where the frames of a run come from: files, or the cameras of a panorama.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "candela/v1/render.pb.h"
+#include "client/image/image.h"
+#include "client/run/picture/primaries_used.h"
+#include "client/session.h"
+
+namespace candela {
+
+// What a frame's image and the report about it need from its source.
+struct FrameFacts {
+  int64_t number = 0;
+  std::string input;   // its file
+  uint64_t place = 0;  // of its image among all images of the run
+  int64_t media_time_ns = 0;
+  bool cut = false;             // begins a scene
+  bool exposure_given = false;  // metering does not decide it
+  bool has_alpha = false;
+  double pixel_aspect = 1;
+  std::optional<FrameRate> frame_rate = {};  // if the user gave it or a file says it
+  PrimariesUsed primaries = {};
+  std::shared_ptr<const KeptAttributes> kept = {};  // as in Image
+  uint64_t missing_pixels = 0;                      // of an unfinished or damaged file
+};
+
+struct SourceFrame {
+  SessionFrame frame;     // without a frame only its sequence number
+  absl::Status status;    // why there is none
+  v1::Settings settings;  // only its alpha and its input's primaries count
+  FrameFacts facts;
+  std::vector<std::string> notes;
+};
+
+// Used by one thread at a time.
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+
+  // How many frames next() returns.
+  virtual uint64_t frames() const = 0;
+
+  // The next frame, in the order of their sequence numbers; nothing after the last.
+  virtual std::optional<SourceFrame> next() = 0;
+};
+
+}  // namespace candela

@@ -1,0 +1,25 @@
+// Where the images of a run go.
+#pragma once
+
+#include "absl/status/status.h"
+#include "client/render_result.h"
+#include "client/run/report.h"
+
+namespace candela {
+
+// Gets every frame of a run once, in order. Used by one thread.
+class FrameSink {
+ public:
+  virtual ~FrameSink() = default;
+
+  // The frame's image. If it cannot be kept, this call or a later one fails.
+  virtual absl::Status image(RunFrame frame, RenderResult image) = 0;
+
+  // The frame has no image: frame.status says why.
+  virtual absl::Status none(RunFrame frame) = 0;
+
+  // Waits until all images are where they belong.
+  virtual absl::Status finish() = 0;
+};
+
+}  // namespace candela

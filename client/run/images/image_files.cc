@@ -1,0 +1,112 @@
+#include "client/run/images/image_files.h"
+
+#include <algorithm>
+#include <fstream>
+#include <new>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "client/base/failure.h"
+#include "client/image/encodings.h"
+#include "client/image/write/atomic_file.h"
+#include "client/run/picture/frame_files.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+constexpr size_t kCopiedAtOnce = 1u << 20;  // bytes
+
+absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, const RenderResult& result,
+                                                      const FrameFacts& facts,
+                                                      const WriteOptions& options) try {
+  if (result.header.encoding() == v1::ENCODING_NONE) return std::vector<std::string>();
+  if (result.header.encoded_bytes() > 0) {
+    return write_encoded(path, result.pixels(), result.header.encoding(), facts.has_alpha,
+                         facts.pixel_aspect);
+  }
+  ASSIGN_OR_RETURN(Image picture, picture_of(result, facts.has_alpha, facts.pixel_aspect));
+  picture.frame_rate = facts.frame_rate;
+  picture.kept = facts.kept;
+  return write_image(path, picture, options);
+} catch (const std::bad_alloc&) {
+  return absl::ResourceExhaustedError(
+      absl::StrFormat("%s: out of memory; give this process more memory (ulimit -v)", path));
+}
+
+absl::Status copy_file(const std::string& from, const std::string& to) {
+  std::ifstream source(from, std::ios::binary);
+  if (!source)
+    return failure_of(
+        FailureKind::kOutput,
+        absl::NotFoundError(absl::StrFormat(
+            "%s: cannot read it to repeat it as %s; leave the images in place until the command ends", from,
+            to)));
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(to));
+  std::vector<char> bytes(kCopiedAtOnce);
+  while (source) {
+    source.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    if (!file.write(bytes.data(), static_cast<size_t>(source.gcount()))) break;
+  }
+  if (source.bad()) {
+    return failure_of(FailureKind::kOutput,
+                      absl::UnavailableError(absl::StrFormat("%s: cannot read it to repeat it", from)));
+  }
+  return file.commit();
+}
+
+}  // namespace
+
+absl::Status ImageFiles::image(RunFrame frame, RenderResult image) {
+  return add({frame, std::async(std::launch::async, [this, path = output_of(frame), facts = frame.facts,
+                                                     image = std::move(image)] {
+                return write_result(path, image, facts, options_);
+              })});
+}
+
+absl::Status ImageFiles::finish() {
+  absl::Status status;
+  while (!entries_.empty()) status.Update(finish_oldest());
+  return status;
+}
+
+absl::Status ImageFiles::add(Entry entry) {
+  entry.frame.output = output_of(entry.frame);
+  entries_.push_back(std::move(entry));
+  const size_t most = std::max<size_t>(2, std::thread::hardware_concurrency());
+  absl::Status status;
+  while (status.ok() && entries_.size() > most) status = finish_oldest();
+  return status;
+}
+
+// Waits until the oldest image is written, and reports it.
+absl::Status ImageFiles::finish_oldest() {
+  Entry oldest = std::move(entries_.front());
+  entries_.pop_front();
+  const RunFrame& frame = oldest.frame;
+  if (oldest.written.valid()) {
+    ASSIGN_OR_RETURN(const std::vector<std::string> notes, oldest.written.get());
+    summary_.notes.insert(notes.begin(), notes.end());
+    last_ = frame.output;
+  } else if (frame.held) {
+    RETURN_IF_ERROR(copy_file(last_, frame.output));
+    last_ = frame.output;
+  }
+  count(frame);
+  return events_.finished(frame);
+}
+
+void ImageFiles::count(const RunFrame& frame) {
+  if (frame.held) {
+    ++summary_.held;
+  } else if (frame.status.ok()) {
+    ++summary_.written;
+    summary_.latency += frame.latency;
+  }
+  if (frame.status.ok() || frame.missing) return;
+  ++summary_.skipped;
+  add_failure(summary_.skipped_for, frame.status);
+}
+
+}  // namespace candela

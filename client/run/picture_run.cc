@@ -1,0 +1,89 @@
+#include "client/run/picture_run.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "client/image/encodings.h"
+#include "client/run/picture/error_map.h"
+#include "client/run/picture/frame_notes.h"
+#include "proto/candela/v1/settings.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+// The word of the curve that the settings ask for.
+std::string curve_word(v1::Settings settings) {
+  (void)v1::complete_settings(settings);  // the default, if the user chose none; parsing has checked the rest
+  return v1::word_of(settings.curve());
+}
+
+}  // namespace
+
+PictureRun::PictureRun(const RunOptions& options, const VerifyChoice& verify, const std::string& input,
+                       const std::string& output, const Run& run, RunEvents& events, absl::Time begin)
+    : begin_(begin), options_(options), verify_(verify), run_(run), events_(events) {
+  report_.input = input;
+  report_.output = output;
+  report_.error_map = verify.error_map;
+  report_.metered = options.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !run.locked();
+  report_.notes = options.notes;
+  report_.curve = curve_word(options.settings);
+  report_.defaults = options.defaults;
+  if (run.view() == nullptr) return;
+  report_.view = run.view()->report;
+  report_.curve = report_.view->view;
+  add_notes(run.view()->notes);
+}
+
+void PictureRun::add_note(std::string note) {
+  if (!note.empty()) report_.notes.push_back(std::move(note));
+}
+
+void PictureRun::add_notes(std::vector<std::string> notes) {
+  std::move(notes.begin(), notes.end(), std::back_inserter(report_.notes));
+}
+
+void PictureRun::add_server_stages(double call_ms, const v1::ResultHeader& header) {
+  double server_ms = 0;
+  for (const v1::StageTime& stage : header.stages()) {
+    const double ms = static_cast<double>(stage.ns()) * 1e-6;
+    add_stage(stage.name(), ms);
+    server_ms += ms;
+  }
+  add_stage("other", std::max(0.0, call_ms - server_ms));
+}
+
+void PictureRun::take(RenderResult& result, const v1::Settings& settings) {
+  report_.header = result.header;
+  report_.tone_curve = settings.curve();
+  error_map_ = std::move(result.error_map);
+  if (!run_.locked()) {
+    add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
+  }
+  if (run_.shows_light()) add_note(gamut_note(report_.header, settings).value_or(""));
+}
+
+absl::Status PictureRun::write(const Image& picture) {
+  events_.begins("writing " + report_.output);
+  const absl::Time begin = absl::Now();
+  ASSIGN_OR_RETURN(std::vector<std::string> notes, write_image(report_.output, picture, options_.write));
+  add_stage("write", ms_since(begin));
+  add_notes(std::move(notes));
+  return absl::OkStatus();
+}
+
+absl::Status PictureRun::write_error_map() const {
+  if (verify_.error_map.empty()) return absl::OkStatus();
+  events_.begins("writing " + verify_.error_map);
+  return candela::write_error_map(verify_.error_map, error_map_, report_.header.width(),
+                                  report_.header.height());
+}
+
+RenderReport PictureRun::finish() {
+  report_.total_ms = ms_since(begin_);
+  return std::move(report_);
+}
+
+}  // namespace candela

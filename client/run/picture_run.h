@@ -1,0 +1,52 @@
+// The run of a picture that one call renders: of a frame, or of a panorama's view.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "client/image/image.h"
+#include "client/render_result.h"
+#include "client/run/events.h"
+#include "client/run/options.h"
+#include "client/run/report.h"
+#include "client/run/run.h"
+
+namespace candela {
+
+// Collects the report and writes the files. Whoever owns it reads, connects and calls. Used by one thread.
+class PictureRun {
+ public:
+  // `run` has its exposure and its view. All but the paths must outlive this. report().total_ms counts from
+  // `begin`.
+  PictureRun(const RunOptions& options, const VerifyChoice& verify, const std::string& input,
+             const std::string& output, const Run& run, RunEvents& events, absl::Time begin);
+
+  RenderReport& report() { return report_; }
+  void add_note(std::string note);
+  void add_notes(std::vector<std::string> notes);
+  void add_stage(const std::string& name, double ms) { report_.stage_ms.emplace_back(name, ms); }
+  // The stages of the result's header, and the rest of a call that took `call_ms`.
+  void add_server_stages(double call_ms, const v1::ResultHeader& header);
+
+  // The call's result, but its pixels. `settings` are those that were sent.
+  void take(RenderResult& result, const v1::Settings& settings);
+
+  absl::Status write(const Image& picture);
+  absl::Status write_error_map() const;
+  RenderReport finish();
+
+ private:
+  const absl::Time begin_;
+  const RunOptions& options_;
+  const VerifyChoice& verify_;
+  const Run& run_;
+  RunEvents& events_;
+  RenderReport report_;
+  std::vector<uint16_t> error_map_;
+};
+
+}  // namespace candela

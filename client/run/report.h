@@ -1,0 +1,87 @@
+// What a run has done, as values. A command says it as text and as JSON.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
+#include "client/base/failure.h"
+#include "client/color/view_error.h"
+#include "client/run/exposure/exposure_file.h"
+#include "client/run/frames/frame_source.h"
+#include "client/run/options.h"
+#include "client/run/picture/baked_view.h"
+#include "client/run/picture/primaries_used.h"
+#include "client/run/sequence/sequence.h"
+#include "client/session.h"
+
+namespace candela {
+
+// The time since `begin`, for stage_ms and total_ms.
+inline double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
+
+struct RenderReport {
+  std::string input;
+  std::string output;
+  std::string environment;  // the id of the panorama that it is a view of; "": it is a frame
+  PrimariesUsed primaries;
+  uint64_t missing_pixels = 0;  // of an unfinished or damaged file
+  std::string curve;            // its word, or the name of the view of --ocio
+  v1::ResultHeader header;
+  std::string error_map;  // "" if none is written
+  bool metered = true;    // false if the user set the exposure
+  PictureDefaults defaults;
+  std::optional<ViewReport> view;
+  std::optional<ViewError> view_error;                    // only with --verify
+  v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
+  // In this order: start, view, read, the server's stages, other, write; of a view of a panorama: ocio, read,
+  // start, put, the server's stages, other, write. The built-in server starts while the image is read.
+  // `other` is the part of the call outside the server's stages: sending, receiving, and compiling shaders
+  // for a first frame.
+  std::vector<std::pair<std::string, double>> stage_ms;
+  double total_ms = 0;  // from the start of the command until the file is written
+  std::vector<std::string> notes;
+};
+
+// The outcome of one frame of a run.
+struct RunFrame {
+  FrameFacts facts;  // of a held frame: those of the file whose image it repeats, but number, time and place
+  std::string output;       // "" if no image is written
+  bool held = false;        // has the image of the one before
+  bool missing = false;     // has no file
+  absl::Status status;      // why there is no image of its own: reading or rendering failed
+  v1::ResultHeader header;  // only if the frame was rendered
+  absl::Duration latency;
+};
+
+struct RunSummary {
+  uint64_t frames = 0;  // files
+  int64_t first = 0;    // the number of the first one
+  int64_t last = 0;     // and of the last one
+  std::string missing;  // numbers without a file, as --range takes them
+  ChosenRate rate;
+  uint64_t written = 0;  // without held ones
+  uint64_t held = 0;
+  uint64_t skipped = 0;                    // unreadable, or refused by the server
+  std::optional<FailureKind> skipped_for;  // their common kind; nothing: none was skipped
+  absl::Duration time;                     // from the first frame to the last image
+  absl::Duration latency;                  // the sum over all frames
+  std::vector<ExposedFrame> curve;
+  double locked = 1;       // the locked exposure of the curve
+  std::string saved;       // the exposure file that is written; "": none
+  v1::SessionState state;  // after the last frame, if it is saved
+  SessionStats session;
+  PictureDefaults defaults;
+  std::string view;                 // view_words() of --ocio, "" without it
+  std::set<std::string> notes;      // notes about the files
+  std::set<std::string> primaries;  // words_of() of those that frames had
+};
+
+}  // namespace candela

@@ -1,0 +1,56 @@
+#include "client/run/server/embedded_server.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "server/base/process/cgroup.h"
+#include "server/base/process/driver_environment.h"
+#include "server/base/status_macros.h"
+#include "server/memory_budget.h"
+#include "server/option_table.h"
+#include "server/server.h"
+
+namespace candela {
+
+void EmbeddedServer::prepare() { prepare_driver_environment(); }
+
+uint64_t EmbeddedServer::usable_memory_bytes() {
+  const auto pages = static_cast<uint64_t>(std::max(sysconf(_SC_PHYS_PAGES), 1L));
+  uint64_t bytes = pages * static_cast<uint64_t>(std::max(sysconf(_SC_PAGESIZE), 1L));
+  bytes = std::min(bytes, read_cgroup_limits().memory_bytes.value_or(bytes));
+  for (const auto resource : {RLIMIT_AS, RLIMIT_DATA}) {
+    rlimit limit{};
+    if (getrlimit(resource, &limit) == 0) bytes = std::min<uint64_t>(bytes, limit.rlim_cur);  // or infinity
+  }
+  return bytes;
+}
+
+std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
+
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device,
+                                                                      const std::string& passes,
+                                                                      bool measures_tiers) {
+  Config config;
+  if (!passes.empty()) {
+    ASSIGN_OR_RETURN(const ExecutorKind who, parse_executor(passes));
+    config.passes = who;
+  }
+  config.device = device;
+  config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
+  // Its one client may bring the largest panorama.
+  config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;
+  config.measure_tiers = measures_tiers;
+  ASSIGN_OR_RETURN(std::unique_ptr<Server> server, Server::start(config));
+  return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(std::move(server)));
+}
+
+EmbeddedServer::EmbeddedServer(std::unique_ptr<Server> server) : server_(std::move(server)) {}
+
+EmbeddedServer::~EmbeddedServer() = default;
+
+std::shared_ptr<grpc::Channel> EmbeddedServer::channel() const { return server_->in_process_channel(); }
+
+}  // namespace candela

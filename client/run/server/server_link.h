@@ -1,0 +1,85 @@
+// The server that a command uses: a running one, or the built-in one, which starts in this process. What its
+// calls fail with has its kind (client/base/failure.h).
+#pragma once
+
+#include <atomic>
+#include <future>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
+#include "client/connection.h"
+#include "client/run/options.h"
+#include "client/run/server/embedded_server.h"
+#include "client/session.h"
+
+namespace candela {
+
+class RunEvents;
+
+// Used by one thread.
+class ServerLink {
+ public:
+  // Starts the built-in server on another thread if the choice names
+  // no server, so that files can be read meanwhile. `events`, which must outlive this, gets a note of a wait
+  // for a server. The built-in server measures its tiers at once if `measures_tiers` is set.
+  ServerLink(const ServerChoice& choice, RunEvents& events, bool measures_tiers = false);
+  ~ServerLink() { close(); }
+  ServerLink(const ServerLink&) = delete;
+  ServerLink& operator=(const ServerLink&) = delete;
+
+  // Waits until the built-in server has started. The pointer is valid
+  // until close(). A malformed address is a usage error.
+  absl::StatusOr<const Connection*> connection();
+
+  // Makes `one` call: to the first server of the choice, and to the next ones or later again as retry() does
+  // within the choice's --resume. Any thread may call it after connection() has succeeded.
+  absl::Status call(absl::Time deadline, absl::FunctionRef<absl::Status(const Connection&)> one) const;
+
+  // Opens a session on that server, or on one of the other servers of the choice. Ignores `options.servers`.
+  // Several sessions may be open at once. All of them must end before close().
+  absl::StatusOr<Session> open_session(const SessionOptions& options);
+
+  // Asks the server for its description. Waits as connection() does, then up to 10 s for the answer. Asks the
+  // other servers of the choice if the first does not answer.
+  absl::StatusOr<v1::GetServerInfoResponse> info();
+
+  // The limits of the server. Asks a running server; does not wait
+  // for the built-in one, because its limits are known.
+  absl::StatusOr<v1::Limits> limits();
+
+  // A usage error if the server does not know the tier. "" is the default tier and always known.
+  absl::Status check_tier(const std::string& tier);
+
+  // The start-up time of the built-in server; 0 for a running server.
+  double start_ms() const { return start_ms_; }
+
+  // Stops the built-in server and frees its memory.
+  void close();
+
+ private:
+  using Started = absl::StatusOr<std::unique_ptr<EmbeddedServer>>;
+
+  // Tells the user once that the command waits for `server`.
+  void tell_of_wait(const std::string& server, const absl::Status& why) const;
+
+  // open_session() with the failure as the session has it.
+  absl::StatusOr<Session> open_one(const SessionOptions& session);
+
+  // The addresses of the running servers to use.
+  std::vector<std::string> addresses() const;
+
+  const ServerChoice choice_;
+  RunEvents& events_;
+  mutable std::atomic<bool> told_ = false;  // of a wait
+  std::future<Started> starting_;
+  std::unique_ptr<EmbeddedServer> server_;
+  std::vector<Connection> connections_;  // to the first server, then to the others of the choice
+  double start_ms_ = 0;
+};
+
+}  // namespace candela

@@ -1,0 +1,34 @@
+// What `candela stream` and `candela meter` of a sequence will read and write.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/run/exposure/shot_exposures.h"
+#include "client/run/options.h"
+#include "client/run/sequence/sequence.h"
+#include "client/run/sequence/sequence_files.h"
+
+namespace candela {
+
+// An image of the sequence and its file.
+struct NamedImage {
+  int64_t number = 0;
+  std::string input;  // of a missing frame: the file that is not there; "" if files have no common name
+  std::string output;
+};
+
+struct StreamPlan {
+  std::optional<OutputNames> names;  // absent: no images are made
+  Sequence sequence;
+  std::vector<NamedImage> images;  // at least one, in order, with those of missing frames
+};
+
+// Finds the frames and names the images. Reads and writes no image. Refuses sequences in which two frames
+// would become the same image, or an output would replace an input.
+absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot);
+
+}  // namespace candela
