@@ -183,7 +183,7 @@ absl::Status BakeEnvironmentCall::take_memory() {
   ASSIGN_OR_RETURN(const uint64_t bytes,
                    baker.bake_bytes(work_->environment->environment, work_->start.spec, host_bytes));
   ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim,
-                   state_.sessions.memory->claim_frame(client_, bytes, absl::Now()));
+                   state_.sessions.memory->claim_frame(client_, bytes, clock_.now()));
   work_->claim = std::move(claim);
   absl::StatusOr<TexturePool::Lease> lease = baker.reserve(host_bytes);
   while (absl::IsUnavailable(lease.status()) && state_.environments.free_one()) {

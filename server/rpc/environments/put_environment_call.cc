@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/access/client_identity.h"
@@ -136,13 +135,13 @@ absl::Status PutEnvironmentCall::take_memory() {
   ASSIGN_OR_RETURN(EnvironmentRoom room,
                    state_.environments.make_room(environment_bytes(desc.width, upload->kept_bytes())));
   ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim,
-                   state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now()));
+                   state_.sessions.memory->claim_frame(client_, upload->bytes(), clock_.now()));
   work->claim = std::move(claim);
   work->room = std::move(room);
   work->upload = *std::move(upload);
   work_ = std::move(work);
   reading_ = State::kBands;
-  admitted_ = absl::Now();
+  admitted_ = clock_.now();
   return absl::OkStatus();
 }
 
