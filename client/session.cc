@@ -7,12 +7,12 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "client/call/retry/retry_schedule.h"
 #include "client/call/session_stream.h"
 #include "client/call/wire.h"
 #include "client/connection.h"
 #include "client/session_state.h"
+#include "server/base/clock.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -39,7 +39,7 @@ class Session::Core {
         name_(options.name.empty() ? random_name() : options.name),
         servers_(std::move(servers)),
         schedule_(servers_.size()),
-        state_(options, servers_[0].peer.address),
+        state_(options, servers_[0].peer.address, clock_),
         thread_([this] { state_.end(drive()); }) {}
 
   ~Core() {
@@ -56,14 +56,14 @@ class Session::Core {
     while (true) {
       if (!state_.wait_until_needed()) return absl::OkStatus();
       const SessionServer& server = servers_[schedule_.next()];
-      CallEnd end = SessionStream(server, options_, name_, state_).run();
+      CallEnd end = SessionStream(server, options_, name_, state_, clock_).run();
       if (end.progress || !absl::IsNotFound(end.status)) put_on_ = nullptr;
       if (absl::IsNotFound(end.status) && put_on_ != &server && put_panoramas(server, end)) {
         put_on_ = &server;
         continue;
       }
       if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
-      schedule_.failed(end.retry_delay, end.progress);
+      schedule_.failed(clock_.now(), end.retry_delay, end.progress);
       RETURN_IF_ERROR(state_.was_open() ? pause_after(end.status) : pause_before_open(server, end));
     }
   }
@@ -76,7 +76,7 @@ class Session::Core {
       if (state_.cancelled()) return false;
       const absl::StatusOr<v1::Environment> put =
           Connection(server.channel, server.peer)
-              .put_environment(*panorama, absl::Now() + options_.silence_limit);
+              .put_environment(*panorama, clock_.now() + options_.silence_limit);
       if (put.ok() && put->id() == id) continue;
       end.status = put.ok() ? absl::InvalidArgumentError(absl::StrFormat(
                                   "the view's environment is %s, and that of its panorama %s", id, put->id()))
@@ -90,7 +90,7 @@ class Session::Core {
   // An open session has lost its server. Waits until the next call may begin.
   absl::Status pause_after(const absl::Status& loss) {
     const absl::Time limit = state_.lose(loss) + options_.resume_limit;
-    if (state_.sleep_until(std::min(schedule_.when(), limit)) && absl::Now() < limit) {
+    if (state_.sleep_until(std::min(schedule_.when(), limit)) && clock_.now() < limit) {
       return absl::OkStatus();
     }
     return absl::UnavailableError(absl::StrFormat("no server has taken the session on for %s: %s",
@@ -102,7 +102,7 @@ class Session::Core {
   // refuse it after the limit.
   absl::Status pause_before_open(const SessionServer& server, const CallEnd& end) {
     if (end.reached) {
-      if (refusal_.ok()) open_by_ = absl::Now() + options_.resume_limit;
+      if (refusal_.ok()) open_by_ = clock_.now() + options_.resume_limit;
       refusal_ = end.status;
     }
     if (!schedule_.round_over()) return absl::OkStatus();
@@ -118,6 +118,7 @@ class Session::Core {
                                                   refusal_.message()));
   }
 
+  RealClock clock_;
   const SessionOptions options_;
   const std::string name_;
   const std::vector<SessionServer> servers_;

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <utility>
 
-#include "absl/time/clock.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
 
-SessionState::SessionState(const SessionOptions& options, std::string server)
-    : lookahead_(options.lookahead), log_(options.settings, options.state) {
+SessionState::SessionState(const SessionOptions& options, std::string server, Clock& clock)
+    : lookahead_(options.lookahead), clock_(clock), log_(options.settings, options.state) {
   stats_.server = std::move(server);
 }
 
@@ -26,7 +25,7 @@ absl::Status SessionState::submit(SessionFrame frame) {
   const auto may = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return may_submit(); };
   mutex_.Await(absl::Condition(&may));
   RETURN_IF_ERROR(still_taking());
-  RETURN_IF_ERROR(log_.add(std::move(frame), absl::Now()));
+  RETURN_IF_ERROR(log_.add(std::move(frame), clock_.now()));
   ++submitted_;
   wake();
   return absl::OkStatus();
@@ -76,7 +75,7 @@ SessionStats SessionState::stats() const {
   stats.window = window_;
   stats.submitted = submitted_;
   stats.answered = submitted_ - log_.unanswered();
-  if (lost_) stats.time_without_results += absl::Now() - *lost_;
+  if (lost_) stats.time_without_results += clock_.now() - *lost_;
   return stats;
 }
 
@@ -85,7 +84,7 @@ bool SessionState::wait_until_needed() {
   if (!needs_server()) {
     const auto needed = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return needs_server(); };
     mutex_.Await(absl::Condition(&needed));
-    if (lost_) lost_ = absl::Now();  // until now no result was due
+    if (lost_) lost_ = clock_.now();  // until now no result was due
   }
   return !was_open_ || !finished_ || log_.unanswered() > 0;
 }
@@ -137,7 +136,7 @@ void SessionState::take_answer(FrameAnswer answer) {
   CHECK(log_.due() != nullptr && !ended_);
   const SessionStep& step = *log_.due();
   results_.push_back({step.frame->sequence, std::move(answer.status), std::move(answer.image),
-                      absl::Now() - step.submitted});
+                      clock_.now() - step.submitted});
   log_.answered(answer.token);
   CHECK(log_.unanswered() < submitted_);
   found_again();
@@ -166,14 +165,14 @@ bool SessionState::complete() const {
 absl::Time SessionState::lose(const absl::Status& status) {
   const absl::MutexLock lock(&mutex_);
   stats_.last_loss = status;
-  if (!lost_) lost_ = absl::Now();
+  if (!lost_) lost_ = clock_.now();
   return *lost_;
 }
 
 bool SessionState::sleep_until(absl::Time time) const {
   const absl::MutexLock lock(&mutex_);
   const auto cancelled = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return cancelled_; };
-  return !mutex_.AwaitWithDeadline(absl::Condition(&cancelled), time);
+  return !clock_.await(mutex_, absl::Condition(&cancelled), time - clock_.now());
 }
 
 void SessionState::end(const absl::Status& status) {
@@ -206,7 +205,7 @@ void SessionState::wake() {
 
 void SessionState::found_again() {
   if (!lost_) return;
-  stats_.time_without_results += absl::Now() - *lost_;
+  stats_.time_without_results += clock_.now() - *lost_;
   lost_.reset();
 }
 

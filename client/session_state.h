@@ -17,14 +17,15 @@
 #include "client/call/stream_reader.h"
 #include "client/session.h"
 #include "client/session_log.h"
+#include "server/base/clock.h"
 
 namespace candela {
 
 // Any thread.
 class SessionState {
  public:
-  // `server` is the address of the first server.
-  SessionState(const SessionOptions& options, std::string server);
+  // `server` is the address of the first server. `clock` outlives this object.
+  SessionState(const SessionOptions& options, std::string server, Clock& clock);
 
   // Methods for the callers; see Session.
   absl::Status wait_until_open() const;
@@ -91,6 +92,7 @@ class SessionState {
   void found_again() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const uint32_t lookahead_;
+  Clock& clock_;
 
   mutable absl::Mutex mutex_;
   SessionLog log_ ABSL_GUARDED_BY(mutex_);

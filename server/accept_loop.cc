@@ -68,11 +68,12 @@ void OpenConnections::forget_closed() {
 }
 
 AcceptLoop::AcceptLoop(std::vector<Door> doors, size_t max_connections, OpenConnections& connections,
-                       Metrics& metrics)
+                       Metrics& metrics, Clock& clock)
     : doors_(std::move(doors)),
       max_connections_(max_connections),
       connections_(connections),
       metrics_(metrics),
+      clock_(clock),
       spare_(open_spare()),
       stop_(eventfd(0, EFD_CLOEXEC)),
       thread_([this] { run(); }) {}
@@ -132,7 +133,7 @@ void AcceptLoop::accept_without_descriptor(const Door& door) {
 
 void AcceptLoop::refuse(int descriptor, ConnectionRefusal reason) {
   metrics_.connection_refused(reason);
-  if (const std::optional<uint64_t> connections = lines_.pass()) {
+  if (const std::optional<uint64_t> connections = lines_.pass(clock_.now())) {
     log_event(LogLevel::kWarning, "connection refused",
               {{"reason", word(reason)},
                {"peer", client_of(descriptor)},

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "absl/synchronization/mutex.h"
+#include "server/base/clock.h"
 #include "server/base/metrics.h"
 #include "server/base/net/listening_socket.h"
 #include "server/base/net/rate_limit.h"
@@ -55,8 +56,9 @@ class AcceptLoop {
     std::function<void(int)> take;  // takes an accepted connection and owns it
   };
 
-  // `connections` and `metrics` outlive it.
-  AcceptLoop(std::vector<Door> doors, size_t max_connections, OpenConnections& connections, Metrics& metrics);
+  // `connections`, `metrics` and `clock` outlive it.
+  AcceptLoop(std::vector<Door> doors, size_t max_connections, OpenConnections& connections, Metrics& metrics,
+             Clock& clock);
   // Closes the doors. Connections stay as they are.
   ~AcceptLoop();
   AcceptLoop(const AcceptLoop&) = delete;
@@ -74,6 +76,7 @@ class AcceptLoop {
   const size_t max_connections_;
   OpenConnections& connections_;
   Metrics& metrics_;
+  Clock& clock_;
   size_t at_most_ = 0;  // the last count, and what was accepted since
   OneASecond lines_;
   int spare_;           // a descriptor that is given up to accept and close a connection

@@ -10,9 +10,10 @@
 namespace candela {
 
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
-                                                                 uint64_t budget_bytes, ExecutorKind passes) {
+                                                                 uint64_t budget_bytes, Clock& clock,
+                                                                 ExecutorKind passes) {
   ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(options));
-  auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes);
+  auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes, clock);
   ASSIGN_OR_RETURN(opened->renderer, Renderer::create(*opened->device, opened->pool, passes));
   RETURN_IF_ERROR(self_test(*opened->renderer));
   return opened;

@@ -17,18 +17,19 @@ namespace candela {
 
 // A Vulkan device with its texture pool and its renderer. Each frame holds a reference to it.
 struct RenderDevice {
-  RenderDevice(std::unique_ptr<Device> d, uint64_t budget_bytes)
-      : device(std::move(d)), pool(*device, budget_bytes) {}
+  RenderDevice(std::unique_ptr<Device> d, uint64_t budget_bytes, Clock& clock)
+      : device(std::move(d)), pool(*device, budget_bytes, clock) {}
 
   std::unique_ptr<Device> device;
   TexturePool pool;
   std::unique_ptr<Renderer> renderer;
 };
 
-// Opens a device, creates its renderer and compares a test frame with the reference.
+// Opens a device, creates its renderer and compares a test frame with the reference. `clock` outlives the
+// result.
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
-                                                                 uint64_t budget_bytes,
-                                                                 ExecutorKind passes = ExecutorKind::kAuto);
+                                                                 uint64_t budget_bytes, Clock& clock,
+                                                                 ExecutorKind passes);
 
 // The number of times that a device is reopened without a good frame in between.
 inline constexpr int kMaxRebuilds = 3;

@@ -138,7 +138,7 @@ absl::Status open_doors(const Config& config, const std::string& address, grpc::
 
 absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_connections,
                                         OpenConnections& connections, Access& access, Metrics& metrics,
-                                        grpc::Service& service) {
+                                        grpc::Service& service, Clock& clock) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -156,7 +156,7 @@ absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_conne
   if (listener.server == nullptr) return absl::InternalError("gRPC did not start");
   if (!doors.empty()) {
     listener.accepting =
-        std::make_unique<AcceptLoop>(std::move(doors), max_connections, connections, metrics);
+        std::make_unique<AcceptLoop>(std::move(doors), max_connections, connections, metrics, clock);
   }
   return listener;
 }

@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "server/accept_loop.h"
 #include "server/access/access.h"
+#include "server/base/clock.h"
 #include "server/base/metrics.h"
 #include "server/config.h"
 #include "server/own_door.h"
@@ -26,9 +27,9 @@ struct GrpcListener {
 
 // Starts `service` with health checks and reflection, and takes at most `max_connections`. UNAVAILABLE if it
 // cannot listen on an address.
-// `connections`, `access`, `metrics` and `service` must outlive the server.
+// `connections`, `access`, `metrics`, `service` and `clock` must outlive the server.
 absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_connections,
                                         OpenConnections& connections, Access& access, Metrics& metrics,
-                                        grpc::Service& service);
+                                        grpc::Service& service, Clock& clock);
 
 }  // namespace candela

@@ -11,7 +11,6 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/string_view.h"
-#include "absl/time/clock.h"
 
 namespace candela {
 namespace {
@@ -29,35 +28,38 @@ socklen_t size_of(const sockaddr_storage& address) {
 
 }  // namespace
 
-OwnDoor::OwnDoor(std::vector<Address> addresses, const Options& options, std::function<void(State)> report)
+OwnDoor::OwnDoor(std::vector<Address> addresses, Clock& clock, const Options& options,
+                 std::function<void(State)> report)
     : addresses_(std::move(addresses)),
+      clock_(clock),
       options_(options),
       report_(std::move(report)),
       tls_(SSL_CTX_new(TLS_client_method()), SSL_CTX_free),
+      stop_(clock),
       thread_([this] { run(); }) {}
 
 OwnDoor::~OwnDoor() {
-  stop_.Notify();
+  stop_.give();
   thread_.join();
 }
 
 void OwnDoor::run() {
   State told;
   absl::Duration deaf_for = absl::ZeroDuration();
-  while (!stop_.WaitForNotificationWithTimeout(options_.interval)) {
-    const absl::Time begin = absl::Now();
+  while (!stop_.comes_within(options_.interval)) {
+    const absl::Time begin = clock_.now();
     bool all = true;
     for (const Address& address : addresses_) all = all && answers(address);
     const absl::Duration waited =
-        std::min(absl::Now() - begin, options_.interval * static_cast<double>(addresses_.size()));
+        std::min(clock_.now() - begin, options_.interval * static_cast<double>(addresses_.size()));
     deaf_for = all ? absl::ZeroDuration() : deaf_for + options_.interval + waited;
     const State state{deaf_for < options_.limit, deaf_for < options_.dead_limit};
-    if (state != told && !stop_.HasBeenNotified()) report_(told = state);
+    if (state != told && !stop_.is_given()) report_(told = state);
   }
 }
 
-bool OwnDoor::answers(const Address& address) const {
-  const absl::Time end = absl::Now() + options_.interval;
+bool OwnDoor::answers(const Address& address) {
+  const absl::Time end = clock_.now() + options_.interval;
   const int connection = socket(address.at.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (connection < 0) return false;
   const absl::Cleanup close_it = [connection] { close(connection); };
@@ -78,8 +80,8 @@ bool OwnDoor::answers(const Address& address) const {
   return wait_for(connection, POLLIN, end);
 }
 
-bool OwnDoor::wait_for(int connection, int16_t events, absl::Time end) const {
-  while (absl::Now() < end && !stop_.HasBeenNotified()) {
+bool OwnDoor::wait_for(int connection, int16_t events, absl::Time end) {
+  while (clock_.now() < end && !stop_.is_given()) {
     pollfd wait{connection, events, 0};
     const int ready = poll(&wait, 1, kStepMs);
     if (ready > 0) return true;

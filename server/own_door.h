@@ -10,8 +10,9 @@
 #include <thread>
 #include <vector>
 
-#include "absl/synchronization/notification.h"
 #include "absl/time/time.h"
+#include "server/base/clock.h"
+#include "server/base/stop_sign.h"
 
 namespace candela {
 
@@ -39,23 +40,25 @@ class OwnDoor {
 
   // `report` is called on the thread when the state changes from good, or later changes again. Time counts in
   // checks and the time allowed for their answers, so that a process that was suspended for a while is not
-  // deaf.
-  OwnDoor(std::vector<Address> addresses, const Options& options, std::function<void(State)> report);
+  // deaf. `clock` outlives it.
+  OwnDoor(std::vector<Address> addresses, Clock& clock, const Options& options,
+          std::function<void(State)> report);
   ~OwnDoor();
   OwnDoor(const OwnDoor&) = delete;
   OwnDoor& operator=(const OwnDoor&) = delete;
 
  private:
   void run();
-  bool answers(const Address& address) const;
+  bool answers(const Address& address);
   // True if one of `events` happens in time. Gives up when the thread shall end.
-  bool wait_for(int connection, int16_t events, absl::Time end) const;
+  bool wait_for(int connection, int16_t events, absl::Time end);
 
   const std::vector<Address> addresses_;
+  Clock& clock_;
   const Options options_;
   const std::function<void(State)> report_;
   const std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> tls_;
-  absl::Notification stop_;
+  StopSign stop_;
   std::thread thread_;  // last: it uses all of the above
 };
 

@@ -75,11 +75,12 @@ void log_limits(const CgroupLimits& limits, const MemoryBudget& budget, const De
 }  // namespace
 
 struct Server::Impl {
-  Impl(const Config& c, std::unique_ptr<Access> a) : config(c), access(std::move(a)) {}
+  Impl(const Config& c, Clock& time, std::unique_ptr<Access> a)
+      : config(c), clock(time), access(std::move(a)) {}
 
   void keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper::Open open,
                    std::function<void()> on_gone);
-  void make_service(TokenKeys keys);
+  void make_service(TokenKeys keys, Timers& timers);
   void watch_health();
   absl::Status serve_metrics();
   absl::Status listen();
@@ -88,11 +89,12 @@ struct Server::Impl {
   // These two run on the render thread.
   absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
-  static absl::Status render_beat(Renderer& renderer, ClientMemory& memory);
+  absl::Status render_beat(Renderer& renderer, ClientMemory& memory);
   // Cancels calls that still run after `grace`.
   void stop(absl::Duration grace);
 
   const Config config;
+  Clock& clock;
   std::unique_ptr<Access> access;
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<DeviceKeeper> devices;
@@ -124,14 +126,16 @@ void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper
                            .on_gone = std::move(on_gone)});
 }
 
-void Server::Impl::make_service(TokenKeys keys) {
+void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
   const DeviceSummary& device = devices->current()->device->summary();
   loop = std::make_unique<RenderLoop>(
       [this](const FrameJob& job) { return render(job); },
-      1 + config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max),
+      1 + config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max), clock,
       config.slice);
   encoders = std::make_unique<WorkerPool>(config.encoder_threads);
   state.reset(new ServiceState{
+      .clock = clock,
+      .timers = timers,
       .rendering = {.renderer = [d = devices.get()] { return d->renderer(); },
                     .loop = *loop,
                     .tier_times =
@@ -144,8 +148,8 @@ void Server::Impl::make_service(TokenKeys keys) {
       .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight,
                  !config.token_file.empty()},
       .metrics = *metrics,
-      .call_gate = CallGate("calls", config.max_calls),
-      .session_gate = CallGate("sessions", config.max_sessions),
+      .call_gate = CallGate("calls", config.max_calls, clock),
+      .session_gate = CallGate("sessions", config.max_sessions, clock),
       .sessions = {.keys = std::move(keys),
                    .memory = std::make_shared<ClientMemory>(config.memory_budget_bytes, config.client_share,
                                                             config.idle_timeout / 2)},
@@ -158,7 +162,7 @@ void Server::Impl::make_service(TokenKeys keys) {
 void Server::Impl::watch_health() {
   health = std::make_unique<Health>(*metrics);
   heartbeat = std::make_unique<Heartbeat>(
-      *loop, [this] { return beat(); },
+      *loop, clock, [this] { return beat(); },
       Heartbeat::Options{.interval = config.heartbeat_interval,
                          .limit = config.heartbeat_limit,
                          .moving_limit = kMovingLimits * config.heartbeat_limit},
@@ -180,18 +184,18 @@ absl::Status Server::Impl::serve_metrics() {
             .certificate_expires = access->certificate_expires()};
   });
   ASSIGN_OR_RETURN(metrics_server,
-                   MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections));
+                   MetricsServer::start(*metrics, config.metrics, descriptors.probe_connections, clock));
   metrics_address = metrics_server->address();
   return absl::OkStatus();
 }
 
 absl::Status Server::Impl::listen() {
-  ASSIGN_OR_RETURN(listener,
-                   start_grpc(config, descriptors.connections, connections, *access, *metrics, *service));
+  ASSIGN_OR_RETURN(listener, start_grpc(config, descriptors.connections, connections, *access, *metrics,
+                                        *service, clock));
   health->begin(*listener.server->GetHealthCheckService());
   if (listener.own_doors.empty()) return absl::OkStatus();
   own_door =
-      std::make_unique<OwnDoor>(listener.own_doors,
+      std::make_unique<OwnDoor>(listener.own_doors, clock,
                                 OwnDoor::Options{.interval = config.heartbeat_interval,
                                                  .limit = config.heartbeat_limit,
                                                  .dead_limit = kMovingLimits * config.heartbeat_limit},
@@ -246,7 +250,7 @@ absl::Status Server::Impl::render_beat(Renderer& renderer, ClientMemory& memory)
   const Settings settings;
   absl::StatusOr<FrameMemory> frame = renderer.allocate(kBeat, settings);
   // Uploads that stall must not fail the heartbeat.
-  if (absl::IsUnavailable(frame.status())) memory.found_no_texture(1, absl::Now());
+  if (absl::IsUnavailable(frame.status())) memory.found_no_texture(1, clock.now());
   if (!frame.ok()) return frame.status();
   for (uint32_t y = 0; y < kBeat.height; ++y) {
     const std::span<std::byte> row = frame->input_row(y);
@@ -273,7 +277,7 @@ void Server::Impl::stop(absl::Duration grace) {
   metrics->set_sampler({});
 }
 
-absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
+absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked, Clock& clock, Timers& timers,
                                                       std::function<void()> on_device_gone) {
   RETURN_IF_ERROR(check_config(asked));
   const CgroupLimits cgroup = read_cgroup_limits();
@@ -282,19 +286,20 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked,
   ASSIGN_OR_RETURN(TokenKeys keys, config.resume_keys.empty()
                                        ? TokenKeys::random(config.resume_ttl)
                                        : TokenKeys::read(config.resume_keys, config.resume_ttl));
-  ASSIGN_OR_RETURN(std::unique_ptr<Access> access,
-                   Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file));
+  ASSIGN_OR_RETURN(
+      std::unique_ptr<Access> access,
+      Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file, clock));
   prepare_driver_environment();
   const auto open = [options = DeviceOptions{.selector = config.device,
                                              .validation = config.validation,
                                              .hang_limit = config.hang_limit},
-                     bytes = budget.bytes,
-                     passes = config.passes] { return open_render_device(options, bytes, passes); };
+                     bytes = budget.bytes, &clock,
+                     passes = config.passes] { return open_render_device(options, bytes, clock, passes); };
   ASSIGN_OR_RETURN(std::shared_ptr<RenderDevice> device, open());
 
-  auto impl = std::make_unique<Impl>(config, std::move(access));
+  auto impl = std::make_unique<Impl>(config, clock, std::move(access));
   impl->keep_device(std::move(device), open, std::move(on_device_gone));
-  impl->make_service(std::move(keys));
+  impl->make_service(std::move(keys), timers);
   impl->watch_health();
   // From here on, ~Server stops the threads if a step fails.
   std::unique_ptr<Server> server(new Server(std::move(impl)));
@@ -340,13 +345,13 @@ void Server::drain_and_stop(const std::function<void()>& on_drained) {
   if (impl_->listener.server == nullptr) return;
   impl_->health->drain();
   ServiceState& state = *impl_->state;
-  if (!impl_->devices->gone()) absl::SleepFor(impl_->config.pre_drain);
-  const absl::Time deadline = absl::Now() + impl_->config.drain_timeout;
+  if (!impl_->devices->gone()) impl_->clock.sleep(impl_->config.pre_drain);
+  const absl::Time deadline = impl_->clock.now() + impl_->config.drain_timeout;
   state.call_gate.close();
   state.session_gate.close();
   for (const std::shared_ptr<SessionCall>& session : state.sessions.table.all()) session->go_away();
-  const bool drained = state.call_gate.wait_until_empty(deadline - absl::Now()) &&
-                       state.session_gate.wait_until_empty(deadline - absl::Now());
+  const bool drained = state.call_gate.wait_until_empty(deadline - impl_->clock.now()) &&
+                       state.session_gate.wait_until_empty(deadline - impl_->clock.now());
   if (drained && on_drained) on_drained();
   impl_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/base/clock.h"
 #include "server/config.h"
 
 namespace candela {
@@ -23,8 +24,8 @@ class Server {
   // When the device is lost, its frames fail with UNAVAILABLE and the device is reopened. If it is lost again
   // and again, or hangs, every frame fails from then on, and `on_device_gone` is called once. It must not
   // block its thread. After a hang the process should end by _exit, because the device never lets go of its
-  // memory.
-  static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config,
+  // memory. `clock` and `timers` outlive the server.
+  static absl::StatusOr<std::unique_ptr<Server>> start(const Config& config, Clock& clock, Timers& timers,
                                                        std::function<void()> on_device_gone = {});
 
   // Stops at once, unless drain_and_stop was called.

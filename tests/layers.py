@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Fails if an include climbs: a folder may include itself and what ALLOWED names for it. Fails if folders include each other in a
-circle, or if client and server both define a type of one name."""
+circle, if client and server both define a type of one name, or if they read the time themselves."""
 import pathlib
 import re
 import sys
@@ -27,6 +27,20 @@ for storey in SERVER[1:]:
 # The one door from the client into the server.
 DOORS = {"client/run/server/embedded_server.cc": ["server", "server/base"]}
 
+# What reads the machine's time or waits by it. Server and client library take a Clock instead (server/base/clock.h), except for:
+TIME = re.compile(r"\babsl::Now\(|_clock::now\(|\bSleepFor\(|\bthis_thread::sleep_|\b\w*[a-z]With(?:Timeout|Deadline)\("
+                  r"|\b(?:Steady|Clock)::now\(|\bclock_gettime\(|\bgettimeofday\(|\btime\(nullptr\)|\bgrpc::Alarm\b")
+READS_TIME = {"server/base/clock.cc",
+              "client/retry.cc", "client/call/duplex_call.h", "client/call/duplex_call.cc",  # the user's notification; gRPC's queue
+              "server/alarm_timers.cc", "server/server.cc",  # gRPC takes dates of its own clock
+              "server/base/log.cc", "server/rpc/grpc_log.cc",  # the log
+              "server/base/metrics.cc", "server/base/process_metrics.cc",  # when the process started
+              "server/daemon/main.cc",  # a signal is waited for by the kernel
+              # Work that is measured, or cut where its slice ends. Its slices have to be of real time.
+              "server/base/crew.cc", "server/render/device/submissions.cc", "server/render/environment/long_passes.cc",
+              "server/render/plan/stage_time.cc", "server/render/reference/row_parts.cc"}
+KEEPS_TIME = ("server/", "client/call/", "client/retry", "client/session")
+
 root = pathlib.Path(__file__).resolve().parent.parent
 
 
@@ -36,6 +50,8 @@ def layer(path: str) -> str:
 
 
 climbs = []
+hasty = []  # what reads the time itself
+timed = set()  # what may, and does
 sees = {}  # the folders that each folder includes
 for top in ("proto", "shaders", "server", "client"):
     for source in sorted((root / top).rglob("*")):
@@ -47,6 +63,10 @@ for top in ("proto", "shaders", "server", "client"):
         for line, text in enumerate(source.read_text().splitlines(), 1):
             if text.startswith("#include <CLI/") and own.startswith("client") and own != "client/cli":
                 climbs.append(f"{name}:{line} includes CLI11, which {own} may not")
+            if name.startswith(KEEPS_TIME) and (read := TIME.search(text.split("//")[0])):
+                timed.add(name)
+                if name not in READS_TIME:
+                    hasty.append(f"{name}:{line} has {read[0]}...); take a Clock (server/base/clock.h)")
             found = re.match(r'#include "((?:proto|shaders|server|client)/[^"]+)"', text)
             if not found or found[1].endswith(".spv.h"):
                 continue
@@ -82,5 +102,9 @@ for side in ("client", "server"):
 twice = [f"{places['server']} defines {name}, as {places['client']} does; rename one"
          for name, places in homes.items() if len(places) == 2]
 
-print("\n".join(climbs + circles + twice) or "no include climbs")
-sys.exit(bool(climbs or circles or twice))
+# The list must not outgrow what it is for.
+hasty += [f"{name} reads no time any more; take it off READS_TIME" for name in sorted(READS_TIME - timed)]
+
+faults = climbs + circles + twice + hasty
+print("\n".join(faults) or "no include climbs, and no clock is read but what is given")
+sys.exit(bool(faults))

@@ -6,7 +6,6 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "client/call/retry/retry_info.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
@@ -80,11 +79,12 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
 }  // namespace
 
 SessionStream::SessionStream(const SessionServer& server, const SessionOptions& options,
-                             const std::string& name, SessionState& state)
+                             const std::string& name, SessionState& state, Clock& clock)
     : peer_(server.peer),
       options_(options),
       name_(name),
       state_(state),
+      clock_(clock),
       duplex_(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", name}}),
       reader_({.image = options.encoding != v1::ENCODING_NONE, .state = wants_state(options)}) {}
 
@@ -92,12 +92,12 @@ CallEnd SessionStream::run() {
   std::optional<SessionState::Start> start = state_.begin_call(peer_.address, duplex_);
   if (!start) return {absl::CancelledError()};
   open_request_ = open_message(*std::move(start));
-  open_by_ = absl::Now() + kOpenLimit;
+  open_by_ = clock_.now() + kOpenLimit;
   CallEnd own;  // why this side ended the call
   while (true) {
     if (own.status.ok() && duplex_.can_write()) {
       send_next();
-      if (duplex_.writing()) last_progress_ = absl::Now();
+      if (duplex_.writing()) last_progress_ = clock_.now();
     }
     const DuplexCall::Event event = duplex_.wait(own.status.ok() ? silent_until() : absl::InfiniteFuture());
     if (event == DuplexCall::Event::kEnded) break;
@@ -135,10 +135,10 @@ absl::Status SessionStream::take_event(DuplexCall::Event event) {
     case DuplexCall::Event::kWoken:
       return state_.cancelled() ? absl::CancelledError() : absl::OkStatus();
     case DuplexCall::Event::kMessage:
-      last_progress_ = absl::Now();
+      last_progress_ = clock_.now();
       return take_message();
     case DuplexCall::Event::kWritable:
-      last_progress_ = absl::Now();
+      last_progress_ = clock_.now();
       return absl::OkStatus();
     case DuplexCall::Event::kEnded:
       break;

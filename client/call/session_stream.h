@@ -14,6 +14,7 @@
 #include "client/security.h"
 #include "client/session.h"
 #include "client/session_state.h"
+#include "server/base/clock.h"
 
 namespace candela {
 
@@ -36,7 +37,7 @@ struct CallEnd {
 class SessionStream {
  public:
   SessionStream(const SessionServer& server, const SessionOptions& options, const std::string& name,
-                SessionState& state);
+                SessionState& state, Clock& clock);
 
   // Runs the call to its end; once.
   CallEnd run();
@@ -56,6 +57,7 @@ class SessionStream {
   const SessionOptions& options_;
   const std::string& name_;
   SessionState& state_;
+  Clock& clock_;
   DuplexCall duplex_;
   StreamReader reader_;
   v1::StreamRequest open_request_;

@@ -11,7 +11,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/time/clock.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/base/net/address.h"
@@ -124,19 +123,19 @@ class Access::Port final : public grpc::ServerCredentials {
 };
 
 absl::StatusOr<std::unique_ptr<Access>> Access::open(const CertificateFiles& certificates,
-                                                     const std::string& token_file) {
-  std::unique_ptr<Access> access(new Access(certificates, token_file));
+                                                     const std::string& token_file, Clock& clock) {
+  std::unique_ptr<Access> access(new Access(certificates, token_file, clock));
   RETURN_IF_ERROR(access->read());
   std::vector<std::string> paths;
   for (const std::string& path : {certificates.cert, certificates.key, certificates.client_ca, token_file}) {
     if (!path.empty()) paths.push_back(path);
   }
-  if (!paths.empty()) access->watch_.emplace(paths, [a = access.get()] { a->read_again(); });
+  if (!paths.empty()) access->watch_.emplace(paths, clock, [a = access.get()] { a->read_again(); });
   return access;
 }
 
-Access::Access(CertificateFiles files, std::string token_file)
-    : files_(std::move(files)), token_file_(std::move(token_file)) {}
+Access::Access(CertificateFiles files, std::string token_file, Clock& clock)
+    : files_(std::move(files)), token_file_(std::move(token_file)), clock_(clock), refusals_(clock) {}
 
 Access::~Access() = default;
 
@@ -147,7 +146,7 @@ absl::Status Access::read() {
     absl::StatusOr<Certificates> read = read_certificates(files_);
     const std::shared_ptr<const Certificates> before = certificates();
     if (read.ok() && (before == nullptr || *before != *read)) {
-      const bool expired = read->expires < absl::Now();
+      const bool expired = read->expires < clock_.now();
       log_event(expired ? LogLevel::kError : LogLevel::kInfo,
                 expired ? "the certificate has expired: no client will take it" : "certificates read",
                 {{"file", files_.cert}, {"expires", absl::FormatTime(read->expires, absl::UTCTimeZone())}});

@@ -18,6 +18,7 @@
 #include "server/access/bearer_tokens.h"
 #include "server/access/certificates.h"
 #include "server/access/refusal_log.h"
+#include "server/base/clock.h"
 #include "server/base/file_watch.h"
 #include "server/base/metrics.h"
 
@@ -28,9 +29,9 @@ namespace candela {
 class Access {
  public:
   // If `certificates.cert` is empty, connections are plain TCP. If `token_file` is empty, calls need no
-  // token. Fails as read_certificates and BearerTokens::read do.
+  // token. Fails as read_certificates and BearerTokens::read do. `clock` outlives it.
   static absl::StatusOr<std::unique_ptr<Access>> open(const CertificateFiles& certificates,
-                                                      const std::string& token_file);
+                                                      const std::string& token_file, Clock& clock);
   ~Access();
 
   // The credentials for one listening address of one server: TLS for TCP if there are certificates, and no
@@ -47,7 +48,7 @@ class Access {
  private:
   class Port;
 
-  Access(CertificateFiles files, std::string token_file);
+  Access(CertificateFiles files, std::string token_file, Clock& clock);
   bool tls() const { return !files_.cert.empty(); }
   absl::Status read();
   void read_again();
@@ -56,6 +57,7 @@ class Access {
 
   const CertificateFiles files_;
   const std::string token_file_;
+  Clock& clock_;
   mutable absl::Mutex mutex_;
   std::shared_ptr<const Certificates> certificates_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<const BearerTokens> tokens_ ABSL_GUARDED_BY(mutex_);

@@ -15,7 +15,7 @@ void RefusalLog::add(Refusal refusal, absl::FunctionRef<std::string()> peer) {
   std::optional<uint64_t> calls;
   {
     const absl::MutexLock lock(&mutex_);
-    calls = reasons_[static_cast<size_t>(refusal)].pass();
+    calls = reasons_[static_cast<size_t>(refusal)].pass(clock_.now());
   }
   if (!calls) return;
   log_event(LogLevel::kWarning, "call refused",

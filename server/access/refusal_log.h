@@ -9,6 +9,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/functional/function_ref.h"
 #include "absl/synchronization/mutex.h"
+#include "server/base/clock.h"
 #include "server/base/net/rate_limit.h"
 
 namespace candela {
@@ -19,10 +20,14 @@ enum class Refusal { kNoToken, kUnknownToken };
 // of the last of them. Any thread.
 class RefusalLog {
  public:
+  // `clock` outlives it.
+  explicit RefusalLog(Clock& clock) : clock_(clock) {}
+
   // `peer` is called only if there is a line.
   void add(Refusal refusal, absl::FunctionRef<std::string()> peer);
 
  private:
+  Clock& clock_;
   absl::Mutex mutex_;
   std::array<OneASecond, 2> reasons_ ABSL_GUARDED_BY(mutex_);
 };

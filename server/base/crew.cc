@@ -48,11 +48,11 @@ void Crew::run_slice(Job& job) {
 }
 
 void Crew::take_units(Job& job) {
-  using Clock = std::chrono::steady_clock;
-  const bool in_slices = job.end != Clock::time_point::max();
+  using Steady = std::chrono::steady_clock;
+  const bool in_slices = job.end != Steady::time_point::max();
   for (uint32_t unit = job.next++; unit < job.units; unit = job.next++) {
     job.work(unit);
-    if (in_slices && Clock::now() >= job.end) return;
+    if (in_slices && Steady::now() >= job.end) return;
   }
 }
 

@@ -8,14 +8,16 @@
 
 namespace candela {
 
-FileWatch::FileWatch(std::vector<std::string> paths, std::function<void()> changed, absl::Duration interval)
+FileWatch::FileWatch(std::vector<std::string> paths, Clock& clock, std::function<void()> changed,
+                     absl::Duration interval)
     : paths_(std::move(paths)),
       changed_(std::move(changed)),
       interval_(interval),
+      stop_(clock),
       thread_([this] { run(); }) {}
 
 FileWatch::~FileWatch() {
-  stop_.Notify();
+  stop_.give();
   thread_.join();
 }
 
@@ -46,7 +48,7 @@ void FileWatch::run() {
     if (moving || !due) continue;
     changed_();
     due = false;
-  } while (!stop_.WaitForNotificationWithTimeout(interval_));
+  } while (!stop_.comes_within(interval_));
 }
 
 }  // namespace candela

@@ -6,8 +6,9 @@
 #include <thread>
 #include <vector>
 
-#include "absl/synchronization/notification.h"
 #include "absl/time/time.h"
+#include "server/base/clock.h"
+#include "server/base/stop_sign.h"
 
 namespace candela {
 
@@ -15,8 +16,8 @@ namespace candela {
 class FileWatch {
  public:
   // Calls `changed` on its own thread: once at the start, so that no change since the first reading is
-  // missed, and then after each change, as soon as one check finds no further change.
-  FileWatch(std::vector<std::string> paths, std::function<void()> changed,
+  // missed, and then after each change, as soon as one check finds no further change. `clock` outlives it.
+  FileWatch(std::vector<std::string> paths, Clock& clock, std::function<void()> changed,
             absl::Duration interval = absl::Seconds(1));
   ~FileWatch();
   FileWatch(const FileWatch&) = delete;
@@ -29,7 +30,7 @@ class FileWatch {
   const std::vector<std::string> paths_;
   const std::function<void()> changed_;
   const absl::Duration interval_;
-  absl::Notification stop_;
+  StopSign stop_;
   std::thread thread_;  // last: it uses all of the above
 };
 

@@ -236,14 +236,14 @@ void Metrics::set_sampler(std::function<Sample()> sampler) {
 
 absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::start(const Metrics& metrics,
                                                                     const std::string& address,
-                                                                    size_t max_connections) {
+                                                                    size_t max_connections, Clock& clock) {
   const auto yes_or_no = [](bool yes) {
     return yes ? HttpPages::Answer{200, "ok\n"} : HttpPages::Answer{503, "no\n"};
   };
   ASSIGN_OR_RETURN(
       std::unique_ptr<HttpPages> pages,
       HttpPages::start(
-          address, max_connections,
+          address, max_connections, clock,
           {{"/metrics",
             [impl = metrics.impl_] {
               return HttpPages::Answer{200, prometheus::TextSerializer().Serialize(impl->Collect())};

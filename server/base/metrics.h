@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
+#include "server/base/clock.h"
 #include "server/base/net/http_pages.h"
 
 namespace candela {
@@ -84,10 +85,10 @@ class Metrics {
 class MetricsServer {
  public:
   // `address` must have passed check_metrics_address; port 0 picks a free port. Slow clients keep nobody from
-  // an answer, see HttpPages. UNAVAILABLE if it cannot listen there.
+  // an answer, see HttpPages. `clock` outlives it. UNAVAILABLE if it cannot listen there.
   static absl::StatusOr<std::unique_ptr<MetricsServer>> start(const Metrics& metrics,
                                                               const std::string& address,
-                                                              size_t max_connections);
+                                                              size_t max_connections, Clock& clock);
   ~MetricsServer();
 
   // With the port that was picked.

@@ -12,18 +12,18 @@ thread_local SlicedWork* current = nullptr;
 }  // namespace
 
 void checkpoint() {
-  if (current != nullptr && SlicedWork::Clock::now() >= current->end_) current->pause();
+  if (current != nullptr && current->clock_.steady() >= current->end_) current->pause();
 }
 
 std::chrono::steady_clock::time_point slice_end() {
-  return current == nullptr ? SlicedWork::Clock::time_point::max() : current->end_;
+  return current == nullptr ? SlicedWork::Moment::max() : current->end_;
 }
 
 std::chrono::nanoseconds time_paused() {
   return current == nullptr ? std::chrono::nanoseconds{0} : current->paused_;
 }
 
-SlicedWork::SlicedWork(std::function<void()> work) : work_(std::move(work)) {}
+SlicedWork::SlicedWork(std::function<void()> work, Clock& clock) : work_(std::move(work)), clock_(clock) {}
 
 SlicedWork::~SlicedWork() {
   if (!thread_.joinable()) return;
@@ -31,7 +31,7 @@ SlicedWork::~SlicedWork() {
     absl::MutexLock lock(&mutex_);
     if (state_ == State::kPaused) {
       cancelled_ = true;
-      resume(Clock::time_point::max());  // what the work destroys does not pause again
+      resume(Moment::max());  // what the work destroys does not pause again
     }
   }
   thread_.join();
@@ -39,15 +39,15 @@ SlicedWork::~SlicedWork() {
 
 bool SlicedWork::run(absl::Duration length) {
   absl::MutexLock lock(&mutex_);
-  resume(length == absl::InfiniteDuration() ? Clock::time_point::max()
-                                            : Clock::now() + absl::ToChronoNanoseconds(length));
+  resume(length == absl::InfiniteDuration() ? Moment::max()
+                                            : clock_.steady() + absl::ToChronoNanoseconds(length));
   if (!thread_.joinable()) thread_ = std::thread([this] { main(); });
   const auto stopped = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return state_ != State::kRunning; };
   mutex_.Await(absl::Condition(&stopped));
   return state_ == State::kEnded;
 }
 
-void SlicedWork::resume(Clock::time_point end) {
+void SlicedWork::resume(Moment end) {
   end_ = end;
   state_ = State::kRunning;
 }
@@ -64,12 +64,12 @@ void SlicedWork::main() {
 }
 
 void SlicedWork::pause() {
-  const Clock::time_point begin = Clock::now();
+  const Moment begin = clock_.steady();
   absl::MutexLock lock(&mutex_);
   state_ = State::kPaused;
   const auto resumed = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return state_ == State::kRunning; };
   mutex_.Await(absl::Condition(&resumed));
-  paused_ += Clock::now() - begin;
+  paused_ += clock_.steady() - begin;
   if (cancelled_) throw Cancelled{};
 }
 

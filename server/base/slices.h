@@ -8,6 +8,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "server/base/clock.h"
 
 namespace candela {
 
@@ -24,7 +25,7 @@ void checkpoint();
 
 // The end of the calling thread's slice, for threads that help it: they stop then, and the caller goes
 // through checkpoint() before it lets them go on. The greatest time_point on a thread that does not run in
-// slices.
+// slices. By the clock of the work, which for such threads has to be the machine's.
 std::chrono::steady_clock::time_point slice_end();
 
 // The time for which checkpoint() has paused the calling thread so far.
@@ -34,8 +35,8 @@ std::chrono::nanoseconds time_paused();
 // destructor are called by one thread at a time.
 class SlicedWork {
  public:
-  // Nothing runs yet.
-  explicit SlicedWork(std::function<void()> work);
+  // Nothing runs yet. `clock` outlives it.
+  SlicedWork(std::function<void()> work, Clock& clock);
   // Cancels work that is not finished, and waits until it has released what it holds.
   ~SlicedWork();
   SlicedWork(const SlicedWork&) = delete;
@@ -48,7 +49,7 @@ class SlicedWork {
 
  private:
   enum class State { kPaused, kRunning, kEnded };
-  using Clock = std::chrono::steady_clock;
+  using Moment = std::chrono::steady_clock::time_point;
 
   friend void checkpoint();
   friend std::chrono::steady_clock::time_point slice_end();
@@ -56,14 +57,15 @@ class SlicedWork {
 
   void main();
   void pause();
-  void resume(Clock::time_point end) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void resume(Moment end) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   std::function<void()> work_;
+  Clock& clock_;
   absl::Mutex mutex_;
   State state_ ABSL_GUARDED_BY(mutex_) = State::kPaused;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   // Written between slices; read by the work's own thread.
-  Clock::time_point end_ = {};
+  Moment end_ = {};
   std::chrono::nanoseconds paused_{0};
   std::thread thread_;  // last, because it uses all of the above
 };

@@ -16,6 +16,8 @@
 #include "absl/strings/str_join.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "server/alarm_timers.h"
+#include "server/base/clock.h"
 #include "server/base/log.h"
 #include "server/base/process/address_space.h"
 #include "server/base/process/cgroup.h"
@@ -163,12 +165,15 @@ int serve(const Invocation& invocation) {
   grpc_init();
   send_grpc_messages_to_log();
   tell_service_manager("STATUS=starting");
+  RealClock clock;
+  AlarmTimers timers;
   Config config = invocation.config;
   config.measure_tiers = true;
 #ifdef CANDELA_HANG_AFTER
   config.hang_limit = absl::Seconds(15);
 #endif
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, [&signals] { signals.fail(); });
+  absl::StatusOr<std::unique_ptr<Server>> server =
+      Server::start(config, clock, timers, [&signals] { signals.fail(); });
   if (!server.ok()) return fail(server.status(), kFailed);
   const std::string addresses = absl::StrJoin((*server)->addresses(), " ");
   absl::PrintF("listening on %s\n", addresses);
@@ -178,7 +183,7 @@ int serve(const Invocation& invocation) {
              {"device", (*server)->device_name()},
              {"metrics", (*server)->metrics_address()}});
   tell_service_manager("READY=1\nSTATUS=serving on " + addresses);
-  const Watchdog watchdog([s = server->get()] { return s->alive(); });
+  const Watchdog watchdog(clock, [s = server->get()] { return s->alive(); });
 #ifdef CANDELA_HANG_AFTER
   (*server)->hang_device(CANDELA_HANG_AFTER);  // only in a test's build of candelad
 #endif

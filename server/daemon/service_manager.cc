@@ -20,19 +20,19 @@ void tell_service_manager(const std::string& lines) {
   log_event(LogLevel::kWarning, "cannot notify the service manager", {{"message", lines}});
 }
 
-Watchdog::Watchdog(std::function<bool()> alive) {
+Watchdog::Watchdog(Clock& clock, std::function<bool()> alive) : stop_(clock) {
   uint64_t limit_us = 0;
   if (sd_watchdog_enabled(kKeepTheVariables, &limit_us) <= 0) return;
   const absl::Duration half = absl::Microseconds(limit_us) / 2;
   thread_ = std::thread([this, half, is_alive = std::move(alive)] {
     do {
       if (is_alive()) tell_service_manager("WATCHDOG=1");
-    } while (!stop_.WaitForNotificationWithTimeout(half));
+    } while (!stop_.comes_within(half));
   });
 }
 
 Watchdog::~Watchdog() {
-  stop_.Notify();
+  stop_.give();
   if (thread_.joinable()) thread_.join();
 }
 

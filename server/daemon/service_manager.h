@@ -6,7 +6,8 @@
 #include <string>
 #include <thread>
 
-#include "absl/synchronization/notification.h"
+#include "server/base/clock.h"
+#include "server/base/stop_sign.h"
 
 namespace candela {
 
@@ -17,14 +18,14 @@ void tell_service_manager(const std::string& lines);
 class Watchdog {
  public:
   // Calls `alive` on its own thread and sends nothing while it returns false. Starts no thread if the manager
-  // wants no keep-alives.
-  explicit Watchdog(std::function<bool()> alive);
+  // wants no keep-alives. `clock` outlives it.
+  Watchdog(Clock& clock, std::function<bool()> alive);
   ~Watchdog();
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
 
  private:
-  absl::Notification stop_;
+  StopSign stop_;
   std::thread thread_;
 };
 

@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
 
@@ -42,7 +41,7 @@ absl::Status Admission::expect(Request request) {
 
 void Admission::begin(Done done) {
   done_ = std::move(done);
-  deadline_ = absl::Now() + request_.patience;
+  deadline_ = clock_.now() + request_.patience;
   proceed();
 }
 
@@ -53,7 +52,7 @@ void Admission::cancel() {
 
 void Admission::end() {
   cancel();
-  alarm_.reset();
+  timer_.reset();
   // Less is always granted.
   memory_.promise_lookahead(client_, std::exchange(reserved_bytes_, 0), 0).IgnoreError();
 }
@@ -139,13 +138,13 @@ absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
   ASSIGN_OR_RETURN(const uint64_t bytes,
                    renderer.bytes_for(request_.desc, request_.settings, request_.verify));
   RETURN_IF_ERROR(reserve_lookahead(bytes));
-  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim, memory_.claim_frame(client_, bytes, absl::Now()));
+  ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim, memory_.claim_frame(client_, bytes, clock_.now()));
   absl::StatusOr<FrameMemory> memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
   while (absl::IsUnavailable(memory.status()) && environments_.free_one()) {
     memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
   }
   if (memory.ok()) memory->account(std::move(claim));
-  if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(bytes, absl::Now());
+  if (absl::IsUnavailable(memory.status())) memory_.found_no_texture(bytes, clock_.now());
   return memory;
 }
 
@@ -174,13 +173,13 @@ absl::Status Admission::reserve_lookahead(uint64_t frame_bytes) {
 }
 
 bool Admission::retry_after(const absl::Status& status) {
-  if (!absl::IsUnavailable(status) || absl::Now() >= deadline_) return false;
+  if (!absl::IsUnavailable(status) || clock_.now() >= deadline_) return false;
   proceed_after(kRetryInterval);
   return true;
 }
 
 void Admission::proceed_after(absl::Duration delay) {
-  alarm_ = call_.if_running_after(delay, [this] { proceed(); });
+  timer_ = call_.if_running_after(delay, [this] { proceed(); });
 }
 
 void Admission::complete(absl::StatusOr<std::shared_ptr<Frame>> outcome) {

@@ -1,8 +1,6 @@
 // Admission of a frame: its memory and its session's look-ahead, when its first pixels are here.
 #pragma once
 
-#include <grpcpp/alarm.h>
-
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -42,6 +40,7 @@ class Admission {
   // `call` owns this object. Its frames are `client`'s.
   Admission(ServerCall& call, ServiceState& state, ClientId client)
       : call_(call),
+        clock_(state.clock),
         rendering_(state.rendering),
         memory_(*state.sessions.memory),
         environments_(state.environments),
@@ -74,6 +73,7 @@ class Admission {
   void complete(absl::StatusOr<std::shared_ptr<Frame>> outcome);
 
   ServerCall& call_;
+  Clock& clock_;
   Rendering& rendering_;
   ClientMemory& memory_;
   EnvironmentStore& environments_;
@@ -84,7 +84,7 @@ class Admission {
   std::shared_ptr<void> turn_;     // held while it does
   std::vector<StageTime> stages_;  // of the environment's preparation
   absl::Time deadline_;
-  std::unique_ptr<grpc::Alarm> alarm_;
+  std::unique_ptr<Timer> timer_;
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame
 };
 

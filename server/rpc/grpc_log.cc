@@ -8,6 +8,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
+#include "absl/time/clock.h"
 #include "server/base/log.h"
 #include "server/base/net/rate_limit.h"
 
@@ -21,7 +22,7 @@ class Places {
   // this one is not to be logged.
   std::optional<uint64_t> pass(const char* file, int line) {
     const absl::MutexLock lock(&mutex_);
-    return places_[{file, line}].pass();
+    return places_[{file, line}].pass(absl::Now());
   }
 
  private:

@@ -5,7 +5,6 @@
 
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
@@ -22,13 +21,13 @@ RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, ServiceState
 }
 
 RenderCall::RenderCall(grpc::CallbackServerContext* context, ServiceState& state, Work work)
-    : ServerCall(*context, state.call_gate, state.limits.idle_timeout),
+    : ServerCall(*context, state, state.call_gate),
       service_(state),
       work_(work),
       client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
       flow_(client_ << 1),
       admission_(*this, state, client_),
-      begun_(absl::Now()),
+      begun_(clock_.now()),
       last_progress_(begun_) {}
 
 void RenderCall::on_entered() {
@@ -40,7 +39,7 @@ void RenderCall::on_entered() {
 void RenderCall::OnReadDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   if (ok) service_.metrics.bytes_in(incoming_.Length());
   absl::Status status;
   if (state_ == State::kStart) {
@@ -93,7 +92,7 @@ void RenderCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   if (!admitted.ok()) return finish(admitted.status());
   frame_ = *std::move(admitted);
   state_ = State::kBands;
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   admitted_ = last_progress_;
   if (!bands_) return StartRead(&incoming_);  // the half-close
   if (absl::Status status = take_band(); !status.ok()) finish(status);
@@ -138,7 +137,7 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   if (!rendered.ok()) return finish(rendered.status());
   service_.metrics.frame_ended(absl::StatusCode::kOk);
   state_ = State::kSending;
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   if (work_ == Work::kMeter) {
     result_.emplace(std::make_shared<const std::string>(),
                     v1::pack(meter_response(*rendered, frame_->settings, start_->previous, start_->given)));
@@ -155,7 +154,7 @@ void RenderCall::OnWriteDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
   if (!ok) return finish(absl::CancelledError("client went away before it had its result"));
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   send_next();
 }
 
@@ -197,7 +196,7 @@ void RenderCall::on_idle() {
   if (state_ == State::kQueued || state_ == State::kAdmission) {
     return watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
   }
-  const absl::Time now = absl::Now();
+  const absl::Time now = clock_.now();
   const absl::Duration idle = now - last_progress_;
   if (state_ == State::kBands) {
     if (absl::Status slow = check_upload_time("the frame", now - admitted_); !slow.ok())

@@ -38,7 +38,7 @@ void add_times(const TierTimes& times, v1::GetServerInfoResponse& info) {
 
 RenderService::RenderService(ServiceState& state, std::function<PoolCounters()> pool,
                              v1::GetServerInfoResponse info)
-    : state_(state), pool_(std::move(pool)), info_(std::move(info)), started_(absl::Now()) {
+    : state_(state), pool_(std::move(pool)), info_(std::move(info)), started_(state.clock.now()) {
   MarkMethodRawCallback(kMeterIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
                           return RenderCall::begin(context, state, Work::kMeter);
                         }));
@@ -74,7 +74,7 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
   pool.set_bytes_in_use(counters.bytes_in_use);
   pool.set_bytes_idle(counters.bytes_idle);
   pool.set_bytes_peak(counters.bytes_peak);
-  response->set_uptime_seconds(static_cast<uint64_t>(absl::ToInt64Seconds(absl::Now() - started_)));
+  response->set_uptime_seconds(static_cast<uint64_t>(absl::ToInt64Seconds(state_.clock.now() - started_)));
   response->set_sessions(state_.session_gate.places_taken());
   response->set_frames_rendered(state_.rendering.frames_rendered);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();

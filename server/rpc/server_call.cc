@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "server/rpc/wire/status.h"
 
 namespace candela {
@@ -13,8 +12,12 @@ constexpr int kMaxUploadTimeouts = 10;  // the longest upload of one frame, in i
 
 }  // namespace
 
-ServerCall::ServerCall(grpc::CallbackServerContext& context, CallGate& gate, absl::Duration idle_timeout)
-    : context_(context), gate_(gate), idle_timeout_(idle_timeout) {}
+ServerCall::ServerCall(grpc::CallbackServerContext& context, ServiceState& state, CallGate& gate)
+    : context_(context),
+      clock_(state.clock),
+      timers_(state.timers),
+      gate_(gate),
+      idle_timeout_(state.limits.idle_timeout) {}
 
 void ServerCall::start() {
   absl::MutexLock lock(&mutex_);
@@ -45,7 +48,7 @@ void ServerCall::OnDone() {
   bool inside = false;
   {
     absl::MutexLock lock(&mutex_);
-    idle_alarm_.reset();
+    idle_timer_.reset();
     inside = inside_;
     self = std::move(self_);
   }
@@ -57,22 +60,18 @@ void ServerCall::if_running(absl::FunctionRef<void()> then) {
   if (!finished_) then();
 }
 
-std::unique_ptr<grpc::Alarm> ServerCall::if_running_after(absl::Duration wait, std::function<void()> then) {
+std::unique_ptr<Timer> ServerCall::if_running_after(absl::Duration wait, std::function<void()> then) {
   return call_after(wait, [this, then = std::move(then)] { if_running(then); });
 }
 
-std::unique_ptr<grpc::Alarm> ServerCall::call_after(absl::Duration wait, std::function<void()> then) {
-  auto alarm = std::make_unique<grpc::Alarm>();
-  alarm->Set(absl::ToChronoTime(absl::Now() + wait),
-             [call = weak_from_this(), then = std::move(then)](bool expired) {
-               if (!expired) return;
-               if (const std::shared_ptr<ServerCall> alive = call.lock()) then();
-             });
-  return alarm;
+std::unique_ptr<Timer> ServerCall::call_after(absl::Duration wait, std::function<void()> then) {
+  return timers_.call_after(wait, [call = weak_from_this(), then = std::move(then)] {
+    if (const std::shared_ptr<ServerCall> alive = call.lock()) then();
+  });
 }
 
 void ServerCall::watch_idle(absl::Duration wait) {
-  idle_alarm_ = call_after(wait, [this] { on_alarm(); });
+  idle_timer_ = call_after(wait, [this] { on_timer(); });
 }
 
 absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Duration taken) const {
@@ -82,7 +81,7 @@ absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Durati
       absl::FormatDuration(absl::Trunc(taken, absl::Milliseconds(1))), kMaxUploadTimeouts));
 }
 
-void ServerCall::on_alarm() {
+void ServerCall::on_timer() {
   absl::MutexLock lock(&mutex_);
   if (!finished_) return on_idle();
   // The peer reads nothing, so gRPC cannot even deliver the status: leave now. After OnDone, which resets

@@ -1,7 +1,6 @@
 // The life of one call: its ownership, its place in a gate, its idle timer and its one end.
 #pragma once
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
@@ -16,7 +15,8 @@
 #include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "server/session/limits/call_gate.h"
+#include "server/base/clock.h"
+#include "server/rpc/service_state.h"
 
 namespace candela {
 
@@ -33,13 +33,13 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
   // Calls `then` under the mutex, unless the call has finished.
   void if_running(absl::FunctionRef<void()> then) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  // Does the same after `wait`, on a thread of gRPC. Destroying the alarm cancels it. Every wait takes a new
-  // alarm, because an alarm that fired is still in its callback when the next one is set.
-  std::unique_ptr<grpc::Alarm> if_running_after(absl::Duration wait, std::function<void()> then);
+  // Does the same after `wait`, unless the timer is destroyed before. Every wait takes a new timer, because
+  // one that fired is still in its callback when the next one is set.
+  std::unique_ptr<Timer> if_running_after(absl::Duration wait, std::function<void()> then);
 
  protected:
-  // `gate` outlives the call.
-  ServerCall(grpc::CallbackServerContext& context, CallGate& gate, absl::Duration idle_timeout);
+  // `state` and its `gate` outlive the call.
+  ServerCall(grpc::CallbackServerContext& context, ServiceState& state, CallGate& gate);
 
   // Takes ownership and enters the gate: on_entered() follows, or finish() if the gate refuses.
   void start() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -64,18 +64,20 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
 
   grpc::CallbackServerContext& context_;
+  Clock& clock_;
   absl::Mutex mutex_;
 
  private:
-  std::unique_ptr<grpc::Alarm> call_after(absl::Duration wait, std::function<void()> then);
-  void on_alarm() ABSL_LOCKS_EXCLUDED(mutex_);
+  std::unique_ptr<Timer> call_after(absl::Duration wait, std::function<void()> then);
+  void on_timer() ABSL_LOCKS_EXCLUDED(mutex_);
 
+  Timers& timers_;
   CallGate& gate_;
   const absl::Duration idle_timeout_;
   std::shared_ptr<ServerCall> self_ ABSL_GUARDED_BY(mutex_);  // until OnDone
   bool inside_ ABSL_GUARDED_BY(mutex_) = false;               // the gate, and has not left
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
-  std::unique_ptr<grpc::Alarm> idle_alarm_ ABSL_GUARDED_BY(mutex_);
+  std::unique_ptr<Timer> idle_timer_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "absl/time/time.h"
+#include "server/base/clock.h"
 #include "server/base/metrics.h"
 #include "server/base/worker_pool.h"
 #include "server/render/renderer.h"
@@ -40,6 +41,8 @@ struct CallLimits {
 
 // Any thread. Outlives every call.
 struct ServiceState {
+  Clock& clock;
+  Timers& timers;
   Rendering rendering;
   const CallLimits limits;
   Metrics& metrics;

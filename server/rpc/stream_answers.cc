@@ -2,20 +2,20 @@
 
 #include <utility>
 
-#include "absl/time/clock.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/session/exposure_state.h"
 
 namespace candela {
 
 StreamAnswers::StreamAnswers(const TokenKeys& keys, const StreamStart& start, uint64_t epoch,
-                             std::string device)
+                             std::string device, Clock& clock)
     : keys_(keys),
       session_(start.session),
       epoch_(epoch),
       encoding_(start.encoding),
       return_state_(start.return_state),
-      device_(std::move(device)) {}
+      device_(std::move(device)),
+      clock_(clock) {}
 
 void StreamAnswers::notify(const v1::StreamResponse& notice) { notices_.push_back(v1::pack(notice)); }
 
@@ -54,7 +54,7 @@ std::string StreamAnswers::token(const SessionFrames::Entry& frame, const Exposu
                      .sequence = frame.token_sequence,
                      .exposure = exposure,
                      .settings_hash = frame.settings_hash},
-                    absl::Now());
+                    clock_.now());
 }
 
 grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "candela/v1/render.pb.h"
+#include "server/base/clock.h"
 #include "server/rpc/wire/result_writer.h"
 #include "server/session/resume_token.h"
 #include "server/session/session_frames.h"
@@ -20,8 +21,9 @@ namespace candela {
 // thread-safe.
 class StreamAnswers {
  public:
-  // `keys` outlives this object. `device` is the name of the Vulkan device.
-  StreamAnswers(const TokenKeys& keys, const StreamStart& start, uint64_t epoch, std::string device);
+  // `keys` and `clock` outlive this object. `device` is the name of the Vulkan device.
+  StreamAnswers(const TokenKeys& keys, const StreamStart& start, uint64_t epoch, std::string device,
+                Clock& clock);
 
   void notify(const v1::StreamResponse& notice);
 
@@ -43,6 +45,7 @@ class StreamAnswers {
   const v1::Encoding encoding_;
   const bool return_state_;
   const std::string device_;
+  Clock& clock_;
   std::deque<grpc::ByteBuffer> notices_;
   std::optional<ResultWriter> writer_;  // of the first frame, while its result is sent
 };

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "absl/hash/hash.h"
-#include "absl/time/clock.h"
 #include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
@@ -21,7 +20,7 @@ StreamCall::Open::Open(OpenedSession opened, const ServiceState& state, ClientId
                }),
       frames(session.start.lookahead, session.start.cut_threshold_ev, session.point.exposure,
              state.limits.max_frames_in_flight, session.start.draws(), session.resumed_at()),
-      answers(state.sessions.keys, session.start, session.epoch, state.rendering.device) {
+      answers(state.sessions.keys, session.start, session.epoch, state.rendering.device, state.clock) {
   if (session.resumed) settings.resume(session.point.sequence);
 }
 
@@ -32,12 +31,12 @@ StreamCall* StreamCall::begin(grpc::CallbackServerContext* context, ServiceState
 }
 
 StreamCall::StreamCall(grpc::CallbackServerContext* context, ServiceState& state)
-    : ServerCall(*context, state.session_gate, state.limits.idle_timeout),
+    : ServerCall(*context, state, state.session_gate),
       state_(state),
       flow_(state.sessions.next_flow.fetch_add(2)),
       client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
       admission_(*this, state, client_),
-      last_read_(absl::Now()),
+      last_read_(clock_.now()),
       last_write_(last_read_) {}
 
 void StreamCall::on_entered() {
@@ -55,7 +54,7 @@ void StreamCall::read_on() {
                       (reading_ == Reading::kBetween && open_->frames.has_room());
   if (!wanted) return;
   read_pending_ = true;
-  last_read_ = absl::Now();
+  last_read_ = clock_.now();
   StartRead(&incoming_);
 }
 
@@ -63,7 +62,7 @@ void StreamCall::OnReadDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   read_pending_ = false;
   if (ending()) return;
-  last_read_ = absl::Now();
+  last_read_ = clock_.now();
   if (ok) state_.metrics.bytes_in(incoming_.Length());
   grpc::ByteBuffer message;  // because the next read may begin before this message is processed
   message.Swap(&incoming_);
@@ -96,7 +95,7 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
   if (!request.has_open()) {
     return absl::InvalidArgumentError("first message holds no `open`; send it before the frames");
   }
-  absl::StatusOr<OpenedSession> opened = open_session(request.open(), state_.sessions, self());
+  absl::StatusOr<OpenedSession> opened = open_session(request.open(), clock_.now(), state_.sessions, self());
   if (!opened.ok()) return opened.status();
   if (const auto previous = std::move(opened->previous)) previous->give_up();
   // The gate closed before this session was in the table, so go_away() was not called.
@@ -146,7 +145,7 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
     environment_ = request.environment;
   }
   if (absl::Status status =
-          open_->frames.add(header, layout, asked.settings->exposure(), asked.hash, absl::Now());
+          open_->frames.add(header, layout, asked.settings->exposure(), asked.hash, clock_.now());
       !status.ok()) {
     return status;
   }
@@ -164,7 +163,7 @@ void StreamCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   if (!admitted.ok()) return refuse(admitted.status());
   Entry& entry = *open_->frames.newest();
   entry.frame = *std::move(admitted);
-  entry.begun = absl::Now();
+  entry.begun = clock_.now();
   if (!bands_) return take_view();
   reading_ = Reading::kBands;
   grpc::ByteBuffer band;
@@ -214,7 +213,7 @@ void StreamCall::OnWriteDone(bool ok) {
   outgoing_.Clear();  // it would hold the memory of the frame until the next write
   if (finished()) return;
   if (!ok) return finish(absl::CancelledError("client went away before it had its results"));
-  last_write_ = absl::Now();
+  last_write_ = clock_.now();
   write_on();
 }
 
@@ -222,7 +221,7 @@ void StreamCall::write_on() {
   if (finished() || write_pending_) return;
   if (open_->answers.next(open_->frames, outgoing_)) {
     write_pending_ = true;
-    last_write_ = absl::Now();
+    last_write_ = clock_.now();
     state_.metrics.bytes_out(outgoing_.Length());
     StartWrite(&outgoing_);
   } else if (open_->frames.empty() && reading_ == Reading::kClosed) {

@@ -3,7 +3,6 @@
 #include <string>
 #include <utility>
 
-#include "absl/time/clock.h"
 #include "server/base/status_macros.h"
 #include "server/encode/image_file.h"
 #include "server/rpc/stream_call.h"
@@ -91,13 +90,13 @@ void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
   state_.rendering.encoders.run([self = self(), entry, image = entry->frame,
                                  opaque = entry->report->plan.resolve.opaque, encoding = start.encoding,
                                  quality = start.jpeg_quality] {
-    const absl::Time begin = absl::Now();
+    const absl::Time begin = self->clock_.now();
     const v1::Settings& settings = *image->settings;
     const bool wide = settings.output_format() == v1::OUTPUT_FORMAT_RGBA16;
     absl::StatusOr<std::string> file =
         encode_image(picture_of(image->memory, wide), settings, opaque, encoding, quality);
     if (file.ok()) image->memory.replace_output(file->size());
-    self->on_encoded(entry, std::move(file), absl::Now() - begin);
+    self->on_encoded(entry, std::move(file), self->clock_.now() - begin);
   });
 }
 

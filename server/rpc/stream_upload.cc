@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "server/rpc/stream_call.h"
 
 namespace candela {
@@ -31,7 +30,7 @@ absl::Status StreamCall::pass_over(const v1::FrameHeader& header, const WireLayo
     return absl::OkStatus();
   }
   bands_.emplace(v1::kStreamFrameBand, layout.desc, layout.row_stride_bytes);
-  open_->frames.newest()->begun = absl::Now();
+  open_->frames.newest()->begun = clock_.now();
   reading_ = Reading::kPassing;
   return absl::OkStatus();
 }
@@ -52,7 +51,7 @@ void StreamCall::end_passed() {
 }
 
 void StreamCall::on_idle() {
-  const absl::Time now = absl::Now();
+  const absl::Time now = clock_.now();
   const absl::Duration timeout = idle_timeout();
   // A write that nobody reads never ends, and no status could follow it.
   if (write_pending_ && now - last_write_ >= timeout) return context_.TryCancel();

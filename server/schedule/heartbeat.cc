@@ -25,9 +25,10 @@ struct Heartbeat::State {
   }
 };
 
-Heartbeat::Heartbeat(RenderLoop& loop, std::function<absl::Status()> beat, const Options& options,
-                     std::function<void(Pulse)> report)
+Heartbeat::Heartbeat(RenderLoop& loop, Clock& clock, std::function<absl::Status()> beat,
+                     const Options& options, std::function<void(Pulse)> report)
     : loop_(loop),
+      clock_(clock),
       beat_(std::move(beat)),
       options_(options),
       report_(std::move(report)),
@@ -54,7 +55,7 @@ void Heartbeat::run() {
     bool beat = false;
     {
       absl::MutexLock lock(&state_->mutex);
-      if (state_->mutex.AwaitWithTimeout(absl::Condition(&state_->stopping), tick)) return;
+      if (clock_.await(state_->mutex, absl::Condition(&state_->stopping), tick)) return;
       ++state_->ticks_since_good;
       ++state_->ticks_since_end;
       pulse = {state_->ticks_since_good * tick <= options_.limit,

@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "server/base/clock.h"
 #include "server/schedule/render_loop.h"
 
 namespace candela {
@@ -32,8 +33,8 @@ class Heartbeat {
 
   // Starts at once. `beat` renders a small frame; it is called on the loop's thread ahead of the waiting
   // frames. `report` is called on the heartbeat's own thread when the pulse changes from good, or later
-  // changes again.
-  Heartbeat(RenderLoop& loop, std::function<absl::Status()> beat, const Options& options,
+  // changes again. `clock` outlives it.
+  Heartbeat(RenderLoop& loop, Clock& clock, std::function<absl::Status()> beat, const Options& options,
             std::function<void(Pulse)> report);
   // Calls stop().
   ~Heartbeat();
@@ -49,6 +50,7 @@ class Heartbeat {
   void run();
 
   RenderLoop& loop_;
+  Clock& clock_;
   const std::function<absl::Status()> beat_;
   const Options options_;
   const std::function<void(Pulse)> report_;

@@ -15,13 +15,15 @@ bool takes_long(const FrameJob& job) {
 
 }  // namespace
 
-RenderLoop::RenderLoop(Render render, size_t capacity, absl::Duration slice)
-    : render_(std::move(render)), slice_(slice), queue_(capacity), thread_([this] { run(); }) {}
+RenderLoop::RenderLoop(Render render, size_t capacity, Clock& clock, absl::Duration slice)
+    : render_(std::move(render)), clock_(clock), slice_(slice), queue_(capacity), thread_([this] {
+        run();
+      }) {}
 
 RenderLoop::~RenderLoop() { stop(); }
 
 absl::StatusOr<Ticket> RenderLoop::submit(FrameJob job) {
-  job.submitted = absl::Now();
+  job.submitted = clock_.now();
   job.in_slices |= takes_long(job);
   job.ordered &= job.task == nullptr;
   absl::MutexLock lock(&mutex_);
@@ -86,7 +88,7 @@ void RenderLoop::run() {
 }
 
 void RenderLoop::serve(FrameJob job) {
-  const absl::Time start = absl::Now();
+  const absl::Time start = clock_.now();
   const bool begins = job.slices == nullptr;
   if (begins && start >= job.deadline) {
     return job.done(absl::DeadlineExceededError(
@@ -106,7 +108,7 @@ void RenderLoop::serve(FrameJob job) {
       report = absl::UnavailableError("the server has no thread left for long work; try again soon");
     }
   }
-  const absl::Duration ran = absl::Now() - start;
+  const absl::Duration ran = clock_.now() - start;
   job.ran += ran;
   {
     absl::MutexLock lock(&mutex_);
@@ -130,12 +132,12 @@ void RenderLoop::begin_slices(FrameJob& job) {
   parts->decide = std::move(job.decide);
   parts->task = std::move(job.task);
   job.slices =
-      std::make_unique<SlicedWork>([this, parts, report = job.report] { *report = render_(*parts); });
+      std::make_unique<SlicedWork>([this, parts, report = job.report] { *report = render_(*parts); }, clock_);
 }
 
 void RenderLoop::finish(FrameJob job, absl::StatusOr<FrameReport> report) {
   if (!report.ok()) return job.done(report.status());
-  const absl::Duration queued = absl::Now() - job.submitted - job.ran;
+  const absl::Duration queued = clock_.now() - job.submitted - job.ran;
   if (job.work != Work::kMeter && job.frame != nullptr) job.frame->memory.keep_output_only();
   job.done(RenderedFrame{*std::move(report), queued});
 }

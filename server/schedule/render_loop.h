@@ -7,6 +7,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
+#include "server/base/clock.h"
 #include "server/schedule/frame_queue.h"
 
 namespace candela {
@@ -21,8 +22,8 @@ class RenderLoop {
   using Render = std::function<absl::StatusOr<FrameReport>(const FrameJob&)>;
 
   // At most `capacity` jobs wait at a time, those between two slices included. Tests shorten and lengthen
-  // `slice`.
-  RenderLoop(Render render, size_t capacity, absl::Duration slice = kSlice);
+  // `slice`. `clock` outlives the loop.
+  RenderLoop(Render render, size_t capacity, Clock& clock, absl::Duration slice = kSlice);
   // Calls stop().
   ~RenderLoop();
 
@@ -50,9 +51,10 @@ class RenderLoop {
   void run();
   void serve(FrameJob job);
   void begin_slices(FrameJob& job);
-  static void finish(FrameJob job, absl::StatusOr<FrameReport> report);
+  void finish(FrameJob job, absl::StatusOr<FrameReport> report);
 
   const Render render_;
+  Clock& clock_;
   const absl::Duration slice_;
   mutable absl::Mutex mutex_;
   std::deque<std::function<void()>> tasks_ ABSL_GUARDED_BY(mutex_);

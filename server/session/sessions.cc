@@ -2,12 +2,11 @@
 
 #include <utility>
 
-#include "absl/time/clock.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
 
-absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, Sessions& sessions,
+absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, absl::Time now, Sessions& sessions,
                                            std::shared_ptr<SessionCall> call) {
   OpenedSession session;
   ASSIGN_OR_RETURN(session.start, stream_start_from(open));
@@ -15,7 +14,7 @@ absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, Sessions&
   session.resumed = !session.start.resume_token.empty();
   if (session.resumed) {
     ASSIGN_OR_RETURN(session.point,
-                     sessions.keys.open(session.start.resume_token, session.start.session, absl::Now()));
+                     sessions.keys.open(session.start.resume_token, session.start.session, now));
     if (session.point.settings_hash != session.start.settings.hash) {
       return absl::FailedPreconditionError(
           "resume_token belongs to a result with other settings; open the session with those settings and "

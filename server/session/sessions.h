@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
 #include "server/schedule/frame_queue.h"
 #include "server/session/limits/client_memory.h"
@@ -39,7 +40,7 @@ struct OpenedSession {
 // Checks the request and its resume token, and enters the session into the table for `call`. Fails as
 // stream_start_from, TokenKeys::open and SessionTable::enter do, and with FAILED_PRECONDITION if the settings
 // are not those of the token. The caller tells `previous` to give up.
-absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, Sessions& sessions,
+absl::StatusOr<OpenedSession> open_session(const v1::StreamOpen& open, absl::Time now, Sessions& sessions,
                                            std::shared_ptr<SessionCall> call);
 
 }  // namespace candela

@@ -23,7 +23,7 @@
 namespace candela::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 
 // Processor time of the whole process.
 double cpu_ms() {
@@ -111,8 +111,8 @@ absl::Status compare(const Workbench& bench, const std::string& what, FrameMemor
                      const Source& source, const Settings& settings, double seconds) {
   absl::StatusOr<std::vector<Maker>> makers = makers_on(bench);
   if (!makers.ok()) return makers.status();
-  const Clock::time_point begin = Clock::now();
-  for (int round = 0; Clock::now() - begin < std::chrono::duration<double>(seconds) || round < 5; ++round) {
+  const Steady::time_point begin = Steady::now();
+  for (int round = 0; Steady::now() - begin < std::chrono::duration<double>(seconds) || round < 5; ++round) {
     for (Maker& maker : *makers) {
       absl::Status status = render(maker, memory, source, settings, round > 1);
       if (!status.ok()) return status;

@@ -29,7 +29,7 @@
 namespace candela::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 
 double median(std::vector<double> values) {
   std::nth_element(values.begin(), values.begin() + static_cast<ptrdiff_t>(values.size() / 2), values.end());
@@ -43,8 +43,8 @@ double cpu_ms() {
   return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
 }
 
-double ms_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+double ms_since(Steady::time_point start) {
+  return std::chrono::duration<double, std::milli>(Steady::now() - start).count();
 }
 
 void run(benchmark::State& state, Renderer& renderer, const testing::WireFrame& frame,
@@ -57,14 +57,14 @@ void run(benchmark::State& state, Renderer& renderer, const testing::WireFrame& 
   std::vector<std::byte> copy(frame.pixels.size());
   std::map<std::string, std::vector<double>> times;
   for (auto _ : state) {
-    const Clock::time_point copying = Clock::now();
+    const Steady::time_point copying = Steady::now();
     std::memcpy(copy.data(), frame.pixels.data(), copy.size());
     benchmark::DoNotOptimize(copy.data());
     times["memcpy"].push_back(ms_since(copying));
     const double cpu_before = cpu_ms();
-    const Clock::time_point calling = Clock::now();
+    const Steady::time_point calling = Steady::now();
     copy_in(frame, *memory);
-    const Clock::time_point rendering = Clock::now();
+    const Steady::time_point rendering = Steady::now();
     const absl::StatusOr<FrameReport> report = renderer.render(*memory, settings);
     const double wall = ms_since(rendering);
     const double call = ms_since(calling);

@@ -4,6 +4,7 @@
 
 #include "server/base/process/driver_environment.h"
 #include "server/render/settings/tiers.h"
+#include "tests/support/real_clock.h"
 
 namespace candela::bench {
 namespace {
@@ -49,7 +50,7 @@ absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads) 
   if (!device.ok()) return device.status();
   Workbench bench;
   bench.device = *std::move(device);
-  bench.pool = std::make_unique<TexturePool>(*bench.device, uint64_t{4} << 30);
+  bench.pool = std::make_unique<TexturePool>(*bench.device, uint64_t{4} << 30, testing::real_clock());
   absl::StatusOr<std::unique_ptr<Renderer>> renderer =
       Renderer::create(*bench.device, *bench.pool, passes, threads);
   if (!renderer.ok()) return renderer.status();

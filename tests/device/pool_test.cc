@@ -6,13 +6,13 @@
 #include <chrono>
 #include <limits>
 #include <memory>
-#include <thread>
 
 #include "server/render/environment/panorama_upload.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/status.h"
+#include "tests/support/virtual_clock.h"
 
 namespace {
 
@@ -40,7 +40,7 @@ constexpr TextureKey kKey = {100, 50, 16, MemoryUse::kDevice};
 constexpr uint64_t kBytes = 100 * 50 * 16;
 
 TEST_F(Pool, GivesTheSameTextureAgain) {
-  TexturePool local(device(), 10 * kBytes);
+  TexturePool local(device(), 10 * kBytes, real_clock());
   VkBuffer first = VK_NULL_HANDLE;
   {
     ASSERT_OK_AND_ASSIGN(auto lease, local.take(kKey));
@@ -56,7 +56,7 @@ TEST_F(Pool, GivesTheSameTextureAgain) {
 }
 
 TEST_F(Pool, RefusesWhatTheBudgetDoesNotHold) {
-  TexturePool local(device(), 2 * kBytes);
+  TexturePool local(device(), 2 * kBytes, real_clock());
   auto a = local.take(kKey);
   auto b = local.take(kKey);
   ASSERT_TRUE(a.ok() && b.ok());
@@ -68,7 +68,7 @@ TEST_F(Pool, RefusesWhatTheBudgetDoesNotHold) {
 }
 
 TEST_F(Pool, GivesUpIdleTexturesToMakeRoom) {
-  TexturePool local(device(), 2 * kBytes);
+  TexturePool local(device(), 2 * kBytes, real_clock());
   for (uint32_t width = 51; width <= 100; ++width) {
     ASSERT_TRUE(local.take({width, 50, 16, MemoryUse::kDevice}).ok()) << width;
     EXPECT_LE(local.counters().bytes_idle, 2 * kBytes);
@@ -77,20 +77,22 @@ TEST_F(Pool, GivesUpIdleTexturesToMakeRoom) {
 }
 
 TEST_F(Pool, GivesUpWhatNobodyTookForLong) {
-  constexpr std::chrono::milliseconds kKeep{200};
+  constexpr std::chrono::seconds kKeep{30};
   constexpr TextureKey kOther = {10, 10, 16, MemoryUse::kDevice};
-  TexturePool local(device(), 10 * kBytes, kKeep);
+  VirtualClock clock;
+  TexturePool local(device(), 10 * kBytes, clock, kKeep);
   ASSERT_TRUE(local.take(kKey).ok());
+  clock.advance(absl::FromChrono(kKeep));
   ASSERT_TRUE(local.take(kOther).ok());
   EXPECT_EQ(local.counters().bytes_idle, kBytes + kOther.bytes()) << "too soon";
-  std::this_thread::sleep_for(2 * kKeep);
+  clock.advance(absl::Nanoseconds(1));
   ASSERT_TRUE(local.take(kOther).ok());
   EXPECT_EQ(local.counters().bytes_idle, kOther.bytes());
   EXPECT_EQ(local.counters().hits, 1u) << "what is in use again is not what nobody took";
 }
 
 TEST_F(Pool, AReservationIsInUseUntilItIsGivenBackAndNeverIdle) {
-  TexturePool local(device(), 2 * kBytes);
+  TexturePool local(device(), 2 * kBytes, real_clock());
   ASSERT_TRUE(local.take(kKey).ok());  // idle now
   {
     ASSERT_OK_AND_ASSIGN(const auto reservation, local.reserve(2 * kBytes, "the bake"));
@@ -108,7 +110,7 @@ TEST_F(Pool, AReservationIsInUseUntilItIsGivenBackAndNeverIdle) {
 
 TEST_F(Pool, GivesUpTheOldestFirst) {
   const auto key = [](uint32_t width) { return TextureKey{width, 50, 16, MemoryUse::kDevice}; };
-  TexturePool local(device(), 3 * 100 * 50 * 16);
+  TexturePool local(device(), 3 * 100 * 50 * 16, real_clock());
   for (uint32_t width : {98u, 99u, 100u}) ASSERT_TRUE(local.take(key(width)).ok());
   ASSERT_TRUE(local.take(key(97)).ok());  // 98 has to go
   const uint64_t misses = local.counters().misses;
@@ -166,7 +168,7 @@ TEST_F(Pool, AFileTakesThePlaceOfItsImage) {
 }
 
 TEST_F(Pool, ADeviceWithLessMemoryThanTheBudgetGetsThatOfIdleTextures) {
-  TexturePool local(device(), 100 * kBytes);
+  TexturePool local(device(), 100 * kBytes, real_clock());
   const auto key = [](uint32_t width) { return TextureKey{width, 50, 16, MemoryUse::kDevice}; };
   for (uint32_t width : {98u, 99u, 100u}) ASSERT_TRUE(local.take(key(width)).ok());
   allocations_that_fail = 2;
@@ -179,7 +181,7 @@ TEST_F(Pool, ADeviceWithLessMemoryThanTheBudgetGetsThatOfIdleTextures) {
 }
 
 TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
-  TexturePool local(device(), uint64_t{1} << 30);
+  TexturePool local(device(), uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), local));
   const FrameDesc desc = {100, 100, v1::PIXEL_FORMAT_RGBA16F};
   allocations_that_fail = std::numeric_limits<int>::max();
@@ -197,7 +199,7 @@ TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
 }
 
 TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {
-  TexturePool small(device(), 1 << 20);
+  TexturePool small(device(), 1 << 20, real_clock());
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), small));
   ASSERT_TRUE(renderer->allocate({100, 100, v1::PIXEL_FORMAT_RGBA16F}, {}).ok());
   const PoolCounters before = small.counters();

@@ -291,7 +291,7 @@ TEST_F(Properties, EveryPassOfThePlanIsTimed) {
 TEST_F(Properties, StagingCopiesChangeNoBit) {
   ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
   EXPECT_FALSE(staged->unified_memory());
-  TexturePool own_pool(*staged, uint64_t{1} << 30);
+  TexturePool own_pool(*staged, uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto own, Renderer::create(*staged, own_pool));
   EXPECT_EQ(own->executor_kind(), ExecutorKind::kDevice);
   for (const WireFrame& frame :

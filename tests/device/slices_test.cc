@@ -44,7 +44,7 @@ TEST_F(Slices, TheReferenceCanPauseAtEveryRowAndItsResultsAreTheSame) {
     const auto render_it = [&] { return render(frame, c.settings, {}, Verify::kWithMap); };
     const absl::StatusOr<Rendered> whole = render_it();
     std::optional<absl::StatusOr<Rendered>> sliced;
-    SlicedWork work([&] { sliced = render_it(); });
+    SlicedWork work([&] { sliced = render_it(); }, real_clock());
     int slices = 1;
     const absl::Time begin = absl::Now();
     absl::Duration longest;
@@ -130,7 +130,7 @@ TEST_F(Slices, ALargeFramePausesInEveryPassAndOthersInBetweenChangeNoneOfItsBits
       };
       const absl::StatusOr<Rendered> whole = render_it();
       std::optional<absl::StatusOr<Rendered>> sliced;
-      SlicedWork work([&] { sliced = render_it(); });
+      SlicedWork work([&] { sliced = render_it(); }, real_clock());
       int slices = 1;
       for (; !work.run(absl::ZeroDuration()); ++slices) {
         if (slices % 8 != 0) continue;
@@ -162,7 +162,7 @@ std::vector<std::string> order_of_two(const std::function<std::shared_ptr<Frame>
   absl::Mutex mutex;
   std::vector<std::string> order;
   absl::BlockingCounter ended(2);
-  RenderLoop loop(run_job, 4, slice);
+  RenderLoop loop(run_job, 4, real_clock(), slice);
   const auto job = [&](std::string name, Size size, Flow flow) {
     FrameJob made;
     made.frame = make(size);

@@ -139,7 +139,7 @@ TEST_F(Table, IsTheSameThroughStagingCopies) {
   DeviceOptions options;
   options.staging = true;
   ASSERT_OK_AND_ASSIGN(auto staged_device, Device::create(options));
-  TexturePool staged_pool(*staged_device, uint64_t{1} << 30);
+  TexturePool staged_pool(*staged_device, uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto staged, Renderer::create(*staged_device, staged_pool));
   const WireFrame frame = natural(67, 33);
   for (int round = 0; round < 2; ++round) {

@@ -216,7 +216,7 @@ TEST_F(Verified, WithoutRoundingFloatsAreFurtherOffAndHalvesAreNot) {
 
 TEST_F(Verified, StagingCopiesChangeNoNumber) {
   ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
-  TexturePool own_pool(*staged, uint64_t{1} << 30);
+  TexturePool own_pool(*staged, uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto own, Renderer::create(*staged, own_pool));
   for (const WireFrame& frame : {natural(131, 67), natural(130, 35, v1::PIXEL_FORMAT_RGBA32F)}) {
     ASSERT_OK_AND_ASSIGN(const auto there, render_on(*own, frame, {}, {}, Verify::kWithMap));
@@ -237,7 +237,7 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
   const FrameDesc desc = {640, 480, v1::PIXEL_FORMAT_RGBA16F};
   constexpr uint64_t kPixels = 640 * 480;
   // Frame, image and levels are 18 bytes a pixel, verification 44 more.
-  TexturePool small(device(), 40 * kPixels);
+  TexturePool small(device(), 40 * kPixels, real_clock());
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), small));
   EXPECT_TRUE(renderer->allocate(desc, {}).ok());
   const absl::Status refused = renderer->allocate(desc, {}, Verify::kYes).status();
@@ -246,7 +246,7 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
       << refused;
   EXPECT_NE(std::string(refused.message()).find("do without verification"), std::string::npos) << refused;
 
-  TexturePool enough(device(), 70 * kPixels);
+  TexturePool enough(device(), 70 * kPixels, real_clock());
   ASSERT_OK_AND_ASSIGN(auto other, Renderer::create(device(), enough));
   ASSERT_OK_AND_ASSIGN(auto memory, other->allocate(desc, {}, Verify::kWithMap));
   EXPECT_GE(enough.counters().bytes_in_use, 58 * kPixels);

@@ -230,7 +230,7 @@ TEST_F(WideGamut, CountsTheSameThroughStagingCopiesAndWithVerification) {
   DeviceOptions options;
   options.staging = true;
   ASSERT_OK_AND_ASSIGN(auto staged_device, Device::create(options));
-  TexturePool staged_pool(*staged_device, uint64_t{1} << 30);
+  TexturePool staged_pool(*staged_device, uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto staged, Renderer::create(*staged_device, staged_pool));
   const WireFrame frame = make_frame(131, 67, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) {
     return Texel{1.0f, x % 2 == 0 ? -0.5f : 0.5f, y % 3 == 0 ? -1e-5f : 0.0f, 1.0f};

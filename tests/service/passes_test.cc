@@ -23,7 +23,7 @@ class PassesMoved : public ::testing::Test {
     config.passes = ExecutorKind::kDevice;
     device_ = start_server(config);
     config.passes = ExecutorKind::kHost;
-    absl::StatusOr<std::unique_ptr<Server>> host = Server::start(config);
+    absl::StatusOr<std::unique_ptr<Server>> host = Server::start(config, real_clock(), alarm_timers());
     if (absl::IsFailedPrecondition(host.status())) GTEST_SKIP() << host.status();
     ASSERT_TRUE(host.ok()) << host.status();
     host_ = *std::move(host);

@@ -31,7 +31,7 @@ Config test_config() {
 }
 
 std::unique_ptr<Server> start_server(const Config& config) {
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, real_clock(), alarm_timers());
   EXPECT_TRUE(server.ok()) << server.status();
   keep_driver_loaded();
   return server.ok() ? *std::move(server) : nullptr;

@@ -11,6 +11,7 @@
 #include "candela/v1/render.grpc.pb.h"
 #include "client/connection.h"
 #include "server/server.h"
+#include "tests/service/real_time.h"
 #include "tests/support/scenes.h"
 
 namespace candela::testing {

@@ -35,7 +35,7 @@ void DeviceTest::SetUpTestSuite() {
   auto device = Device::create({});
   ASSERT_TRUE(device.ok()) << device.status();
   shared().device = *std::move(device);
-  shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30);
+  shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30, real_clock());
   auto renderer = Renderer::create(*shared().device, *shared().pool, executor_of_environment());
   ASSERT_TRUE(renderer.ok()) << renderer.status();
   shared().renderer = *std::move(renderer);

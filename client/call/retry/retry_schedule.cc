@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "absl/time/clock.h"
 #include "server/base/check.h"
 
 namespace candela {
@@ -15,10 +14,9 @@ constexpr double kMostJitter = 0.5;
 
 }  // namespace
 
-void RetrySchedule::failed(absl::Duration delay, bool progress) {
+void RetrySchedule::failed(absl::Time now, absl::Duration delay, bool progress) {
   const size_t servers = not_before_.size();
   CHECK(next_ < servers && delay >= absl::ZeroDuration());
-  const absl::Time now = absl::Now();
   const auto jittered = [this](absl::Duration pause) {
     return pause * std::uniform_real_distribution<>(1, 1 + kMostJitter)(random_);
   };

@@ -20,9 +20,9 @@ class RetrySchedule {
   // The server to call next, counted from 0.
   size_t next() const { return next_; }
 
-  // That call failed. The server asks for a wait of `delay`. `progress`: the call did some of its work first,
-  // so the pauses start at the shortest again.
-  void failed(absl::Duration delay, bool progress = false);
+  // That call failed `now`. The server asks for a wait of `delay`. `progress`: the call did some of its work
+  // first, so the pauses start at the shortest again.
+  void failed(absl::Time now, absl::Duration delay, bool progress = false);
 
   // True if every server has failed since the last progress.
   bool round_over() const { return attempts_ >= not_before_.size(); }

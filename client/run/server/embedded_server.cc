@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/alarm_timers.h"
+#include "server/base/clock.h"
 #include "server/base/process/cgroup.h"
 #include "server/base/process/driver_environment.h"
 #include "server/base/status_macros.h"
@@ -14,6 +16,11 @@
 #include "server/server.h"
 
 namespace candela {
+
+struct ServerTime {
+  RealClock clock;
+  AlarmTimers timers;
+};
 
 void EmbeddedServer::prepare() { prepare_driver_environment(); }
 
@@ -43,11 +50,12 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std:
   // Its one client may bring the largest panorama.
   config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;
   config.measure_tiers = measures_tiers;
-  ASSIGN_OR_RETURN(std::unique_ptr<Server> server, Server::start(config));
-  return std::unique_ptr<EmbeddedServer>(new EmbeddedServer(std::move(server)));
+  std::unique_ptr<EmbeddedServer> embedded(new EmbeddedServer());
+  ASSIGN_OR_RETURN(embedded->server_, Server::start(config, embedded->time_->clock, embedded->time_->timers));
+  return embedded;
 }
 
-EmbeddedServer::EmbeddedServer(std::unique_ptr<Server> server) : server_(std::move(server)) {}
+EmbeddedServer::EmbeddedServer() : time_(std::make_unique<ServerTime>()) {}
 
 EmbeddedServer::~EmbeddedServer() = default;
 

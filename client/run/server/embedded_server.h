@@ -14,6 +14,7 @@
 namespace candela {
 
 class Server;
+struct ServerTime;
 
 // Usable from any thread.
 class EmbeddedServer {
@@ -40,7 +41,8 @@ class EmbeddedServer {
   std::shared_ptr<grpc::Channel> channel() const;
 
  private:
-  explicit EmbeddedServer(std::unique_ptr<Server> server);
+  EmbeddedServer();
+  const std::unique_ptr<ServerTime> time_;
   std::unique_ptr<Server> server_;
 };
 

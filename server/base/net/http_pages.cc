@@ -14,7 +14,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "server/base/status_macros.h"
 
@@ -46,7 +45,7 @@ const char* words_of(int status) {
 // the client to close. The last keeps the kernel from discarding an answer that is not yet read.
 class HttpPages::Connection {
  public:
-  explicit Connection(int descriptor) : descriptor_(descriptor) {}
+  Connection(int descriptor, absl::Time now) : descriptor_(descriptor), begun_(now) {}
   ~Connection() { close(descriptor_); }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -80,21 +79,24 @@ class HttpPages::Connection {
   }
 
   const int descriptor_;
-  const absl::Time begun_ = absl::Now();
+  const absl::Time begun_;
   std::string request_;
   std::string answer_;  // the part that is not yet sent
   bool answered_ = false;
 };
 
 absl::StatusOr<std::unique_ptr<HttpPages>> HttpPages::start(const std::string& address,
-                                                            size_t max_connections, Pages pages) {
+                                                            size_t max_connections, Clock& clock,
+                                                            Pages pages) {
   ASSIGN_OR_RETURN(std::vector<ListeningSocket> sockets, ListeningSocket::listen("metrics", address));
-  return std::unique_ptr<HttpPages>(new HttpPages(std::move(sockets), max_connections, std::move(pages)));
+  return std::unique_ptr<HttpPages>(
+      new HttpPages(std::move(sockets), max_connections, clock, std::move(pages)));
 }
 
-HttpPages::HttpPages(std::vector<ListeningSocket> sockets, size_t max_connections, Pages pages)
+HttpPages::HttpPages(std::vector<ListeningSocket> sockets, size_t max_connections, Clock& clock, Pages pages)
     : sockets_(std::move(sockets)),
       max_connections_(std::max<size_t>(1, max_connections)),
+      clock_(clock),
       pages_(std::move(pages)),
       stop_(eventfd(0, EFD_CLOEXEC)),
       thread_([this] { run(); }) {}
@@ -113,7 +115,7 @@ void HttpPages::run() {
     waits.push_back({stop_, POLLIN, 0});
     poll(waits.data(), waits.size(), connections_.empty() ? -1 : 1000);
     if (waits.back().revents != 0) return;
-    const absl::Time now = absl::Now();
+    const absl::Time now = clock_.now();
     const size_t old = connections_.size();
     std::vector<std::unique_ptr<Connection>> going;
     for (size_t i = 0; i < old; ++i) {
@@ -132,7 +134,7 @@ void HttpPages::accept_from(int socket) {
   const int descriptor = accept4(socket, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (descriptor >= 0) {
     if (connections_.size() >= max_connections_) connections_.erase(connections_.begin());
-    connections_.push_back(std::make_unique<Connection>(descriptor));
+    connections_.push_back(std::make_unique<Connection>(descriptor, clock_.now()));
   } else if (errno == EMFILE || errno == ENFILE) {
     // The oldest makes room, or another part of the process will.
     if (!connections_.empty()) {

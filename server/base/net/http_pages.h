@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/base/clock.h"
 #include "server/base/net/listening_socket.h"
 
 namespace candela {
@@ -25,9 +26,10 @@ class HttpPages {
   };
   using Pages = std::map<std::string, std::function<Answer()>>;  // by path, such as "/metrics"
 
-  // Listens on "HOST:PORT". `max_connections` is at least 1. Fails as ListeningSocket::listen does.
+  // Listens on "HOST:PORT". `max_connections` is at least 1. `clock` outlives it. Fails as
+  // ListeningSocket::listen does.
   static absl::StatusOr<std::unique_ptr<HttpPages>> start(const std::string& address, size_t max_connections,
-                                                          Pages pages);
+                                                          Clock& clock, Pages pages);
   ~HttpPages();
   HttpPages(const HttpPages&) = delete;
   HttpPages& operator=(const HttpPages&) = delete;
@@ -38,13 +40,14 @@ class HttpPages {
  private:
   class Connection;
 
-  HttpPages(std::vector<ListeningSocket> sockets, size_t max_connections, Pages pages);
+  HttpPages(std::vector<ListeningSocket> sockets, size_t max_connections, Clock& clock, Pages pages);
   void run();
   void accept_from(int socket);
   std::string answer_to(const std::string& request) const;
 
   const std::vector<ListeningSocket> sockets_;
   const size_t max_connections_;
+  Clock& clock_;
   const Pages pages_;
   std::vector<std::unique_ptr<Connection>> connections_;  // the oldest first; the thread's
   const int stop_;                                        // becomes readable when the thread shall end

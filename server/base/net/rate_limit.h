@@ -5,7 +5,6 @@
 #include <optional>
 #include <utility>
 
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 
 namespace candela {
@@ -15,9 +14,8 @@ class OneASecond {
  public:
   // Counts an event. If it may pass, returns the number of events since the last one that passed, this one
   // included; otherwise nothing.
-  std::optional<uint64_t> pass() {
+  std::optional<uint64_t> pass(absl::Time now) {
     ++events_;
-    const absl::Time now = absl::Now();
     if (now < next_) return std::nullopt;
     next_ = now + absl::Seconds(1);
     return std::exchange(events_, 0);

@@ -11,7 +11,7 @@ namespace candela {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 
 // Less is not worth a submission.
 constexpr double kLeastSeconds = 0.002;
@@ -37,12 +37,12 @@ Submissions::Submissions(Recorder& recorder, Pace& pace, bool pages, std::vector
       pace_(pace),
       stages_(stages),
       first_cost_(pages ? kLeastCost : std::numeric_limits<double>::infinity()),
-      in_slices_(slice_end() != Clock::time_point::max()) {}
+      in_slices_(slice_end() != Steady::time_point::max()) {}
 
 absl::Status Submissions::begin() {
   checkpoint();
   // What is left of the slice. If nothing is, one unit.
-  const double left = std::chrono::duration<double>(slice_end() - Clock::now()).count();
+  const double left = std::chrono::duration<double>(slice_end() - Steady::now()).count();
   most_seconds_ = left <= 0 ? 0 : std::clamp(left, kLeastSeconds, Pace::kSubmissionSeconds);
   return recorder_.begin();
 }
@@ -94,9 +94,9 @@ absl::Status Submissions::cut(const char* stage, std::span<const double> costs, 
 
 absl::Status Submissions::submit() {
   recorder_.barrier_to_host();
-  const Clock::time_point begin = Clock::now();
+  const Steady::time_point begin = Steady::now();
   RETURN_IF_ERROR(recorder_.submit_and_wait());
-  const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+  const double seconds = std::chrono::duration<double>(Steady::now() - begin).count();
   std::map<const char*, double> took;
   for (const Recorder::Timing& timing : recorder_.timings()) {
     add_time({timing.name, timing.ns}, stages_);

@@ -22,8 +22,8 @@ uint64_t TextureKey::bytes() const {
   return std::max<uint64_t>(16, uint64_t{width} * height * texel_bytes);
 }
 
-TexturePool::TexturePool(Device& device, uint64_t budget_bytes, std::chrono::nanoseconds keep)
-    : device_(device), budget_bytes_(budget_bytes), keep_(keep) {}
+TexturePool::TexturePool(Device& device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep)
+    : device_(device), budget_bytes_(budget_bytes), clock_(clock), keep_(keep) {}
 
 TexturePool::~TexturePool() {
   CHECK(counters_.bytes_in_use == 0);
@@ -117,7 +117,7 @@ void TexturePool::give_back(std::unique_ptr<Entry> entry) {
   CHECK(counters_.bytes_in_use >= entry->bytes);
   counters_.bytes_in_use -= entry->bytes;
   if (entry->buffer.handle() == VK_NULL_HANDLE) return;
-  entry->idle_since = std::chrono::steady_clock::now();
+  entry->idle_since = clock_.steady();
   while (!idle_.empty() && entry->idle_since - idle_.front()->idle_since > keep_) give_up_oldest(&given_up);
   counters_.bytes_idle += entry->bytes;
   idle_.push_back(std::move(entry));

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/base/clock.h"
 #include "server/vulkan/buffer.h"
 
 namespace candela {
@@ -46,7 +47,8 @@ class TexturePool {
  public:
   static constexpr std::chrono::seconds kKeep{30};
 
-  TexturePool(Device& device, uint64_t budget_bytes, std::chrono::nanoseconds keep = kKeep);
+  // `device` and `clock` outlive it.
+  TexturePool(Device& device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep = kKeep);
   ~TexturePool();
 
   class Lease;
@@ -77,6 +79,7 @@ class TexturePool {
 
   Device& device_;
   const uint64_t budget_bytes_;
+  Clock& clock_;
   const std::chrono::nanoseconds keep_;
   mutable std::mutex mutex_;
   // Guarded by mutex_.

@@ -180,7 +180,7 @@ absl::Status BakeEnvironmentCall::take_memory() {
   const uint64_t host_bytes = work_->host_memory();
   ASSIGN_OR_RETURN(const uint64_t bytes,
                    baker.bake_bytes(work_->environment->environment, work_->start.spec, host_bytes));
-  ASSIGN_OR_RETURN(work_->claim, state_.sessions.memory->claim_frame(client_, bytes, absl::Now()));
+  ASSIGN_OR_RETURN(work_->claim, state_.sessions.memory->claim_frame(client_, bytes, clock_.now()));
   absl::StatusOr<TexturePool::Lease> lease = baker.reserve(host_bytes);
   while (absl::IsUnavailable(lease.status()) && state_.environments.free_one()) {
     lease = baker.reserve(host_bytes);

@@ -5,7 +5,6 @@
 
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "server/access/client_identity.h"
 #include "server/base/status_macros.h"
 #include "server/schedule/frame_metrics.h"
@@ -13,10 +12,10 @@
 namespace candela {
 
 EnvironmentCall::EnvironmentCall(grpc::CallbackServerContext& context, ServiceState& state)
-    : ServerCall(context, state.call_gate, state.limits.idle_timeout),
+    : ServerCall(context, state, state.call_gate),
       state_(state),
       client_(absl::HashOf(client_identity(context, state.limits.tokens))),
-      last_progress_(absl::Now()) {}
+      last_progress_(clock_.now()) {}
 
 void EnvironmentCall::on_entered() {
   visit_.emplace(state_.sessions.memory->presence(), client_);
@@ -27,7 +26,7 @@ void EnvironmentCall::on_entered() {
 void EnvironmentCall::OnReadDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   if (ok) state_.metrics.bytes_in(incoming_.Length());
   if (absl::Status status = on_read(ok); !status.ok()) finish(status);
 }
@@ -41,7 +40,7 @@ absl::Status EnvironmentCall::work(std::function<absl::Status()> task, std::func
     absl::MutexLock lock(&call->mutex_);
     if (call->finished()) return;
     call->ticket_.reset();
-    call->last_progress_ = absl::Now();
+    call->last_progress_ = call->clock_.now();
     if (!ran.ok()) return call->finish(ran.status());
     then();
   };
@@ -52,7 +51,7 @@ absl::Status EnvironmentCall::work(std::function<absl::Status()> task, std::func
 
 void EnvironmentCall::send(grpc::ByteBuffer message) {
   sending_ = true;
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   outgoing_ = std::move(message);
   state_.metrics.bytes_out(outgoing_.Length());
   StartWrite(&outgoing_);
@@ -62,7 +61,7 @@ void EnvironmentCall::OnWriteDone(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
   if (!ok) return finish(absl::CancelledError("client went away before it had its answer"));
-  last_progress_ = absl::Now();
+  last_progress_ = clock_.now();
   on_sent();
 }
 
@@ -77,7 +76,7 @@ void EnvironmentCall::on_finish(const absl::Status& status, const std::string&) 
 }
 
 void EnvironmentCall::on_idle() {
-  const absl::Time now = absl::Now();
+  const absl::Time now = clock_.now();
   const absl::Duration idle = now - last_progress_;
   if (absl::Status status = check_upload(now, idle); !status.ok()) return finish(status);
   if (ticket_ || idle < idle_timeout()) {

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/access/client_identity.h"
@@ -134,11 +133,11 @@ absl::Status PutEnvironmentCall::take_memory() {
   if (!upload.ok()) return upload.status();
   ASSIGN_OR_RETURN(work->room,
                    state_.environments.make_room(environment_bytes(desc.width, upload->kept_bytes())));
-  ASSIGN_OR_RETURN(work->claim, state_.sessions.memory->claim_frame(client_, upload->bytes(), absl::Now()));
+  ASSIGN_OR_RETURN(work->claim, state_.sessions.memory->claim_frame(client_, upload->bytes(), clock_.now()));
   work->upload = *std::move(upload);
   work_ = std::move(work);
   reading_ = State::kBands;
-  admitted_ = absl::Now();
+  admitted_ = clock_.now();
   return absl::OkStatus();
 }
 

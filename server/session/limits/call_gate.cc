@@ -50,7 +50,7 @@ bool CallGate::closed() const {
 bool CallGate::wait_until_empty(absl::Duration timeout) {
   absl::MutexLock lock(&mutex_);
   const auto empty = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return inside_ == 0; };
-  return mutex_.AwaitWithTimeout(absl::Condition(&empty), timeout);
+  return clock_.await(mutex_, absl::Condition(&empty), timeout);
 }
 
 }  // namespace candela

@@ -9,14 +9,16 @@
 #include "absl/status/status.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "server/base/clock.h"
 
 namespace candela {
 
 // Any thread.
 class CallGate {
  public:
-  // `what` names the calls in messages, in the plural.
-  CallGate(std::string what, uint32_t max_calls) : what_(std::move(what)), max_calls_(max_calls) {}
+  // `what` names the calls in messages, in the plural. `clock` outlives it.
+  CallGate(std::string what, uint32_t max_calls, Clock& clock)
+      : what_(std::move(what)), max_calls_(max_calls), clock_(clock) {}
 
   // On OK the call has a place and must give it up, then leave. UNAVAILABLE if the gate is full or closed.
   absl::Status enter();
@@ -35,6 +37,7 @@ class CallGate {
  private:
   const std::string what_;
   const uint32_t max_calls_;
+  Clock& clock_;
   mutable absl::Mutex mutex_;
   uint32_t places_taken_ ABSL_GUARDED_BY(mutex_) = 0;
   uint32_t inside_ ABSL_GUARDED_BY(mutex_) = 0;  // have not left

@@ -19,6 +19,7 @@
 #include "shaders/environment/environment.h"
 #include "tests/support/driver.h"
 #include "tests/support/files.h"
+#include "tests/support/real_clock.h"
 #include "tests/support/scenes.h"
 
 namespace candela::testing {
@@ -51,7 +52,7 @@ struct Machine {
     DeviceOptions options;
     options.staging = kind == MachineKind::kStaging;
     m.device = *Device::create(options);
-    m.pool = std::make_unique<TexturePool>(*m.device, uint64_t{4} << 30);
+    m.pool = std::make_unique<TexturePool>(*m.device, uint64_t{4} << 30, real_clock());
     m.renderer = *Renderer::create(*m.device, *m.pool);
     if (kind == MachineKind::kHost) m.crew = std::make_unique<Crew>(3);
     m.baker = *EnvironmentBaker::create(*m.device, *m.pool, m.crew.get());

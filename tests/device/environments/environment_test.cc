@@ -224,7 +224,7 @@ TEST_P(EnvironmentTest, SlicesOfAnyLengthGiveTheSameBits) {
   const BakedCube whole = bake(environment, {.quality = kDraft});
   std::optional<BakedCube> sliced;
   int slices = 0;
-  SlicedWork work([&] { sliced = bake(environment, {.quality = kDraft}); });
+  SlicedWork work([&] { sliced = bake(environment, {.quality = kDraft}); }, real_clock());
   for (bool ended = false; !ended; ++slices) ended = work.run(absl::ZeroDuration());
   EXPECT_GT(slices, 5);
   EXPECT_EQ(level_of(baker(), whole.chain, 0).texels, level_of(baker(), sliced->chain, 0).texels);
@@ -235,7 +235,7 @@ TEST_P(EnvironmentTest, WorkThatIsCancelledGivesItsMemoryBack) {
   const Environment environment = environment_of(baker(), picture({512, 256}));
   const uint64_t before = machine().pool->counters().bytes_in_use;
   {
-    SlicedWork work([&] { (void)baker().bake(environment, {.quality = kReference}); });
+    SlicedWork work([&] { (void)baker().bake(environment, {.quality = kReference}); }, real_clock());
     EXPECT_FALSE(work.run(absl::ZeroDuration()));
     EXPECT_GT(machine().pool->counters().bytes_in_use, before);
   }
@@ -433,7 +433,7 @@ TEST_P(EnvironmentTest, TheBrdfTableIsTheTwins) {
 }
 
 TEST_P(EnvironmentTest, WhatCanNeverFitIsRefusedBeforeMemoryIsTaken) {
-  TexturePool small(*machine().device, 1 << 20);
+  TexturePool small(*machine().device, 1 << 20, real_clock());
   ASSERT_OK_AND_ASSIGN(const auto own, EnvironmentBaker::create(*machine().device, small));
   const auto upload = own->take({1024, 512, v1::PIXEL_FORMAT_RGBA16F});
   ASSERT_EQ(upload.status().code(), absl::StatusCode::kResourceExhausted);

@@ -208,7 +208,7 @@ TEST_F(HostPasses, AreChosenOnACpuAndRefusedWhereTheyCannotBe) {
   EXPECT_NE(on_host(frame, {}).report.plan.words.back().find("on the host"), std::string::npos);
   EXPECT_NE(on_device(frame, {}).report.plan.words.back().find("on the device"), std::string::npos);
   ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
-  TexturePool own_pool(*staged, uint64_t{1} << 30);
+  TexturePool own_pool(*staged, uint64_t{1} << 30, real_clock());
   const absl::Status refused = Renderer::create(*staged, own_pool, ExecutorKind::kHost).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_NE(std::string(refused.message()).find("is not the host's"), std::string::npos) << refused;
@@ -217,7 +217,7 @@ TEST_F(HostPasses, AreChosenOnACpuAndRefusedWhereTheyCannotBe) {
 
 TEST_F(HostPasses, RenderNothingOnALostDevice) {
   ASSERT_OK_AND_ASSIGN(auto own, Device::create({}));
-  TexturePool own_pool(*own, uint64_t{1} << 30);
+  TexturePool own_pool(*own, uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(*own, own_pool, ExecutorKind::kHost));
   ASSERT_TRUE(render_on(*renderer, natural(8, 8), {}).ok());
   own->lose();

@@ -28,7 +28,8 @@ TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTh
   config.passes = ExecutorKind::kDevice;  // only the device hangs
   config.hang_limit = kHangLimit;
   config.idle_timeout = absl::Minutes(1);
-  ASSERT_OK_AND_ASSIGN(std::unique_ptr<Server> server, Server::start(config, [&gone] { ++gone; }));
+  ASSERT_OK_AND_ASSIGN(std::unique_ptr<Server> server,
+                       Server::start(config, real_clock(), alarm_timers(), [&gone] { ++gone; }));
   const Connection connection(server->in_process_channel());
   const WireFrame frame = natural(160, 90);
   ASSERT_TRUE(connection.render({}, view(frame)).ok());

@@ -184,7 +184,7 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
 TEST(DeviceLost, AGoodFrameBetweenLossesStartsTheCountAnew) {
   std::atomic<int> gone = 0;
   ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server,
-                       Server::start(test_config(), [&gone] { ++gone; }));
+                       Server::start(test_config(), real_clock(), alarm_timers(), [&gone] { ++gone; }));
   const Connection connection(server->in_process_channel());
   const WireFrame frame = natural(16, 16);
   for (int i = 0; i < 2; ++i) {
@@ -202,7 +202,8 @@ TEST(DeviceLost, FourLossesInARowAreSaidOnceAndHealthFollows) {
   Config config = test_config();
   config.heartbeat_interval = absl::Milliseconds(200);
   config.heartbeat_limit = absl::Seconds(1);
-  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server, Server::start(config, [&gone] { ++gone; }));
+  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server,
+                       Server::start(config, real_clock(), alarm_timers(), [&gone] { ++gone; }));
   const Connection connection(server->in_process_channel());
   server->lose_device(4);
   for (const absl::Time limit = absl::Now() + absl::Seconds(30);

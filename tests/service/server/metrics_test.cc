@@ -388,7 +388,7 @@ TEST(MetricsPort, AnAddressThatIsTakenFailsTheStartInOneLine) {
   const std::unique_ptr<Server> first = start_server(with_metrics());
   Config config = test_config();
   config.metrics = first->metrics_address();
-  const absl::Status status = Server::start(config).status();
+  const absl::Status status = Server::start(config, real_clock(), alarm_timers()).status();
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   EXPECT_NE(std::string(status.message()).find("cannot serve metrics on " + config.metrics),
             std::string::npos);

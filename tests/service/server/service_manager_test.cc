@@ -19,6 +19,7 @@
 #include "absl/time/time.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/real_clock.h"
 
 namespace candela::testing {
 namespace {
@@ -81,7 +82,7 @@ TEST(ServiceManager, HearsOfStartServiceLifeAndEnd) {
 
 TEST(ServiceManager, NoSocketAndNoWatchdogIsNothing) {
   tell_service_manager("READY=1");
-  const Watchdog watchdog([] {
+  const Watchdog watchdog(real_clock(), [] {
     ADD_FAILURE() << "nobody wants to know";
     return true;
   });
@@ -91,7 +92,7 @@ TEST(Watchdog, GivesNoSignWhileThereIsNoLife) {
   constexpr absl::Duration kLimit = absl::Seconds(1);
   Manager manager(kLimit);
   std::atomic<bool> alive = true;
-  const Watchdog watchdog([&alive] { return alive.load(); });
+  const Watchdog watchdog(real_clock(), [&alive] { return alive.load(); });
   const std::vector<std::string> sign{"WATCHDOG=1"};
   for (int i = 0; i < 3; ++i) EXPECT_EQ(manager.next(kLimit), sign);
   alive = false;

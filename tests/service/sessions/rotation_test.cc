@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/session.h"
 #include "server/server.h"
+#include "tests/service/real_time.h"
 #include "tests/service/server/scrape.h"
 #include "tests/service/server/security_fixture.h"
 #include "tests/service/sessions/session_run.h"
@@ -54,7 +55,8 @@ TEST_F(Rotation, OfTheCertificateMovesTheExpiryThatMetricsShow) {
   config.memory_budget_bytes = uint64_t{64} << 20;
   config.tls_cert = folder_.path("server.pem");
   config.tls_key = folder_.path("server.key");
-  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server, Server::start(config));
+  ASSERT_OK_AND_ASSIGN(const std::unique_ptr<Server> server,
+                       Server::start(config, real_clock(), alarm_timers()));
   keep_driver_loaded();
   const auto days_left = [&] {
     const absl::Time expires = absl::FromUnixSeconds(

@@ -14,14 +14,20 @@
 #include "absl/time/clock.h"
 #include "client/call/duplex_call.h"
 #include "client/call/raw_call.h"
+#include "client/call/retry/retry_by.h"
 #include "client/call/retry/retry_info.h"
+#include "client/call/retry/retry_schedule.h"
 #include "client/session.h"
+#include "client/session_state.h"
 #include "proto/candela/v1/message_wire.h"
 #include "tests/support/status.h"
+#include "tests/support/virtual_clock.h"
 #include "tests/unit/client/fake_server.h"
 
 namespace candela {
 namespace {
+
+using testing::VirtualClock;
 
 // google.rpc.Status with a google.rpc.RetryInfo of half a second.
 std::string half_a_second() {
@@ -137,16 +143,39 @@ absl::Status refused(absl::Duration delay) {
   return status;
 }
 
+// retry() in virtual time.
+absl::Status retry_in(VirtualClock& clock, const RetryOptions& options,
+                      absl::FunctionRef<absl::Status(size_t server)> attempt) {
+  const auto wait = [&clock](absl::Duration time) {
+    clock.advance(time);
+    return true;
+  };
+  return retry_by(clock, wait, 1, options, attempt);
+}
+
 TEST(Retry, ARefusalIsRepeatedAfterItsDelay) {
+  VirtualClock clock;
   std::vector<absl::Time> calls;
-  const absl::Status status = retry(1, {}, [&](size_t server) {
+  const absl::Status status = retry_in(clock, {}, [&](size_t server) {
     EXPECT_EQ(server, 0u);
-    calls.push_back(absl::Now());
-    return calls.size() < 3 ? refused(absl::Milliseconds(300)) : absl::OkStatus();
+    calls.push_back(clock.now());
+    return calls.size() < 3 ? refused(absl::Seconds(3)) : absl::OkStatus();
   });
   EXPECT_TRUE(status.ok()) << status;
   ASSERT_EQ(calls.size(), 3u);
-  EXPECT_GE(calls[2] - calls[0], absl::Milliseconds(600));
+  for (const absl::Duration wait : {calls[1] - calls[0], calls[2] - calls[1]}) {
+    EXPECT_GE(wait, absl::Seconds(3));
+    EXPECT_LE(wait, absl::Seconds(4.5));  // a crowd does not come back together
+  }
+}
+
+TEST(Retry, InRealTimeToo) {
+  const absl::Time begin = absl::Now();
+  int calls = 0;
+  const absl::Status status =
+      retry(1, {}, [&](size_t) { return ++calls < 2 ? refused(absl::Milliseconds(30)) : absl::OkStatus(); });
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_GE(absl::Now() - begin, absl::Milliseconds(30));
 }
 
 TEST(Retry, OtherErrorsAndUnreachableServersEndIt) {
@@ -166,29 +195,80 @@ TEST(Retry, OtherErrorsAndUnreachableServersEndIt) {
 
 // A server that was reached once may be starting again.
 TEST(Retry, AServerThatGoesAwayIsLookedForUntilTheLimit) {
+  VirtualClock clock;
+  const absl::Time begin = clock.now();
   int calls = 0;
-  const absl::Status status = retry(1, {.limit = absl::Seconds(1)}, [&](size_t) {
+  const absl::Status status = retry_in(clock, {.limit = absl::Seconds(30)}, [&](size_t) {
     return ++calls == 1 ? refused(absl::ZeroDuration()) : absl::UnavailableError("cannot reach");
   });
-  EXPECT_EQ(status.message(), "no server takes the call within 1s: full");
-  EXPECT_GT(calls, 2);
+  EXPECT_EQ(status.message(), "no server takes the call within 30s: full");
+  EXPECT_GT(calls, 20);
+  EXPECT_LT(clock.now() - begin, absl::Seconds(30));
+  EXPECT_GT(clock.now() - begin, absl::Seconds(28.5));  // the longest pause is 1.5 s
 }
 
-TEST(Retry, ItStopsWhenToldAndAtItsDeadline) {
+absl::Status busy(size_t) { return refused(absl::Seconds(40)); }
+
+TEST(Retry, ItDoesNotWaitBeyondItsDeadline) {
+  VirtualClock clock;
+  const absl::Time begin = clock.now();
+  const absl::Status late =
+      retry_in(clock, {.limit = absl::Minutes(5), .deadline = clock.now() + absl::Seconds(100)}, busy);
+  EXPECT_TRUE(absl::IsUnavailable(late)) << late;
+  EXPECT_GE(clock.now() - begin, absl::Seconds(40));
+  EXPECT_LT(clock.now() - begin, absl::Seconds(100));
+}
+
+TEST(Retry, ItStopsWhenTold) {
   absl::Notification stop;
-  std::thread stopper([&stop] {
-    absl::SleepFor(absl::Milliseconds(200));
-    stop.Notify();
-  });
-  const absl::Time begin = absl::Now();
-  const auto busy = [](size_t) { return refused(absl::Seconds(40)); };
-  const absl::Status stopped = retry(1, {.limit = absl::Minutes(5), .stop = &stop}, busy);
+  std::thread stopper;
+  const auto stop_soon = [&](size_t, const absl::Status&, absl::Duration) {
+    stopper = std::thread([&stop] { stop.Notify(); });
+  };
+  const absl::Status stopped =
+      retry(1, {.limit = absl::Minutes(5), .on_wait = stop_soon, .stop = &stop}, busy);
   stopper.join();
   EXPECT_TRUE(absl::IsCancelled(stopped)) << stopped;
-  const absl::Status late =
-      retry(1, {.limit = absl::Minutes(5), .deadline = absl::Now() + absl::Seconds(1)}, busy);
-  EXPECT_TRUE(absl::IsUnavailable(late)) << late;
-  EXPECT_LT(absl::Now() - begin, absl::Seconds(20));
+}
+
+TEST(RetrySchedule, PausesBetweenRoundsDoubleAndServersAreLeftAloneAsTheySay) {
+  VirtualClock clock;
+  RetrySchedule schedule(2);
+  const auto fail = [&](absl::Duration delay, bool progress = false) {
+    schedule.failed(clock.now(), delay, progress);
+    const absl::Duration pause = schedule.when() - clock.now();
+    clock.advance(pause);
+    return pause;
+  };
+  EXPECT_EQ(schedule.next(), 0u);
+  EXPECT_EQ(fail(absl::ZeroDuration()), absl::ZeroDuration());
+  EXPECT_EQ(schedule.next(), 1u);
+  EXPECT_FALSE(schedule.round_over());
+  for (const double least : {0.05, 0.1, 0.2, 0.4, 0.8, 1.0, 1.0}) {
+    const absl::Duration pause = fail(absl::ZeroDuration());
+    EXPECT_GE(pause, absl::Seconds(least));
+    EXPECT_LE(pause, absl::Seconds(1.5 * least));
+    EXPECT_TRUE(schedule.round_over());
+    EXPECT_EQ(fail(absl::ZeroDuration()), absl::ZeroDuration());
+  }
+  EXPECT_LT(fail(absl::Seconds(60)), absl::Seconds(2));  // the other server is next
+  EXPECT_GE(fail(absl::ZeroDuration(), /*progress=*/true), absl::Seconds(58));
+  EXPECT_FALSE(schedule.round_over());
+}
+
+TEST(SessionState, WaitsAndCountsByItsClock) {
+  VirtualClock clock;
+  SessionState state(SessionOptions{}, "here", clock);
+  state.lose(absl::UnavailableError("gone"));
+  std::thread sleeper([&] { EXPECT_TRUE(state.sleep_until(clock.now() + absl::Seconds(2))); });
+  clock.wait_for_waiters(1);
+  clock.advance(absl::Seconds(2));
+  sleeper.join();
+  EXPECT_EQ(state.stats().time_without_results, absl::Seconds(2));
+  std::thread cancelled([&] { EXPECT_FALSE(state.sleep_until(clock.now() + absl::Hours(1))); });
+  clock.wait_for_waiters(1);
+  state.cancel();
+  cancelled.join();
 }
 
 }  // namespace

@@ -3,18 +3,23 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <thread>
 #include <vector>
 
+#include "absl/synchronization/blocking_counter.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
-#include "absl/time/clock.h"
+#include "tests/support/real_clock.h"
+#include "tests/support/virtual_clock.h"
 
 namespace candela {
 namespace {
 
-constexpr Heartbeat::Options kFast = {.interval = absl::Milliseconds(20),
-                                      .limit = absl::Milliseconds(100),
-                                      .moving_limit = absl::Milliseconds(400)};
+using testing::real_clock;
+using testing::VirtualClock;
+
+constexpr Heartbeat::Options kOptions;
+const absl::Duration kTick = kOptions.interval / 4;
 
 // Keeps the reports.
 class Reports {
@@ -29,110 +34,138 @@ class Reports {
     absl::MutexLock lock(&mutex_);
     return all_;
   }
-  // Returns false after 10 s.
-  bool wait_for(Heartbeat::Pulse pulse) const {
-    absl::MutexLock lock(&mutex_);
-    const auto last = [&] { return !all_.empty() && all_.back() == pulse; };
-    return mutex_.AwaitWithTimeout(absl::Condition(&last), absl::Seconds(10));
-  }
 
  private:
   mutable absl::Mutex mutex_;
   std::vector<Heartbeat::Pulse> all_;
 };
 
-RenderLoop idle_loop() {
-  return RenderLoop([](const FrameJob&) { return FrameReport{}; }, 8);
+RenderLoop idle_loop(Clock& clock) {
+  return RenderLoop([](const FrameJob&) { return FrameReport{}; }, 8, clock);
 }
 
-TEST(Heartbeat, AnIdleLoopIsAskedAgainAndAgainAndStaysGood) {
-  RenderLoop loop = idle_loop();
+// Waits until the loop has done the beats that it was asked for.
+void settle(RenderLoop& loop) {
+  absl::Notification done;
+  ASSERT_TRUE(loop.post([&done] { done.Notify(); }).ok());
+  done.WaitForNotification();
+}
+
+// Lets time pass for a loop that is not stuck.
+void pass(VirtualClock& clock, RenderLoop& loop, int ticks) {
+  for (int i = 0; i < ticks; ++i) {
+    clock.tick(kTick);
+    settle(loop);
+  }
+}
+
+constexpr int kLimitTicks = 24;        // of kOptions.limit
+constexpr int kMovingLimitTicks = 96;  // of kOptions.moving_limit
+
+TEST(Heartbeat, AnIdleLoopIsAskedOnceAnIntervalAndStaysGood) {
+  VirtualClock clock;
+  RenderLoop loop = idle_loop(clock);
   Reports reports;
   std::atomic<int> beats = 0;
   Heartbeat heartbeat(
-      loop,
+      loop, clock,
       [&beats] {
         ++beats;
         return absl::OkStatus();
       },
-      kFast, reports.function());
-  for (const absl::Time limit = absl::Now() + absl::Seconds(10); beats < 5 && absl::Now() < limit;) {
-    absl::SleepFor(absl::Milliseconds(5));
-  }
-  EXPECT_GE(beats, 5);
+      kOptions, reports.function());
+  pass(clock, loop, 400);
+  EXPECT_EQ(beats, 100);
   heartbeat.stop();
   EXPECT_TRUE(reports.all().empty());
 }
 
 TEST(Heartbeat, GoodFramesSpareTheBeat) {
-  RenderLoop loop = idle_loop();
+  VirtualClock clock;
+  RenderLoop loop = idle_loop(clock);
   Reports reports;
   std::atomic<int> beats = 0;
-  Heartbeat::Options slow = kFast;
-  slow.interval = absl::Milliseconds(200);
-  slow.limit = absl::Seconds(2);
   Heartbeat heartbeat(
-      loop,
+      loop, clock,
       [&beats] {
         ++beats;
         return absl::OkStatus();
       },
-      slow, reports.function());
+      kOptions, reports.function());
   for (int i = 0; i < 100; ++i) {
     heartbeat.worked(true);
-    absl::SleepFor(absl::Milliseconds(5));
+    pass(clock, loop, 3);
   }
   EXPECT_EQ(beats, 0);
 }
 
 TEST(Heartbeat, BeatsThatFailAreReportedAndSoIsThatTheyWorkAgain) {
-  RenderLoop loop = idle_loop();
+  VirtualClock clock;
+  RenderLoop loop = idle_loop(clock);
   Reports reports;
   std::atomic<bool> good = false;
   Heartbeat heartbeat(
-      loop, [&good] { return good ? absl::OkStatus() : absl::UnavailableError("lost"); }, kFast,
+      loop, clock, [&good] { return good ? absl::OkStatus() : absl::UnavailableError("lost"); }, kOptions,
       reports.function());
-  EXPECT_TRUE(reports.wait_for({.working = false, .moving = true}));
+  pass(clock, loop, kLimitTicks);
+  EXPECT_TRUE(reports.all().empty());
+  pass(clock, loop, 1);
+  const Heartbeat::Pulse bad{.working = false, .moving = true};
+  EXPECT_EQ(reports.all(), std::vector{bad});
+  pass(clock, loop, kMovingLimitTicks);
+  EXPECT_EQ(reports.all(), std::vector{bad}) << "beats that fail end, too";
   good = true;
-  EXPECT_TRUE(reports.wait_for({.working = true, .moving = true}));
-  EXPECT_EQ(reports.all().size(), 2u);
+  pass(clock, loop, 2);
+  EXPECT_EQ(reports.all(), (std::vector{bad, Heartbeat::Pulse{}}));
 }
 
 // Frames that fail because of a client only show that the thread moves.
 TEST(Heartbeat, FramesThatFailDoNotHideThatBeatsDo) {
-  RenderLoop loop = idle_loop();
+  VirtualClock clock;
+  RenderLoop loop = idle_loop(clock);
   Reports reports;
   Heartbeat heartbeat(
-      loop, [] { return absl::UnavailableError("lost"); }, kFast, reports.function());
-  for (const absl::Time limit = absl::Now() + absl::Seconds(1); absl::Now() < limit;) {
+      loop, clock, [] { return absl::UnavailableError("lost"); }, kOptions, reports.function());
+  for (int i = 0; i <= kLimitTicks; ++i) {
     heartbeat.worked(false);
-    absl::SleepFor(absl::Milliseconds(5));
+    pass(clock, loop, 1);
   }
-  EXPECT_TRUE(reports.wait_for({.working = false, .moving = true}));
+  EXPECT_EQ(reports.all(), (std::vector<Heartbeat::Pulse>{{.working = false, .moving = true}}));
 }
 
 TEST(Heartbeat, AThreadThatIsStuckIsReportedAndSoIsItsEnd) {
+  VirtualClock clock;
   absl::Notification open;
   RenderLoop loop(
       [&open](const FrameJob&) {
         open.WaitForNotification();
         return FrameReport{};
       },
-      8);
+      8, clock);
   Reports reports;
   Heartbeat heartbeat(
-      loop, [] { return absl::OkStatus(); }, kFast, reports.function());
+      loop, clock, [] { return absl::OkStatus(); }, kOptions, reports.function());
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
   ASSERT_TRUE(loop.submit(std::move(job)).ok());
-  EXPECT_TRUE(reports.wait_for({.working = false, .moving = true}));
-  EXPECT_TRUE(reports.wait_for({.working = false, .moving = false}));
+  while (loop.waiting() > 0) std::this_thread::yield();  // it has begun
+  clock.tick(kTick, kLimitTicks);
+  EXPECT_TRUE(reports.all().empty());
+  clock.tick(kTick, kMovingLimitTicks - kLimitTicks);
+  const Heartbeat::Pulse slow{.working = false, .moving = true};
+  EXPECT_EQ(reports.all(), std::vector{slow});
+  clock.tick(kTick);
+  const Heartbeat::Pulse stuck{.working = false, .moving = false};
+  EXPECT_EQ(reports.all(), (std::vector{slow, stuck}));
   open.Notify();
-  EXPECT_TRUE(reports.wait_for({.working = true, .moving = true}));
+  settle(loop);
+  clock.tick(kTick);
+  EXPECT_EQ(reports.all(), (std::vector{slow, stuck, Heartbeat::Pulse{}}));
 }
 
 TEST(Heartbeat, ABeatThatWaitsWhenItStopsIsNotSent) {
+  VirtualClock clock;
   absl::Notification open;
   std::atomic<int> beats = 0;
   RenderLoop loop(
@@ -140,24 +173,39 @@ TEST(Heartbeat, ABeatThatWaitsWhenItStopsIsNotSent) {
         open.WaitForNotification();
         return FrameReport{};
       },
-      8);
+      8, clock);
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
   ASSERT_TRUE(loop.submit(std::move(job)).ok());
+  while (loop.waiting() > 0) std::this_thread::yield();
   {
     Heartbeat heartbeat(
-        loop,
+        loop, clock,
         [&beats] {
           ++beats;
           return absl::OkStatus();
         },
-        kFast, [](Heartbeat::Pulse) {});
-    absl::SleepFor(absl::Milliseconds(100));
+        kOptions, [](Heartbeat::Pulse) {});
+    clock.tick(kTick, 8);
   }
   open.Notify();
   loop.stop();
   EXPECT_EQ(beats, 0);
+}
+
+TEST(Heartbeat, BeatsInRealTimeToo) {
+  RenderLoop loop = idle_loop(real_clock());
+  absl::BlockingCounter beats(3);
+  std::atomic<int> sent = 0;
+  const Heartbeat heartbeat(
+      loop, real_clock(),
+      [&] {
+        if (++sent <= 3) beats.DecrementCount();
+        return absl::OkStatus();
+      },
+      {.interval = absl::Milliseconds(20)}, [](Heartbeat::Pulse) {});
+  beats.Wait();
 }
 
 }  // namespace

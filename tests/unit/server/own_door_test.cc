@@ -8,12 +8,16 @@
 #include <thread>
 
 #include "absl/synchronization/mutex.h"
-#include "absl/time/clock.h"
 #include "server/accept_loop.h"
 #include "server/base/net/listening_socket.h"
+#include "tests/support/real_clock.h"
+#include "tests/support/virtual_clock.h"
 
 namespace candela {
 namespace {
+
+using testing::real_clock;
+using testing::VirtualClock;
 
 constexpr OwnDoor::Options kQuick{.interval = absl::Milliseconds(50),
                                   .limit = absl::Milliseconds(200),
@@ -25,6 +29,10 @@ class Reports {
   void add(OwnDoor::State state) {
     const absl::MutexLock lock(&mutex_);
     last_ = state;
+  }
+  OwnDoor::State last() {
+    const absl::MutexLock lock(&mutex_);
+    return last_;
   }
   bool becomes(bool answers, bool alive) {
     const absl::MutexLock lock(&mutex_);
@@ -39,11 +47,12 @@ class Reports {
 
 ListeningSocket listen() { return std::move(ListeningSocket::listen("listen", "127.0.0.1:0")->front()); }
 
-// The kernel completes connections that nobody accepts, so connecting alone proves nothing.
+// In real time. The kernel completes connections that nobody accepts, so connecting alone proves nothing.
 TEST(OwnDoor, ASocketThatNobodyAcceptsIsDeafUntilSomebodyAnswers) {
   const ListeningSocket socket = listen();
   Reports reports;
-  const OwnDoor door({{socket.local(), false}}, kQuick, [&](OwnDoor::State state) { reports.add(state); });
+  const OwnDoor door({{socket.local(), false}}, real_clock(), kQuick,
+                     [&](OwnDoor::State state) { reports.add(state); });
   EXPECT_TRUE(reports.becomes(false, true));
   EXPECT_TRUE(reports.becomes(false, false));
   std::atomic<bool> stop = false;
@@ -65,25 +74,37 @@ TEST(OwnDoor, ASocketThatNobodyAcceptsIsDeafUntilSomebodyAnswers) {
 
 // A check that gets no answer takes twice the interval, and all of that counts.
 TEST(OwnDoor, TheTimeForAnAnswerCountsAsDeaf) {
+  constexpr OwnDoor::Options kOptions;
   const ListeningSocket socket = listen();
+  VirtualClock clock;
   Reports reports;
-  const OwnDoor door({{socket.local(), false}}, kQuick, [&](OwnDoor::State state) { reports.add(state); });
-  EXPECT_TRUE(reports.becomes(false, false));
-  int checks = 0;
-  for (pollfd wait{socket.descriptor(), POLLIN, 0}; poll(&wait, 1, 0) > 0; ++checks) {
-    close(accept(socket.descriptor(), nullptr, nullptr));
+  const OwnDoor door({{socket.local(), false}}, clock, kOptions,
+                     [&](OwnDoor::State state) { reports.add(state); });
+  for (int check = 1; check <= 12; ++check) {
+    clock.wait_for_waiters(1);
+    clock.advance(kOptions.interval);
+    pollfd wait{socket.descriptor(), POLLIN, 0};
+    ASSERT_EQ(poll(&wait, 1, 10'000), 1);
+    const int connection = accept(socket.descriptor(), nullptr, nullptr);  // closing it would be an answer
+    clock.advance(kOptions.interval);
+    clock.wait_for_waiters(1);
+    close(connection);
+    EXPECT_EQ(reports.last(), (OwnDoor::State{check < 3, check < 12})) << check;
   }
-  EXPECT_GE(checks, 4);
-  EXPECT_LE(checks, 6);  // the next one may have begun
 }
 
 TEST(OwnDoor, AnAddressWithoutASocketIsDeaf) {
+  constexpr OwnDoor::Options kOptions;
   std::optional<ListeningSocket> socket(listen());
   const sockaddr_storage at = socket->local();
   socket.reset();
+  VirtualClock clock;
   Reports reports;
-  const OwnDoor door({{at, true}}, kQuick, [&](OwnDoor::State state) { reports.add(state); });
-  EXPECT_TRUE(reports.becomes(false, false));
+  const OwnDoor door({{at, true}}, clock, kOptions, [&](OwnDoor::State state) { reports.add(state); });
+  for (int check = 1; check <= 24; ++check) {
+    clock.tick(kOptions.interval);
+    EXPECT_EQ(reports.last(), (OwnDoor::State{check < 6, check < 24})) << check;
+  }
 }
 
 TEST(OpenConnections, ForgetsWhatIsClosedAndWhatIsOpenAsSomethingElse) {

@@ -3,23 +3,30 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
 #include <memory>
 #include <optional>
 
 #include "absl/time/clock.h"
+#include "tests/support/real_clock.h"
+#include "tests/support/virtual_clock.h"
 
 namespace candela {
 namespace {
 
+using testing::real_clock;
+using testing::VirtualClock;
+
 constexpr absl::Duration kNone = absl::ZeroDuration();
 
 TEST(SlicedWork, PausesAtACheckpointOnceItsSliceIsOverAndGoesOnThere) {
+  VirtualClock clock;
   int step = 0;
-  SlicedWork work([&step] {
-    for (; step < 3; ++step) checkpoint();
-  });
+  SlicedWork work(
+      [&step] {
+        for (; step < 3; ++step) checkpoint();
+      },
+      clock);
   EXPECT_EQ(step, 0);
   for (int slice = 0; slice < 3; ++slice) {
     EXPECT_FALSE(work.run(kNone));
@@ -30,38 +37,54 @@ TEST(SlicedWork, PausesAtACheckpointOnceItsSliceIsOverAndGoesOnThere) {
 }
 
 TEST(SlicedWork, DoesNotPauseWhileItsSliceLasts) {
+  VirtualClock clock;
   int step = 0;
-  SlicedWork work([&step] {
-    for (; step < 1000; ++step) checkpoint();
-  });
+  SlicedWork work(
+      [&step] {
+        for (; step < 1000; ++step) checkpoint();
+      },
+      clock);
   EXPECT_TRUE(work.run(absl::InfiniteDuration()));
   EXPECT_EQ(step, 1000);
 }
 
-TEST(SlicedWork, ASliceEndsSoonAfterItsLength) {
-  SlicedWork work([] {
-    for (const absl::Time end = absl::Now() + absl::Seconds(60); absl::Now() < end;) checkpoint();
-  });
-  absl::Duration shortest = absl::InfiniteDuration();
-  for (int slice = 0; slice < 20; ++slice) {
-    const absl::Time begin = absl::Now();
+TEST(SlicedWork, ASliceEndsAtTheFirstCheckpointAfterItsLength) {
+  VirtualClock clock;
+  int steps = 0;
+  SlicedWork work(
+      [&] {
+        for (;; ++steps, clock.advance(absl::Milliseconds(3))) checkpoint();
+      },
+      clock);
+  for (int slice = 1; slice <= 20; ++slice) {
     EXPECT_FALSE(work.run(absl::Milliseconds(20)));
-    const absl::Duration took = absl::Now() - begin;
-    EXPECT_GE(took, absl::Milliseconds(20));
-    shortest = std::min(shortest, took);
+    EXPECT_EQ(steps, 7 * slice);
   }
-  EXPECT_LT(shortest, absl::Milliseconds(40));  // a busy machine may stretch the others
+}
+
+TEST(SlicedWork, ASliceOfRealTimeEndsToo) {
+  SlicedWork work(
+      [] {
+        for (;;) checkpoint();
+      },
+      real_clock());
+  const absl::Time begin = absl::Now();
+  EXPECT_FALSE(work.run(absl::Milliseconds(20)));
+  EXPECT_GE(absl::Now() - begin, absl::Milliseconds(20));
 }
 
 TEST(SlicedWork, CancelledWorkReleasesWhatItHolds) {
+  VirtualClock clock;
   const auto held = std::make_shared<int>();
   std::atomic<bool> went_on = false;
   {
-    SlicedWork work([copy = held, &went_on] {
-      const std::shared_ptr<int> another = copy;
-      checkpoint();
-      went_on = true;
-    });
+    SlicedWork work(
+        [copy = held, &went_on] {
+          const std::shared_ptr<int> another = copy;
+          checkpoint();
+          went_on = true;
+        },
+        clock);
     EXPECT_FALSE(work.run(kNone));
     EXPECT_EQ(held.use_count(), 3);
   }
@@ -74,27 +97,34 @@ TEST(SlicedWork, CancelledWorkDoesNotPauseAgain) {
   struct Checks {
     ~Checks() { checkpoint(); }
   };
-  SlicedWork work([] {
-    const Checks checks;
-    checkpoint();
-  });
+  VirtualClock clock;
+  SlicedWork work(
+      [] {
+        const Checks checks;
+        checkpoint();
+      },
+      clock);
   EXPECT_FALSE(work.run(kNone));
 }
 
 TEST(SlicedWork, WorkThatNeverBeganIsNotRun) {
-  const SlicedWork work([] { ADD_FAILURE(); });
+  VirtualClock clock;
+  const SlicedWork work([] { ADD_FAILURE(); }, clock);
 }
 
 TEST(SlicedWork, KnowsTheTimeForWhichItWasPaused) {
+  VirtualClock clock;
   std::chrono::nanoseconds paused{-1};
-  SlicedWork work([&paused] {
-    checkpoint();
-    paused = time_paused();
-  });
+  SlicedWork work(
+      [&paused] {
+        checkpoint();
+        paused = time_paused();
+      },
+      clock);
   EXPECT_FALSE(work.run(kNone));
-  absl::SleepFor(absl::Milliseconds(30));
+  clock.advance(absl::Milliseconds(30));
   EXPECT_TRUE(work.run(absl::InfiniteDuration()));
-  EXPECT_GE(paused, std::chrono::milliseconds(30));
+  EXPECT_EQ(paused, std::chrono::milliseconds(30));
 }
 
 TEST(SlicedWork, OtherThreadsPassEveryCheckpoint) {
