@@ -156,7 +156,7 @@ class FrameRun {
     if (run_.start_ms() > 0) picture_.add_stage("start", run_.start_ms());
     if (view() != nullptr) picture_.add_stage("view", run_.bake_ms());
     picture_.add_stage("read", read_ms_);
-    picture_.add_server_stages(call_ms, header);
+    add_server_stages(header, call_ms, picture_.report().stage_ms);
   }
 
   const RenderOptions& options_;

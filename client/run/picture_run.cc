@@ -1,6 +1,5 @@
 #include "client/run/picture_run.h"
 
-#include <algorithm>
 #include <iterator>
 #include <utility>
 
@@ -43,16 +42,6 @@ void PictureRun::add_note(std::string note) {
 
 void PictureRun::add_notes(std::vector<std::string> notes) {
   std::move(notes.begin(), notes.end(), std::back_inserter(report_.notes));
-}
-
-void PictureRun::add_server_stages(double call_ms, const v1::ResultHeader& header) {
-  double server_ms = 0;
-  for (const v1::StageTime& stage : header.stages()) {
-    const double ms = static_cast<double>(stage.ns()) * 1e-6;
-    add_stage(stage.name(), ms);
-    server_ms += ms;
-  }
-  add_stage("other", std::max(0.0, call_ms - server_ms));
 }
 
 void PictureRun::take(RenderResult& result, const v1::Settings& settings) {

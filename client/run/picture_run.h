@@ -29,8 +29,6 @@ class PictureRun {
   void add_note(std::string note);
   void add_notes(std::vector<std::string> notes);
   void add_stage(const std::string& name, double ms) { report_.stage_ms.emplace_back(name, ms); }
-  // The stages of the result's header, and the rest of a call that took `call_ms`.
-  void add_server_stages(double call_ms, const v1::ResultHeader& header);
 
   // The call's result, but its pixels. `settings` are those that were sent.
   void take(RenderResult& result, const v1::Settings& settings);

@@ -1,6 +1,7 @@
 // What a run has done, as values. A command says it as text and as JSON.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <set>
@@ -27,6 +28,22 @@ namespace candela {
 // The time since `begin`, for stage_ms and total_ms.
 inline double ms_since(absl::Time begin) { return absl::ToDoubleMilliseconds(absl::Now() - begin); }
 
+inline double ms_of(const v1::StageTime& stage) { return static_cast<double>(stage.ns()) * 1e-6; }
+
+// Names and milliseconds.
+using StageMs = std::vector<std::pair<std::string, double>>;
+
+// Adds the stages of a result's header, and as "other" the rest of a call that took `call_ms`.
+template <typename Header>
+void add_server_stages(const Header& header, double call_ms, StageMs& stages) {
+  double server_ms = 0;
+  for (const v1::StageTime& stage : header.stages()) {
+    stages.emplace_back(stage.name(), ms_of(stage));
+    server_ms += ms_of(stage);
+  }
+  stages.emplace_back("other", std::max(0.0, call_ms - server_ms));
+}
+
 struct RenderReport {
   std::string input;
   std::string output;
@@ -45,7 +62,7 @@ struct RenderReport {
   // start, put, the server's stages, other, write. The built-in server starts while the image is read.
   // `other` is the part of the call outside the server's stages: sending, receiving, and compiling shaders
   // for a first frame.
-  std::vector<std::pair<std::string, double>> stage_ms;
+  StageMs stage_ms;
   double total_ms = 0;  // from the start of the command until the file is written
   std::vector<std::string> notes;
 };

@@ -101,7 +101,7 @@ class ViewRun {
     absl::StatusOr<RenderResult> result = server.render(settings_, frame(environment.id()), deadline);
     if (result.ok()) {
       picture_.add_stage("put", put_ms);
-      picture_.add_server_stages(ms_since(begin), result->header);
+      add_server_stages(result->header, ms_since(begin), picture_.report().stage_ms);
     }
     return result;
   }

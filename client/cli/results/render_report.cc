@@ -209,7 +209,6 @@ absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutp
 
 std::string to_json(const RenderReport& report) {
   const v1::ResultHeader& header = report.header;
-  const v1::FrameStatistics& statistics = header.statistics();
   nlohmann::ordered_json stages = nlohmann::ordered_json::object();
   for (const auto& [name, ms] : report.stage_ms) stages[name] = ms;
   nlohmann::ordered_json frame = {
@@ -222,22 +221,15 @@ std::string to_json(const RenderReport& report) {
       {"tier", header.tier()},
       {"tier_reason", header.tier_reason()},
       {"exposure", header.exposure()},
-      {"target", header.target()},
-      {"target_before_limits", header.target_before_limits()},
-      {"mean_log2_luminance", statistics.mean_log2_luminance()},
-      {"min_luminance", static_cast<double>(statistics.min_luminance())},
-      {"max_luminance", static_cast<double>(statistics.max_luminance())},
-      {"bad_values", bad_values_json(statistics)},
-      {"clamped_components", statistics.clamped_components()},
-      {"absent_pixels", statistics.absent_pixels()},
-      {"missing_pixels", report.missing_pixels},
-      {"view", to_json(report.view)},
-      {"gamut_cut_components", header.gamut_cut_components()},
-      {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},
-      {"stage_ms", stages},
-      {"total_ms", report.total_ms},
-      {"notes", report.notes},
   };
+  add_metering(header, frame);
+  frame.update({{"missing_pixels", report.missing_pixels},
+                {"view", to_json(report.view)},
+                {"gamut_cut_components", header.gamut_cut_components()},
+                {"plan", std::vector<std::string>(header.plan().begin(), header.plan().end())},
+                {"stage_ms", stages},
+                {"total_ms", report.total_ms},
+                {"notes", report.notes}});
   if (!report.environment.empty()) frame["environment"] = report.environment;
   if (header.has_verify()) {
     frame["verify"] = to_json(header.verify(), report.tone_curve);

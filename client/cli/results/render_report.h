@@ -39,6 +39,29 @@ nlohmann::ordered_json bad_values_json(const Message& counted) {
           {"negative", counted.negative_components()}};
 }
 
+// Adds what metering says of a frame: target, target_before_limits, mean_log2_luminance, min_luminance,
+// max_luminance, bad_values, clamped_components, absent_pixels. `metered` is the message that says it.
+template <typename Message>
+void add_metering(const Message& metered, nlohmann::ordered_json& json) {
+  const v1::FrameStatistics& statistics = metered.statistics();
+  json.update({{"target", metered.target()},
+               {"target_before_limits", metered.target_before_limits()},
+               {"mean_log2_luminance", statistics.mean_log2_luminance()},
+               {"min_luminance", static_cast<double>(statistics.min_luminance())},
+               {"max_luminance", static_cast<double>(statistics.max_luminance())},
+               {"bad_values", bad_values_json(statistics)},
+               {"clamped_components", statistics.clamped_components()},
+               {"absent_pixels", statistics.absent_pixels()}});
+}
+
+// {name: milliseconds} of the stages that the message has.
+template <typename Message>
+nlohmann::ordered_json stages_json(const Message& message) {
+  nlohmann::ordered_json stages = nlohmann::ordered_json::object();
+  for (const v1::StageTime& stage : message.stages()) stages[stage.name()] = ms_of(stage);
+  return stages;
+}
+
 // The report's notes, and one about values that were no numbers, if there were any.
 std::vector<std::string> notes_for_user(const RenderReport& report);
 

@@ -42,28 +42,17 @@ std::string to_json(const RunFrame& frame) {
   if (frame.held) json["held"] = true;
   if (!frame.status.ok() || frame.held) return line_of(json);
   const v1::ResultHeader& header = frame.header;
-  const v1::FrameStatistics& statistics = header.statistics();
   json["primaries"] = to_json(frame.facts.primaries);
-  Json stages = Json::object();
-  for (const v1::StageTime& stage : header.stages())
-    stages[stage.name()] = static_cast<double>(stage.ns()) * 1e-6;
   json.update({{"width", header.width()},
                {"height", header.height()},
                {"exposure", header.exposure()},
-               {"exposure_before", header.exposure_before()},
-               {"target", header.target()},
-               {"target_before_limits", header.target_before_limits()},
-               {"mean_log2_luminance", statistics.mean_log2_luminance()},
-               {"min_luminance", static_cast<double>(statistics.min_luminance())},
-               {"max_luminance", static_cast<double>(statistics.max_luminance())},
-               {"bad_values", bad_values_json(statistics)},
-               {"clamped_components", statistics.clamped_components()},
-               {"absent_pixels", statistics.absent_pixels()},
-               {"missing_pixels", frame.facts.missing_pixels},
+               {"exposure_before", header.exposure_before()}});
+  add_metering(header, json);
+  json.update({{"missing_pixels", frame.facts.missing_pixels},
                {"gamut_cut_components", header.gamut_cut_components()},
                {"cut", header.cut()},
                {"tier", header.tier()},
-               {"stage_ms", stages},
+               {"stage_ms", stages_json(header)},
                {"latency_ms", absl::ToDoubleMilliseconds(frame.latency)}});
   return line_of(json);
 }

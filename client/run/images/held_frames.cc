@@ -13,6 +13,7 @@
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
 #include "client/run/server/option_words.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -58,6 +59,7 @@ absl::Status HeldFrames::repeat_after(uint64_t place) {
   const auto file =
       std::lower_bound(sequence_.frames.begin(), sequence_.frames.end(), place,
                        [](const SequenceFrame& frame, uint64_t wanted) { return frame.place < wanted; });
+  CHECK(file != sequence_.frames.end() && file->place == place);
   return repeat_each(file->holds.size(), place + 1);
 }
 

@@ -19,6 +19,7 @@
 #include "client/image/sample.h"
 #include "client/run/output_files.h"
 #include "client/run/picture/frame_files.h"
+#include "client/run/report.h"
 #include "client/run/server/option_words.h"
 #include "client/run/server/server_link.h"
 #include "server/base/status_macros.h"
@@ -34,7 +35,7 @@ constexpr absl::Duration kWarmUpTimeout = absl::Minutes(5);
 double ms_of(const v1::ResultHeader& header, bool queue) {
   double ms = 0;
   for (const v1::StageTime& stage : header.stages()) {
-    if ((stage.name() == "queue") == queue) ms += static_cast<double>(stage.ns()) * 1e-6;
+    if ((stage.name() == "queue") == queue) ms += candela::ms_of(stage);
   }
   return ms;
 }

@@ -139,7 +139,10 @@ class EnvironmentJob {
     events_.begins(absl::StrFormat("baking a cube map of %dx%d", size, size));
     begin = absl::Now();
     absl::StatusOr<EnvironmentBake> bake = server.bake_environment(request(put.id()), deadline);
-    if (bake.ok()) add_server_stages(put_ms, ms_since(begin), bake->header);
+    if (bake.ok()) {
+      add_stage("put", put_ms);
+      add_server_stages(bake->header, ms_since(begin), report_.stage_ms);
+    }
     return bake;
   }
 
@@ -206,17 +209,6 @@ class EnvironmentJob {
   }
 
   void add_stage(const std::string& name, double ms) { report_.stage_ms.emplace_back(name, ms); }
-
-  void add_server_stages(double put_ms, double call_ms, const v1::BakeHeader& header) {
-    add_stage("put", put_ms);
-    double server_ms = 0;
-    for (const v1::StageTime& stage : header.stages()) {
-      const double ms = static_cast<double>(stage.ns()) * 1e-6;
-      add_stage(stage.name(), ms);
-      server_ms += ms;
-    }
-    add_stage("other", std::max(0.0, call_ms - server_ms));
-  }
 
   const absl::Time begin_ = absl::Now();
   const EnvironmentOptions& options_;

@@ -9,6 +9,7 @@
 #include "candela/v1/render.pb.h"
 #include "client/run/options.h"
 #include "client/run/picture/primaries_used.h"
+#include "client/run/report.h"
 
 namespace candela {
 
@@ -19,7 +20,7 @@ struct EnvironmentReport {
   uint64_t missing_pixels = 0;  // of the panorama's file
   // In this order: read, start, put, the server's stages of the bake, other, write, and preview if there is
   // one. `other` is the part of the bake's call outside the server's stages.
-  std::vector<std::pair<std::string, double>> stage_ms;
+  StageMs stage_ms;
   double total_ms = 0;
   std::vector<std::string> files;  // all that were written
   std::vector<std::string> notes;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/run/report.h"
+
 namespace candela {
 
 double ms_since(std::chrono::steady_clock::time_point begin) {
@@ -26,7 +28,7 @@ void StageTimes::add(const Stages& stages) {
     auto known = std::find_if(stages_.begin(), stages_.end(),
                               [&stage](const auto& s) { return s.first == stage.name(); });
     if (known == stages_.end()) known = stages_.insert(known, {stage.name(), {}});
-    known->second.push_back(static_cast<double>(stage.ns()) * 1e-6);
+    known->second.push_back(ms_of(stage));
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/time/clock.h"
 #include "client/run/picture/frame_files.h"
+#include "client/run/report.h"
 #include "proto/candela/v1/settings.h"
 
 namespace candela {
@@ -76,7 +77,7 @@ bool is_device_stage(const v1::StageTime& stage) {
 double device_ms(const Stages& stages) {
   double ms = 0;
   for (const v1::StageTime& stage : stages) {
-    if (is_device_stage(stage)) ms += static_cast<double>(stage.ns()) * 1e-6;
+    if (is_device_stage(stage)) ms += ms_of(stage);
   }
   return ms;
 }

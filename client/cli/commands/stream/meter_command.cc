@@ -106,29 +106,17 @@ std::string to_text(const std::string& path, const Image& image, const Primaries
 
 std::string to_json(const std::string& path, const Image& image, const PrimariesUsed& primaries,
                     const v1::MeterResponse& metered) {
-  const v1::FrameStatistics& statistics = metered.statistics();
-  nlohmann::ordered_json stages = nlohmann::ordered_json::object();
-  for (const v1::StageTime& stage : metered.stages())
-    stages[stage.name()] = static_cast<double>(stage.ns()) * 1e-6;
-  const nlohmann::ordered_json json = {
-      {"input", path},
-      {"size", {{"width", image.width}, {"height", image.height}}},
-      {"primaries", to_json(primaries)},
-      {"exposure", metered.exposure()},
-      {"target", metered.target()},
-      {"target_before_limits", metered.target_before_limits()},
-      {"mean_log2_luminance", statistics.mean_log2_luminance()},
-      {"min_luminance", static_cast<double>(statistics.min_luminance())},
-      {"max_luminance", static_cast<double>(statistics.max_luminance())},
-      {"bad_values", bad_values_json(statistics)},
-      {"clamped_components", statistics.clamped_components()},
-      {"absent_pixels", statistics.absent_pixels()},
-      {"missing_pixels", image.missing_pixels},
-      {"histogram",
-       {{"first_ev", metered.histogram_first_ev()},
-        {"bins_per_ev", metered.histogram_bins_per_ev()},
-        {"weights", std::vector<uint64_t>(metered.histogram().begin(), metered.histogram().end())}}},
-      {"stage_ms", stages}};
+  nlohmann::ordered_json json = {{"input", path},
+                                 {"size", {{"width", image.width}, {"height", image.height}}},
+                                 {"primaries", to_json(primaries)},
+                                 {"exposure", metered.exposure()}};
+  add_metering(metered, json);
+  json.update({{"missing_pixels", image.missing_pixels},
+               {"histogram",
+                {{"first_ev", metered.histogram_first_ev()},
+                 {"bins_per_ev", metered.histogram_bins_per_ev()},
+                 {"weights", std::vector<uint64_t>(metered.histogram().begin(), metered.histogram().end())}}},
+               {"stage_ms", stages_json(metered)}});
   return line_of(json);
 }
 
