@@ -11,6 +11,7 @@
 #include "shaders/reference.h"
 #include "tests/support/frame_error.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -189,7 +190,7 @@ TEST_F(AllLight, RejectRefusesWhatIsBeyondTwoToTheThirtiethAndNothingBelow) {
       return {1, x == 66 && y == 70 ? sun : 1, 1, 1};
     });
   };
-  for (const float sun : {5e5f, kMost, -kMost}) EXPECT_TRUE(render(frame(sun), settings).ok()) << sun;
+  for (const float sun : {5e5f, kMost, -kMost}) EXPECT_OK(render(frame(sun), settings)) << sun;
   const absl::Status status = render(frame(1.1e9f), settings).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(

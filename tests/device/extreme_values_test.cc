@@ -9,6 +9,7 @@
 #include "proto/candela/v1/settings.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -70,7 +71,7 @@ TEST_F(Properties, RejectNamesTheFirstBadPixel) {
 TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
   v1::Settings settings;
   settings.set_bad_values(v1::BAD_VALUES_REJECT);
-  EXPECT_TRUE(render(flat(9, 9, {1e9f, -1e9f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings).ok());
+  EXPECT_OK(render(flat(9, 9, {1e9f, -1e9f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings));
 }
 
 TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {

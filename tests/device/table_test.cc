@@ -32,7 +32,7 @@ class Table : public DeviceTest {
   static Verification difference(const WireFrame& frame, const v1::Settings& settings,
                                  const std::string& what) {
     const auto rendered = render(frame, settings, {}, Verify::kYes);
-    EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+    EXPECT_OK(rendered) << what;
     if (!rendered.ok()) return {};
     const Verification& d = rendered->report.verification->rounded;
     std::printf("%-44s %9.5f %9.5f %9.6f\n", what.c_str(), d.max_codes, d.p999_codes, d.mean_codes);
@@ -143,10 +143,10 @@ TEST_F(Table, IsTheSameThroughStagingCopies) {
   ASSERT_OK_AND_ASSIGN(auto staged, Renderer::create(*staged_device, staged_pool));
   const WireFrame frame = natural(67, 33);
   for (int round = 0; round < 2; ++round) {
-    auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, with(v1::TONE_CURVE_ACES_1));
-    auto there = render_on(*staged, frame, with(v1::TONE_CURVE_ACES_1));
-    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
-    EXPECT_EQ(image(here->memory), image(there->memory));
+    ASSERT_OK_AND_ASSIGN(auto here,
+                         render_on(renderer_with(ExecutorKind::kDevice), frame, with(v1::TONE_CURVE_ACES_1)));
+    ASSERT_OK_AND_ASSIGN(auto there, render_on(*staged, frame, with(v1::TONE_CURVE_ACES_1)));
+    EXPECT_EQ(image(here.memory), image(there.memory));
   }
 }
 

@@ -101,7 +101,7 @@ class Promises : public DeviceTest {
                           const std::string& what) {
     settings.set_max_error_codes(codes);
     const auto rendered = render(frame, settings, {}, Verify::kYes);
-    EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+    EXPECT_OK(rendered) << what;
     if (!rendered.ok()) return "";
     const FrameReport& report = rendered->report;
     EXPECT_TRUE(report.error_bound) << what;

@@ -56,12 +56,12 @@ class WideGamut : public DeviceTest {
     settings.set_input_primaries(primaries);
     settings.set_tier(tier);
     const auto rendered = render(frame_of(colors.own, kWidth), settings);
-    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    EXPECT_OK(rendered);
     if (!rendered.ok()) return {INFINITY, INFINITY};
     Error error;
     for (size_t i = 0; i < colors.rec709.size(); ++i) {
       Color truth = colors.rec709[i];
-      EXPECT_TRUE(aces_1(truth).ok());
+      EXPECT_OK(aces_1(truth));
       const std::byte* texel =
           rendered->memory.output_row(static_cast<uint32_t>(i / kWidth)).data() + i % kWidth * 8;
       for (size_t k = 0; k < 3; ++k) {
@@ -142,11 +142,10 @@ TEST_F(WideGamut, EveryTierCutsAces1ToAp1First) {
     settings.set_tier(tier);
     return render(frame_of(of, kSide), settings, {}, Verify::kYes);
   };
-  const auto reference = rendered_by(colors, "reference");
-  const auto standard = rendered_by(colors, "standard");
-  ASSERT_TRUE(reference.ok() && standard.ok()) << reference.status() << standard.status();
-  EXPECT_GT(reference->report.gamut_cut_components, colors.size() / 4);
-  EXPECT_LE(standard->report.verification->rounded.max_codes, 6.0);  // as inside of AP1
+  ASSERT_OK_AND_ASSIGN(const auto reference, rendered_by(colors, "reference"));
+  ASSERT_OK_AND_ASSIGN(const auto standard, rendered_by(colors, "standard"));
+  EXPECT_GT(reference.report.gamut_cut_components, colors.size() / 4);
+  EXPECT_LE(standard.report.verification->rounded.max_codes, 6.0);  // as inside of AP1
   // The cut is all that happens to them.
   std::vector<Color> inside = colors;
   for (Color& c : inside) {
@@ -157,7 +156,7 @@ TEST_F(WideGamut, EveryTierCutsAces1ToAp1First) {
   for (uint32_t y = 0; y < kSide; ++y) {
     for (uint32_t i = 0; i < kSide * 4; ++i) {
       uint16_t is, should;
-      std::memcpy(&is, reference->memory.output_row(y).data() + 2 * i, sizeof is);
+      std::memcpy(&is, reference.memory.output_row(y).data() + 2 * i, sizeof is);
       std::memcpy(&should, cut.memory.output_row(y).data() + 2 * i, sizeof should);
       most = std::max(most, std::abs(is - should) / 257.0);
     }
@@ -193,7 +192,7 @@ TEST_F(WideGamut, LightThatRoundsToZeroIsRoundedWithItsColour) {
       return x == 0 ? Texel{1, -0.5f, 0, 1} : Texel{0.1f, 0.7f, least, 1};
     });
     const auto rendered = render_on(renderer_with(passes), frame, plain(v1::TONE_CURVE_LINEAR));
-    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    EXPECT_OK(rendered);
     return rendered.ok() ? image(rendered->memory) : std::vector<std::byte>();
   };
   for (const ExecutorKind passes : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
@@ -237,13 +236,13 @@ TEST_F(WideGamut, CountsTheSameThroughStagingCopiesAndWithVerification) {
   });
   const uint64_t expected = 66 * 67;  // -1e-5 beside 1 is the rounding of a half
   for (const Verify verify : {Verify::kNo, Verify::kYes}) {
-    const auto here =
-        render_on(renderer_with(ExecutorKind::kDevice), frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
-    const auto there = render_on(*staged, frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
-    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
-    EXPECT_EQ(here->report.gamut_cut_components, expected);
-    EXPECT_EQ(there->report.gamut_cut_components, expected);
-    EXPECT_EQ(image(here->memory), image(there->memory));
+    ASSERT_OK_AND_ASSIGN(const auto here, render_on(renderer_with(ExecutorKind::kDevice), frame,
+                                                    plain(v1::TONE_CURVE_LINEAR), {}, verify));
+    ASSERT_OK_AND_ASSIGN(const auto there,
+                         render_on(*staged, frame, plain(v1::TONE_CURVE_LINEAR), {}, verify));
+    EXPECT_EQ(here.report.gamut_cut_components, expected);
+    EXPECT_EQ(there.report.gamut_cut_components, expected);
+    EXPECT_EQ(image(here.memory), image(there.memory));
   }
 }
 

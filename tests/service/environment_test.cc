@@ -100,7 +100,7 @@ class EnvironmentService : public ::testing::Test {
   Connection connection() const { return Connection(server_->in_process_channel()); }
   std::string put(const Panorama& panorama) const {
     const absl::StatusOr<v1::Environment> environment = connection().put_environment(panorama);
-    EXPECT_TRUE(environment.ok()) << environment.status();
+    EXPECT_OK(environment);
     return environment.ok() ? environment->id() : "";
   }
 
@@ -119,9 +119,7 @@ TEST_F(EnvironmentService, IsPutOnceAndFoundByTheHashOfItsPixelsUntilItIsDropped
   EXPECT_EQ(connection().get_environment(first.id())->id(), first.id());
   ASSERT_OK_AND_ASSIGN(const v1::DropEnvironmentResponse dropped, connection().drop_environment(first.id()));
   EXPECT_FALSE(dropped.in_use());
-  const absl::Status gone = connection().get_environment(first.id()).status();
-  EXPECT_TRUE(absl::IsNotFound(gone)) << gone;
-  EXPECT_NE(gone.message().find(first.id()), std::string::npos) << gone;
+  EXPECT_REFUSED(kNotFound, first.id(), connection().get_environment(first.id()));
   EXPECT_TRUE(absl::IsNotFound(connection().drop_environment(first.id()).status()));
 }
 
@@ -159,7 +157,7 @@ TEST_F(EnvironmentService, TheRightHalfOfThePanoramaIsToTheRight) {
     v1::View view = view_of(id, yaw_deg);
     view.set_rotation_deg(rotation_deg);
     const absl::StatusOr<v1::MeterResponse> metered = connection().meter({}, frame_of(view));
-    EXPECT_TRUE(metered.ok()) << metered.status();
+    EXPECT_OK(metered);
     return metered.ok() ? metered->statistics().mean_log2_luminance() : 0.0;
   };
   EXPECT_GT(brightness(90, 0), brightness(-90, 0) + 6);
@@ -171,12 +169,8 @@ TEST_F(EnvironmentService, TheRightHalfOfThePanoramaIsToTheRight) {
 
 TEST_F(EnvironmentService, AViewOfAnEnvironmentThatIsNotThereNamesIt) {
   const std::string id = environment_id(*uniform(0.5f));
-  const absl::Status missing = connection().render({}, frame_of(view_of(id))).status();
-  EXPECT_TRUE(absl::IsNotFound(missing)) << missing;
-  EXPECT_NE(missing.message().find(id), std::string::npos) << missing;
-  const absl::Status malformed = connection().render({}, frame_of(view_of("sky"))).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(malformed)) << malformed;
-  EXPECT_NE(malformed.message().find("view.environment"), std::string::npos) << malformed;
+  EXPECT_REFUSED(kNotFound, id, connection().render({}, frame_of(view_of(id))));
+  EXPECT_REFUSED(kInvalidArgument, "view.environment", connection().render({}, frame_of(view_of("sky"))));
 }
 
 TEST_F(EnvironmentService, ABadViewIsRefusedWithItsFieldAndRange) {
@@ -185,7 +179,7 @@ TEST_F(EnvironmentService, ABadViewIsRefusedWithItsFieldAndRange) {
     v1::View view = good;
     spoil(view);
     const absl::Status status = connection().render({}, frame_of(view)).status();
-    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    EXPECT_REFUSED(kInvalidArgument, "", status);
     return std::string(status.message());
   };
   const auto names = [](const std::string& message, const char* field) {
@@ -286,7 +280,7 @@ TEST_F(EnvironmentService, ASessionMixesViewsAndPixelsAndAdaptsToBoth) {
   const auto panorama = two_halves();
   put(*panorama);
   const Shown shown = turn(Session::open({server_->in_process_channel()}, {}), panorama, false);
-  ASSERT_TRUE(shown.status.ok()) << shown.status;
+  ASSERT_OK(shown.status);
   ASSERT_EQ(shown.images.size(), 24u);
   EXPECT_NE(shown.exposures.front(), shown.exposures.back());
   // Frame 6 looks to the right, where it is bright, and frame 18 to the left. Each is between two views.
@@ -307,8 +301,7 @@ TEST_F(EnvironmentService, ASessionMixesViewsAndPixelsAndAdaptsToBoth) {
 TEST_F(EnvironmentService, ASessionEndsBeforeAViewOfWhatTheServerDoesNotHave) {
   const auto panorama = two_halves();
   const Shown shown = turn(Session::open({server_->in_process_channel()}, {}), panorama, false);
-  EXPECT_TRUE(absl::IsNotFound(shown.status)) << shown.status;
-  EXPECT_NE(shown.status.message().find(environment_id(*panorama)), std::string::npos) << shown.status;
+  EXPECT_REFUSED(kNotFound, environment_id(*panorama), shown.status);
   EXPECT_TRUE(shown.images.empty());
 }
 
@@ -317,23 +310,21 @@ TEST_F(EnvironmentService, AFrameBeforeAViewOfWhatTheServerDoesNotHaveGetsItsRes
   ASSERT_OK_AND_ASSIGN(Session session, Session::open({server_->in_process_channel()}, {}));
   const std::vector<Texel> pixels(24 * 16, Texel{0.5f, 0.25f, 1.0f, 1.0f});
   SessionFrame frame{.width = 24, .height = 16, .pixels = std::as_bytes(std::span(pixels))};
-  ASSERT_TRUE(session.submit(frame).ok());
+  ASSERT_OK(session.submit(frame));
   frame = {.width = 24, .height = 16, .sequence = 1, .media_time_ns = film_time_ns(1)};
   frame.view = view_of(id);
-  ASSERT_TRUE(session.submit(frame).ok());
+  ASSERT_OK(session.submit(frame));
   ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> first, session.next_result());
   ASSERT_TRUE(first.has_value());
-  EXPECT_TRUE(first->status.ok()) << first->status;
+  EXPECT_OK(first->status);
   EXPECT_GT(first->image.bytes, 0u);
-  const absl::Status second = session.next_result().status();
-  EXPECT_TRUE(absl::IsNotFound(second)) << second;
-  EXPECT_NE(second.message().find(id), std::string::npos) << second;
+  EXPECT_REFUSED(kNotFound, id, session.next_result());
 }
 
 TEST_F(EnvironmentService, ASessionBringsItsPanoramaToAServerThatNeverSawIt) {
   const auto panorama = two_halves();
   const Shown shown = turn(Session::open({server_->in_process_channel()}, {}), panorama, true);
-  ASSERT_TRUE(shown.status.ok()) << shown.status;
+  ASSERT_OK(shown.status);
   put(*panorama);
   const Shown there = turn(Session::open({server_->in_process_channel()}, {}), panorama, false);
   EXPECT_EQ(shown.images, there.images);
@@ -352,7 +343,7 @@ TEST_F(EnvironmentService, ASessionThatLosesItsServerGoesOnElsewhereWithTheSameB
   restart(config);
   put(*panorama);
   const Shown whole = turn(Session::open({server_->in_process_channel()}, {}), panorama, true);
-  ASSERT_TRUE(whole.status.ok()) << whole.status;
+  ASSERT_OK(whole.status);
 
   // It moves twice, because the second move must find the panorama missing as the first one did.
   const std::unique_ptr<Server> second = start_server(config), third = start_server(config);
@@ -362,7 +353,7 @@ TEST_F(EnvironmentService, ASessionThatLosesItsServerGoesOnElsewhereWithTheSameB
     if (results == 6) server_->drain_and_stop();
     if (results == 14) second->drain_and_stop();
   });
-  ASSERT_TRUE(moved.status.ok()) << moved.status;
+  ASSERT_OK(moved.status);
   EXPECT_GE(moved.stats.resumes, 2u);
   EXPECT_EQ(moved.images, whole.images);
   EXPECT_EQ(moved.exposures, whole.exposures);
@@ -374,7 +365,7 @@ TEST_F(EnvironmentService, WorksWithLookAhead) {
   SessionOptions options;
   options.lookahead = 3;
   const Shown shown = turn(Session::open({server_->in_process_channel()}, options), panorama, false);
-  EXPECT_TRUE(shown.status.ok()) << shown.status;
+  EXPECT_OK(shown.status);
   EXPECT_EQ(shown.images.size(), 24u);
 }
 
@@ -395,7 +386,7 @@ TEST_F(EnvironmentService, ThoseOfALostDeviceGoWithIt) {
   }
   EXPECT_EQ(scrape(*server_).at("candela_environment_bytes"), 0);
   const Shown shown = turn(Session::open({server_->in_process_channel()}, {}), panorama, true);
-  EXPECT_TRUE(shown.status.ok()) << shown.status;
+  EXPECT_OK(shown.status);
 }
 
 // --- bakes
@@ -455,7 +446,7 @@ TEST_F(EnvironmentService, OnlyTheLevelsThatAreAskedForTakeMemory) {
   for (const uint32_t levels : {0u, 4u, 3u}) {
     request.set_levels(levels);
     const absl::Status large = connection().bake_environment(request).status();
-    EXPECT_TRUE(absl::IsResourceExhausted(large)) << large;
+    EXPECT_REFUSED(kResourceExhausted, "", large);
     const uint32_t made = levels == 0 ? 5 : levels;
     uint64_t bytes = chain_bytes(256) + cube_bytes(128, made - 1);
     if (!unified) bytes += cube_bytes(256, 1) / 6;  // the copy of a face
@@ -465,8 +456,7 @@ TEST_F(EnvironmentService, OnlyTheLevelsThatAreAskedForTakeMemory) {
   }
   // Level 0 and its faces on the wire fit.
   request.set_levels(1);
-  const absl::Status small = connection().bake_environment(request).status();
-  EXPECT_TRUE(small.ok()) << small;
+  EXPECT_OK(connection().bake_environment(request));
 }
 
 TEST_F(EnvironmentService, WhatRgb9e5DoesNotHoldIsCountedOverTheFacesThatAreSent) {
@@ -479,7 +469,7 @@ TEST_F(EnvironmentService, WhatRgb9e5DoesNotHoldIsCountedOverTheFacesThatAreSent
     request.set_format(format);
     request.set_levels(levels);
     const absl::StatusOr<EnvironmentBake> baked = connection().bake_environment(request);
-    EXPECT_TRUE(baked.ok()) << baked.status();
+    EXPECT_OK(baked);
     return baked.ok() ? baked->header : v1::BakeHeader();
   };
   const uint64_t first = 6 * 32 * 32, both = first + 6 * 16 * 16;
@@ -524,9 +514,7 @@ TEST_F(EnvironmentService, ABadBakeIsRefused) {
   const auto refused = [&](const std::function<void(v1::BakeEnvironmentRequest&)>& spoil, const char* field) {
     v1::BakeEnvironmentRequest request = good;
     spoil(request);
-    const absl::Status status = connection().bake_environment(request).status();
-    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
-    EXPECT_NE(status.message().find(field), std::string::npos) << status;
+    EXPECT_REFUSED(kInvalidArgument, field, connection().bake_environment(request));
   };
   refused([](auto& r) { r.set_size(48); }, "size is 48; it must be a power of two between 16 and 4096");
   refused([](auto& r) { r.set_size(8192); }, "size is 8192; it must be a power of two between 16 and 4096");
@@ -547,14 +535,13 @@ TEST_F(EnvironmentService, ThoseUsedLastAreKeptWithinTheBudget) {
   ASSERT_OK_AND_ASSIGN(const v1::Environment first, connection().put_environment(*uniform(0.1f, 256)));
   ASSERT_GT(3 * first.memory_bytes(), config.environment_budget_bytes);
   const std::string second = put(*uniform(0.2f, 256));
-  ASSERT_TRUE(connection().get_environment(first.id()).ok());
+  ASSERT_OK(connection().get_environment(first.id()));
   const std::string third = put(*uniform(0.3f, 256));
   EXPECT_TRUE(absl::IsNotFound(connection().get_environment(second).status()));
-  EXPECT_TRUE(connection().get_environment(third).ok());
-  EXPECT_TRUE(connection().get_environment(first.id()).ok());
-  const absl::Status large = connection().put_environment(*uniform(0.4f, 2048)).status();
-  EXPECT_TRUE(absl::IsResourceExhausted(large)) << large;
-  EXPECT_NE(large.message().find("environment-budget"), std::string::npos) << large;
+  EXPECT_OK(connection().get_environment(third));
+  EXPECT_OK(connection().get_environment(first.id()));
+  EXPECT_REFUSED(kResourceExhausted, "environment-budget",
+                 connection().put_environment(*uniform(0.4f, 2048)));
 }
 
 TEST_F(EnvironmentService, ByDefaultTheyGetAQuarterOfTheTexturesBudget) {
@@ -569,16 +556,15 @@ TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
   config.environment_budget_bytes = 8 << 20;
   restart(config);
   const std::string id = put(*uniform(0.1f, 256));
-  absl::StatusOr<Session> session = Session::open({server_->in_process_channel()}, {});
-  ASSERT_TRUE(session.ok()) << session.status();
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open({server_->in_process_channel()}, {}));
   SessionFrame frame{.width = 8, .height = 8};
   frame.view = view_of(id);
   const auto show = [&] {
-    ASSERT_TRUE(session->submit(frame).ok());
-    ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session->next_result());
+    ASSERT_OK(session.submit(frame));
+    ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.next_result());
     ASSERT_TRUE(result.has_value());
     EXPECT_EQ(result->sequence, frame.sequence);
-    EXPECT_TRUE(result->status.ok()) << result->status;
+    EXPECT_OK(result->status);
     ++frame.sequence;
     frame.media_time_ns = film_time_ns(frame.sequence);
   };
@@ -587,7 +573,7 @@ TEST_F(EnvironmentService, WhatASessionUsesIsNotTakenAway) {
     const absl::Status status = connection().put_environment(*uniform(value, 256)).status();
     EXPECT_TRUE(status.ok() || absl::IsUnavailable(status)) << status;
   }
-  EXPECT_TRUE(connection().get_environment(id).ok());
+  EXPECT_OK(connection().get_environment(id));
   EXPECT_TRUE(connection().drop_environment(id)->in_use());
   // It is gone for others, and the session goes on as long as it names no other one.
   EXPECT_TRUE(absl::IsNotFound(connection().get_environment(id).status()));
@@ -606,14 +592,13 @@ TEST_F(EnvironmentService, AFrameThatNeedsTheMemoryTakesItFromUnusedEnvironments
   std::vector<std::string> ids;
   for (const float value : {0.1f, 0.2f, 0.3f, 0.4f}) {
     ids.push_back(put(*uniform(value, 256)));
-    ASSERT_TRUE(connection().render({}, frame_of(view_of(ids.back()))).ok());
+    ASSERT_OK(connection().render({}, frame_of(view_of(ids.back()))));
   }
-  for (const std::string& id : ids) EXPECT_TRUE(connection().get_environment(id).ok());
+  for (const std::string& id : ids) EXPECT_OK(connection().get_environment(id));
   FrameView frame{.width = 640, .height = 480};
   const std::vector<Texel> pixels(640 * 480, Texel{0.5f, 0.5f, 0.5f, 1.0f});
   frame.pixels = std::as_bytes(std::span(pixels));
-  const absl::StatusOr<RenderResult> image = connection().render({}, frame);
-  EXPECT_TRUE(image.ok()) << image.status();
+  EXPECT_OK(connection().render({}, frame));
   EXPECT_TRUE(absl::IsNotFound(connection().get_environment(ids.front()).status()));
 }
 
@@ -628,10 +613,7 @@ TEST_F(EnvironmentService, APanoramaBeyondTheLimitsIsRefusedByItsStart) {
   request.mutable_start()->set_format(v1::PIXEL_FORMAT_RGB9E5);
   call->Write(request);
   call->WritesDone();
-  const grpc::Status status = call->Finish();
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_NE(status.error_message().find("8193x2 pixels and the limit is 8192x4096"), std::string::npos)
-      << status.error_message();
+  EXPECT_REFUSED(kResourceExhausted, "8193x2 pixels and the limit is 8192x4096", call->Finish());
 }
 
 TEST_F(EnvironmentService, BadValuesAreCountedOrRefused) {
@@ -643,9 +625,7 @@ TEST_F(EnvironmentService, BadValuesAreCountedOrRefused) {
   EXPECT_EQ(scrubbed.negative_components(), 4u);
   Panorama strict = *spoilt;
   strict.start.set_bad_values(v1::BAD_VALUES_REJECT);
-  const absl::Status refused = connection().put_environment(strict).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
-  EXPECT_NE(refused.message().find("(3, 2)"), std::string::npos) << refused;
+  EXPECT_REFUSED(kInvalidArgument, "(3, 2)", connection().put_environment(strict));
 }
 
 }  // namespace

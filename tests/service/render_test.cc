@@ -84,7 +84,7 @@ TEST_P(Render, OddSizesEvenSizesAndManyBandsComeBackWhole) {
     EXPECT_EQ(ours.header.sequence(), 77u);
     EXPECT_EQ(ours.bytes, uint64_t{size.width} * size.height * 4);
     const Plain plain = render_plainly(channel(), frame, 13);
-    ASSERT_TRUE(plain.status.ok()) << plain.status.error_message();
+    ASSERT_OK(plain.status);
     EXPECT_EQ(text(ours.pixels()), plain.pixels) << size.width << "x" << size.height;
   }
 }
@@ -108,26 +108,25 @@ TEST_P(Render, AVerifiedFrameComesWithItsErrorAndItsMap) {
   const WireFrame frame = natural(1023, 1100, v1::PIXEL_FORMAT_RGBA32F);
   FrameView plain = view(frame), verified = view(frame), mapped = view(frame);
   verified.verify = mapped.verify = mapped.error_map = true;
-  const absl::StatusOr<RenderResult> a = connection().render({}, plain);
-  const absl::StatusOr<RenderResult> b = connection().render({}, verified);
-  const absl::StatusOr<RenderResult> c = connection().render({}, mapped);
-  ASSERT_TRUE(a.ok() && b.ok() && c.ok()) << a.status() << b.status() << c.status();
-  EXPECT_FALSE(a->header.has_verify());
-  EXPECT_TRUE(a->error_map.empty());
-  EXPECT_TRUE(b->error_map.empty());
-  EXPECT_EQ(text(a->pixels()), text(b->pixels()));
-  EXPECT_EQ(text(a->pixels()), text(c->pixels()));
-  EXPECT_EQ(b->header.verify().SerializeAsString(), c->header.verify().SerializeAsString());
-  const v1::Verification& error = c->header.verify();
+  ASSERT_OK_AND_ASSIGN(const RenderResult a, connection().render({}, plain));
+  ASSERT_OK_AND_ASSIGN(const RenderResult b, connection().render({}, verified));
+  ASSERT_OK_AND_ASSIGN(const RenderResult c, connection().render({}, mapped));
+  EXPECT_FALSE(a.header.has_verify());
+  EXPECT_TRUE(a.error_map.empty());
+  EXPECT_TRUE(b.error_map.empty());
+  EXPECT_EQ(text(a.pixels()), text(b.pixels()));
+  EXPECT_EQ(text(a.pixels()), text(c.pixels()));
+  EXPECT_EQ(b.header.verify().SerializeAsString(), c.header.verify().SerializeAsString());
+  const v1::Verification& error = c.header.verify();
   EXPECT_GT(error.max_error_codes(), 0);
   EXPECT_LE(error.max_error_codes(), 0.5);
   EXPECT_LE(error.p999_error_codes(), 0.05);
-  EXPECT_GT(c->header.verify_unrounded().max_error_codes(), error.max_error_codes());
-  EXPECT_EQ(c->header.stages(c->header.stages_size() - 1).name(), "verify");
-  ASSERT_EQ(c->error_map.size(), 1023u * 1100u);
+  EXPECT_GT(c.header.verify_unrounded().max_error_codes(), error.max_error_codes());
+  EXPECT_EQ(c.header.stages(c.header.stages_size() - 1).name(), "verify");
+  ASSERT_EQ(c.error_map.size(), 1023u * 1100u);
   // Positive halves have the same order as their bits.
-  const uint16_t worst = *std::max_element(c->error_map.begin(), c->error_map.end());
-  EXPECT_EQ(c->error_map[size_t{error.worst_y()} * 1023 + error.worst_x()], worst);
+  const uint16_t worst = *std::max_element(c.error_map.begin(), c.error_map.end());
+  EXPECT_EQ(c.error_map[size_t{error.worst_y()} * 1023 + error.worst_x()], worst);
 }
 
 TEST_P(Render, VerificationBeyondTheBudgetIsRefusedBeforeAPixelIsRead) {
@@ -143,10 +142,7 @@ TEST_P(Render, VerificationBeyondTheBudgetIsRefusedBeforeAPixelIsRead) {
   stream->Write(start);
   v1::RenderResponse response;
   EXPECT_FALSE(stream->Read(&response));
-  const grpc::Status status = stream->Finish();
-  EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED) << status.error_message();
-  EXPECT_NE(status.error_message().find("the memory budget is 268435456"), std::string::npos)
-      << status.error_message();
+  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 268435456", stream->Finish());
 }
 
 TEST_P(Render, RowPaddingChangesNothing) {
@@ -202,9 +198,8 @@ TEST_P(Render, APromiseChoosesTheTier) {
 TEST_P(Render, ASettingThatIsNoMoreIsRefusedByName) {
   v1::Settings settings;
   ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString("max_ms: 5", &settings));
-  const absl::Status refused = connection().render(settings, view(natural(8, 8))).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
-  EXPECT_NE(refused.message().find("max_ms is no longer a setting"), std::string::npos) << refused;
+  EXPECT_REFUSED(kInvalidArgument, "max_ms is no longer a setting",
+                 connection().render(settings, view(natural(8, 8))));
 }
 
 TEST_P(Render, TheNewSettingsArrive) {
@@ -246,13 +241,12 @@ TEST_P(Render, ABadPixelUnderRejectIsRefusedByName) {
   std::memcpy(frame.pixels.data() + 8 * (8 * 2 + 5), &infinity, sizeof(infinity));
   v1::Settings settings;
   settings.set_bad_values(v1::BAD_VALUES_REJECT);
-  const absl::Status status = connection().render(settings, view(frame)).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_REFUSED(kInvalidArgument, "", connection().render(settings, view(frame)));
 }
 
 TEST_P(Render, AHundredCallsLeaveNothingInUseAndHitThePool) {
   const WireFrame frame = natural(64, 48);
-  ASSERT_TRUE(connection().render({}, view(frame)).ok());
+  ASSERT_OK(connection().render({}, view(frame)));
   ASSERT_TRUE(wait_until_idle(connection()));
   const v1::PoolInfo before = pool();
   for (uint64_t i = 0; i < 100; ++i) {

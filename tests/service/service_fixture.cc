@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "tests/support/driver.h"
 #include "tests/support/passes.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -32,7 +33,7 @@ Config test_config() {
 
 std::unique_ptr<Server> start_server(const Config& config) {
   absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config);
-  EXPECT_TRUE(server.ok()) << server.status();
+  EXPECT_OK(server);
   keep_driver_loaded();
   return server.ok() ? *std::move(server) : nullptr;
 }
@@ -113,7 +114,7 @@ std::shared_ptr<grpc::Channel> ServiceTest::channel() {
 
 v1::PoolInfo ServiceTest::pool() {
   const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
-  EXPECT_TRUE(info.ok()) << info.status();
+  EXPECT_OK(info);
   return info.ok() ? info->pool() : v1::PoolInfo();
 }
 

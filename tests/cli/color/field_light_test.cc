@@ -19,7 +19,7 @@ using Json = nlohmann::json;
 // R, G and B of a pixel of a file of floats.
 std::array<float, 3> pixel_of(const std::string& path, uint32_t x, uint32_t y) {
   const absl::StatusOr<Image> image = read_image(path);
-  EXPECT_TRUE(image.ok()) << image.status();
+  EXPECT_OK(image);
   std::array<float, 3> rgb{};
   if (!image.ok() || image->format != ImageFormat::kRgba32f) return rgb;
   std::memcpy(rgb.data(), image->pixels.data() + y * image->row_bytes() + size_t{x} * 16, sizeof rgb);
@@ -34,7 +34,7 @@ void write_sun(const std::string& path, float sun) {
     const float pixel[4] = {v, v, v, 1};
     std::memcpy(image.pixels.data() + i * sizeof pixel, pixel, sizeof pixel);
   }
-  ASSERT_TRUE(write_image(path, image).ok());
+  ASSERT_OK(write_image(path, image));
 }
 
 class FieldLight : public ::testing::Test {
@@ -123,7 +123,7 @@ TEST_F(LightOfAnySize, WhereTheLeastExposureHoldsItsOptionIsNamed) {
     const float pixel[4] = {2e5f, 2e5f, 2e5f, 1};
     std::memcpy(image->pixels.data() + i * sizeof pixel, pixel, sizeof pixel);
   }
-  ASSERT_TRUE(write_image(sun_, *image).ok());
+  ASSERT_OK(write_image(sun_, *image));
   const Outcome outcome = candela({"render", sun_, folder_.path("out.png")});
   EXPECT_NE((outcome.out + outcome.err).find("held at --min-exposure 0.015625"), std::string::npos)
       << outcome.out << outcome.err;

@@ -41,7 +41,7 @@ class WideGamutFile : public ::testing::Test {
         for (size_t k = 0; k < 3; ++k) light[r] += to_rec709[3 * r + k] * pixel[k];
       }
     }
-    EXPECT_TRUE(write_image(ramp_, image).ok());
+    EXPECT_OK(write_image(ramp_, image));
   }
 
   nlohmann::json render(std::vector<std::string> options) const {
@@ -63,7 +63,7 @@ TEST_F(WideGamutFile, AnAcescgRampByAces1IsWithin3CodesOfOpenColorIO) {
   double sum = 0.0;
   for (size_t i = 0; i < rec709_.size(); ++i) {
     Color truth = rec709_[i];
-    ASSERT_TRUE(aces_1(truth).ok());
+    ASSERT_OK(aces_1(truth));
     std::array<float, 4> light;
     std::memcpy(light.data(), picture.pixels.data() + i * sizeof light, sizeof light);
     for (size_t k = 0; k < 3; ++k) {

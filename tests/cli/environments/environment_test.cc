@@ -41,7 +41,7 @@ void write_panorama(const std::string& path, const std::function<Vector(const Ve
                            half(static_cast<float>(rgb[2])), half(1.0f)};
     std::memcpy(image.pixels.data() + i * sizeof texel, texel, sizeof texel);
   }
-  ASSERT_TRUE(write_image(path, image).ok());
+  ASSERT_OK(write_image(path, image));
 }
 
 // R, G and B of a texel of a face, as the file has them.
@@ -56,7 +56,7 @@ FileTexel texels_of_folder(const std::string& path) {
   auto faces = std::make_shared<std::vector<Image>>();
   for (const char* name : {"px", "nx", "py", "ny", "pz", "nz"}) {
     absl::StatusOr<Image> image = read_image(path + "/" + name + ".exr");
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     faces->push_back(image.ok() ? *std::move(image) : Image());
   }
   return [faces](uint32_t face, uint32_t i, uint32_t j) -> Vector {
@@ -117,7 +117,7 @@ class EnvironmentFiles : public ::testing::Test {
 
   std::array<uint32_t, 2> size_of(const std::string& name) const {
     const absl::StatusOr<Image> image = read_image(folder_.path(name));
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? std::array{image->width, image->height} : std::array<uint32_t, 2>{};
   }
 

@@ -16,6 +16,7 @@
 #include "tests/cli/sequences/stream_fixture.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -47,7 +48,7 @@ class PanoramaView : public StreamFixture {
     options.insert(options.end(), {"--bloom-intensity", "0"});
     picture(options, "light.pfm");
     const absl::StatusOr<Image> image = read_image(folder_.path("light.pfm"));
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     std::array<float, 3> rgb{};
     if (!image.ok()) return rgb;
     const auto column = static_cast<uint64_t>(x * image->width),
@@ -149,7 +150,7 @@ TEST_F(PanoramaView, EveryKindOfOutputIsWritten) {
   EXPECT_EQ(picture({}, "a.jpg").substr(0, 2), "\xff\xd8");
   EXPECT_TRUE(read_image(folder_.path("a.exr")).status().code() == absl::StatusCode::kNotFound);
   picture({}, "a.exr");
-  EXPECT_TRUE(read_image(folder_.path("a.exr")).ok());
+  EXPECT_OK(read_image(folder_.path("a.exr")));
 }
 
 TEST_F(PanoramaView, AVerifiedViewIsWithinTheBoundOfItsTier) {

@@ -40,7 +40,7 @@ class FieldPicture : public ::testing::Test {
     said_ = candela(words);
     EXPECT_EQ(said_.code, 0) << said_.err;
     absl::StatusOr<Image> image = read_image(out);
-    EXPECT_TRUE(image.ok()) << name << image.status();
+    EXPECT_OK(image) << name;
     return image.ok() ? *std::move(image) : Image{};
   }
 
@@ -143,8 +143,8 @@ TEST_F(FieldPicture, EveryChoiceThatAMessageAdvisesWorks) {
     const bool fills = absl::StrContains(told.err, "--incomplete fill");
     for (PictureChoice& choice : choices) {
       choice.fills_gaps = choice.fills_gaps || fills;
-      const absl::StatusOr<Image> image = read_image(path, {.max_chunk_bytes = 1u << 30}, choice);
-      EXPECT_TRUE(image.ok()) << choice.part << " " << choice.layer << ": " << image.status();
+      EXPECT_OK(read_image(path, {.max_chunk_bytes = 1u << 30}, choice))
+          << choice.part << " " << choice.layer;
       ++advised;
     }
   }

@@ -166,7 +166,7 @@ TEST_F(Report, EveryResultSaysWhichPrimariesWereUsedAndWhoSaidSo) {
   ASSERT_EQ(candela({"sample", pfm, "--size", "32x16", "-q"}).code, 0);
   ASSERT_OK_AND_ASSIGN(Image image, read_image(in_));
   image.chromaticities = {0.713f, 0.293f, 0.165f, 0.83f, 0.128f, 0.044f, 0.32168f, 0.33767f};
-  ASSERT_TRUE(write_image(exr, image).ok());
+  ASSERT_OK(write_image(exr, image));
   struct Case {
     std::vector<std::string> input;
     std::string words, from;

@@ -24,6 +24,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -80,7 +81,7 @@ class FieldFrames : public ::testing::Test {
         const float pixel[] = {grey, 0.8f * grey, 0.5f * grey, 1};
         std::memcpy(image.pixels.data() + at * sizeof pixel, pixel, sizeof pixel);
       }
-      ASSERT_TRUE(write_image(frame(number), image).ok());
+      ASSERT_OK(write_image(frame(number), image));
     }
   }
   std::string frame(int64_t number) const { return path(absl::StrFormat("in/f.%04d.exr", number)); }
@@ -277,7 +278,7 @@ TEST_F(Parts, AFrameThatTheServerRefusesIsHeldToo) {
   Image nan = *make_image(8, 8, ImageFormat::kRgba32f);
   const float value = std::nanf("");
   std::memcpy(nan.pixels.data(), &value, sizeof value);
-  ASSERT_TRUE(write_image(frame(6), nan).ok());
+  ASSERT_OK(write_image(frame(6), nan));
   const Options options{"--missing", "hold",       "--skip-bad", "--bad-values",
                         "reject",    "--exposure", "0",          "--dither"};
   stream(path("in"), path("one/%04d.png"), with({"--range=-2-9"}, options));

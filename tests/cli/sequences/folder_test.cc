@@ -11,6 +11,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -37,7 +38,7 @@ class Folder : public ::testing::Test {
       const std::string bytes = read_file(file.path());
       if (bytes == "old") continue;
       if (file.path().extension() == ".exr") {
-        EXPECT_TRUE(read_image(file.path()).ok());
+        EXPECT_OK(read_image(file.path()));
       } else {
         EXPECT_EQ(file.path().extension(), ".png");
         EXPECT_EQ(bytes.substr(0, 4), "\x89PNG");
@@ -87,7 +88,7 @@ TEST_F(Folder, APatternAndAFolderAreTakenInNaturalOrder) {
       EXPECT_EQ(all[i].at("input"), in(name + ".exr"));
       EXPECT_EQ(all[i].at("output"), out(name + ".exr"));
       EXPECT_EQ(all[i].at("size").at("width"), 31);
-      EXPECT_TRUE(read_image(out(name + ".exr")).ok());
+      EXPECT_OK(read_image(out(name + ".exr")));
     }
     EXPECT_EQ(all[3].at("summary").at("images"), 3);
     EXPECT_EQ(all[3].at("summary").at("written"), 3);
@@ -191,7 +192,7 @@ TEST_F(Folder, FoldersOfOutputsAreMade) {
   EXPECT_TRUE(nlohmann::json::parse(read_file(json_file), nullptr, false).is_object());
   EXPECT_GT(png_facts(map).width, 0u);
   EXPECT_EQ(candela({"sample", folder_.path("s/t/scene.exr"), "--size", "8x8", "-q"}).code, 0);
-  EXPECT_TRUE(read_image(folder_.path("s/t/scene.exr")).ok());
+  EXPECT_OK(read_image(folder_.path("s/t/scene.exr")));
 }
 
 }  // namespace

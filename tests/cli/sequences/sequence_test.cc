@@ -11,6 +11,7 @@
 #include "tests/cli/images.h"
 #include "tests/cli/sequences/stream_fixture.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -50,7 +51,7 @@ class SequenceOfFrames : public StreamFixture {
   static void write_exr_of_rate(const std::string& path, FrameRate rate) {
     Image image = *make_image(8, 8, ImageFormat::kRgba16f);
     image.frame_rate = rate;
-    ASSERT_TRUE(write_image(path, image).ok());
+    ASSERT_OK(write_image(path, image));
   }
 };
 

@@ -13,6 +13,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -38,7 +39,7 @@ class Shot : public ::testing::Test {
         const float pixel[] = {grey, grey, grey / 2, 1};
         std::memcpy(image.pixels.data() + at * sizeof pixel, pixel, sizeof pixel);
       }
-      ASSERT_TRUE(write_image(frame(kFirst + i), image).ok());
+      ASSERT_OK(write_image(frame(kFirst + i), image));
     }
   }
 

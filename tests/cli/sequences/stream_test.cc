@@ -17,6 +17,7 @@
 #include "tests/cli/sequences/stream_fixture.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -102,7 +103,7 @@ TEST_F(Stream, DetectedCutsAreSaidAndTaken) {
     const float light = x < 256 && y < 256 ? 20.0f : 0.02f;
     std::memcpy(corner.pixels.data() + i, &light, sizeof light);
   }
-  for (const char* name : {"/0003.exr", "/0004.exr"}) ASSERT_TRUE(write_image(in() + name, corner).ok());
+  for (const char* name : {"/0003.exr", "/0004.exr"}) ASSERT_OK(write_image(in() + name, corner));
   const std::vector<Json> undetected = stream({}), lines = stream({"--detect-cuts"});
   ASSERT_EQ(lines.size(), 6u);
   for (size_t i = 1; i < 5; ++i) {
@@ -147,7 +148,7 @@ TEST_F(Stream, FramesOfManySizesAndColoursAreOneSession) {
   }
   Image wide = *make_image(20, 10, ImageFormat::kRgba16f);
   wide.chromaticities = {0.708f, 0.292f, 0.170f, 0.797f, 0.131f, 0.046f, 0.3127f, 0.3290f};
-  ASSERT_TRUE(write_image(in() + "/5.exr", wide).ok());
+  ASSERT_OK(write_image(in() + "/5.exr", wide));
   const std::vector<Json> lines = stream({"--exposure", "0"});
   ASSERT_EQ(lines.size(), 6u);
   EXPECT_EQ(lines[2].at("width"), 33);
@@ -183,7 +184,7 @@ TEST_F(Stream, AFrameThatTheServerRefusesIsNamed) {
   write_small_exr(in() + "/1.exr");
   Image bad = *make_image(8, 8, ImageFormat::kRgba16f);
   bad.pixels.data()[1] = std::byte{0x7e};  // a NaN
-  ASSERT_TRUE(write_image(in() + "/2.exr", bad).ok());
+  ASSERT_OK(write_image(in() + "/2.exr", bad));
   write_small_exr(in() + "/3.exr");
   const Outcome stopped = candela({"stream", in(), folder_.path("out"), "--bad-values", "reject", "-q"});
   EXPECT_EQ(stopped.code, 3);

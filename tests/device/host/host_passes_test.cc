@@ -209,9 +209,8 @@ TEST_F(HostPasses, AreChosenOnACpuAndRefusedWhereTheyCannotBe) {
   EXPECT_NE(on_device(frame, {}).report.plan.words.back().find("on the device"), std::string::npos);
   ASSERT_OK_AND_ASSIGN(auto staged, Device::create({.selector = "", .validation = false, .staging = true}));
   TexturePool own_pool(*staged, uint64_t{1} << 30);
-  const absl::Status refused = Renderer::create(*staged, own_pool, ExecutorKind::kHost).status();
-  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_NE(std::string(refused.message()).find("is not the host's"), std::string::npos) << refused;
+  EXPECT_REFUSED(kFailedPrecondition, "is not the host's",
+                 Renderer::create(*staged, own_pool, ExecutorKind::kHost));
   EXPECT_EQ((*Renderer::create(*staged, own_pool))->executor_kind(), ExecutorKind::kDevice);
 }
 
@@ -219,7 +218,7 @@ TEST_F(HostPasses, RenderNothingOnALostDevice) {
   ASSERT_OK_AND_ASSIGN(auto own, Device::create({}));
   TexturePool own_pool(*own, uint64_t{1} << 30);
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(*own, own_pool, ExecutorKind::kHost));
-  ASSERT_TRUE(render_on(*renderer, natural(8, 8), {}).ok());
+  ASSERT_OK(render_on(*renderer, natural(8, 8), {}));
   own->lose();
   EXPECT_EQ(render_on(*renderer, natural(8, 8), {}).status().code(), absl::StatusCode::kUnavailable);
 }

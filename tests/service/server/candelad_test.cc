@@ -37,9 +37,8 @@ TEST(Candelad, RendersOverTcpAndEndsWithZeroOnSigterm) {
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
   ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open(address));
-  EXPECT_TRUE(connection.health().ok());
-  const absl::StatusOr<RenderResult> result = connection.render({}, view(natural(33, 9)));
-  EXPECT_TRUE(result.ok()) << result.status();
+  EXPECT_OK(connection.health());
+  EXPECT_OK(connection.render({}, view(natural(33, 9))));
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
 }
@@ -49,8 +48,7 @@ TEST(Candelad, RendersOverAUnixSocket) {
   const std::string address = "unix:" + folder.path("candelad.sock");
   Daemon daemon({"--listen", address});
   ASSERT_EQ(daemon.wait_until_listening(), address) << daemon.errors();
-  const absl::StatusOr<RenderResult> result = Connection::open(address)->render({}, view(natural(5, 5)));
-  EXPECT_TRUE(result.ok()) << result.status();
+  EXPECT_OK(Connection::open(address)->render({}, view(natural(5, 5))));
   daemon.signal(SIGINT);
   EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
 }
@@ -71,7 +69,7 @@ TEST(Candelad, SigtermUnderLoadEndsWithZeroAndTearsNoFrame) {
         status = connection.render({}, view(frame)).status();
         if (status.ok()) ++rendered;
       }
-      EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+      EXPECT_REFUSED(kUnavailable, "", status);
       EXPECT_EQ(std::string(status.message()).find("lost the server"), std::string::npos) << status;
     });
   }
@@ -205,7 +203,7 @@ TEST(Candelad, EndsSoonAfterLargeAnswers) {
   ASSERT_NE(address, "") << daemon.errors();
   {
     ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open(address));
-    for (int i = 0; i < 3; ++i) EXPECT_TRUE(connection.render({}, view(natural(1500, 900))).ok());
+    for (int i = 0; i < 3; ++i) EXPECT_OK(connection.render({}, view(natural(1500, 900))));
   }
   const absl::Time begin = absl::Now();
   daemon.signal(SIGTERM);
@@ -278,7 +276,7 @@ void stream_a_bad_frame(const std::shared_ptr<grpc::Channel>& channel, const std
   bool failed = false;
   while (stream->Read(&response)) failed = failed || response.has_failure();
   EXPECT_TRUE(failed);
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
 }
 
 // Behind a proxy, gRPC's peer is the proxy.

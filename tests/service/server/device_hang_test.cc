@@ -31,7 +31,7 @@ TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTh
   ASSERT_OK_AND_ASSIGN(std::unique_ptr<Server> server, Server::start(config, [&gone] { ++gone; }));
   const Connection connection(server->in_process_channel());
   const WireFrame frame = natural(160, 90);
-  ASSERT_TRUE(connection.render({}, view(frame)).ok());
+  ASSERT_OK(connection.render({}, view(frame)));
   server->hang_device();
   absl::Status statuses[2];
   const absl::Time begin = absl::Now();
@@ -70,7 +70,7 @@ TEST(DeviceHang, SessionsGoOnElsewhereWithTheSameBitsAndTheDaemonDrainsAndEndsWi
   SessionOptions options;
   options.servers = {second};
   const SessionRun whole = run_session(Session::open(options), film);
-  ASSERT_TRUE(whole.status.ok()) << whole.status;
+  ASSERT_OK(whole.status);
 
   options.servers = {first, second};
   SessionRun runs[2];
@@ -81,7 +81,7 @@ TEST(DeviceHang, SessionsGoOnElsewhereWithTheSameBitsAndTheDaemonDrainsAndEndsWi
   }
   const absl::Time resumed = absl::Now();
   for (const SessionRun& run : runs) {
-    EXPECT_TRUE(run.status.ok()) << run.status;
+    EXPECT_OK(run.status);
     EXPECT_TRUE(run.images == whole.images);
     EXPECT_EQ(run.stats.resumes, 1u);
   }
@@ -115,7 +115,7 @@ TEST(DeviceHang, OneThatShowsDuringADrainDoesNotCutItShort) {
   hanging.signal(SIGTERM);
   client.join();
   EXPECT_LT(results, 24u);
-  EXPECT_TRUE(absl::IsUnavailable(run.status)) << run.status;
+  EXPECT_REFUSED(kUnavailable, "", run.status);
   EXPECT_EQ(hanging.wait(), 1);
   EXPECT_NE(hanging.errors().find("the device hangs"), std::string::npos) << hanging.errors();
   EXPECT_NE(hanging.errors().find("info stopped"), std::string::npos) << hanging.errors();

@@ -15,6 +15,7 @@
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/session_run.h"
 #include "tests/service/sessions/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -38,7 +39,7 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   EXPECT_EQ(before.at("candela_sessions"), 0);
 
   const WireFrame frame = natural(320, 240);
-  ASSERT_TRUE(connection.render({}, view(frame)).ok());
+  ASSERT_OK(connection.render({}, view(frame)));
   ASSERT_TRUE(wait_until_idle(connection));
   std::map<std::string, double> after = scrape(*server);
   EXPECT_EQ(after.at("candela_frames_total{result=\"ok\"}"), 1);
@@ -206,7 +207,7 @@ TEST_F(SessionMetrics, ARefusalAtTheOpenMessageIsCountedByItsReason) {
         second.open("taken");
         EXPECT_EQ(second.finish().error_code(), grpc::ALREADY_EXISTS);
         first.half_close();
-        EXPECT_TRUE(first.finish().ok());
+        EXPECT_OK(first.finish());
       }),
       (Counts{{"request", 1}}));
 }
@@ -352,7 +353,7 @@ TEST_F(SessionMetrics, AFrameWhoseSessionMovesToAnotherCallIsAborted) {
               second.open("moves", {}, result.token());
               EXPECT_EQ(first.finish().error_code(), grpc::ABORTED);
               second.half_close();
-              EXPECT_TRUE(second.finish().ok());
+              EXPECT_OK(second.finish());
             }),
             (Counts{{"ok", 1}, {"aborted", 1}}));
 }
@@ -389,9 +390,7 @@ TEST(MetricsPort, AnAddressThatIsTakenFailsTheStartInOneLine) {
   Config config = test_config();
   config.metrics = first->metrics_address();
   const absl::Status status = Server::start(config).status();
-  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
-  EXPECT_NE(std::string(status.message()).find("cannot serve metrics on " + config.metrics),
-            std::string::npos);
+  EXPECT_REFUSED(kUnavailable, "cannot serve metrics on " + config.metrics, status);
   EXPECT_EQ(std::string(status.message()).find('\n'), std::string::npos);
   EXPECT_NE(get(first->metrics_address(), "/metrics"), "");
 }

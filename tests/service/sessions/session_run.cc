@@ -8,6 +8,7 @@
 
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -52,7 +53,7 @@ SessionRun run_session(absl::StatusOr<Session> session, const Film& film,
     if (!result.ok() || !*result) break;
     const FrameResult& frame = **result;
     EXPECT_EQ(frame.sequence, run.images.size());
-    EXPECT_TRUE(frame.status.ok()) << frame.status;
+    EXPECT_OK(frame.status);
     run.images.emplace_back(reinterpret_cast<const char*>(frame.image.data.get()), frame.image.bytes);
     if (on_result) on_result(run.images.size());
   }

@@ -120,7 +120,7 @@ TEST_P(Stream, ACutTakesItsTargetAndARepeatTheSameBits) {
   EXPECT_EQ(again.pixels, second.pixels);
   EXPECT_EQ(again.header.exposure(), second.header.exposure());
   client.half_close();
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 TEST_P(Stream, LookaheadSpreadsASpikeAndIsThePlainRecursionAtZero) {
@@ -168,7 +168,7 @@ TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   EXPECT_EQ(results[2].header.exposure(), 8.0);
   EXPECT_EQ(results[2].header.format(), v1::OUTPUT_FORMAT_RGBA16);
   EXPECT_EQ(results[3].header.exposure(), 8.0);
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 // A promise is kept frame by frame: draft has no bound where something blooms.
@@ -217,7 +217,7 @@ TEST_P(Stream, RefusedFramesDoNotHoldLookAheadUp) {
     EXPECT_EQ(results[i].sequence(), i);
     EXPECT_EQ(results[i].failed, i > 0 && i + 1 < kFrames);
   }
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 TEST_P(Stream, ARefusedFrameIsItsOwnAndTheSessionGoesOn) {
@@ -238,7 +238,7 @@ TEST_P(Stream, ARefusedFrameIsItsOwnAndTheSessionGoesOn) {
   EXPECT_EQ(results[1].failure.code(), static_cast<uint32_t>(grpc::INVALID_ARGUMENT));
   EXPECT_NE(results[1].failure.message().find("x 5, y 0"), std::string::npos) << results[1].failure.message();
   EXPECT_EQ(results[2].header.exposure_before(), results[0].header.exposure());
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 TEST_P(Stream, EncodedResultsHoldTheSamePixels) {
@@ -283,7 +283,7 @@ TEST_P(Stream, ResumesFromAnyResultWithTheSameBits) {
       });
       const std::vector<StreamResult> rest = client.read_all();
       writer.join();
-      EXPECT_TRUE(client.finish().ok());
+      EXPECT_OK(client.finish());
       EXPECT_EQ(client.opened().epoch(), 1u);
       ASSERT_EQ(rest.size(), frames.size() - stop - 1);
       for (size_t i = 0; i < rest.size(); ++i) {
@@ -330,7 +330,7 @@ TEST_P(Stream, OneCallAtATimeHasASession) {
   EXPECT_EQ(result.sequence(), 1u);
   EXPECT_EQ(first.finish().error_code(), grpc::ABORTED) << "the session went on elsewhere";
   third.half_close();
-  EXPECT_TRUE(third.finish().ok());
+  EXPECT_OK(third.finish());
 }
 
 // A client that loses two calls in a row has the same token for both, whatever the server knows about them.

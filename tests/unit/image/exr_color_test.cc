@@ -227,7 +227,7 @@ TEST_F(ExrColors, DataIsNoPictureUnlessItIsChosen) {
   EXPECT_EQ(component(chosen, 0, 0, 0), 0.5f);
   EXPECT_FALSE(chosen.names_primaries);
   ASSERT_EQ(chosen.notes.size(), 1u);
-  EXPECT_TRUE(read_image(path_, {}, {.own_values = true}).ok());
+  EXPECT_OK(read_image(path_, {}, {.own_values = true}));
 
   // Of several parts, the first with colours is taken.
   std::vector<Imf::Header> headers;
@@ -250,7 +250,7 @@ TEST_F(ExrColors, DataIsNoPictureUnlessItIsChosen) {
   image_ = read();
   EXPECT_EQ(component(image_, 0, 0, 0), 0.5f);
   EXPECT_STREQ(find_primaries(image_.chromaticities.value_or(kRec709.xy))->name, "AP1");
-  EXPECT_TRUE(read_image(path_, {}, {.part = "normals"}).ok());
+  EXPECT_OK(read_image(path_, {}, {.part = "normals"}));
 }
 
 TEST_F(ExrColors, AnAdoptedNeutralThatIsNotTheWhiteIsNoted) {
@@ -279,13 +279,13 @@ TEST_F(ExrColors, WrittenLightNamesItsPrimaries) {
     Image image = *make_image(2, 2, ImageFormat::kRgba16f);
     const Imf::Chromaticities c = chromaticities_of(name);
     image.chromaticities = {c.red.x, c.red.y, c.green.x, c.green.y, c.blue.x, c.blue.y, c.white.x, c.white.y};
-    ASSERT_TRUE(write_image(path_, image).ok());
+    ASSERT_OK(write_image(path_, image));
     ASSERT_OK_AND_ASSIGN(auto facts, describe_image(path_));
     EXPECT_EQ(facts.parts[0].color_interop_id, expected);
     EXPECT_EQ(facts.notes, std::vector<std::string>{});
   }
   const Image image = *make_image(2, 2, ImageFormat::kRgba16f);
-  ASSERT_TRUE(write_image(path_, image, {.transfer = EncodedTransfer::kUnknown}).ok());
+  ASSERT_OK(write_image(path_, image, {.transfer = EncodedTransfer::kUnknown}));
   EXPECT_EQ(describe_image(path_)->parts[0].color_interop_id, "unknown");
   EXPECT_FALSE(read().names_primaries);
 }

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <random>
 
+#include "tests/support/status.h"
 #include "tests/unit/image/exr_reader_fixture.h"
 
 namespace candela {
@@ -42,7 +43,7 @@ TEST_F(ExrReader, RefusesLuminanceWithoutWeights) {
     file.setFrameBuffer(pixels.data(), 1, 4);
     file.writePixels(4);
   }
-  ASSERT_TRUE(read_image(path_).ok());
+  ASSERT_OK(read_image(path_));
 
   std::string bytes = read_file(path_);
   const std::string name("chromaticities\0chromaticities\0\x20\0\0\0", 34);

@@ -50,7 +50,7 @@ class ExrGaps : public ExrReader {
 
   Image filled() {
     absl::StatusOr<Image> image = read_image(path_, {}, {.fills_gaps = true});
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? *std::move(image) : Image{};
   }
 };
@@ -142,7 +142,7 @@ TEST_F(ExrGaps, OnlyWhatThePictureShowsIsCounted) {
   const Image image = filled();
   expect_there(image, [](int, int y) { return y <= 4; });
   write_rows(header, 15);  // all of the picture; OpenEXR need not read more
-  EXPECT_TRUE(read_image(path_).ok()) << error();
+  EXPECT_OK(read_image(path_)) << error();
 }
 
 TEST_F(ExrGaps, ADamagedChunkIsCountedToo) {

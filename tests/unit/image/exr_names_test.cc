@@ -183,10 +183,10 @@ TEST_F(ExrChoice, EveryNameThatIsShownCanBePassedBack) {
     for (const PartFacts& part : facts.parts) {
       EXPECT_TRUE(!in_parts || read_image(path_, {}, {.part = part.name}).ok()) << part.name;
       for (const std::string& layer : part.layers) {
-        EXPECT_TRUE(read_image(path_, {}, {.layer = layer}).ok()) << layer;
+        EXPECT_OK(read_image(path_, {}, {.layer = layer})) << layer;
       }
       for (const ChannelFacts& channel : part.channels) {
-        EXPECT_TRUE(read_image(path_, {}, {.layer = channel.name}).ok()) << channel.name;
+        EXPECT_OK(read_image(path_, {}, {.layer = channel.name})) << channel.name;
       }
     }
   }

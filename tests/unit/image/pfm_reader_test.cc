@@ -61,7 +61,7 @@ TEST_F(PfmReader, ReadsHeadersWithCommentsAndWithLineEndsInCrLf) {
          {"PF\n2 1\n-1\n", "PF\r\n2 1\r\n-1\r\n", "PF\r2 1\r-1\r", "PF 2 1 -1 ", "PF\n# a comment\n2 1\n-1\n",
           "PF\r\n# one\r\n# two\r\n2 # width\r\n1\r\n-1.0\r\n", "PF\n2 1\n#\n-1\n"}) {
       const auto image = read(header + floats({first, 2, 3, 4, 5, 6}));
-      ASSERT_TRUE(image.ok()) << image.status() << header;
+      ASSERT_OK(image) << header;
       EXPECT_EQ(component(*image, 0, 0, 0), first) << header << std::hex << bits;
       EXPECT_EQ(component(*image, 1, 0, 2), 6) << header << std::hex << bits;
     }

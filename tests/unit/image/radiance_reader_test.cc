@@ -25,7 +25,7 @@ class RadianceReader : public ::testing::Test {
   }
   Image good(const std::string& header, const std::string& pixels) {
     absl::StatusOr<Image> image = read(header, pixels);
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? *std::move(image) : Image{};
   }
   std::string error(const std::string& header, const std::string& pixels) {

@@ -8,6 +8,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -125,7 +126,7 @@ TEST(Heartbeat, AThreadThatIsStuckIsReportedAndSoIsItsEnd) {
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
-  ASSERT_TRUE(loop.submit(std::move(job)).ok());
+  ASSERT_OK(loop.submit(std::move(job)));
   EXPECT_TRUE(reports.wait_for({.working = false, .moving = true}));
   EXPECT_TRUE(reports.wait_for({.working = false, .moving = false}));
   open.Notify();
@@ -144,7 +145,7 @@ TEST(Heartbeat, ABeatThatWaitsWhenItStopsIsNotSent) {
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
-  ASSERT_TRUE(loop.submit(std::move(job)).ok());
+  ASSERT_OK(loop.submit(std::move(job)));
   {
     Heartbeat heartbeat(
         loop,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/synchronization/notification.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -44,7 +45,7 @@ TEST(RenderLoop, RendersInTheOrderOfSubmission) {
   {
     RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 100);
     for (int i = 0; i < 50; ++i) {
-      ASSERT_TRUE(loop.submit(job([&order, i](auto) { order.push_back(i); })).ok());
+      ASSERT_OK(loop.submit(job([&order, i](auto) { order.push_back(i); })));
     }
   }
   ASSERT_EQ(order.size(), 50u);
@@ -54,10 +55,10 @@ TEST(RenderLoop, RendersInTheOrderOfSubmission) {
 TEST(RenderLoop, AFullQueueRefusesAndForgetsTheJob) {
   GatedRender render;
   RenderLoop loop(render.function(), 2);
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  ASSERT_OK(loop.submit(job([](auto) {})));
   render.wait_until_busy();
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  ASSERT_OK(loop.submit(job([](auto) {})));
+  ASSERT_OK(loop.submit(job([](auto) {})));
   FrameJob fourth = job([](auto) { ADD_FAILURE() << "a refused job was completed"; });
   const std::weak_ptr<Frame> frame = fourth.frame;
   EXPECT_TRUE(absl::IsUnavailable(loop.submit(std::move(fourth)).status()));
@@ -93,9 +94,9 @@ TEST(RenderLoop, AJobPastItsDeadlineIsDroppedWithItsReason) {
         8);
     FrameJob late = job([&](absl::StatusOr<RenderedFrame> result) { status = result.status(); });
     late.deadline = absl::Now() - absl::Milliseconds(1);
-    ASSERT_TRUE(loop.submit(std::move(late)).ok());
+    ASSERT_OK(loop.submit(std::move(late)));
   }
-  EXPECT_TRUE(absl::IsDeadlineExceeded(status)) << status;
+  EXPECT_REFUSED(kDeadlineExceeded, "", status);
   EXPECT_EQ(rendered, 0);
 }
 
@@ -110,7 +111,7 @@ TEST(RenderLoop, ARenderersErrorReachesItsJobAlone) {
         },
         8);
     for (int i = 0; i < 3; ++i) {
-      ASSERT_TRUE(loop.submit(job([&](auto result) { codes.push_back(result.status().code()); })).ok());
+      ASSERT_OK(loop.submit(job([&](auto result) { codes.push_back(result.status().code()); })));
     }
   }
   EXPECT_EQ(codes,
@@ -120,7 +121,7 @@ TEST(RenderLoop, ARenderersErrorReachesItsJobAlone) {
 TEST(RenderLoop, StopFinishesWhatWaitsAndTakesNoMore) {
   int done = 0;
   RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 100);
-  for (int i = 0; i < 20; ++i) ASSERT_TRUE(loop.submit(job([&done](auto) { ++done; })).ok());
+  for (int i = 0; i < 20; ++i) ASSERT_OK(loop.submit(job([&done](auto) { ++done; })));
   loop.stop();
   EXPECT_EQ(done, 20);
   EXPECT_TRUE(absl::IsUnavailable(loop.submit(job([](auto) {})).status()));
@@ -144,9 +145,9 @@ FrameJob long_job(Flow flow, int slices, std::vector<Flow>& order) {
 
 // Submits the jobs while the loop is busy, so that all of them wait when it is done with that.
 void submit_together(RenderLoop& loop, GatedRender& render, std::vector<FrameJob> jobs) {
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  ASSERT_OK(loop.submit(job([](auto) {})));
   render.wait_until_busy();
-  for (FrameJob& each : jobs) ASSERT_TRUE(loop.submit(std::move(each)).ok());
+  for (FrameJob& each : jobs) ASSERT_OK(loop.submit(std::move(each)));
   render.open();
 }
 
@@ -210,11 +211,10 @@ TEST(RenderLoop, ATaskOfTheHeartbeatRunsBetweenSlices) {
   jobs.push_back(long_job(1, 50, order));
   submit_together(loop, render, std::move(jobs));
   absl::Notification beat;
-  ASSERT_TRUE(loop.post([&] {
-                    order.push_back(100);
-                    beat.Notify();
-                  })
-                  .ok());
+  ASSERT_OK(loop.post([&] {
+    order.push_back(100);
+    beat.Notify();
+  }));
   beat.WaitForNotification();
   loop.stop();
   EXPECT_NE(order.back(), 100u) << "the beat waited for the end of the job";
@@ -240,9 +240,9 @@ TEST(RenderLoop, AFrameInSlicesIsRenderedAndItsPausesCountAsWaiting) {
   });
   frame.in_slices = true;
   const absl::Time begin = absl::Now();
-  ASSERT_TRUE(loop.submit(std::move(frame)).ok());
+  ASSERT_OK(loop.submit(std::move(frame)));
   done.WaitForNotification();
-  ASSERT_TRUE(result.ok()) << result.status();
+  ASSERT_OK(result);
   EXPECT_EQ(result->report.exposure, 7);
   EXPECT_LE(result->queued, absl::Now() - begin - absl::Milliseconds(50));
 }
@@ -260,7 +260,7 @@ TEST(RenderLoop, AJobCancelledBetweenSlicesReleasesWhatItHoldsAtOnce) {
   endless.done = [](auto) { ADD_FAILURE() << "a cancelled job was completed"; };
   const absl::StatusOr<Ticket> ticket = loop.submit(std::move(endless));
   while (slices == 0) std::this_thread::yield();
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());  // occupies the thread
+  ASSERT_OK(loop.submit(job([](auto) {})));  // occupies the thread
   render.wait_until_busy();
   EXPECT_EQ(loop.waiting(), 1u);
   EXPECT_TRUE(loop.cancel(*ticket));
@@ -288,7 +288,7 @@ TEST(RenderLoop, AJobCancelledDuringASliceEndsWithIt) {
   EXPECT_FALSE(loop.cancel(*ticket));
   cancelled.Notify();
   done.WaitForNotification();
-  EXPECT_TRUE(absl::IsCancelled(status)) << status;
+  EXPECT_REFUSED(kCancelled, "", status);
 }
 
 TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
@@ -308,9 +308,9 @@ TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
     status = result.status();
     done.Notify();
   };
-  ASSERT_TRUE(loop.submit(std::move(late)).ok());
+  ASSERT_OK(loop.submit(std::move(late)));
   done.WaitForNotification();
-  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_OK(status);
 }
 
 }  // namespace
