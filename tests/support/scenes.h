@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "client/image/image.h"
 #include "client/image/scenes.h"
 #include "server/render/settings/settings.h"
 
@@ -42,6 +43,14 @@ WireFrame lit_tiles(uint32_t width, uint32_t height);
 // The same value in every texel.
 WireFrame flat(uint32_t width, uint32_t height, Texel value,
                v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
+
+// An image's own pixels.
+inline WireFrame frame_of(const Image& image) {
+  const auto pixels = image.pixels.span();
+  return {{image.width, image.height,
+           image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
+          {pixels.begin(), pixels.end()}};
+}
 
 // scenes::hard_cases() and two more with large negative values.
 std::vector<HardCase> hard_cases(uint32_t width, uint32_t height);
