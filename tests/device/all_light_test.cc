@@ -29,13 +29,6 @@ TexelFunction suns(uint32_t width, uint32_t height) {
   };
 }
 
-v1::Settings at_ev(double ev) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_exposure()->set_manual_ev(ev);
-  return settings;
-}
-
 class AllLight : public FrameErrorTest {
  protected:
   static Rendered must_render(const WireFrame& frame, const v1::Settings& settings = {}) {

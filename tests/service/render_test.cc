@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_join.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/settings.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -154,9 +155,7 @@ TEST_P(Render, RowPaddingChangesNothing) {
 }
 
 TEST_P(Render, TheHeaderSaysWhatWasDone) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_exposure()->set_manual_ev(1);
+  v1::Settings settings = at_ev(1);
   settings.set_prescale(2);
   ASSERT_OK_AND_ASSIGN(const RenderResult result,
                        connection().render(settings, view(flat(8, 8, {0.5f, 0.5f, 0.5f, 1.0f}), 3)));

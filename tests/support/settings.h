@@ -12,6 +12,21 @@ namespace candela::testing {
 // Complete settings from a message that is known to be good; ends the program if it is refused.
 inline Settings checked(const v1::Settings& message) { return Settings::from(message).value(); }
 
+inline v1::Settings at_ev(double ev) {
+  v1::Settings message;
+  message.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  message.mutable_exposure()->set_manual_ev(ev);
+  return message;
+}
+
+// Exposure 1 and no bloom, so that the scene's light is the exposed light.
+inline v1::Settings plain() {
+  v1::Settings message;
+  message.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  message.mutable_bloom()->set_intensity(0);
+  return message;
+}
+
 inline v1::Chromaticities to_message(const Chromaticities& chromaticities) {
   const std::array<double, 8>& xy = chromaticities.xy;
   v1::Chromaticities message;

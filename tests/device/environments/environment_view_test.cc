@@ -117,8 +117,10 @@ TEST_P(EnvironmentViewTest, WhatCannotBeRenderedIsRefusedByName) {
     view.objects.assign(count, sphere);
     return view;
   };
+  View two_samples;
+  two_samples.samples = 2;
   const std::pair<View, const char*> table[] = {
-      {View{.samples = 2}, "view.samples is 2; it must be 1, 4 or 16"},
+      {two_samples, "view.samples is 2; it must be 1, 4 or 16"},
       {turned_view(0, 0, 0, 171), "view.camera.fov_deg is 171; it must be 1 .. 170"},
       {of_spheres(1, {{0, 0, -0.5}, 0.5, {1, 1, 1}, 0, 0, false}), "the camera is in view.objects[0]"},
       {of_spheres(1, {{0, 0, -5}, 0, {1, 1, 1}, 0, 0, false}),

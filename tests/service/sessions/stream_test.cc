@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
+#include "tests/support/settings.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -153,9 +154,7 @@ TEST_P(Stream, DetectsACutButNoLightThatGoesOn) {
 
 TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   const std::vector<WireFrame> frames = step(2);
-  v1::Settings manual;
-  manual.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  manual.mutable_exposure()->set_manual_ev(3.0);
+  v1::Settings manual = at_ev(3.0);
   manual.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
   StreamClient client(channel());
   ASSERT_TRUE(client.open("change"));
