@@ -39,16 +39,6 @@ std::vector<fs::path> good_files() {
   return files;
 }
 
-v1::Settings settings_of(const Image& image) {
-  v1::Settings settings;
-  if (image.chromaticities) {
-    Chromaticities chromaticities;
-    std::copy(image.chromaticities->begin(), image.chromaticities->end(), chromaticities.xy.begin());
-    *settings.mutable_input_chromaticities() = to_message(chromaticities);
-  }
-  return settings;
-}
-
 TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
   if (!fs::is_directory(data_folder()))
     GTEST_SKIP() << "no test images at " << data_folder() << "; set CANDELA_DATA";

@@ -244,7 +244,7 @@ TEST_F(IgnoreBelow, VerifiesAndSaysSo) {
       const FrameReport seen = report(natural(131, 67, format), settings, {}, Verify::kYes);
       ASSERT_TRUE(seen.verification);
       EXPECT_LE(seen.verification->rounded.meter_error_ev, 2e-5);
-      EXPECT_NE(seen.plan.words.at(0).find(" above 0.25"), std::string::npos) << seen.plan.words.at(0);
+      EXPECT_TRUE(says(seen.plan.words.at(0), " above 0.25"));
     }
   }
 }

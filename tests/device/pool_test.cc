@@ -191,7 +191,7 @@ TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
   allocations_that_fail = 0;
   EXPECT_REFUSED(kUnavailable, "", beside);
   EXPECT_REFUSED(kUnavailable, "", panorama);
-  EXPECT_NE(std::string(beside.message()).find("texture of"), std::string::npos) << beside;
+  EXPECT_TRUE(says(beside.message(), "texture of"));
 }
 
 TEST_F(Pool, AFrameThatDoesNotFitTakesNothing) {

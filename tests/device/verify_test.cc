@@ -242,7 +242,7 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
   EXPECT_OK(renderer->allocate(desc, {}));
   const absl::Status refused = renderer->allocate(desc, {}, Verify::kYes).status();
   EXPECT_REFUSED(kResourceExhausted, "the memory budget is 12288000", refused);
-  EXPECT_NE(std::string(refused.message()).find("do without verification"), std::string::npos) << refused;
+  EXPECT_TRUE(says(refused.message(), "do without verification"));
 
   TexturePool enough(device(), 70 * kPixels);
   ASSERT_OK_AND_ASSIGN(auto other, Renderer::create(device(), enough));

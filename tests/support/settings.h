@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "client/image/image.h"
 #include "server/render/color/primaries.h"
 #include "server/render/settings/settings.h"
 #include "shaders/color_table.h"
@@ -39,6 +40,17 @@ inline v1::Chromaticities to_message(const Chromaticities& chromaticities) {
   message.set_white_x(static_cast<float>(xy[6]));
   message.set_white_y(static_cast<float>(xy[7]));
   return message;
+}
+
+// That say what an image says of its light.
+inline v1::Settings settings_of(const Image& image) {
+  v1::Settings settings;
+  if (image.chromaticities) {
+    Chromaticities chromaticities;
+    std::copy(image.chromaticities->begin(), image.chromaticities->end(), chromaticities.xy.begin());
+    *settings.mutable_input_chromaticities() = to_message(chromaticities);
+  }
+  return settings;
 }
 
 inline v1::ColorTable to_message(const ColorTable& table) {

@@ -1,4 +1,4 @@
-// Tests of functions that return absl::Status, absl::StatusOr or grpc::Status.
+// Tests of functions that return absl::Status, absl::StatusOr or grpc::Status, and of what messages say.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -24,7 +24,16 @@
   ASSERT_TRUE(result.ok()) << #__VA_ARGS__ << ": " << result.status(); \
   left = *std::move(result)
 
-namespace candela::testing {
+namespace candela {
+
+// EXPECT_TRUE(says(outcome.err, "no such file")); A failure shows the text.
+inline ::testing::AssertionResult says(absl::string_view text, absl::string_view words) {
+  const bool so = absl::StrContains(text, words);
+  return (so ? ::testing::AssertionSuccess() : ::testing::AssertionFailure())
+         << '"' << words << "\" is " << (so ? "" : "not ") << "in: " << text;
+}
+
+namespace testing {
 
 template <typename Result>
 absl::Status status_of(const Result& result) {
@@ -48,4 +57,5 @@ inline ::testing::AssertionResult is_refused(absl::StatusCode code, absl::string
          << status << "; expected " << absl::StatusCodeToString(code) << " and \"" << words << '"';
 }
 
-}  // namespace candela::testing
+}  // namespace testing
+}  // namespace candela

@@ -54,7 +54,7 @@ TEST_P(Discovery, ReflectionListsTheService) {
   ASSERT_OK_AND_ASSIGN(
       const std::string answer,
       ask("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x00", 2)));
-  EXPECT_NE(answer.find("candela.v1.RenderService"), std::string::npos);
+  EXPECT_TRUE(says(answer, "candela.v1.RenderService"));
 }
 
 TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
@@ -135,8 +135,7 @@ TEST(UnreachableServer, TheErrorNamesTheAddressAndTheWayOut) {
     EXPECT_REFUSED(kUnavailable, "", status);
     const std::string message(status.message());
     EXPECT_EQ(message.rfind("cannot reach 127.0.0.1:1: ", 0), 0u) << message;
-    EXPECT_NE(message.find("candelad --listen 127.0.0.1:1, or name another server"), std::string::npos)
-        << message;
+    EXPECT_TRUE(says(message, "candelad --listen 127.0.0.1:1, or name another server"));
   }
 }
 

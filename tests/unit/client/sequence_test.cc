@@ -84,8 +84,8 @@ TEST_F(SequenceTest, FilesWithoutACommonNumberAreCountedAndANoteSaysSo) {
     ASSERT_OK_AND_ASSIGN(const auto sequence, find(inputs));
     EXPECT_EQ(numbers(sequence), (Numbers{0, 1}));
     ASSERT_EQ(sequence.notes.size(), 1u);
-    EXPECT_NE(sequence.notes[0].find("do not look like a sequence"), std::string::npos);
-    EXPECT_NE(sequence.notes[0].find("candela render IN... OUTDIR/"), std::string::npos);
+    EXPECT_TRUE(says(sequence.notes[0], "do not look like a sequence"));
+    EXPECT_TRUE(says(sequence.notes[0], "candela render IN... OUTDIR/"));
   }
   EXPECT_EQ(find({"e"})->notes.size(), 0u) << "one file is no mistake";
 }
@@ -129,7 +129,7 @@ TEST_F(SequenceTest, AGapIsKeptAsTimeOrFilled) {
   EXPECT_EQ(skipped.media_time_ns(8, {1, 1}), 5'000'000'000);
   EXPECT_EQ(skipped.frames[2].place, 2u);
   ASSERT_EQ(skipped.notes.size(), 1u);
-  EXPECT_NE(skipped.notes[0].find("frames 4, 6-7 are missing"), std::string::npos) << skipped.notes[0];
+  EXPECT_TRUE(says(skipped.notes[0], "frames 4, 6-7 are missing"));
 
   ASSERT_OK_AND_ASSIGN(const auto held, find({"in"}, {.missing = MissingFrames::kHold}));
   EXPECT_EQ(numbers(held), (Numbers{3, 5, 8}));

@@ -266,7 +266,7 @@ TEST_F(EnvironmentFiles, HarmonicsAsJsonCarryTheIrradianceOfAWhiteWorld) {
   harmonics[1][1] = INFINITY;
   EXPECT_EQ(write_harmonics(folder_.path("sh.json"), harmonics).message(),
             "a spherical harmonic of the environment is inf; it must be finite");
-  EXPECT_NE(text.find(" 0.1\n"), std::string::npos) << text;  // a float's digits, not a double's
+  EXPECT_TRUE(says(text, " 0.1\n"));  // a float's digits, not a double's
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ TEST_F(ExrChoice, TakesAPartByNameOrByNumber) {
               absl::StrFormat("there is no part \"%s\"; there are: 1 rgba, 2 depth, 3 motion, 4 beauty pass",
                               wrong));
   }
-  EXPECT_NE(pixel({.part = "motion"}).find("it has forward.u, forward.v"), std::string::npos);
+  EXPECT_TRUE(says(pixel({.part = "motion"}), "it has forward.u, forward.v"));
   EXPECT_EQ(pixel({.part = "motion", .layer = "forward.v"}), "2 2 2");
 }
 

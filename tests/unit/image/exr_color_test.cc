@@ -81,9 +81,9 @@ TEST_F(ExrColors, TheFlagCountsBeforeTheIdAndTheIdBeforeChromaticities) {
   flag(1);
   EXPECT_EQ(read_as(), "AP0");
   ASSERT_EQ(image_.notes.size(), 1u) << notes();
-  EXPECT_NE(notes().find("acesImageContainerFlag 1 counts"), std::string::npos) << notes();
-  EXPECT_NE(notes().find("lin_ap1_scene (ACEScg (AP1))"), std::string::npos) << notes();
-  EXPECT_NE(notes().find("chromaticities (P3-D65"), std::string::npos) << notes();
+  EXPECT_TRUE(says(notes(), "acesImageContainerFlag 1 counts"));
+  EXPECT_TRUE(says(notes(), "lin_ap1_scene (ACEScg (AP1))"));
+  EXPECT_TRUE(says(notes(), "chromaticities (P3-D65"));
   flag(0);
   EXPECT_EQ(read_as(), "AP1");
 }
@@ -140,7 +140,7 @@ TEST_F(ExrColors, HalvesAreDecodedToFloatsSoThatNothingIsRoundedTwice) {
   ASSERT_EQ(image_.bytes(), image_.pixels.size());
   EXPECT_FLOAT_EQ(component(image_, 3, 1, 0), static_cast<float>(std::pow(0.555 / 1.055, 2.4)));
   // 4 x 2 pixels take 64 bytes as halves, and 128 as floats.
-  EXPECT_NE(error({.max_bytes = 127}).find("limit is 127 bytes"), std::string::npos);
+  EXPECT_TRUE(says(error({.max_bytes = 127}), "limit is 127 bytes"));
 }
 
 TEST_F(ExrColors, DecodingKeepsAssociatedColourAndAbsentPixelsAndOddValues) {
@@ -176,8 +176,8 @@ TEST_F(ExrColors, SignalsOfADisplayAreRefusedByName) {
     id(name);
     write();
     const std::string refused = error();
-    EXPECT_NE(refused.find(path_ + ": its colorInteropID is " + name), std::string::npos) << refused;
-    EXPECT_NE(refused.find("--ocio-input"), std::string::npos) << refused;
+    EXPECT_TRUE(says(refused, path_ + ": its colorInteropID is " + name));
+    EXPECT_TRUE(says(refused, "--ocio-input"));
     ASSERT_OK_AND_ASSIGN(const auto facts, describe_image(path_));
     EXPECT_EQ(facts.renderable.code(), absl::StatusCode::kUnimplemented);
     EXPECT_EQ(facts.parts[0].color_interop_id, name);
@@ -198,11 +198,11 @@ TEST_F(ExrColors, UnknownStatesNothingAndANameThatNobodyDefinesIsNoted) {
     id(name);
     EXPECT_EQ(read_as(), "AP1") << name;
     ASSERT_EQ(image_.notes.size(), 1u) << notes();
-    EXPECT_NE(notes().find("\"" + name + "\", is not used"), std::string::npos) << notes();
+    EXPECT_TRUE(says(notes(), "\"" + name + "\", is not used"));
   }
   id("\x1b[2J");
   EXPECT_EQ(read_as(), "AP1");
-  EXPECT_NE(notes().find("\\x1b[2J"), std::string::npos) << notes();
+  EXPECT_TRUE(says(notes(), "\\x1b[2J"));
   header_.erase("chromaticities");
   id("unknown");
   EXPECT_EQ(read_as(), "assumed");
@@ -220,9 +220,7 @@ TEST_F(ExrColors, AttributesOfAnotherTypeStateNothing) {
 TEST_F(ExrColors, DataIsNoPictureUnlessItIsChosen) {
   id("data");
   write();
-  EXPECT_NE(error().find("its colorInteropID is data, so it holds numbers and no colours; --part 1"),
-            std::string::npos)
-      << error();
+  EXPECT_TRUE(says(error(), "its colorInteropID is data, so it holds numbers and no colours; --part 1"));
   ASSERT_OK_AND_ASSIGN(Image chosen, read_image(path_, {}, {.part = "1"}));
   EXPECT_EQ(component(chosen, 0, 0, 0), 0.5f);
   EXPECT_FALSE(chosen.names_primaries);
@@ -268,7 +266,7 @@ TEST_F(ExrColors, AnAdoptedNeutralThatIsNotTheWhiteIsNoted) {
     Imf::addAdoptedNeutral(header_, {odd, odd});
     read_as();
     ASSERT_EQ(image_.notes.size(), 1u) << odd;
-    EXPECT_EQ(notes().find("--white-balance"), std::string::npos) << notes();
+    EXPECT_FALSE(says(notes(), "--white-balance"));
   }
 }
 

@@ -12,14 +12,13 @@ TEST(ReadImage, SaysWhatIsWrongWithThePath) {
   TemporaryFolder folder;
   const auto error = [](const std::string& path) { return read_image(path).status(); };
   EXPECT_REFUSED(kNotFound, "missing.exr: cannot read: No such file", error(folder.path("missing.exr")));
-  EXPECT_NE(error(folder.path("")).message().find("is a folder"), absl::string_view::npos);
+  EXPECT_TRUE(says(error(folder.path("")).message(), "is a folder"));
   write_file(folder.path("empty.exr"), "");
-  EXPECT_NE(error(folder.path("empty.exr")).message().find("the file is empty"), absl::string_view::npos);
+  EXPECT_TRUE(says(error(folder.path("empty.exr")).message(), "the file is empty"));
   write_file(folder.path("text.exr"), "hello");
-  EXPECT_NE(error(folder.path("text.exr")).message().find("not an OpenEXR, Radiance or PFM file"),
-            absl::string_view::npos);
+  EXPECT_TRUE(says(error(folder.path("text.exr")).message(), "not an OpenEXR, Radiance or PFM file"));
   ASSERT_EQ(mkfifo(folder.path("pipe.hdr").c_str(), 0600), 0);
-  EXPECT_NE(error(folder.path("pipe.hdr")).message().find("not a regular file"), absl::string_view::npos);
+  EXPECT_TRUE(says(error(folder.path("pipe.hdr")).message(), "not a regular file"));
 }
 
 TEST(ReadImage, GoesByContentNotByName) {

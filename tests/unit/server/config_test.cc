@@ -51,7 +51,7 @@ TEST(Config, HelpNamesTheFlagTheVariableAndTheRangeOfEveryOption) {
   for (const Option& option : option_table()) {
     for (const std::string& text : {absl::StrCat("  --", option.name, " "),
                                     absl::StrCat("(Env:", variable_name(option), ")"), range_text(option)}) {
-      EXPECT_NE(help.text.find(text), std::string::npos) << text;
+      EXPECT_TRUE(says(help.text, text));
     }
   }
 }

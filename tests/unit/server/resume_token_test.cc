@@ -65,8 +65,6 @@ std::string refusal(const TokenKeys& by, const std::string& token, const std::st
   return std::string(status.message());
 }
 
-bool says(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
-
 TEST(ResumeToken, GivesBackWhatItWasMadeOfInAtMostAKibibyte) {
   const TokenKeys ours = keys(key('a'));
   const ResumePoint full = full_point();
@@ -210,16 +208,14 @@ TEST(KeyFile, RefusesWhatIsNoKeyAndNamesTheLine) {
   for (const std::string& bad : {std::string(62, 'a'), key('a') + "a", key('g'), std::string("secret")}) {
     const TemporaryFile file(good + bad + "\n");
     const absl::Status status = TokenKeys::read(file.path()).status();
-    EXPECT_REFUSED(kInvalidArgument, "", status);
-    EXPECT_TRUE(says(std::string(status.message()), "line 2")) << status;
-    EXPECT_FALSE(says(std::string(status.message()), bad.substr(0, 6)))
-        << "a message shows a key: " << status;
+    EXPECT_REFUSED(kInvalidArgument, "line 2", status);
+    EXPECT_FALSE(says(status.message(), bad.substr(0, 6))) << "a message shows a key: " << status;
   }
 }
 
 TEST(KeyFile, RefusesNoKeyAndTooMany) {
   const TemporaryFile none("# nothing yet\n");
-  EXPECT_TRUE(says(std::string(TokenKeys::read(none.path()).status().message()), "openssl rand -hex 32"));
+  EXPECT_TRUE(says(TokenKeys::read(none.path()).status().message(), "openssl rand -hex 32"));
   std::string lines;
   for (size_t i = 0; i < kMaxKeys; ++i) lines += key("0123456789abcdef"[i]) + "\n";
   EXPECT_OK(TokenKeys::read(TemporaryFile(lines).path()));
@@ -229,9 +225,7 @@ TEST(KeyFile, RefusesNoKeyAndTooMany) {
 TEST(KeyFile, RefusesAFileThatOthersMayReadOrChange) {
   for (const mode_t mode : {0604, 0620, 0602, 0644, 0666}) {
     const TemporaryFile file(key('a'), mode);
-    const absl::Status status = TokenKeys::read(file.path()).status();
-    EXPECT_REFUSED(kFailedPrecondition, "", status);
-    EXPECT_TRUE(says(std::string(status.message()), "chmod 600 " + file.path())) << status;
+    EXPECT_REFUSED(kFailedPrecondition, "chmod 600 " + file.path(), TokenKeys::read(file.path()));
   }
   for (const mode_t mode : {0400, 0600, 0440, 0640}) {
     EXPECT_OK(TokenKeys::read(TemporaryFile(key('a'), mode).path())) << mode;
@@ -241,9 +235,8 @@ TEST(KeyFile, RefusesAFileThatOthersMayReadOrChange) {
 TEST(KeyFile, RefusesWhatCannotBeRead) {
   EXPECT_TRUE(absl::IsNotFound(TokenKeys::read("/no/such/file").status()));
   EXPECT_TRUE(absl::IsNotFound(TokenKeys::read(::testing::TempDir()).status()));
-  const absl::Status status = TokenKeys::read(TemporaryFile(std::string(70000, '#')).path()).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(status));
-  EXPECT_TRUE(says(std::string(status.message()), "70000 bytes")) << status;
+  EXPECT_REFUSED(kInvalidArgument, "70000 bytes",
+                 TokenKeys::read(TemporaryFile(std::string(70000, '#')).path()));
 }
 
 TEST(SettingsHash, TellsSettingsApartAndOnlyThem) {

@@ -140,7 +140,7 @@ TEST(SessionState, ASessionWithoutImagesIsKnown) {
   open.set_encoding(v1::ENCODING_RAW);
   EXPECT_TRUE(stream_start_from(open)->draws());
   open.set_encoding(static_cast<v1::Encoding>(5));
-  EXPECT_NE(stream_start_from(open).status().message().find("NONE (4)"), std::string::npos);
+  EXPECT_TRUE(says(stream_start_from(open).status().message(), "NONE (4)"));
 }
 
 TEST(GivenExposure, ReplacesTheExposureAndNotTheTarget) {
@@ -202,11 +202,10 @@ TEST(GivenExposure, RenderTakesItAloneOrAdaptsFromThePreviousOne) {
   frame.set_exposure(0.7);
   EXPECT_EQ(render_start_from(request, limits)->given, 0.7);
   request.mutable_start()->mutable_previous()->set_exposure(1);
-  EXPECT_NE(render_start_from(request, limits).status().message().find("both set"), std::string::npos);
+  EXPECT_TRUE(says(render_start_from(request, limits).status().message(), "both set"));
   request.mutable_start()->clear_previous();
   frame.set_exposure(std::nan(""));
-  EXPECT_NE(render_start_from(request, limits).status().message().find("frame.exposure is nan"),
-            std::string::npos);
+  EXPECT_TRUE(says(render_start_from(request, limits).status().message(), "frame.exposure is nan"));
 }
 
 }  // namespace
