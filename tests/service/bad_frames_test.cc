@@ -16,17 +16,12 @@ class BadFrames : public ServiceTest {
  protected:
   // Sends the requests, half-closes and returns the call's status.
   static grpc::Status send(const std::vector<v1::RenderRequest>& requests) {
-    grpc::ClientContext context;
-    const auto stub = v1::RenderService::NewStub(channel());
-    const auto stream = stub->Render(&context);
+    OpenCall call(channel());
     for (const v1::RenderRequest& request : requests) {
-      if (!stream->Write(request)) break;
+      if (!call.write(request)) break;
     }
-    stream->WritesDone();
-    v1::RenderResponse response;
-    while (stream->Read(&response)) {
-    }
-    return stream->Finish();
+    call.stream->WritesDone();
+    return call.finish();
   }
   static void expect_refused(const std::vector<v1::RenderRequest>& requests, const std::string& words) {
     EXPECT_REFUSED(kInvalidArgument, words, send(requests));

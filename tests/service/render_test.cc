@@ -132,18 +132,14 @@ TEST_P(Render, AVerifiedFrameComesWithItsErrorAndItsMap) {
 
 TEST_P(Render, VerificationBeyondTheBudgetIsRefusedBeforeAPixelIsRead) {
   // 256 MiB are enough for the frame but not for its verification.
-  grpc::ClientContext context;
-  const auto stub = v1::RenderService::NewStub(channel());
-  const auto stream = stub->Render(&context);
+  OpenCall call(channel());
   v1::RenderRequest start;
   start.mutable_start()->mutable_frame()->set_width(2800);
   start.mutable_start()->mutable_frame()->set_height(2800);
   start.mutable_start()->mutable_frame()->set_format(v1::PIXEL_FORMAT_RGBA16F);
   start.mutable_start()->set_verify(true);
-  stream->Write(start);
-  v1::RenderResponse response;
-  EXPECT_FALSE(stream->Read(&response));
-  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 268435456", stream->Finish());
+  call.write(start);
+  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 268435456", call.finish());
 }
 
 TEST_P(Render, RowPaddingChangesNothing) {
@@ -179,16 +175,14 @@ TEST_P(Render, APromiseChoosesTheTier) {
   settings.set_max_error_codes(0.5);
   ASSERT_OK_AND_ASSIGN(const RenderResult exact, connection().render(settings, view(frame)));
   EXPECT_EQ(exact.header.tier(), "standard");
-  EXPECT_NE(exact.header.tier_reason().find("keeps max_error_codes 0.5"), std::string::npos)
-      << exact.header.tier_reason();
+  EXPECT_TRUE(says(exact.header.tier_reason(), "keeps max_error_codes 0.5"));
   // Without bloom, draft is accurate enough.
   settings.mutable_bloom()->set_intensity(0);
   ASSERT_OK_AND_ASSIGN(const RenderResult plain, connection().render(settings, view(frame)));
   EXPECT_EQ(plain.header.tier(), "draft");
   EXPECT_GT(plain.header.error_bound_codes(), 0);
   EXPECT_LE(plain.header.error_bound_codes(), 0.5);
-  EXPECT_NE(plain.header.tier_reason().find("draft is within"), std::string::npos)
-      << plain.header.tier_reason();
+  EXPECT_TRUE(says(plain.header.tier_reason(), "draft is within"));
 
   settings.set_tier("draft");
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, view(frame)).status()));
@@ -218,7 +212,7 @@ TEST_P(Render, TheNewSettingsArrive) {
   ASSERT_OK_AND_ASSIGN(const RenderResult result, connection().render(settings, asked));
   const std::string plan = absl::StrJoin(result.header.plan(), "\n");
   for (const char* words : {"meter in x 0 .. 30, y 0 .. 1000", "gaussian bloom at 17x9", "rgba8 dithered"}) {
-    EXPECT_NE(plan.find(words), std::string::npos) << plan;
+    EXPECT_TRUE(says(plan, words));
   }
   const double speed = result.header.target() > 2 ? 3.0 : 1.0;
   const double left = std::exp(-0.25 * speed);
@@ -231,7 +225,7 @@ TEST_P(Render, TheNewSettingsArrive) {
   metering.mutable_spot()->set_x0(67);
   metering.mutable_spot()->set_x1(70);
   const absl::Status beside = connection().render(settings, asked).status();
-  EXPECT_NE(beside.message().find("beside the frame of 67x35"), std::string::npos) << beside;
+  EXPECT_TRUE(says(beside.message(), "beside the frame of 67x35"));
 }
 
 TEST_P(Render, ABadPixelUnderRejectIsRefusedByName) {

@@ -108,22 +108,20 @@ TEST_F(EnvironmentService, ABadViewIsRefusedWithItsFieldAndRange) {
 
 TEST_F(EnvironmentService, AHeaderWithAViewAndPixelsIsRefused) {
   const std::string id = put(*uniform(0.5f));
-  const auto stub = v1::RenderService::NewStub(channel());
   for (const bool format : {true, false}) {
-    grpc::ClientContext context;
-    const auto call = stub->Render(&context);
+    OpenCall call(channel());
     v1::RenderRequest request;
     v1::FrameHeader& header = *request.mutable_start()->mutable_frame();
     header.set_width(2);
     header.set_height(2);
     *header.mutable_view() = view_of(id);
     if (format) header.set_format(v1::PIXEL_FORMAT_RGBA16F);
-    call->Write(request);
+    call.write(request);
     v1::RenderRequest band;
     band.mutable_band()->set_pixels(std::string(32, '\0'));
-    call->Write(band);
-    call->WritesDone();
-    EXPECT_EQ(call->Finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    call.write(band);
+    call.stream->WritesDone();
+    EXPECT_EQ(call.finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   }
 }
 

@@ -37,22 +37,17 @@ TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
   const auto channel = server->in_process_channel();
   const Connection connection(channel);
   const WireFrame frame = natural(64, 64);
-  const auto stub = v1::RenderService::NewStub(channel);
-  grpc::ClientContext context;
-  const auto stream = stub->Render(&context);
-  stream->Write(start_of(frame));
-  stream->Write(band_of(frame, 0, 32));
+  OpenCall call(channel);
+  call.write(start_of(frame));
+  call.write(band_of(frame, 0, 32));
   while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(2));
   server->lose_device();
   EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
   EXPECT_OK(connection.render({}, view(frame)));
   // Its memory can still be written.
-  stream->Write(band_of(frame, 32, 32));
-  stream->WritesDone();
-  v1::RenderResponse response;
-  while (stream->Read(&response)) {
-  }
-  EXPECT_EQ(stream->Finish().error_code(), grpc::UNAVAILABLE);
+  call.write(band_of(frame, 32, 32));
+  call.stream->WritesDone();
+  EXPECT_EQ(call.finish().error_code(), grpc::UNAVAILABLE);
   EXPECT_OK(connection.render({}, view(frame))) << "a frame of the old device lost the new one";
 }
 

@@ -217,16 +217,15 @@ TEST_F(Memory, AClientThatIsAloneMayUseAllOfIt) {
 // On a unix: socket the proxy says who calls.
 TEST_F(Memory, BehindAProxyClientsAreToldApartByTheAddressThatItAdds) {
   const WireFrame frame = natural(1200, 1200);
-  const auto stub = v1::RenderService::NewStub(own_channel(other_address()));
-  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReaderWriter<v1::RenderRequest, v1::RenderResponse>>> calls;
+  const auto channel = own_channel(other_address());
+  std::vector<std::unique_ptr<OpenCall>> calls;
   const auto upload = [&](const std::string& forwarded) {
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    contexts.back()->AddMetadata("x-forwarded-for", forwarded);
-    contexts.back()->set_deadline(absl::ToChronoTime(absl::Now() + kWithinSeconds));
-    calls.push_back(stub->Render(contexts.back().get()));
-    calls.back()->Write(start_of(frame));
-    calls.back()->Write(band_of(frame, 0, 1));
+    calls.push_back(std::make_unique<OpenCall>(channel, [&](grpc::ClientContext& context) {
+      context.AddMetadata("x-forwarded-for", forwarded);
+      context.set_deadline(absl::ToChronoTime(absl::Now() + kWithinSeconds));
+    }));
+    calls.back()->write(start_of(frame));
+    calls.back()->write(band_of(frame, 0, 1));
   };
   upload("192.0.2.1");
   // What a client claims itself stands before what the proxy adds.
