@@ -1,13 +1,13 @@
 // Sessions whose frames are views of environments.
-#include <cmath>
+#include <algorithm>
 #include <functional>
 #include <optional>
-#include <thread>
 
 #include "absl/time/clock.h"
 #include "client/session.h"
 #include "tests/service/environments/environment_fixture.h"
 #include "tests/service/server/scrape.h"
+#include "tests/service/sessions/session_run.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/support/files.h"
 
@@ -21,77 +21,50 @@ class EnvironmentSession : public EnvironmentService {
   }
 };
 
-struct Shown {
-  absl::Status status;
-  std::vector<std::string> images;
-  std::vector<double> exposures;
-  std::vector<double> targets;
-  SessionStats stats;
-};
-
 // A camera that turns over the panorama, one frame in three from pixels.
-Shown turn(absl::StatusOr<Session> session, const std::shared_ptr<const Panorama>& panorama, bool bring,
-           const std::function<void(size_t)>& on_result = {}) {
-  Shown shown{session.status(), {}, {}, {}, {}};
-  if (!session.ok()) return shown;
+SessionRun turn(absl::StatusOr<Session> session, const std::shared_ptr<const Panorama>& panorama, bool bring,
+                const std::function<void(size_t)>& on_result = {}) {
   const auto pixels = std::make_shared<std::vector<HalfTexel>>(24 * 16, HalfTexel{0.5f, 0.25f, 1.0f, 1.0f});
-  std::thread producer([&] {
-    for (uint64_t i = 0; i < 24; ++i) {
-      SessionFrame frame{.width = 24, .height = 16};
-      frame.sequence = i;
-      frame.media_time_ns = film_time_ns(i);
-      if (i % 3 == 2) {
-        frame.pixels = std::as_bytes(std::span(*pixels));
-        frame.owner = pixels;
-      } else {
-        frame.view = view_of(environment_id(*panorama), 15.0 * static_cast<double>(i));
-        if (bring) frame.panorama = panorama;
-      }
-      if (!session->submit(std::move(frame)).ok()) break;
+  const auto frame_at = [&](size_t i) {
+    SessionFrame frame{.width = 24, .height = 16, .sequence = i, .media_time_ns = film_time_ns(i)};
+    if (i % 3 == 2) {
+      frame.pixels = std::as_bytes(std::span(*pixels));
+      frame.owner = pixels;
+    } else {
+      frame.view = view_of(environment_id(*panorama), 15.0 * static_cast<double>(i));
+      if (bring) frame.panorama = panorama;
     }
-    session->finish();
-  });
-  absl::StatusOr<std::optional<FrameResult>> result;
-  while ((result = session->next_result()).ok() && result->has_value()) {
-    EXPECT_EQ((*result)->sequence, shown.images.size());
-    shown.images.emplace_back(reinterpret_cast<const char*>((*result)->image.data.get()),
-                              (*result)->image.bytes);
-    shown.exposures.push_back((*result)->image.header.exposure());
-    shown.targets.push_back((*result)->image.header.target());
-    if (on_result) on_result(shown.images.size());
-  }
-  shown.status = result.status();
-  shown.stats = session->stats();
-  session->cancel();
-  producer.join();
-  return shown;
+    return frame;
+  };
+  return run_frames(std::move(session), 0, 24, frame_at, on_result);
 }
 
 TEST_F(EnvironmentSession, ASessionMixesViewsAndPixelsAndAdaptsToBoth) {
   const auto panorama = two_halves();
   put(*panorama);
-  const Shown shown = turn(open(), panorama, false);
+  const SessionRun shown = turn(open(), panorama, false);
   ASSERT_OK(shown.status);
   ASSERT_EQ(shown.images.size(), 24u);
-  EXPECT_NE(shown.exposures.front(), shown.exposures.back());
+  const std::vector<double> exposures = shown.exposures();
+  EXPECT_NE(exposures.front(), exposures.back());
   // Frame 6 looks to the right, where it is bright, and frame 18 to the left. Each is between two views.
   const size_t bright = 6, dark = 18;
-  EXPECT_GT(shown.targets[dark], 100 * shown.targets[bright]);
-  EXPECT_GT(shown.exposures[dark], 1.1 * shown.exposures[bright]);
+  EXPECT_GT(shown.headers[dark].target(), 100 * shown.headers[bright].target());
+  EXPECT_GT(exposures[dark], 1.1 * exposures[bright]);
   for (const size_t i : {bright, dark}) {
-    const double before = shown.exposures[i - 1], target = shown.targets[i];
-    EXPECT_GE(shown.exposures[i], std::min(before, target)) << i;
-    EXPECT_LE(shown.exposures[i], std::max(before, target)) << i;
-    EXPECT_NE(shown.exposures[i], target) << i;
+    const double before = exposures[i - 1], target = shown.headers[i].target();
+    EXPECT_GE(exposures[i], std::min(before, target)) << i;
+    EXPECT_LE(exposures[i], std::max(before, target)) << i;
+    EXPECT_NE(exposures[i], target) << i;
   }
-  const Shown again = turn(open(), panorama, false);
+  const SessionRun again = turn(open(), panorama, false);
   EXPECT_EQ(shown.images, again.images);
-  EXPECT_EQ(shown.exposures, again.exposures);
+  EXPECT_EQ(exposures, again.exposures());
 }
 
 TEST_F(EnvironmentSession, ASessionEndsBeforeAViewOfWhatTheServerDoesNotHave) {
   const auto panorama = two_halves();
-  const Shown shown = turn(open(), panorama, false);
+  const SessionRun shown = turn(open(), panorama, false);
   EXPECT_REFUSED(kNotFound, environment_id(*panorama), shown.status);
   EXPECT_TRUE(shown.images.empty());
 }
@@ -114,10 +87,10 @@ TEST_F(EnvironmentSession, AFrameBeforeAViewOfWhatTheServerDoesNotHaveGetsItsRes
 
 TEST_F(EnvironmentSession, ASessionBringsItsPanoramaToAServerThatNeverSawIt) {
   const auto panorama = two_halves();
-  const Shown shown = turn(open(), panorama, true);
+  const SessionRun shown = turn(open(), panorama, true);
   ASSERT_OK(shown.status);
   put(*panorama);
-  const Shown there = turn(open(), panorama, false);
+  const SessionRun there = turn(open(), panorama, false);
   EXPECT_EQ(shown.images, there.images);
 }
 
@@ -129,21 +102,21 @@ TEST_F(EnvironmentSession, ASessionThatLosesItsServerGoesOnElsewhereWithTheSameB
   config.resume_keys = keys.path();
   restart(config);
   put(*panorama);
-  const Shown whole = turn(open(), panorama, true);
+  const SessionRun whole = turn(open(), panorama, true);
   ASSERT_OK(whole.status);
 
   // It moves twice, because the second move must find the panorama missing as the first one did.
   const std::unique_ptr<Server> second = start_server(config), third = start_server(config);
   SessionOptions options;
   options.servers = {server_->addresses().front(), second->addresses().front(), third->addresses().front()};
-  const Shown moved = turn(Session::open(options), panorama, true, [&](size_t results) {
+  const SessionRun moved = turn(Session::open(options), panorama, true, [&](size_t results) {
     if (results == 6) server_->drain_and_stop();
     if (results == 14) second->drain_and_stop();
   });
   ASSERT_OK(moved.status);
   EXPECT_GE(moved.stats.resumes, 2u);
   EXPECT_EQ(moved.images, whole.images);
-  EXPECT_EQ(moved.exposures, whole.exposures);
+  EXPECT_EQ(moved.exposures(), whole.exposures());
 }
 
 TEST_F(EnvironmentSession, WorksWithLookAhead) {
@@ -151,7 +124,7 @@ TEST_F(EnvironmentSession, WorksWithLookAhead) {
   put(*panorama);
   SessionOptions options;
   options.lookahead = 3;
-  const Shown shown = turn(open(options), panorama, false);
+  const SessionRun shown = turn(open(options), panorama, false);
   EXPECT_OK(shown.status);
   EXPECT_EQ(shown.images.size(), 24u);
 }
@@ -172,7 +145,7 @@ TEST_F(EnvironmentSession, ThoseOfALostDeviceGoWithIt) {
     absl::SleepFor(absl::Milliseconds(10));
   }
   EXPECT_EQ(scrape(*server_).at("candela_environment_bytes"), 0);
-  const Shown shown = turn(open(), panorama, true);
+  const SessionRun shown = turn(open(), panorama, true);
   EXPECT_OK(shown.status);
 }
 

@@ -50,27 +50,14 @@ class SessionParts : public ServiceTest {
   // Runs the frames `first` .. `last` - 1 as one session.
   static std::vector<Shown> run(const SessionOptions& options, size_t first = 0, size_t last = kFrames,
                                 const Prepare& prepare = {}) {
-    std::vector<Shown> shown;
-    absl::StatusOr<Session> session = Session::open({channel()}, options);
-    EXPECT_OK(session);
-    if (!session.ok()) return shown;
-    std::thread feeder([&] {
-      for (size_t i = first; i < last; ++i) {
-        SessionFrame frame = frame_of(*film_, i);
-        if (prepare) prepare(frame);
-        if (!session->submit(std::move(frame)).ok()) return;
-      }
-      session->finish();
+    const SessionRun run = run_frames(Session::open({channel()}, options), first, last, [&](size_t i) {
+      SessionFrame frame = frame_of(*film_, i);
+      if (prepare) prepare(frame);
+      return frame;
     });
-    absl::StatusOr<std::optional<FrameResult>> result;
-    while ((result = session->next_result()).ok() && *result) {
-      const RenderResult& image = (*result)->image;
-      EXPECT_OK((*result)->status);
-      shown.push_back(
-          {image.header, std::string(reinterpret_cast<const char*>(image.data.get()), image.bytes)});
-    }
-    feeder.join();
-    EXPECT_OK(result);
+    EXPECT_OK(run.status);
+    std::vector<Shown> shown;
+    for (size_t i = 0; i < run.images.size(); ++i) shown.push_back({run.headers[i], run.images[i]});
     return shown;
   }
 
