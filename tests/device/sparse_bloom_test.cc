@@ -42,17 +42,6 @@ class SparseBloom : public DeviceTest {
   }
 };
 
-// A dim picture with some negative components, and lights of `size` texels.
-WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
-                 uint32_t size, Texel light, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F) {
-  return make_frame(width, height, format, [&](uint32_t x, uint32_t y) -> Texel {
-    for (const auto& [cx, cy] : at) {
-      if (x - cx < size && y - cy < size) return light;
-    }
-    return {0.2f * noise(x, y, 0), 0.3f * noise(x, y, 1) - 0.05f, 0.1f, 1};
-  });
-}
-
 TEST_F(SparseBloom, IsTheDenseOneWhateverTheKindAndTheTier) {
   const Texel white = {900, 700, 400, 1};
   for (const v1::Bloom::Kind kind :

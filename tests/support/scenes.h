@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "client/image/image.h"
@@ -43,6 +44,11 @@ WireFrame lit_tiles(uint32_t width, uint32_t height);
 // The same value in every texel.
 WireFrame flat(uint32_t width, uint32_t height, Texel value,
                v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
+
+// A dim picture with some negative components, and lights of `size` texels.
+WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
+                 uint32_t size = 3, Texel light = {900, 700, 400, 1},
+                 v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
 
 // An image's own pixels.
 inline WireFrame frame_of(const Image& image) {

@@ -13,6 +13,7 @@
 #include "server/listen_address.h"
 #include "server/option_table.h"
 #include "tests/support/files.h"
+#include "tests/support/process.h"
 #include "tests/support/status.h"
 
 namespace candela {
@@ -22,16 +23,6 @@ absl::StatusOr<Invocation> parse(std::vector<const char*> arguments) {
   arguments.insert(arguments.begin(), "candelad");
   return parse_invocation(static_cast<int>(arguments.size()), arguments.data());
 }
-
-// Sets an environment variable during a test.
-class Variable {
- public:
-  Variable(const char* name, const char* value) : name_(name) { setenv(name, value, 1); }
-  ~Variable() { unsetenv(name_); }
-
- private:
-  const char* name_;
-};
 
 TEST(Config, TheAnnotatedFileIsGeneratedFromTheTable) {
   ASSERT_OK_AND_ASSIGN(const Invocation printed, parse({"--print-config"}));
