@@ -108,7 +108,7 @@ double worst_sun(uint32_t samples) {
     }
     const double error = light / light_of_row(with_sun(sun), static_cast<int>(sun.y)) - 1.0;
     ::testing::Test::RecordProperty(std::string(sun.where) + " " + std::to_string(samples),
-                                  std::to_string(error));
+                                    std::to_string(error));
     worst = std::max(worst, std::abs(error));
   }
   return worst;
