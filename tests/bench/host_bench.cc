@@ -25,13 +25,6 @@ namespace {
 
 using Steady = std::chrono::steady_clock;
 
-// Processor time of the whole process.
-double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
-
 struct Maker {
   std::string name;
   std::unique_ptr<Executor> executor;

@@ -36,13 +36,6 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Processor time of the whole process. It depends less on other programs' load than elapsed time does.
-double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
-
 double ms_since(Steady::time_point start) {
   return std::chrono::duration<double, std::milli>(Steady::now() - start).count();
 }

@@ -1,6 +1,7 @@
 #include "tests/bench/workbench.h"
 
 #include <cstring>
+#include <ctime>
 
 #include "server/base/process/driver_environment.h"
 #include "server/render/settings/tiers.h"
@@ -92,5 +93,11 @@ absl::StatusOr<Environment> make_environment(EnvironmentBaker& baker, uint32_t w
 }
 
 std::span<const Variant> variants() { return kVariants; }
+
+double cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
+}
 
 }  // namespace candela::bench

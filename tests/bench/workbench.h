@@ -46,4 +46,7 @@ struct Variant {
 };
 std::span<const Variant> variants();
 
+// Processor time of the whole process. It depends less on other programs' load than elapsed time does.
+double cpu_ms();
+
 }  // namespace candela::bench

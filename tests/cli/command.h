@@ -14,6 +14,13 @@ struct Outcome {
   long peak_kib = 0;  // largest resident memory, KiB
 };
 
+// These arguments, and then those.
+inline std::vector<std::string> with(std::vector<std::string> arguments,
+                                     const std::vector<std::string>& more) {
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
 // Runs `candela` with these arguments and waits for it. A run of more than two minutes is killed and fails
 // the test.
 Outcome candela(const std::vector<std::string>& arguments);

@@ -8,6 +8,7 @@
 
 #include "client/image/image.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 
@@ -59,8 +60,7 @@ void write_small_exr(const std::string& path, bool alpha_and_aspect) {
   }
   image.has_alpha = alpha_and_aspect;
   if (alpha_and_aspect) image.pixel_aspect = 2;
-  const auto notes = write_image(path, image);
-  ASSERT_TRUE(notes.ok()) << notes.status();
+  ASSERT_OK_AND_ASSIGN(const auto notes, write_image(path, image));
 }
 
 }  // namespace candela

@@ -4,70 +4,22 @@ SOURCE is the address that it comes from. It runs in a process of its own, so it
 server let something through that it must end, "wrong" in the JSON says what.
 """
 import contextlib
-import itertools
 import json
-import pathlib
 import resource
-import socket
 import struct
 import sys
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "robustness"))
-try:
-    import h2.config
-    import h2.connection
-    import h2.exceptions
-    import hpack
-    import http2
-except ImportError as missing:
-    print(f"skipped: {missing}; run deploy/install-packages.sh test")
-    sys.exit(77)
+from attack_wire import (AIM, connect, crowd, each_answered, flood, grpc_message, let_through, open_socket, pump, too_few, unread,
+                         within_windows)
+import h2.exceptions
+import hpack
 from http2 import (CONTINUATION, DATA, END_HEADERS, END_STREAM, GOAWAY, HEADERS, PING, PREFACE, PRIORITY, RST_STREAM, SETTINGS,
                    STREAM, WINDOW_UPDATE, call_headers, fields, frame)
 
-ADDRESS, SECONDS, SOURCE = "", 0.0, ""
 CANCEL = struct.pack(">I", 8)
 INITIAL_WINDOW, MOST_WINDOW = 4, 2**31 - 1  # the setting, and its largest value
 FIRST_CALL_SECONDS = 10  # nginx.conf's client_header_timeout
-
-
-def connect(**more) -> http2.Connection:
-    return http2.Connection(ADDRESS, source=SOURCE, **more)
-
-
-def open_socket() -> socket.socket:
-    """A connection without HTTP/2."""
-    host, port = ADDRESS.rsplit(":", 1)
-    return socket.create_connection((host, int(port)), 10, (SOURCE, 0) if SOURCE else None)
-
-
-def pump(chunk, first: bytes = b"", unread: bool = False) -> dict:
-    """Sends `chunk` for SECONDS. Whenever the server ends the connection, goes on with another one."""
-    end, sent, connections, last = time.monotonic() + SECONDS, 0, 0, ""
-    while (left := end - time.monotonic()) > 0:
-        try:
-            one = connect(unread=unread)
-        except OSError as error:
-            last = repr(error)
-            time.sleep(0.05)
-            continue
-        connections += 1
-        try:
-            one.socket.settimeout(max(left, 0.1))
-            one.socket.sendall(first)
-            sent += one.pump(chunk, left)
-        except OSError as error:
-            one.ended = repr(error)
-        last = one.ended or "kept on"
-        one.close()
-        if last != "kept on":
-            time.sleep(0.01)
-    return {"sent": sent, "connections": connections, "end": last}
-
-
-def grpc_message(message) -> bytes:
-    return b"\0" + struct.pack(">I", message.ByteSize()) + message.SerializeToString()
 
 
 def rapid_reset() -> dict:
@@ -140,46 +92,6 @@ def settings_flood() -> dict:
     return pump(frame(SETTINGS, 0, 0) * 100)
 
 
-def flood(kept: list[http2.Connection], chunk: bytes, end: float) -> int:
-    """Sends `chunk` on all of them until the time `end`, whatever the server does, and closes them. Returns the bytes sent."""
-    sent = 0
-    for one in kept:
-        one.socket.setblocking(False)
-    while time.monotonic() < end:
-        for one in kept:
-            with contextlib.suppress(OSError):
-                sent += one.socket.send(chunk)
-    for one in kept:
-        one.close()
-    return sent
-
-
-def unread(chunk: bytes, connections: int = 4) -> dict:
-    """Sends `chunk` on some connections, and reads none of the answers: each one waits in the server. A connection that the
-    server ends or refuses is tried again at once."""
-    end, begun, refused, sent = time.monotonic() + SECONDS, 0, 0, 0
-    kept: list[http2.Connection | None] = [None] * connections
-    while time.monotonic() < end:
-        for number, one in enumerate(kept):
-            try:
-                if one is None:
-                    one = kept[number] = connect(unread=True, patience=0.02)
-                    one.socket.setblocking(False)
-                    begun += 1
-                sent += one.socket.send(chunk)
-            except BlockingIOError:
-                pass
-            except OSError:
-                if one:
-                    one.close()
-                else:
-                    refused += 1
-                kept[number] = None
-    for one in filter(None, kept):
-        one.close()
-    return {"connections": begun, "refused": refused, "mib": sent >> 20}
-
-
 PINGS = A_PING * 1000
 
 
@@ -190,14 +102,15 @@ def unread_pings() -> dict:
 def pings_after_the_end() -> dict:
     """Pings a few at a time, until nginx ends the connections because they carry nothing else. Then a flood, which must not keep
     nginx reading."""
-    end, kept = time.monotonic() + SECONDS, [connect() for _ in range(4)]
+    end, kept = time.monotonic() + AIM.seconds, [connect() for _ in range(4)]
     while any(one.ended is None for one in kept) and time.monotonic() < end:
         for one in kept:
             with contextlib.suppress(OSError):
                 one.socket.send(A_PING * 100)
         time.sleep(0.0002)
     ends, sent = [one.ended for one in kept], flood(kept, PINGS, end)
-    return {"connections": len(kept), "mib": sent >> 20, "ends": ends} | let_through(sent > 200 << 20, "a flood after the end of its connections")
+    return ({"connections": len(kept), "mib": sent >> 20, "ends": ends}
+            | let_through(sent > 200 << 20, "a flood after the end of its connections"))
 
 
 def unread_settings() -> dict:
@@ -224,47 +137,6 @@ def goaway_flood() -> dict:
 
 def unknown_frames() -> dict:
     return pump(frame(0x77, 0xff, 12345, bytes(100)) * 50)
-
-
-def let_through(true: bool, what: str) -> dict:
-    return {"wrong": f"the server let this through: {what}"} if true else {}
-
-
-def answer(sent: bytes, seconds: float = 5) -> str:
-    """What the server does about `sent`, the first bytes of a connection: the frame that answers or ends it, or nothing."""
-    with open_socket() as wire:
-        wire.settimeout(seconds)
-        got = b""
-        try:
-            wire.sendall(sent)
-            while len(got) < 1 << 16:
-                more = wire.recv(1 << 16)
-                if not more:
-                    return "closed"
-                got += more
-                while len(got) >= 9 and len(got) >= 9 + int.from_bytes(got[:3], "big"):
-                    if got[3] in (HEADERS, RST_STREAM, GOAWAY):
-                        return {HEADERS: "answered", RST_STREAM: "reset", GOAWAY: "ended"}[got[3]]
-                    got = got[9 + int.from_bytes(got[:3], "big"):]
-        except TimeoutError:
-            return ""
-        except OSError:
-            return "closed"
-    return "not HTTP/2"
-
-
-def each_answered(variants: dict[str, bytes], refusals: tuple[str, ...]) -> dict:
-    """Sends each of the variants again and again, on connections of their own. The server must do one of `refusals` at once."""
-    end, sent, first, bad = time.monotonic() + SECONDS, 0, {}, {}
-    for name in itertools.cycle(variants):
-        if time.monotonic() > end and sent >= len(variants):
-            break
-        what, sent = answer(variants[name]), sent + 1
-        # A later call may exceed the front's rate, and then it is answered that it does.
-        if what not in refusals and not (name in first and what == "answered"):
-            bad[name] = what
-        first.setdefault(name, what)
-    return {"connections": sent, "answers": first} | let_through(bool(bad), str(bad))
 
 
 def frames_out_of_place() -> dict:
@@ -308,38 +180,13 @@ def settings_changes() -> dict:
     from harness import v1
     opening = grpc_message(v1.StreamRequest(open=v1.StreamOpen(session="changes")))
     changes = grpc_message(v1.StreamRequest(change=v1.SettingsChange(from_sequence=1))) * 500
-    end, sent, connections = time.monotonic() + SECONDS, 0, 0
+    end, sent, connections = time.monotonic() + AIM.seconds, 0, 0
     while time.monotonic() < end:
         with contextlib.suppress(OSError, h2.exceptions.H2Error), open_socket() as wire:
             connections += 1
             for sent_now in within_windows(wire, opening, changes, end):
                 sent += sent_now
     return {"connections": connections, "sent": sent}
-
-
-def within_windows(wire: socket.socket, first: bytes, again: bytes, end: float):
-    """One call that sends `first` and then `again` and again, as fast as the server's windows let it. Yields the bytes."""
-    one = h2.connection.H2Connection(h2.config.H2Configuration(header_encoding=None))
-    one.initiate_connection()
-    one.send_headers(1, [(":method", "POST"), (":scheme", "http"), (":path", STREAM), (":authority", "x"), ("te", "trailers"),
-                         ("content-type", "application/grpc")])
-    waiting = first
-    wire.settimeout(0.05)
-    while time.monotonic() < end:
-        room = min(one.local_flow_control_window(1), one.max_outbound_frame_size)
-        if room > 0:
-            waiting = waiting or again
-            one.send_data(1, waiting[:room])
-        wire.sendall(one.data_to_send())
-        if room > 0:
-            yield len(waiting[:room])
-            waiting = waiting[room:]
-        else:
-            with contextlib.suppress(TimeoutError):
-                got = wire.recv(1 << 16)
-                if not got:
-                    return
-                one.receive_data(got)
 
 
 def empty_data_flood() -> dict:
@@ -350,41 +197,9 @@ def priority_flood() -> dict:
     return pump(frame(PRIORITY, 0, 1, b"\0\0\0\0\1") * 200)
 
 
-def crowd(count: int, whole: bytes, at_once: int, seconds: float, each_second: bool = False) -> dict:
-    """Opens `count` connections, sends the first `at_once` bytes of `whole` on each, then perhaps one byte a second. They stay
-    open for `seconds`."""
-    kept, tried, refused, most = [], 0, 0, time.monotonic() + max(SECONDS / 2, 10)
-    while tried < count and time.monotonic() < most:  # a firewall does not answer
-        tried += 1
-        try:
-            kept.append(connect(patience=1))
-            kept[-1].socket.sendall(whole[:at_once])
-        except OSError:
-            refused += 1
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        time.sleep(min(1, max(0, end - time.monotonic())))
-        for one in kept if each_second and at_once < len(whole) - 1 else []:
-            try:
-                one.socket.sendall(whole[at_once:at_once + 1])
-            except OSError:
-                one.ended = one.ended or "closed"
-        at_once += 1
-    ended = sum(one.ended is not None for one in kept)
-    for one in kept:
-        one.close()
-    return {"connections": len(kept), "tried": tried, "refused": refused, "ended_by_server": ended}
-
-
-def too_few(did: dict, count: int) -> dict:
-    """An attack on far fewer connections than `count` says nothing."""
-    reached = did["connections"]
-    return {"wrong": f"the attack reached only {reached} of {count} connections"} if reached < 0.9 * count else {}
-
-
 def slow_headers(connections: int) -> dict:
     """Connections whose first HEADERS frame comes one byte a second. nginx waits for it without end."""
-    return crowd(connections, frame(HEADERS, END_HEADERS, 1, call_headers()), 20, SECONDS, each_second=True)
+    return crowd(connections, frame(HEADERS, END_HEADERS, 1, call_headers()), 20, AIM.seconds, each_second=True)
 
 
 def half_headers() -> dict:
@@ -394,14 +209,14 @@ def half_headers() -> dict:
 
 def silent_connections() -> dict:
     """More connections than the server may have files, all silent, for longer than nginx waits for a call."""
-    did = crowd(3000, b"", 0, max(SECONDS, FIRST_CALL_SECONDS + 4))
+    did = crowd(3000, b"", 0, max(AIM.seconds, FIRST_CALL_SECONDS + 4))
     return did | too_few(did, 3000) | let_through(did["ended_by_server"] < did["connections"], "connections that stay silent")
 
 
 def open_calls() -> dict:
     """600 calls on 60 connections that are open and silent."""
     headers = call_headers()
-    did = crowd(60, b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, headers) for n in range(10)), 1 << 20, SECONDS)
+    did = crowd(60, b"".join(frame(HEADERS, END_HEADERS, 1 + 2 * n, headers) for n in range(10)), 1 << 20, AIM.seconds)
     return did | too_few(did, 60)
 
 
@@ -417,7 +232,7 @@ def frames_of_a_session(name: str) -> list[bytes]:
 
 def without_a_window(connections: int, sessions: int) -> dict:
     """Sessions that send frames and take no byte of the results, `sessions` on each of the connections."""
-    end, kept = time.monotonic() + SECONDS, []
+    end, kept = time.monotonic() + AIM.seconds, []
     for number in range(connections):
         with contextlib.suppress(OSError):
             one = connect(settings=struct.pack(">HI", INITIAL_WINDOW, 0))
@@ -452,7 +267,6 @@ ATTACKS_ON_A_FIREWALL = {"unread_pings_on_60_connections": lambda: unread(PINGS,
                          "half_headers_on_3000_connections": lambda: slow_headers(3000)}
 
 if __name__ == "__main__":
-    ADDRESS, SECONDS = sys.argv[2], float(sys.argv[3])
-    SOURCE = sys.argv[4] if len(sys.argv) > 4 else ""
+    AIM.address, AIM.seconds, AIM.source = sys.argv[2], float(sys.argv[3]), (sys.argv[4:] or [""])[0]
     resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
     print(json.dumps((ATTACKS | ATTACKS_ON_A_FIREWALL)[sys.argv[1]]()))

@@ -10,7 +10,6 @@ import json
 import pathlib
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -18,6 +17,8 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+
+from podman import free_port
 
 CANDELA, CANDELAD = sys.argv[1:]
 DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "deploy"
@@ -34,12 +35,6 @@ for program in ("prometheus", "nginx"):
     if not shutil.which(program):
         print(f"skipped: no {program}; as root: apt-get install {program}")
         sys.exit(77)
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def replace_once(text, pattern, replacement):

@@ -16,11 +16,12 @@ import os
 import pathlib
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
 import time
+
+from podman import free_port
 
 SIZE, FPS = "1280x720", 24
 FRAME_BYTES = 1280 * 720 * (8 + 4)  # halves in, bytes out
@@ -92,12 +93,6 @@ def throughput(cores: list[int]) -> float:
     print(f"cores {cores}: {rate:.1f} frames per second in all; {1000 * spent / frames:.2f} CPU ms per frame, which alone "
           f"would be {frames / spent:.1f} frames per second and core, {frames / spent / FPS:.2f} streams")
     return rate
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def behind_haproxy() -> None:

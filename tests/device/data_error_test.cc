@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "client/image/image.h"
+#include "tests/support/files.h"
 #include "tests/support/frame_error.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
@@ -20,11 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 
 using DataError = FrameErrorTest;
-
-fs::path data_folder() {
-  const char* named = std::getenv("CANDELA_DATA");
-  return named != nullptr ? named : CANDELA_DATA_DEFAULT;
-}
 
 // One of the files has chunks of 387 MiB.
 ImageLimits limits() { return {.max_chunk_bytes = 512u << 20}; }
@@ -44,23 +39,6 @@ std::vector<fs::path> good_files() {
   return files;
 }
 
-WireFrame frame_of(const Image& image) {
-  const v1::PixelFormat format =
-      image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F;
-  const auto pixels = image.pixels.span();
-  return {{image.width, image.height, format}, {pixels.begin(), pixels.end()}};
-}
-
-v1::Settings settings_of(const Image& image) {
-  v1::Settings settings;
-  if (image.chromaticities) {
-    Chromaticities chromaticities;
-    std::copy(image.chromaticities->begin(), image.chromaticities->end(), chromaticities.xy.begin());
-    *settings.mutable_input_chromaticities() = to_message(chromaticities);
-  }
-  return settings;
-}
-
 TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
   if (!fs::is_directory(data_folder()))
     GTEST_SKIP() << "no test images at " << data_folder() << "; set CANDELA_DATA";
@@ -68,11 +46,10 @@ TEST_F(DataError, IsWithinItsBoundOnEveryRealImage) {
   EXPECT_GT(files.size(), 40u);
   print_header("real images, codes against the reference");
   for (const fs::path& path : files) {
-    const absl::StatusOr<Image> image = read_image(path, limits());
-    ASSERT_TRUE(image.ok()) << image.status();
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(path, limits()));
     // This image has every half side by side, and components of +-65504 cancel in the curve's matrix.
     const bool every_half = path.filename() == "AllHalfValues.exr";
-    check(frame_of(*image), settings_of(*image), fs::relative(path, data_folder()),
+    check(frame_of(image), settings_of(image), fs::relative(path, data_folder()),
           every_half ? Bounds{.max = 0.0085, .p999 = 1e-3} : Bounds());
   }
 }
@@ -98,7 +75,7 @@ TEST_F(DataError, IsWithinAPromiseOnRealImages) {
     settings.mutable_bloom()->set_intensity(2);
     settings.set_max_error_codes(kPromise);
     const auto rendered = render(frame_of(image), settings, {}, Verify::kYes);
-    ASSERT_TRUE(rendered.ok()) << path << ": " << rendered.status();
+    ASSERT_OK(rendered) << path;
     const FrameReport& report = rendered->report;
     ASSERT_TRUE(report.error_bound && report.verification) << path;
     const double error = report.verification->rounded.max_codes;

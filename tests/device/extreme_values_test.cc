@@ -9,14 +9,14 @@
 #include "proto/candela/v1/settings.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
+#include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
 
 TEST_F(Properties, OneBadPixelChangesNoOtherPixelsIngest) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
+  v1::Settings settings = plain();
   const auto scene = [](float bad) {
     return make_frame(131, 67, v1::PIXEL_FORMAT_RGBA32F, [=](uint32_t x, uint32_t y) -> Texel {
       if (x == 70 && y == 33) return {bad, bad, bad, 1};
@@ -62,15 +62,14 @@ TEST_F(Properties, RejectNamesTheFirstBadPixel) {
   });
   const auto rendered = render(frame, settings);
   ASSERT_EQ(rendered.status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_NE(std::string(rendered.status().message()).find("x 199, y 70"), std::string::npos)
-      << rendered.status();
-  EXPECT_NE(std::string(rendered.status().message()).find("3 NaN and 3 infinite"), std::string::npos);
+  EXPECT_TRUE(says(rendered.status().message(), "x 199, y 70"));
+  EXPECT_TRUE(says(rendered.status().message(), "3 NaN and 3 infinite"));
 }
 
 TEST_F(Properties, RejectDoesNotMindBadAlphaOrLargeFiniteValues) {
   v1::Settings settings;
   settings.set_bad_values(v1::BAD_VALUES_REJECT);
-  EXPECT_TRUE(render(flat(9, 9, {1e9f, -1e9f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings).ok());
+  EXPECT_OK(render(flat(9, 9, {1e9f, -1e9f, 1, NAN}, v1::PIXEL_FORMAT_RGBA32F), settings));
 }
 
 TEST_F(Properties, NaNInThePaddingOfAReusedTextureIsNotMetered) {
@@ -101,9 +100,7 @@ TEST_F(Properties, ANaNWithItsSignBitSetIsNotCountedAsNegative) {
 
 TEST_F(Properties, TheLargestExposuresReachTheCurvesLimit) {
   for (v1::ToneCurve curve : kCurves) {
-    v1::Settings settings;
-    settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-    settings.mutable_exposure()->set_manual_ev(40);
+    v1::Settings settings = at_ev(40);
     settings.set_prescale(0x1p40);
     settings.mutable_bloom()->set_intensity(10);
     settings.set_curve(curve);
@@ -124,9 +121,7 @@ TEST_F(Properties, EveryHardCaseIsFiniteUpToTheLargestExposure) {
   for (const HardCase& hard : hard_cases(67, 35)) {
     for (double ev : {-40.0, 0.0, 40.0}) {
       for (v1::ToneCurve curve : kCurves) {
-        v1::Settings settings;
-        settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-        settings.mutable_exposure()->set_manual_ev(ev);
+        v1::Settings settings = at_ev(ev);
         settings.set_prescale(ev > 0 ? 0x1p40 : 1.0);
         settings.mutable_bloom()->set_intensity(10);
         settings.set_curve(curve);

@@ -130,9 +130,7 @@ TEST_F(FrameError, IsWithinItsBoundInEveryHardCase) {
 // Light of both signs, where the limit of 2^60 decides which side of 0 the curve's matrix gives.
 TEST_F(FrameError, IsWithinItsBoundAtTheLimitOfExposedLight) {
   print_header("(32768, -65504, 0) at 2^46");
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_exposure()->set_manual_ev(40);
+  v1::Settings settings = at_ev(40);
   settings.set_prescale(64);
   settings.mutable_bloom()->set_intensity(0);
   check(make_frame(17, 5, v1::PIXEL_FORMAT_RGBA16F,

@@ -8,6 +8,7 @@
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -210,8 +211,8 @@ TEST_F(Metering, ASpotBesideTheFrameIsRefused) {
   v1::Settings settings;
   settings.mutable_exposure()->mutable_metering()->set_weights(v1::Metering::WEIGHTS_SPOT);
   *settings.mutable_exposure()->mutable_metering()->mutable_spot() = rectangle(64, 0, 65, 1);
-  EXPECT_TRUE(Settings::from(settings).ok());
-  EXPECT_TRUE(check_settings_for(checked(settings), {65, 1, v1::PIXEL_FORMAT_RGBA16F}).ok());
+  EXPECT_OK(Settings::from(settings));
+  EXPECT_OK(check_settings_for(checked(settings), {65, 1, v1::PIXEL_FORMAT_RGBA16F}));
   EXPECT_EQ(check_settings_for(checked(settings), {64, 64, v1::PIXEL_FORMAT_RGBA16F}).message(),
             "exposure.metering.spot begins at x 64, y 0, beside the frame of 64x64 pixels");
   *settings.mutable_exposure()->mutable_metering()->mutable_spot() = rectangle(3, 3, 3, 9);

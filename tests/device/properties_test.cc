@@ -10,6 +10,7 @@
 #include "server/render/frame/frame_textures.h"
 #include "shaders/reference.h"
 #include "tests/device/properties_fixture.h"
+#include "tests/support/settings.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -103,9 +104,7 @@ TEST_F(Properties, ConservingBloomKeepsAFlatFieldsValue) {
 }
 
 TEST_F(Properties, DitherIsZeroOnAverageWithinACodeAndChangesWithTheFrame) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
+  v1::Settings settings = plain();
   settings.set_curve(v1::TONE_CURVE_LINEAR);
   settings.set_transfer(v1::TRANSFER_LINEAR);
   const float value = 100.25f / 255.0f;  // between two codes: a quarter of the way
@@ -152,9 +151,7 @@ TEST_F(Properties, AMovingHighlightFlickersByAtMostTheStatedNumber) {
             const float v = y == 101 ? static_cast<float>(1000.0 * cover) : 0.0f;
             return {v, v, v, 1};
           });
-      v1::Settings settings;
-      settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-      settings.mutable_exposure()->set_manual_ev(-14);
+      v1::Settings settings = at_ev(-14);
       settings.set_curve(v1::TONE_CURVE_LINEAR);
       settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
       settings.set_transfer(v1::TRANSFER_LINEAR);
@@ -246,9 +243,7 @@ TEST_F(Properties, PrescaleIsExposureByAnotherName) {
   v1::Settings prescaled;
   prescaled.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   prescaled.set_prescale(2);
-  v1::Settings exposed;
-  exposed.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  exposed.mutable_exposure()->set_manual_ev(1);
+  v1::Settings exposed = at_ev(1);
   EXPECT_EQ(image(must_render(frame, prescaled).memory), image(must_render(frame, exposed).memory));
 }
 
@@ -261,9 +256,7 @@ TEST_F(Properties, AnImageOfMoreThan128MiBIsWhole) {
     const auto row = tile.pixels.begin() + static_cast<std::ptrdiff_t>(y % 64 * tile.desc.row_bytes());
     frame.pixels.insert(frame.pixels.end(), row, row + static_cast<std::ptrdiff_t>(tile.desc.row_bytes()));
   }
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
+  v1::Settings settings = plain();
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
   const Rendered small = must_render(tile, settings);
   const Rendered large = must_render(frame, settings);
@@ -307,9 +300,7 @@ TEST_F(Properties, StagingCopiesChangeNoBit) {
 }
 
 TEST_F(Properties, LinearHalfOutputIsTheSceneItself) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
+  v1::Settings settings = plain();
   settings.set_curve(v1::TONE_CURVE_LINEAR);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
   // Every half in [0, 1], including subnormal ones, must come back unchanged, because ingest is exact.

@@ -15,18 +15,17 @@ using SelfTest = DeviceTest;
 
 TEST_F(SelfTest, RendersAFrameAndPasses) {
   const PoolCounters before = pool().counters();
-  EXPECT_TRUE(self_test(renderer()).ok()) << self_test(renderer());
+  EXPECT_OK(self_test(renderer()));
   const PoolCounters after = pool().counters();
   EXPECT_GT(after.hits + after.misses, before.hits + before.misses);
 }
 
 TEST_F(SelfTest, SeesOneWrongPixel) {
-  auto rendered = render(natural(67, 35), {});
-  ASSERT_TRUE(rendered.ok()) << rendered.status();
-  EXPECT_TRUE(hold_to_reference(rendered->memory, rendered->report).ok());
+  ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(67, 35), {}));
+  EXPECT_OK(hold_to_reference(rendered.memory, rendered.report));
   // The device rendered this texel differently from the reference.
-  rendered->memory.input_row(20)[5 * 8 + 1] ^= std::byte{0x08};
-  const absl::Status status = hold_to_reference(rendered->memory, rendered->report);
+  rendered.memory.input_row(20)[5 * 8 + 1] ^= std::byte{0x08};
+  const absl::Status status = hold_to_reference(rendered.memory, rendered.report);
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
 }
 

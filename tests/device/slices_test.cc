@@ -12,6 +12,7 @@
 #include "server/render/settings/settings.h"
 #include "server/schedule/render_loop.h"
 #include "tests/support/device_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -135,7 +136,7 @@ TEST_F(Slices, ALargeFramePausesInEveryPassAndOthersInBetweenChangeNoneOfItsBits
       for (; !work.run(absl::ZeroDuration()); ++slices) {
         if (slices % 8 != 0) continue;
         // Others use the recorder and the crew, and their tables push the frame's out.
-        for (int i = 0; i < 5; ++i) ASSERT_TRUE(render_on(by, other, with_table(slices + i)).ok());
+        for (int i = 0; i < 5; ++i) ASSERT_OK(render_on(by, other, with_table(slices + i)));
       }
       ASSERT_TRUE(whole.ok() && (*sliced).ok()) << whole.status() << (*sliced).status();
       std::cout << executor_word(passes) << ", " << c.name << ": " << slices << " slices\n";
@@ -169,7 +170,7 @@ std::vector<std::string> order_of_two(const std::function<std::shared_ptr<Frame>
     made.flow = flow;
     made.decide = [](const FrameStats&) { return one(); };
     made.done = [&, name](const absl::StatusOr<RenderedFrame>& rendered) {
-      EXPECT_TRUE(rendered.ok()) << rendered.status();
+      EXPECT_OK(rendered);
       const absl::MutexLock lock(&mutex);
       order.push_back(name);
       ended.DecrementCount();
@@ -179,10 +180,10 @@ std::vector<std::string> order_of_two(const std::function<std::shared_ptr<Frame>
   FrameJob large = job("large", {2304, 1024}, 1);
   FrameJob small = job("small", {64, 64}, 2);
   large.decide = [&](const FrameStats&) {
-    EXPECT_TRUE(loop.submit(std::move(small)).ok());
+    EXPECT_OK(loop.submit(std::move(small)));
     return one();
   };
-  EXPECT_TRUE(loop.submit(std::move(large)).ok());
+  EXPECT_OK(loop.submit(std::move(large)));
   ended.Wait();
   return order;
 }

@@ -16,18 +16,18 @@ class SparseBloom : public DeviceTest {
   // The image if every tile counts as lit, so that every pass writes its whole level.
   static std::vector<std::byte> dense(const WireFrame& frame, const v1::Settings& settings) {
     absl::StatusOr<FrameMemory> memory = renderer().allocate(frame.desc, checked(settings));
-    EXPECT_TRUE(memory.ok()) << memory.status();
+    EXPECT_OK(memory);
     for (uint32_t y = 0; y < frame.desc.height; ++y) {
       std::copy_n(frame.pixels.begin() + static_cast<std::ptrdiff_t>(y * frame.desc.row_bytes()),
                   frame.desc.row_bytes(), memory->input_row(y).begin());
     }
     absl::StatusOr<Metered> metered = renderer().meter(*memory, checked(settings));
-    EXPECT_TRUE(metered.ok()) << metered.status();
+    EXPECT_OK(metered);
     for (float& light : metered->stats.tile_light) light = std::numeric_limits<float>::infinity();
     const Exposed exposed =
         expose(checked(settings)->exposure(), std::nullopt, metered->stats.mean_log2_luminance);
     const auto report = renderer().draw(*memory, checked(settings), 0, *metered, exposed);
-    EXPECT_TRUE(report.ok()) << report.status();
+    EXPECT_OK(report);
     return image(*memory);
   }
 
@@ -41,17 +41,6 @@ class SparseBloom : public DeviceTest {
     EXPECT_EQ(image(rendered.memory), dense(frame, settings)) << what;
   }
 };
-
-// A dim picture with some negative components, and lights of `size` texels.
-WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
-                 uint32_t size, Texel light, v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F) {
-  return make_frame(width, height, format, [&](uint32_t x, uint32_t y) -> Texel {
-    for (const auto& [cx, cy] : at) {
-      if (x - cx < size && y - cy < size) return light;
-    }
-    return {0.2f * noise(x, y, 0), 0.3f * noise(x, y, 1) - 0.05f, 0.1f, 1};
-  });
-}
 
 TEST_F(SparseBloom, IsTheDenseOneWhateverTheKindAndTheTier) {
   const Texel white = {900, 700, 400, 1};

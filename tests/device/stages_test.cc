@@ -13,9 +13,6 @@
 namespace candela::testing {
 namespace {
 
-// pipeline.md allows 2^-9 of the level's maximum. float32 levels are far better, so this bound is tighter.
-constexpr double kBloomBound = 4e-6;
-
 class Stages : public DeviceTest {
  protected:
   void SetUp() override {

@@ -2,7 +2,6 @@
 // its float64 look-up.
 #include <gtest/gtest.h>
 #include <half.h>
-#include <png.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +20,7 @@
 #include "tests/support/files.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
+#include "tests/unit/image/png.h"
 
 namespace candela::testing {
 namespace {
@@ -32,7 +32,7 @@ class Table : public DeviceTest {
   static Verification difference(const WireFrame& frame, const v1::Settings& settings,
                                  const std::string& what) {
     const auto rendered = render(frame, settings, {}, Verify::kYes);
-    EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+    EXPECT_OK(rendered) << what;
     if (!rendered.ok()) return {};
     const Verification& d = rendered->report.verification->rounded;
     std::printf("%-44s %9.5f %9.5f %9.6f\n", what.c_str(), d.max_codes, d.p999_codes, d.mean_codes);
@@ -143,45 +143,11 @@ TEST_F(Table, IsTheSameThroughStagingCopies) {
   ASSERT_OK_AND_ASSIGN(auto staged, Renderer::create(*staged_device, staged_pool));
   const WireFrame frame = natural(67, 33);
   for (int round = 0; round < 2; ++round) {
-    auto here = render_on(renderer_with(ExecutorKind::kDevice), frame, with(v1::TONE_CURVE_ACES_1));
-    auto there = render_on(*staged, frame, with(v1::TONE_CURVE_ACES_1));
-    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
-    EXPECT_EQ(image(here->memory), image(there->memory));
+    ASSERT_OK_AND_ASSIGN(auto here,
+                         render_on(renderer_with(ExecutorKind::kDevice), frame, with(v1::TONE_CURVE_ACES_1)));
+    ASSERT_OK_AND_ASSIGN(auto there, render_on(*staged, frame, with(v1::TONE_CURVE_ACES_1)));
+    EXPECT_EQ(image(here.memory), image(there.memory));
   }
-}
-
-struct Png {
-  uint32_t width = 0;
-  uint32_t height = 0;
-  std::vector<double> rgb;  // in [0, 1]
-  double half_code = 0.0;   // its rounding error
-};
-
-Png read_png(const fs::path& path) {
-  Png png;
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  EXPECT_NE(file, nullptr) << path;
-  if (file == nullptr) return png;
-  png_structp reader = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
-  png_infop info = png_create_info_struct(reader);
-  png_init_io(reader, file);
-  png_read_png(reader, info,
-               PNG_TRANSFORM_SWAP_ENDIAN | PNG_TRANSFORM_STRIP_ALPHA | PNG_TRANSFORM_GRAY_TO_RGB, nullptr);
-  png.width = png_get_image_width(reader, info);
-  png.height = png_get_image_height(reader, info);
-  const bool deep = png_get_bit_depth(reader, info) == 16;
-  png.half_code = deep ? 255.0 / 65535.0 / 2.0 : 0.5;
-  for (uint32_t y = 0; y < png.height; ++y) {
-    const png_byte* row = png_get_rows(reader, info)[y];
-    for (uint32_t i = 0; i < png.width * 3; ++i) {
-      uint16_t value = row[i];
-      if (deep) std::memcpy(&value, row + 2 * i, sizeof value);
-      png.rgb.push_back(value / (deep ? 65535.0 : 255.0));
-    }
-  }
-  png_destroy_read_struct(&reader, &info, nullptr);
-  std::fclose(file);
-  return png;
 }
 
 TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
@@ -209,32 +175,22 @@ TEST_F(Table, Aces1AgreesWithThePublishedRenders) {
     const Png png = read_png(data / "aces" / (std::string(c.render) + ".aces1_srgb.png"));
     ASSERT_EQ(png.width, input.width) << c.render;
     ASSERT_EQ(png.height, input.height) << c.render;
-    const bool halves = input.format == ImageFormat::kRgba16f;
-    const auto pixels = input.pixels.span();
-    const WireFrame frame{
-        {input.width, input.height, halves ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
-        {pixels.begin(), pixels.end()}};
-    v1::Settings settings = with(v1::TONE_CURVE_ACES_1);
-    settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-    settings.mutable_bloom()->set_intensity(0);
+    v1::Settings settings = plain();
+    settings.set_curve(v1::TONE_CURVE_ACES_1);
     settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
-    if (c.ap0) settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
-    if (input.chromaticities) {
-      Chromaticities own;
-      std::copy(input.chromaticities->begin(), input.chromaticities->end(), own.xy.begin());
-      settings.clear_input_primaries();
-      *settings.mutable_input_chromaticities() = to_message(own);
-    }
-    ASSERT_OK_AND_ASSIGN(auto rendered, render(frame, settings));
+    if (c.ap0 && !input.chromaticities) settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
+    settings.MergeFrom(settings_of(input));
+    ASSERT_OK_AND_ASSIGN(auto rendered, render(frame_of(input), settings));
+    const double most = png.depth == 16 ? 65535 : 255, half_code = 255 / most / 2;
     std::vector<float> codes;
     for (uint32_t y = 0; y < png.height; ++y) {
       const std::byte* row = rendered.memory.output_row(y).data();
       for (uint32_t x = 0; x < png.width; ++x) {
-        const size_t at = size_t{y} * png.width + x;
         for (size_t k = 0; k < 3; ++k) {
           uint16_t value;
           std::memcpy(&value, row + 8 * x + 2 * k, sizeof value);
-          const double off = std::abs(value / 65535.0 - png.rgb[3 * at + k]) * 255.0 - png.half_code;
+          const double code = png.code(x, y, static_cast<int>(k));
+          const double off = std::abs(value / 65535.0 - code / most) * 255.0 - half_code;
           codes.push_back(static_cast<float>(std::max(off, 0.0)));
         }
       }

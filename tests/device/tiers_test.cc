@@ -101,7 +101,7 @@ class Promises : public DeviceTest {
                           const std::string& what) {
     settings.set_max_error_codes(codes);
     const auto rendered = render(frame, settings, {}, Verify::kYes);
-    EXPECT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+    EXPECT_OK(rendered) << what;
     if (!rendered.ok()) return "";
     const FrameReport& report = rendered->report;
     EXPECT_TRUE(report.error_bound) << what;
@@ -109,8 +109,7 @@ class Promises : public DeviceTest {
     EXPECT_LE(bound, codes) << what;
     const double error = report.verification->rounded.max_codes;
     EXPECT_LE(error, bound + kFloatCodes) << what << ": " << report.tier_reason;
-    EXPECT_NE(report.tier_reason.find(absl::StrFormat("keeps max_error_codes %g", codes)), std::string::npos)
-        << report.tier_reason;
+    EXPECT_TRUE(says(report.tier_reason, absl::StrFormat("keeps max_error_codes %g", codes)));
     std::printf("%-40s within %-5g %-10s bound %-9.4g error %.5f\n", what.c_str(), codes, report.tier.c_str(),
                 bound, error);
     return report.tier;

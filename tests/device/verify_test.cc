@@ -24,7 +24,7 @@ class Verified : public DeviceTest {
 
   static Rendered must_render(const WireFrame& frame, const v1::Settings& settings = {}) {
     absl::StatusOr<Rendered> rendered = render(frame, settings, {}, Verify::kWithMap);
-    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    EXPECT_OK(rendered);
     return *std::move(rendered);
   }
 
@@ -239,12 +239,10 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
   // Frame, image and levels are 18 bytes a pixel, verification 44 more.
   TexturePool small(device(), 40 * kPixels, real_clock());
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), small));
-  EXPECT_TRUE(renderer->allocate(desc, {}).ok());
+  EXPECT_OK(renderer->allocate(desc, {}));
   const absl::Status refused = renderer->allocate(desc, {}, Verify::kYes).status();
-  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted) << refused;
-  EXPECT_NE(std::string(refused.message()).find("the memory budget is 12288000"), std::string::npos)
-      << refused;
-  EXPECT_NE(std::string(refused.message()).find("do without verification"), std::string::npos) << refused;
+  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 12288000", refused);
+  EXPECT_TRUE(says(refused.message(), "do without verification"));
 
   TexturePool enough(device(), 70 * kPixels, real_clock());
   ASSERT_OK_AND_ASSIGN(auto other, Renderer::create(device(), enough));

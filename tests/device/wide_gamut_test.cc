@@ -26,11 +26,9 @@ constexpr v1::Primaries kPrimaries[] = {v1::PRIMARIES_ACES_AP1, v1::PRIMARIES_AC
                                         v1::PRIMARIES_REC2020};
 
 // Exposure 1 and no bloom, so that the scene's light is the exposed light.
-v1::Settings plain(v1::ToneCurve curve) {
-  v1::Settings settings;
+v1::Settings with_curve(v1::ToneCurve curve) {
+  v1::Settings settings = plain();
   settings.set_curve(curve);
-  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  settings.mutable_bloom()->set_intensity(0);
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
   return settings;
 }
@@ -52,16 +50,16 @@ class WideGamut : public DeviceTest {
   // Of the image of aces-1, against OpenColorIO's result for the colours as they are.
   static Error error_of_aces_1(const Saturated& colors, v1::Primaries primaries, const char* tier) {
     constexpr uint32_t kWidth = 200;
-    v1::Settings settings = plain(v1::TONE_CURVE_ACES_1);
+    v1::Settings settings = with_curve(v1::TONE_CURVE_ACES_1);
     settings.set_input_primaries(primaries);
     settings.set_tier(tier);
     const auto rendered = render(frame_of(colors.own, kWidth), settings);
-    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    EXPECT_OK(rendered);
     if (!rendered.ok()) return {INFINITY, INFINITY};
     Error error;
     for (size_t i = 0; i < colors.rec709.size(); ++i) {
       Color truth = colors.rec709[i];
-      EXPECT_TRUE(aces_1(truth).ok());
+      EXPECT_OK(aces_1(truth));
       const std::byte* texel =
           rendered->memory.output_row(static_cast<uint32_t>(i / kWidth)).data() + i % kWidth * 8;
       for (size_t k = 0; k < 3; ++k) {
@@ -104,7 +102,7 @@ TEST_F(WideGamut, EveryCurveCountsWhatItCutsAsItsTwinDoes) {
   curves.push_back(v1::TONE_CURVE_ACES_1);
   std::map<v1::ToneCurve, uint64_t> counts;
   for (const v1::ToneCurve curve : curves) {
-    v1::Settings settings = plain(curve);
+    v1::Settings settings = with_curve(curve);
     settings.set_input_primaries(v1::PRIMARIES_ACES_AP0);
     ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, settings, {}, Verify::kYes));
     const FrameReport& report = rendered.report;
@@ -137,16 +135,15 @@ TEST_F(WideGamut, EveryTierCutsAces1ToAp1First) {
         {light * noise(i, 1, 0), light * (noise(i, 1, 1) - 0.3f), light * (noise(i, 1, 2) - 0.3f)});
   }
   const auto rendered_by = [](const std::vector<Color>& of, const char* tier) {
-    v1::Settings settings = plain(v1::TONE_CURVE_ACES_1);
+    v1::Settings settings = with_curve(v1::TONE_CURVE_ACES_1);
     settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
     settings.set_tier(tier);
     return render(frame_of(of, kSide), settings, {}, Verify::kYes);
   };
-  const auto reference = rendered_by(colors, "reference");
-  const auto standard = rendered_by(colors, "standard");
-  ASSERT_TRUE(reference.ok() && standard.ok()) << reference.status() << standard.status();
-  EXPECT_GT(reference->report.gamut_cut_components, colors.size() / 4);
-  EXPECT_LE(standard->report.verification->rounded.max_codes, 6.0);  // as inside of AP1
+  ASSERT_OK_AND_ASSIGN(const auto reference, rendered_by(colors, "reference"));
+  ASSERT_OK_AND_ASSIGN(const auto standard, rendered_by(colors, "standard"));
+  EXPECT_GT(reference.report.gamut_cut_components, colors.size() / 4);
+  EXPECT_LE(standard.report.verification->rounded.max_codes, 6.0);  // as inside of AP1
   // The cut is all that happens to them.
   std::vector<Color> inside = colors;
   for (Color& c : inside) {
@@ -157,7 +154,7 @@ TEST_F(WideGamut, EveryTierCutsAces1ToAp1First) {
   for (uint32_t y = 0; y < kSide; ++y) {
     for (uint32_t i = 0; i < kSide * 4; ++i) {
       uint16_t is, should;
-      std::memcpy(&is, reference->memory.output_row(y).data() + 2 * i, sizeof is);
+      std::memcpy(&is, reference.memory.output_row(y).data() + 2 * i, sizeof is);
       std::memcpy(&should, cut.memory.output_row(y).data() + 2 * i, sizeof should);
       most = std::max(most, std::abs(is - should) / 257.0);
     }
@@ -174,7 +171,7 @@ TEST_F(WideGamut, LightThatRoundsToZeroAfterAMatrixIsNotNegative) {
       return x == 7 && y == 9 ? Texel{red, 0, 0, 1} : Texel{0.3f, 0.3f, 0.3f, 1};
     });
     for (const char* tier : {"standard", "reference"}) {
-      v1::Settings settings = plain(v1::TONE_CURVE_LINEAR);
+      v1::Settings settings = with_curve(v1::TONE_CURVE_LINEAR);
       settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
       settings.set_tier(tier);
       ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, settings, {}, Verify::kYes));
@@ -192,8 +189,8 @@ TEST_F(WideGamut, LightThatRoundsToZeroIsRoundedWithItsColour) {
     const WireFrame frame = make_frame(40, 40, v1::PIXEL_FORMAT_RGBA32F, [least](uint32_t x, uint32_t) {
       return x == 0 ? Texel{1, -0.5f, 0, 1} : Texel{0.1f, 0.7f, least, 1};
     });
-    const auto rendered = render_on(renderer_with(passes), frame, plain(v1::TONE_CURVE_LINEAR));
-    EXPECT_TRUE(rendered.ok()) << rendered.status();
+    const auto rendered = render_on(renderer_with(passes), frame, with_curve(v1::TONE_CURVE_LINEAR));
+    EXPECT_OK(rendered);
     return rendered.ok() ? image(rendered->memory) : std::vector<std::byte>();
   };
   for (const ExecutorKind passes : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
@@ -209,14 +206,14 @@ TEST_F(WideGamut, NothingIsCutOfAFrameWithoutNegativeComponents) {
     return Texel{std::abs(c[0]), std::abs(c[1]), std::abs(c[2]), c[3]};
   });
   for (const v1::ToneCurve curve : kCurves) {
-    ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, plain(curve)));
+    ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, with_curve(curve)));
     EXPECT_EQ(rendered.report.gamut_cut_components, 0u);
     EXPECT_EQ(rendered.report.plan.resolve.inputs.constants.wide, 0u);
   }
 }
 
 TEST_F(WideGamut, ColoursInsideTheCurvesGamutAreNotCut) {
-  v1::Settings settings = plain(v1::TONE_CURVE_ACES_1);
+  v1::Settings settings = with_curve(v1::TONE_CURVE_ACES_1);
   settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
   // Most are on the edge of the gamut, so the scene's halves are on either side of it.
   ASSERT_OK_AND_ASSIGN(
@@ -237,13 +234,13 @@ TEST_F(WideGamut, CountsTheSameThroughStagingCopiesAndWithVerification) {
   });
   const uint64_t expected = 66 * 67;  // -1e-5 beside 1 is the rounding of a half
   for (const Verify verify : {Verify::kNo, Verify::kYes}) {
-    const auto here =
-        render_on(renderer_with(ExecutorKind::kDevice), frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
-    const auto there = render_on(*staged, frame, plain(v1::TONE_CURVE_LINEAR), {}, verify);
-    ASSERT_TRUE(here.ok() && there.ok()) << here.status() << there.status();
-    EXPECT_EQ(here->report.gamut_cut_components, expected);
-    EXPECT_EQ(there->report.gamut_cut_components, expected);
-    EXPECT_EQ(image(here->memory), image(there->memory));
+    ASSERT_OK_AND_ASSIGN(const auto here, render_on(renderer_with(ExecutorKind::kDevice), frame,
+                                                    with_curve(v1::TONE_CURVE_LINEAR), {}, verify));
+    ASSERT_OK_AND_ASSIGN(const auto there,
+                         render_on(*staged, frame, with_curve(v1::TONE_CURVE_LINEAR), {}, verify));
+    EXPECT_EQ(here.report.gamut_cut_components, expected);
+    EXPECT_EQ(there.report.gamut_cut_components, expected);
+    EXPECT_EQ(image(here.memory), image(there.memory));
   }
 }
 
@@ -251,7 +248,8 @@ TEST_F(WideGamut, AFrameThatIsScrubbedIsCutAndCounted) {
   const WireFrame frame = make_frame(67, 33, v1::PIXEL_FORMAT_RGBA32F, [](uint32_t x, uint32_t) {
     return x == 3 ? Texel{NAN, -INFINITY, 1.0f, 1.0f} : Texel{1.0f, -0.5f, 0.5f, 1.0f};
   });
-  ASSERT_OK_AND_ASSIGN(const auto rendered, render(frame, plain(v1::TONE_CURVE_ACES_HILL), {}, Verify::kYes));
+  ASSERT_OK_AND_ASSIGN(const auto rendered,
+                       render(frame, with_curve(v1::TONE_CURVE_ACES_HILL), {}, Verify::kYes));
   EXPECT_EQ(rendered.report.stats.negative_scene_components, 67u * 33u);
   EXPECT_EQ(rendered.report.gamut_cut_components, rendered.report.verification->gamut_cut_components);
 }

@@ -7,6 +7,7 @@
 #include "client/call/raw_call.h"
 #include "client/call/retry/retry_info.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -15,22 +16,15 @@ class BadFrames : public ServiceTest {
  protected:
   // Sends the requests, half-closes and returns the call's status.
   static grpc::Status send(const std::vector<v1::RenderRequest>& requests) {
-    grpc::ClientContext context;
-    const auto stub = v1::RenderService::NewStub(channel());
-    const auto stream = stub->Render(&context);
+    OpenCall call(channel());
     for (const v1::RenderRequest& request : requests) {
-      if (!stream->Write(request)) break;
+      if (!call.write(request)) break;
     }
-    stream->WritesDone();
-    v1::RenderResponse response;
-    while (stream->Read(&response)) {
-    }
-    return stream->Finish();
+    call.stream->WritesDone();
+    return call.finish();
   }
   static void expect_refused(const std::vector<v1::RenderRequest>& requests, const std::string& words) {
-    const grpc::Status status = send(requests);
-    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << status.error_message();
-    EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
+    EXPECT_REFUSED(kInvalidArgument, words, send(requests));
   }
 
   const WireFrame frame_ = natural(10, 8);
@@ -122,10 +116,8 @@ TEST_P(BadFrames, TheClientHearsARefusalBeforeItHasSentTheFrame) {
   v1::Settings settings;
   settings.set_tier("splendid");
   const absl::Time start = absl::Now();
-  const absl::Status status =
-      connection().render(settings, {desc.width, desc.height, v1::PIXEL_FORMAT_RGBA16F, pixels}).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
-  EXPECT_NE(std::string(status.message()).find("splendid"), std::string::npos) << status;
+  EXPECT_REFUSED(kInvalidArgument, "splendid",
+                 connection().render(settings, {desc.width, desc.height, v1::PIXEL_FORMAT_RGBA16F, pixels}));
   EXPECT_LT(absl::Now() - start, absl::Seconds(5));
 }
 

@@ -51,7 +51,7 @@ TEST_P(HardCases, GiveAFinitePictureWithinThePublishedErrorInEveryTier) {
               render_case(connection(), hard, width, height, settings);
           const std::string what =
               tier.name() + " " + hard.name + " " + std::to_string(width) + (bloom ? "" : " no bloom");
-          ASSERT_TRUE(result.ok()) << what << ": " << result.status();
+          ASSERT_OK(result) << what;
           EXPECT_TRUE(finite(*result)) << what;
           EXPECT_TRUE(std::isfinite(result->header.exposure())) << what;
           EXPECT_LE(result->header.verify().meter_error_ev(), 2e-5) << what;
@@ -80,7 +80,7 @@ TEST_P(HardCases, AreWithinTheBoundThatTheAnswerNames) {
         const absl::StatusOr<RenderResult> result = render_case(connection(), hard, 67, 35, settings);
         const std::string what =
             hard.name + " within " + std::to_string(codes) + (bloom ? "" : " without bloom");
-        ASSERT_TRUE(result.ok()) << what << ": " << result.status();
+        ASSERT_OK(result) << what;
         const v1::ResultHeader& header = result->header;
         ASSERT_TRUE(header.has_error_bound_codes()) << what;
         EXPECT_LE(header.error_bound_codes(), codes) << what;

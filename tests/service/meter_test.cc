@@ -45,8 +45,7 @@ TEST_P(Meter, SaysWhatRenderSaysOfTheSameFrame) {
     v1::Settings settings;
     settings.mutable_exposure()->mutable_metering()->set_statistic(statistic);
     v1::MeterResponse metered;
-    const grpc::Status status = meter(frame, settings, &metered);
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_OK(meter(frame, settings, &metered));
     ASSERT_OK_AND_ASSIGN(const RenderResult rendered, connection().render(settings, view(frame)));
     EXPECT_EQ(metered.exposure(), rendered.header.exposure());
     EXPECT_EQ(metered.target(), rendered.header.target());
@@ -58,7 +57,7 @@ TEST_P(Meter, SaysWhatRenderSaysOfTheSameFrame) {
 
 TEST_P(Meter, HistogramHasAFlatFrameInItsBin) {
   v1::MeterResponse metered;
-  ASSERT_TRUE(meter(flat(40, 30, {2.0f, 2.0f, 2.0f, 1.0f}), {}, &metered).ok());
+  ASSERT_OK(meter(flat(40, 30, {2.0f, 2.0f, 2.0f, 1.0f}), {}, &metered));
   const auto bin = static_cast<int>((1.0 - metered.histogram_first_ev()) * metered.histogram_bins_per_ev());
   // Luminance weights add up to 1 except for rounding, so it may also be the bin below.
   EXPECT_EQ(metered.histogram(bin) + metered.histogram(bin - 1), 1200u);
@@ -71,7 +70,7 @@ TEST_P(Meter, LeavesOutAbsentPixelsAndSaysWhatALimitHeld) {
   v1::Settings settings;
   settings.mutable_exposure()->set_min_exposure(0.25);
   v1::MeterResponse metered;
-  ASSERT_TRUE(meter(frame, settings, &metered).ok());
+  ASSERT_OK(meter(frame, settings, &metered));
   EXPECT_EQ(metered.statistics().absent_pixels(), 900u);
   EXPECT_NEAR(metered.statistics().mean_log2_luminance(), 1.0, 2e-5);
   EXPECT_EQ(metered.target(), 0.25);

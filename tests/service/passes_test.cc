@@ -9,6 +9,7 @@
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -25,7 +26,7 @@ class PassesMoved : public ::testing::Test {
     config.passes = ExecutorKind::kHost;
     absl::StatusOr<std::unique_ptr<Server>> host = Server::start(config, real_clock(), alarm_timers());
     if (absl::IsFailedPrecondition(host.status())) GTEST_SKIP() << host.status();
-    ASSERT_TRUE(host.ok()) << host.status();
+    ASSERT_OK(host);
     host_ = *std::move(host);
   }
 
@@ -66,7 +67,7 @@ std::vector<StreamResult> go_on(Server& server, v1::StreamOpen open, const std::
   });
   std::vector<StreamResult> results = client.read_all();
   writer.join();
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
   return results;
 }
 

@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "tests/support/driver.h"
 #include "tests/support/passes.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -64,6 +65,20 @@ v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t r
   return request;
 }
 
+OpenCall::OpenCall(const std::shared_ptr<grpc::Channel>& channel,
+                   const std::function<void(grpc::ClientContext&)>& prepare)
+    : stub(v1::RenderService::NewStub(channel)) {
+  if (prepare) prepare(context);
+  stream = stub->Render(&context);
+}
+
+grpc::Status OpenCall::finish() {
+  v1::RenderResponse response;
+  while (stream->Read(&response)) {
+  }
+  return stream->Finish();
+}
+
 std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -113,7 +128,7 @@ std::shared_ptr<grpc::Channel> ServiceTest::channel() {
 
 v1::PoolInfo ServiceTest::pool() {
   const absl::StatusOr<v1::GetServerInfoResponse> info = connection().server_info();
-  EXPECT_TRUE(info.ok()) << info.status();
+  EXPECT_OK(info);
   return info.ok() ? info->pool() : v1::PoolInfo();
 }
 

@@ -36,6 +36,19 @@ FrameView view(const WireFrame& frame, uint64_t sequence = 0);
 v1::RenderRequest start_of(const WireFrame& frame);
 v1::RenderRequest band_of(const WireFrame& frame, uint32_t first_row, uint32_t rows);
 
+// A call of Render through the generated classes that the test can abandon at any point.
+struct OpenCall {
+  explicit OpenCall(const std::shared_ptr<grpc::Channel>& channel,
+                    const std::function<void(grpc::ClientContext&)>& prepare = {});
+  bool write(const v1::RenderRequest& request) { return stream->Write(request); }
+  // Reads what is still to come. Returns the call's status.
+  grpc::Status finish();
+
+  grpc::ClientContext context;
+  std::unique_ptr<v1::RenderService::Stub> stub;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::RenderRequest, v1::RenderResponse>> stream;
+};
+
 // A channel with a separate connection. By default, channels to the same address share one connection and its
 // flow control.
 std::shared_ptr<grpc::Channel> own_channel(const std::string& address);

@@ -6,6 +6,7 @@
 
 #include "tests/support/driver.h"
 #include "tests/support/passes.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -33,11 +34,11 @@ void DeviceTest::SetUpTestSuite() {
   if (shared().renderer) return;
   keep_driver_loaded();
   auto device = Device::create({});
-  ASSERT_TRUE(device.ok()) << device.status();
+  ASSERT_OK(device);
   shared().device = *std::move(device);
   shared().pool = std::make_unique<TexturePool>(*shared().device, uint64_t{4} << 30, real_clock());
   auto renderer = Renderer::create(*shared().device, *shared().pool, executor_of_environment());
-  ASSERT_TRUE(renderer.ok()) << renderer.status();
+  ASSERT_OK(renderer);
   shared().renderer = *std::move(renderer);
 }
 

@@ -11,6 +11,9 @@
 
 namespace candela::testing {
 
+// pipeline.md allows 2^-9 of the level's maximum. float32 levels are far better, so this bound is tighter.
+inline constexpr double kBloomBound = 4e-6;
+
 // The device, pool and renderers are made once. The passes are those of executor_of_environment().
 class DeviceTest : public ::testing::Test {
  protected:

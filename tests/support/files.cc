@@ -22,12 +22,7 @@ TemporaryFolder::~TemporaryFolder() {
   fs::remove_all(root_, ignored);
 }
 
-std::vector<std::string> TemporaryFolder::list() const {
-  std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(root_)) names.push_back(entry.path().filename());
-  std::sort(names.begin(), names.end());
-  return names;
-}
+std::vector<std::string> TemporaryFolder::list() const { return names_in(root_); }
 
 TemporaryFile::TemporaryFile(const std::string& bytes, mode_t mode) {
   write_file(path_, bytes);
@@ -42,6 +37,13 @@ std::string read_file(const std::string& path) {
   std::ostringstream bytes;
   bytes << std::ifstream(path, std::ios::binary).rdbuf();
   return bytes.str();
+}
+
+std::vector<std::string> names_in(const std::string& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename());
+  std::sort(names.begin(), names.end());
+  return names;
 }
 
 std::string data_folder() {

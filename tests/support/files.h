@@ -17,7 +17,7 @@ class TemporaryFolder {
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 
   std::string path(const std::string& name) const { return root_ + "/" + name; }
-  std::vector<std::string> list() const;  // all names in it, also hidden ones, sorted
+  std::vector<std::string> list() const;  // names_in() it
 
  private:
   std::string root_;
@@ -36,6 +36,9 @@ class TemporaryFile {
 
 void write_file(const std::string& path, const std::string& bytes);
 std::string read_file(const std::string& path);
+
+// The names in a folder, also hidden ones, sorted.
+std::vector<std::string> names_in(const std::string& folder);
 
 // The root of the test data: CANDELA_DATA if it is set, else the folder given to the build. "" if there is
 // none.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "tests/support/status.h"
+
 namespace candela::testing {
 
 namespace {
@@ -20,7 +22,7 @@ void FrameErrorTest::print_header(const std::string& what) {
 void FrameErrorTest::check(const WireFrame& frame, const v1::Settings& settings, const std::string& what,
                            Bounds bounds) {
   const auto rendered = render(frame, settings, {}, Verify::kYes);
-  ASSERT_TRUE(rendered.ok()) << what << ": " << rendered.status();
+  ASSERT_OK(rendered) << what;
   ASSERT_TRUE(rendered->report.verification) << what;
   const Verification& error = rendered->report.verification->rounded;
   const auto components = static_cast<double>(error.components);

@@ -1,12 +1,23 @@
-// Starting a program under test.
+// Starting a program under test, and the environment.
 #pragma once
 
 #include <sys/types.h>
 
+#include <cstdlib>
 #include <string>
 #include <vector>
 
 namespace candela {
+
+// Sets an environment variable during a test.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) { setenv(name, value, 1); }
+  ~Variable() { unsetenv(name_); }
+
+ private:
+  const char* name_;
+};
 
 // A pipe. Programs do not inherit its ends, and the owner closes them.
 struct Pipe {

@@ -54,6 +54,16 @@ WireFrame flat(uint32_t width, uint32_t height, Texel value, v1::PixelFormat for
   return make_frame(width, height, format, [=](uint32_t, uint32_t) { return value; });
 }
 
+WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
+                 uint32_t size, Texel light, v1::PixelFormat format) {
+  return make_frame(width, height, format, [&](uint32_t x, uint32_t y) -> Texel {
+    for (const auto& [cx, cy] : at) {
+      if (x - cx < size && y - cy < size) return light;
+    }
+    return {0.2f * noise(x, y, 0), 0.3f * noise(x, y, 1) - 0.05f, 0.1f, 1};
+  });
+}
+
 std::vector<HardCase> hard_cases(uint32_t width, uint32_t height) {
   constexpr float kMax = 65504.0f;
   std::vector<HardCase> cases = scenes::hard_cases(width, height);

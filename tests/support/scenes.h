@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
+#include "client/image/image.h"
 #include "client/image/scenes.h"
 #include "server/render/settings/settings.h"
 
@@ -42,6 +44,19 @@ WireFrame lit_tiles(uint32_t width, uint32_t height);
 // The same value in every texel.
 WireFrame flat(uint32_t width, uint32_t height, Texel value,
                v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
+
+// A dim picture with some negative components, and lights of `size` texels.
+WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at,
+                 uint32_t size = 3, Texel light = {900, 700, 400, 1},
+                 v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F);
+
+// An image's own pixels.
+inline WireFrame frame_of(const Image& image) {
+  const auto pixels = image.pixels.span();
+  return {{image.width, image.height,
+           image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
+          {pixels.begin(), pixels.end()}};
+}
 
 // scenes::hard_cases() and two more with large negative values.
 std::vector<HardCase> hard_cases(uint32_t width, uint32_t height);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "client/image/image.h"
 #include "server/render/color/primaries.h"
 #include "server/render/settings/settings.h"
 #include "shaders/color_table.h"
@@ -11,6 +12,21 @@ namespace candela::testing {
 
 // Complete settings from a message that is known to be good; ends the program if it is refused.
 inline Settings checked(const v1::Settings& message) { return Settings::from(message).value(); }
+
+inline v1::Settings at_ev(double ev) {
+  v1::Settings message;
+  message.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  message.mutable_exposure()->set_manual_ev(ev);
+  return message;
+}
+
+// Exposure 1 and no bloom, so that the scene's light is the exposed light.
+inline v1::Settings plain() {
+  v1::Settings message;
+  message.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  message.mutable_bloom()->set_intensity(0);
+  return message;
+}
 
 inline v1::Chromaticities to_message(const Chromaticities& chromaticities) {
   const std::array<double, 8>& xy = chromaticities.xy;
@@ -24,6 +40,17 @@ inline v1::Chromaticities to_message(const Chromaticities& chromaticities) {
   message.set_white_x(static_cast<float>(xy[6]));
   message.set_white_y(static_cast<float>(xy[7]));
   return message;
+}
+
+// That say what an image says of its light.
+inline v1::Settings settings_of(const Image& image) {
+  v1::Settings settings;
+  if (image.chromaticities) {
+    Chromaticities chromaticities;
+    std::copy(image.chromaticities->begin(), image.chromaticities->end(), chromaticities.xy.begin());
+    *settings.mutable_input_chromaticities() = to_message(chromaticities);
+  }
+  return settings;
 }
 
 inline v1::ColorTable to_message(const ColorTable& table) {

@@ -7,6 +7,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -66,7 +67,7 @@ class Ocio : public ::testing::Test {
   static void expect_error(const Outcome& outcome, int code, const std::string& words) {
     EXPECT_EQ(outcome.code, code) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
 
   const TemporaryFolder folder_;
@@ -83,7 +84,7 @@ TEST_F(Ocio, AnAcesViewIsTheCurveAces1) {
   EXPECT_LE(report["view"]["max_codes"], 5.0);
   EXPECT_LE(report["view"]["p999_codes"], 0.9);
   EXPECT_LE(report["view"]["mean_codes"], 0.06);
-  EXPECT_NE(report["notes"].dump().find("view's display values"), std::string::npos) << report["notes"];
+  EXPECT_TRUE(says(report["notes"].dump(), "view's display values"));
   EXPECT_TRUE(report["stage_ms"].contains("view"));
   const auto curve = candela_json({"render", in_, folder_.path("curve.pfm"), "--curve", "aces-1",
                                    "--exposure", "0", "--bloom-intensity", "0"});
@@ -148,13 +149,11 @@ TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
   write_file(loose, config("  scene_linear: ACEScg\n"));
   const auto report = candela_json({"render", in_, folder_.path("out.png"), "--ocio", loose});
   EXPECT_EQ(report["view"]["input"], "ACEScg");
-  EXPECT_NE(report["notes"].dump().find("taken to be linear Rec.709; --ocio-input names another"),
-            std::string::npos)
-      << report["notes"];
+  EXPECT_TRUE(says(report["notes"].dump(), "taken to be linear Rec.709; --ocio-input names another"));
   const auto named =
       candela_json({"render", in_, folder_.path("out.png"), "--ocio", loose, "--ocio-input", "ACES2065-1"});
   EXPECT_EQ(named["view"]["input"], "ACES2065-1");
-  EXPECT_EQ(named["notes"].dump().find("taken to be"), std::string::npos) << named["notes"];
+  EXPECT_FALSE(says(named["notes"].dump(), "taken to be"));
 
   write_file(loose, config(""));
   expect_error(
@@ -200,7 +199,7 @@ TEST_F(Ocio, TransferChangesNothing) {
   const auto srgb = candela_json({"render", in_, folder_.path("a.png"), "--ocio", studio_});
   const auto linear =
       candela_json({"render", in_, folder_.path("b.png"), "--ocio", studio_, "--transfer", "linear"});
-  EXPECT_NE(linear["notes"].dump().find("--transfer changes nothing"), std::string::npos) << linear["notes"];
+  EXPECT_TRUE(says(linear["notes"].dump(), "--transfer changes nothing"));
   EXPECT_EQ(read_file(folder_.path("a.png")), read_file(folder_.path("b.png")));
 }
 
@@ -209,9 +208,7 @@ TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
   const std::string out = folder_.path("out.png");
   const Outcome plain = candela({"render", in_, out, "--ocio", studio_});
   ASSERT_EQ(plain.code, 0) << plain.err;
-  EXPECT_NE(plain.out.find("exposure 1 (+0.00 EV, the default of --ocio), no bloom; ACES;"),
-            std::string::npos)
-      << plain.out;
+  EXPECT_TRUE(says(plain.out, "exposure 1 (+0.00 EV, the default of --ocio), no bloom; ACES;"));
   const std::string shown = read_file(out);
   ASSERT_EQ(
       candela({"render", in_, out, "--ocio", studio_, "--exposure", "0", "--bloom-intensity", "0"}).code, 0);
@@ -223,8 +220,8 @@ TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
   ASSERT_EQ(candela({"render", in_, out, "--ocio", studio_, "--bloom", "conserve", "-q"}).code, 0);
   EXPECT_NE(read_file(out), shown);
   const auto idle = candela_json({"render", in_, out, "--ocio", studio_, "--compensation", "1"});
-  EXPECT_NE(idle.at("notes").dump().find("--compensation changes nothing: with --ocio the exposure is 0 EV"),
-            std::string::npos)
+  EXPECT_TRUE(
+      says(idle.at("notes").dump(), "--compensation changes nothing: with --ocio the exposure is 0 EV"))
       << idle.at("notes");
   // Whoever asks to adapt gets it.
   EXPECT_NE(candela_json({"render", in_, out, "--ocio", studio_, "--previous-exposure", "4"}).at("exposure"),
@@ -232,7 +229,7 @@ TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
 
   const Outcome stream = candela({"stream", in_, folder_.path("s_%d.png"), "--ocio", studio_});
   ASSERT_EQ(stream.code, 0) << stream.err;
-  EXPECT_NE(stream.out.find("+0.00 EV, the default of --ocio), no bloom"), std::string::npos) << stream.out;
+  EXPECT_TRUE(says(stream.out, "+0.00 EV, the default of --ocio), no bloom"));
 }
 
 TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
@@ -243,7 +240,7 @@ TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
   };
   const Outcome chosen = with(studio_, {});
   ASSERT_EQ(chosen.code, 0) << chosen.err;
-  EXPECT_NE(chosen.out.find("; ACES of $OCIO;"), std::string::npos) << chosen.out;
+  EXPECT_TRUE(says(chosen.out, "; ACES of $OCIO;"));
   const std::string shown = read_file(out);
   ASSERT_EQ(candela({"render", in_, out, "--ocio", studio_}).code, 0);
   EXPECT_EQ(read_file(out), shown);
@@ -255,11 +252,11 @@ TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
        {std::vector<std::string>{"--curve", "agx"}, {"--ocio", studio_, "-q"}}) {
     const Outcome other = with(folder_.path("missing.ocio"), options);
     EXPECT_EQ(other.code, 0) << other.err;
-    EXPECT_EQ(other.out.find("$OCIO"), std::string::npos) << other.out;
+    EXPECT_FALSE(says(other.out, "$OCIO"));
   }
   const Outcome empty = with("", {});
   EXPECT_EQ(empty.code, 0) << empty.err;
-  EXPECT_EQ(empty.out.find("OCIO"), std::string::npos) << empty.out;
+  EXPECT_FALSE(says(empty.out, "OCIO"));
   for (const std::string& missing : {folder_.path("missing.ocio"), std::string("ocio://default")}) {
     expect_error(with(missing, {"-q"}), 3,
                  missing +

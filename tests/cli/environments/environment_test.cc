@@ -41,7 +41,7 @@ void write_panorama(const std::string& path, const std::function<Vector(const Ve
                            half(static_cast<float>(rgb[2])), half(1.0f)};
     std::memcpy(image.pixels.data() + i * sizeof texel, texel, sizeof texel);
   }
-  ASSERT_TRUE(write_image(path, image).ok());
+  ASSERT_OK(write_image(path, image));
 }
 
 // R, G and B of a texel of a face, as the file has them.
@@ -56,7 +56,7 @@ FileTexel texels_of_folder(const std::string& path) {
   auto faces = std::make_shared<std::vector<Image>>();
   for (const char* name : {"px", "nx", "py", "ny", "pz", "nz"}) {
     absl::StatusOr<Image> image = read_image(path + "/" + name + ".exr");
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     faces->push_back(image.ok() ? *std::move(image) : Image());
   }
   return [faces](uint32_t face, uint32_t i, uint32_t j) -> Vector {
@@ -94,15 +94,12 @@ class EnvironmentFiles : public ::testing::Test {
   }
 
   Json bake(const std::string& out, const std::vector<std::string>& options = {}) {
-    std::vector<std::string> words{"environment", pano_, folder_.path(out), "-q"};
-    words.insert(words.end(), options.begin(), options.end());
+    std::vector<std::string> words = with({"environment", pano_, folder_.path(out), "-q"}, options);
     return candela_json(words);
   }
 
   Outcome refused(const std::string& out, const std::vector<std::string>& options) {
-    std::vector<std::string> words{"environment", pano_, folder_.path(out)};
-    words.insert(words.end(), options.begin(), options.end());
-    const Outcome outcome = candela(words);
+    const Outcome outcome = candela(with({"environment", pano_, folder_.path(out)}, options));
     EXPECT_EQ(outcome.code, 2) << outcome.err;
     return outcome;
   }
@@ -117,7 +114,7 @@ class EnvironmentFiles : public ::testing::Test {
 
   std::array<uint32_t, 2> size_of(const std::string& name) const {
     const absl::StatusOr<Image> image = read_image(folder_.path(name));
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? std::array{image->width, image->height} : std::array<uint32_t, 2>{};
   }
 
@@ -301,8 +298,7 @@ TEST_F(EnvironmentFiles, WhatRgb9e5DoesNotHoldIsCounted) {
   const uint64_t texels = 6 * (32 * 32 + 16 * 16);
   const Json packed = bake("a.ktx2", {"--size", "32", "--format", "rgb9e5"});
   EXPECT_EQ(packed.at("losses"), (Json{{"negative", texels}, {"clamped", texels}}));
-  EXPECT_NE(packed.at("notes").dump().find(absl::StrFormat("%d negative components became 0", texels)),
-            std::string::npos)
+  EXPECT_TRUE(says(packed.at("notes").dump(), absl::StrFormat("%d negative components became 0", texels)))
       << packed;
   const Json halves = bake("b.ktx2", {"--size", "32"});
   EXPECT_EQ(halves.at("losses"), (Json{{"negative", 0}, {"clamped", 0}}));
@@ -338,17 +334,17 @@ TEST_F(EnvironmentFiles, WrongUseNamesTheOptionAndWritesNothing) {
       {{"--tier", "finest"}, "unknown tier"}};
   for (const auto& [options, words] : wrong) {
     const Outcome outcome = refused("a.ktx2", options);
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
   EXPECT_FALSE(std::filesystem::exists(folder_.path("a.ktx2")));
-  EXPECT_NE(refused("a.dds", {}).err.find(".ktx2"), std::string::npos);
-  EXPECT_NE(refused("pano.exr", {}).err.find("is the input"), std::string::npos);
+  EXPECT_TRUE(says(refused("a.dds", {}).err, ".ktx2"));
+  EXPECT_TRUE(says(refused("pano.exr", {}).err, "is the input"));
 }
 
 TEST_F(EnvironmentFiles, HandednessOfAPictureIsNoted) {
   const Outcome outcome = candela({"environment", pano_, folder_.path("e.exr"), "--handedness", "right"});
   EXPECT_EQ(outcome.code, 0);
-  EXPECT_NE(outcome.err.find("--handedness changes nothing"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, "--handedness changes nothing"));
 }
 
 }  // namespace

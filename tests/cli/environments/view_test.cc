@@ -16,6 +16,7 @@
 #include "tests/cli/sequences/stream_fixture.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -29,8 +30,8 @@ class PanoramaView : public StreamFixture {
   }
 
   std::vector<std::string> command(const std::string& out, const std::vector<std::string>& options) const {
-    std::vector<std::string> words{"view", pano_, folder_.path(out), "-q", "--size", "64x48"};
-    words.insert(words.end(), options.begin(), options.end());
+    std::vector<std::string> words =
+        with({"view", pano_, folder_.path(out), "-q", "--size", "64x48"}, options);
     return words;
   }
 
@@ -47,7 +48,7 @@ class PanoramaView : public StreamFixture {
     options.insert(options.end(), {"--bloom-intensity", "0"});
     picture(options, "light.pfm");
     const absl::StatusOr<Image> image = read_image(folder_.path("light.pfm"));
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     std::array<float, 3> rgb{};
     if (!image.ok()) return rgb;
     const auto column = static_cast<uint64_t>(x * image->width),
@@ -149,7 +150,7 @@ TEST_F(PanoramaView, EveryKindOfOutputIsWritten) {
   EXPECT_EQ(picture({}, "a.jpg").substr(0, 2), "\xff\xd8");
   EXPECT_TRUE(read_image(folder_.path("a.exr")).status().code() == absl::StatusCode::kNotFound);
   picture({}, "a.exr");
-  EXPECT_TRUE(read_image(folder_.path("a.exr")).ok());
+  EXPECT_OK(read_image(folder_.path("a.exr")));
 }
 
 TEST_F(PanoramaView, AVerifiedViewIsWithinTheBoundOfItsTier) {
@@ -250,8 +251,8 @@ TEST_F(PanoramaView, APictureFarFromTwoToOneIsTakenWithANote) {
   const Outcome outcome =
       candela({"view", folder_.path("small.exr"), folder_.path("o.png"), "--size", "8x8"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.err.find("note:"), std::string::npos);
-  EXPECT_NE(outcome.err.find("twice as wide as high"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, "note:"));
+  EXPECT_TRUE(says(outcome.err, "twice as wide as high"));
 }
 
 TEST_F(PanoramaView, WrongUseNamesTheOption) {
@@ -260,39 +261,38 @@ TEST_F(PanoramaView, WrongUseNamesTheOption) {
                                                                                      {"--yaw", "north"},
                                                                                      {"--rotation", "361"},
                                                                                      {"--turn", "x"}}) {
-    EXPECT_NE(refused(wrong, 2).err.find(wrong[0]), std::string::npos) << wrong[0];
+    EXPECT_TRUE(says(refused(wrong, 2).err, wrong[0]));
   }
-  EXPECT_NE(refused({"--frames", "3"}, 2).err.find("--turn"), std::string::npos);
-  EXPECT_NE(refused({"--turn", "3"}, 2).err.find("single file"), std::string::npos);
-  EXPECT_NE(refused({"--turn", "3", "--path", "k"}, 2, "o%d.png").err.find("--path"), std::string::npos);
-  EXPECT_NE(refused({"--turn", "3", "--verify"}, 2, "o%d.png").err.find("--verify"), std::string::npos);
-  EXPECT_NE(refused({"--error-map", "map.jpg"}, 2).err.find("map.jpg"), std::string::npos);
-  EXPECT_NE(refused({}, 2, "o%d.png").err.find("--turn"), std::string::npos);
-  EXPECT_NE(refused({"--turn", "3", "--fps", "20000"}, 2, "o%d.png").err.find("the limit is 100000"),
-            std::string::npos);
-  EXPECT_NE(refused({}, 2, "pano.exr").err.find("is the input"), std::string::npos);
+  EXPECT_TRUE(says(refused({"--frames", "3"}, 2).err, "--turn"));
+  EXPECT_TRUE(says(refused({"--turn", "3"}, 2).err, "single file"));
+  EXPECT_TRUE(says(refused({"--turn", "3", "--path", "k"}, 2, "o%d.png").err, "--path"));
+  EXPECT_TRUE(says(refused({"--turn", "3", "--verify"}, 2, "o%d.png").err, "--verify"));
+  EXPECT_TRUE(says(refused({"--error-map", "map.jpg"}, 2).err, "map.jpg"));
+  EXPECT_TRUE(says(refused({}, 2, "o%d.png").err, "--turn"));
+  EXPECT_TRUE(says(refused({"--turn", "3", "--fps", "20000"}, 2, "o%d.png").err, "the limit is 100000"));
+  EXPECT_TRUE(says(refused({}, 2, "pano.exr").err, "is the input"));
 }
 
 TEST_F(PanoramaView, AWrongFileOfObjectsOrKeysNamesItsMember) {
   const std::string file = folder_.path("file.json");
-  const auto says = [&](const char* option, const char* text, const char* words) {
+  const auto expect_refused = [&](const char* option, const char* text, const char* words) {
     write_file(file, text);
     const Outcome outcome = refused({option, file}, 3, std::string(option) == "--path" ? "o%d.png" : "o.png");
-    EXPECT_NE(outcome.err.find(file), std::string::npos) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, file));
+    EXPECT_TRUE(says(outcome.err, words));
   };
-  says("--objects", "[]", "no JSON object");
-  says("--objects", R"({"objects":[{"center":[0,0,0],"radius":1}]})", "did you mean centre");
-  says("--objects", R"({"objects":[{"centre":[0,0,-3],"radius":0}]})",
-       "objects[0].radius is 0; it must be a number, ");
-  says("--objects", R"({"objects":[{"centre":[0,0,-3]}]})",
-       "objects[0].radius is missing; it must be a number, ");
-  says("--objects", R"({"objects":[3]})", "objects[0] must be a JSON object");
-  says("--path", R"({"keys":[{"time":1},{"time":1}]})", "keys[1].time");
-  says("--path", R"({"keys":[{"time":0,"fov":0}]})", "keys[0].fov");
-  says("--path", R"({"keys":[{"time":0},{"time":60000}]})", "the keys' times, which are seconds");
+  expect_refused("--objects", "[]", "no JSON object");
+  expect_refused("--objects", R"({"objects":[{"center":[0,0,0],"radius":1}]})", "did you mean centre");
+  expect_refused("--objects", R"({"objects":[{"centre":[0,0,-3],"radius":0}]})",
+                 "objects[0].radius is 0; it must be a number, ");
+  expect_refused("--objects", R"({"objects":[{"centre":[0,0,-3]}]})",
+                 "objects[0].radius is missing; it must be a number, ");
+  expect_refused("--objects", R"({"objects":[3]})", "objects[0] must be a JSON object");
+  expect_refused("--path", R"({"keys":[{"time":1},{"time":1}]})", "keys[1].time");
+  expect_refused("--path", R"({"keys":[{"time":0,"fov":0}]})", "keys[0].fov");
+  expect_refused("--path", R"({"keys":[{"time":0},{"time":60000}]})", "the keys' times, which are seconds");
   write_file(file, R"({"objects":[{"centre":[0,0,0],"radius":1}]})");
-  EXPECT_NE(refused({"--objects", file}, 3).err.find("--objects[0]"), std::string::npos);
+  EXPECT_TRUE(says(refused({"--objects", file}, 3).err, "--objects[0]"));
 }
 
 }  // namespace

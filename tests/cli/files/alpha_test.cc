@@ -114,13 +114,12 @@ TEST_F(AlphaCommand, AnEmptyAlphaIsIgnoredAndSaid) {
   });
   const Outcome outcome = candela({"render", in_, folder_.path("a.png")});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.err.find("note: alpha ignored: it is 0 everywhere"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, "note: alpha ignored: it is 0 everywhere"));
   EXPECT_FALSE(png_facts(folder_.path("a.png")).alpha);
   ASSERT_EQ(candela({"stream", in_, folder_.path("%04d.png"), "-q"}).code, 0);
   EXPECT_FALSE(png_facts(folder_.path("0000.png")).alpha);
-  EXPECT_NE(
-      candela({"render", in_, folder_.path("a.png"), "--alpha", "associated"}).err.find("alpha ignored"),
-      std::string::npos);
+  EXPECT_TRUE(
+      says(candela({"render", in_, folder_.path("a.png"), "--alpha", "associated"}).err, "alpha ignored"));
   render("b.png", {"--alpha", "straight"});
   EXPECT_TRUE(png_facts(folder_.path("b.png")).alpha);
 }
@@ -134,11 +133,11 @@ TEST_F(AlphaCommand, FaintAlphaIsKeptAlthoughItsCodesAreAllZero) {
   ASSERT_NE(daemon.address(), "");
   for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
            {}, {"--alpha", "straight"}, {"--alpha", "associated"}, {"--server", daemon.address()}}) {
-    std::vector<std::string> arguments{"render", in_, folder_.path("a.png"), "--exposure=0"};
-    arguments.insert(arguments.end(), options.begin(), options.end());
+    std::vector<std::string> arguments =
+        with({"render", in_, folder_.path("a.png"), "--exposure=0"}, options);
     const Outcome outcome = candela(arguments);
     ASSERT_EQ(outcome.code, 0) << outcome.err;
-    EXPECT_EQ(outcome.err.find("alpha"), std::string::npos) << outcome.err;
+    EXPECT_FALSE(says(outcome.err, "alpha"));
     EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha) << (options.empty() ? "" : options[1]);
     arguments[1] = in_;
     arguments[0] = "stream";
@@ -183,8 +182,8 @@ TEST_F(AlphaCommand, AnAbsentFrameIsTransparentUnderDither) {
   write_exr_of(in_, [](uint32_t, uint32_t) -> Pixel { return {0, 0, 0, 0}; });
   for (const std::vector<std::string>& options :
        std::vector<std::vector<std::string>>{{}, {"--alpha", "straight"}, {"--alpha", "associated"}}) {
-    std::vector<std::string> arguments{"render", in_, folder_.path("a.png"), "--dither", "-q"};
-    arguments.insert(arguments.end(), options.begin(), options.end());
+    std::vector<std::string> arguments =
+        with({"render", in_, folder_.path("a.png"), "--dither", "-q"}, options);
     ASSERT_EQ(candela(arguments).code, 0);
     EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha);
   }
@@ -195,11 +194,11 @@ TEST_F(AlphaCommand, AnAlphaOfZeroOrLessIsEmptyOnlyIfThereIsLight) {
   for (const float none : {0.0f, -0.0f, -0.25f, NAN}) {
     write_exr_of(in_, [none](uint32_t x, uint32_t) -> Pixel { return {0, x == 63 ? 0.2f : 0.0f, 0, none}; });
     const Outcome lit = candela({"render", in_, folder_.path("a.png")});
-    EXPECT_NE(lit.err.find("alpha ignored"), std::string::npos) << none << lit.err;
+    EXPECT_TRUE(says(lit.err, "alpha ignored")) << none;
     EXPECT_FALSE(png_facts(folder_.path("a.png")).alpha) << none;
     write_exr_of(in_, [none](uint32_t, uint32_t) -> Pixel { return {-0.0f, NAN, 0, none}; });
     const Outcome dark = candela({"render", in_, folder_.path("a.png")});
-    EXPECT_EQ(dark.err.find("alpha ignored"), std::string::npos) << none << dark.err;
+    EXPECT_FALSE(says(dark.err, "alpha ignored")) << none;
     EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha) << none;
   }
 }
@@ -227,7 +226,7 @@ TEST_F(AlphaCommand, AnExposureThatALimitHoldsIsSaid) {
       std::vector<std::string> arguments = command;
       arguments.insert(arguments.end(), limit.begin(), limit.end());
       const Outcome outcome = candela(arguments);
-      EXPECT_NE((outcome.out + outcome.err).find(words), std::string::npos) << outcome.out << outcome.err;
+      EXPECT_TRUE(says(outcome.out + outcome.err, words));
     }
   }
 }
@@ -239,11 +238,9 @@ TEST_F(AlphaCommand, WrongOptionsAreRefused) {
            {{"--background", "1,2,-1"}, "--background"},
            {{"--background", "1,2,2e9"}, "--background"},
            {{"--alpha", "straight", "--background", "1,2,3"}, "--background needs --alpha over"}}) {
-    std::vector<std::string> arguments{"render", in_, folder_.path("a.png")};
-    arguments.insert(arguments.end(), options.begin(), options.end());
-    const Outcome outcome = candela(arguments);
+    const Outcome outcome = candela(with({"render", in_, folder_.path("a.png")}, options));
     EXPECT_EQ(outcome.code, 2) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
 }
 

@@ -7,6 +7,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -22,7 +23,7 @@ class Data : public ::testing::Test {
     EXPECT_EQ(outcome.code, 3) << path << ": " << outcome.err;
     EXPECT_EQ(outcome.err.find("candela: error: " + path + ": "), 0u) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
 
   TemporaryFolder folder_;

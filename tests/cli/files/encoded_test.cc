@@ -41,7 +41,7 @@ class Encoded : public ::testing::Test {
     image.pixel_aspect = 2;
     ASSERT_EQ(candela({"sample", folder_.path("in/x.exr"), "--size", "8x8", "-q"}).code, 0);  // the folder
     std::filesystem::remove(folder_.path("in/x.exr"));
-    ASSERT_TRUE(write_image(folder_.path("in/0000.exr"), image).ok());
+    ASSERT_OK(write_image(folder_.path("in/0000.exr"), image));
   }
 
   const TemporaryFolder folder_;

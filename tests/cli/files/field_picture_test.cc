@@ -34,13 +34,13 @@ class FieldPicture : public ::testing::Test {
   // The linear picture of a file, and what the command says about it.
   Image picture(const std::string& name, std::vector<std::string> options = {}) {
     const std::string out = folder_.path("out.pfm");
-    std::vector<std::string> words = {"render", file(name),          out, "--curve", "linear", "--exposure",
-                                      "0",      "--bloom-intensity", "0"};
-    words.insert(words.end(), options.begin(), options.end());
+    std::vector<std::string> words =
+        with({"render", file(name), out, "--curve", "linear", "--exposure", "0", "--bloom-intensity", "0"},
+             options);
     said_ = candela(words);
     EXPECT_EQ(said_.code, 0) << said_.err;
     absl::StatusOr<Image> image = read_image(out);
-    EXPECT_TRUE(image.ok()) << name << image.status();
+    EXPECT_OK(image) << name;
     return image.ok() ? *std::move(image) : Image{};
   }
 
@@ -67,14 +67,11 @@ class FieldPicture : public ::testing::Test {
     EXPECT_NEAR(rgb[2], 0.125f * factor, 1e-3) << name;
   }
 
-  void expect_note(const std::string& words) {
-    EXPECT_NE(said_.err.find(words), std::string::npos) << said_.err;
-  }
+  void expect_note(const std::string& words) { EXPECT_TRUE(says(said_.err, words)); }
 
   // The one line of an error.
   std::string error(const std::string& name, std::vector<std::string> options = {}) {
-    std::vector<std::string> words = {"render", file(name), folder_.path("out.png")};
-    words.insert(words.end(), options.begin(), options.end());
+    std::vector<std::string> words = with({"render", file(name), folder_.path("out.png")}, options);
     said_ = candela(words);
     EXPECT_NE(said_.code, 0) << name;
     EXPECT_EQ(std::count(said_.err.begin(), said_.err.end(), '\n'), 1) << said_.err;
@@ -143,8 +140,8 @@ TEST_F(FieldPicture, EveryChoiceThatAMessageAdvisesWorks) {
     const bool fills = absl::StrContains(told.err, "--incomplete fill");
     for (PictureChoice& choice : choices) {
       choice.fills_gaps = choice.fills_gaps || fills;
-      const absl::StatusOr<Image> image = read_image(path, {.max_chunk_bytes = 1u << 30}, choice);
-      EXPECT_TRUE(image.ok()) << choice.part << " " << choice.layer << ": " << image.status();
+      EXPECT_OK(read_image(path, {.max_chunk_bytes = 1u << 30}, choice))
+          << choice.part << " " << choice.layer;
       ++advised;
     }
   }
@@ -156,27 +153,26 @@ TEST_F(FieldPicture, AChunkMayTakeAShareOfTheMemory) {
   EXPECT_EQ(image.width, 3840u);
   EXPECT_NEAR(pixel(image, 0, 0)[0], 0.25f, 1e-3);
   EXPECT_LT(said_.peak_kib, 3 << 20);
-  EXPECT_NE(
-      error("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "300"}).find("--max-chunk-mib, for which 387 MiB"),
-      std::string::npos)
+  EXPECT_TRUE(
+      says(error("K02_4k_dwab_103f.exr", {"--max-chunk-mib", "300"}), "--max-chunk-mib, for which 387 MiB"))
       << said_.err;
 }
 
 TEST_F(FieldPicture, AnUnknownCompressionIsNoDamage) {
   const std::string words = error("D01_htj2k.exr");
-  EXPECT_NE(words.find("HTJ2K256, which OpenEXR 3.4"), std::string::npos) << words;
-  EXPECT_EQ(words.find("damaged"), std::string::npos) << words;
+  EXPECT_TRUE(says(words, "HTJ2K256, which OpenEXR 3.4"));
+  EXPECT_FALSE(says(words, "damaged"));
 }
 
 TEST_F(FieldPicture, WhatThereIsOfAnUnfinishedFileCanBeRendered) {
   for (const std::string name : {"D02_unfinished.exr", "D03_tiles_missing.exr"}) {
     const std::string words = error(name);
-    EXPECT_NE(words.find("unfinished"), std::string::npos) << words;
-    EXPECT_NE(words.find("--incomplete fill"), std::string::npos) << words;
-    EXPECT_EQ(words.find("damaged"), std::string::npos) << words;
+    EXPECT_TRUE(says(words, "unfinished"));
+    EXPECT_TRUE(says(words, "--incomplete fill"));
+    EXPECT_FALSE(says(words, "damaged"));
     expect_c(name, {"--incomplete", "fill"});
     const std::string missing = name[2] == '2' ? "128" : "256";
-    EXPECT_NE(said_.out.find(missing + " pixels missing"), std::string::npos) << said_.out;
+    EXPECT_TRUE(says(said_.out, missing + " pixels missing"));
     const nlohmann::json frame =
         candela_json({"render", file(name), folder_.path("out.exr"), "--incomplete", "fill"});
     EXPECT_EQ(absl::StrCat(frame.at("missing_pixels").get<int>()), missing);

@@ -50,7 +50,7 @@ class Orientation : public ::testing::Test {
         out += sizeof texel;
       }
     }
-    ASSERT_TRUE(write_image(pano_, image).ok());
+    ASSERT_OK(write_image(pano_, image));
   }
 
   void bake(const std::string& out, Handedness handedness) {
@@ -60,7 +60,7 @@ class Orientation : public ::testing::Test {
 
   Image picture(const std::string& file) {
     absl::StatusOr<Image> image = read_image(folder_.path(file));
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? *std::move(image) : Image();
   }
 

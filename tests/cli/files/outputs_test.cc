@@ -12,6 +12,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -206,7 +207,7 @@ TEST_F(Outputs, FieldsOfTheContractAreNamedAsOptions) {
     SCOPED_TRACE(::testing::PrintToString(arguments));
     const Outcome outcome = candela(arguments);
     EXPECT_EQ(outcome.code, code) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
 }
 

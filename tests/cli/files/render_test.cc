@@ -43,7 +43,7 @@ TEST_F(Render, TheSampleSceneBecomesAPngOfItsSize) {
   EXPECT_EQ(facts.bits, 8);
   EXPECT_FALSE(facts.alpha);
   for (const char* word : {"321x179", "EV", "ingest", "resolve", " ms", "scene.png"}) {
-    EXPECT_NE(outcome.out.find(word), std::string::npos) << word << " is not in\n" << outcome.out;
+    EXPECT_TRUE(says(outcome.out, word));
   }
 }
 

@@ -9,8 +9,8 @@ import threading
 import time
 
 from bench import Bench, Daemon, binary
+from checks import hold
 from harness import channel, end_of, frame_requests, free_port, grpc, render, rpc, v1, wait_until
-from table import hold
 
 LIMITS = {"--memory-budget": ("64MiB", "memory_budget_bytes", 64 << 20), "--max-frame-bytes": ("1MiB", "max_frame_bytes", 1 << 20),
           "--max-dimension": ("77", "max_dimension", 77), "--max-sessions": ("3", "max_sessions", 3),

@@ -2,8 +2,8 @@
 
 `options_test.py --are-all COMMAND...` only checks that these are all the commands that there are.
 
-table.py and daemon_table.py say what shows that an option works. An option that `--help` lists and a table lacks is a failure, and so is
-an entry for an option that does not exist. So is a choice, such as a curve, that gives the same image as another one.
+table.py and daemon_table.py say what shows that an option works. An option that `--help` lists and a table lacks is a failure, and
+so is an entry for an option that does not exist. So is a choice, such as a curve, that gives the same image as another one.
 """
 import pathlib
 import re
@@ -13,7 +13,8 @@ import tempfile
 
 import daemon_table
 from bench import DAEMON, Bench, binary
-from table import Wrong, table
+from checks import Wrong
+from table import table
 
 
 def programs() -> set[str]:

@@ -7,6 +7,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -31,10 +32,10 @@ void expect_page_holds(const std::string& page, const nlohmann::json& report) {
   const size_t text = begin + begin_tag.size(), end = page.find('<', text);
   EXPECT_EQ(page.compare(end, 9, "</script>"), 0);
   EXPECT_EQ(nlohmann::json::parse(page.substr(text, end - text)), report);
-  EXPECT_NE(page.find("drawPage();"), std::string::npos);
-  EXPECT_NE(page.find("</html>"), std::string::npos);
+  EXPECT_TRUE(says(page, "drawPage();"));
+  EXPECT_TRUE(says(page, "</html>"));
   for (const char* outside : {"src=\"", "href=\"", "<link", "@import", "url("}) {
-    EXPECT_EQ(page.find(outside), std::string::npos) << outside;
+    EXPECT_FALSE(says(page, outside));
   }
 }
 
@@ -77,7 +78,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name,
                                    "--panoramas", panorama, "--passes", "auto"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.out.find(at + "/index.html"), std::string::npos);
+  EXPECT_TRUE(says(outcome.out, at + "/index.html"));
 
   const nlohmann::json report = nlohmann::json::parse(read_file(at + "/report.json"));
   std::vector<std::string> blanks;
@@ -115,8 +116,8 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   }
   EXPECT_EQ(scenes.size(), 7u);
   // The scenes' light matches their descriptions: in some of the tiles, and in none.
-  EXPECT_NE(scenes.at("five small lights").dump().find("light in"), std::string::npos);
-  EXPECT_NE(scenes.at("nothing bright").dump().find("no bloom: nothing passes"), std::string::npos);
+  EXPECT_TRUE(says(scenes.at("five small lights").dump(), "light in"));
+  EXPECT_TRUE(says(scenes.at("nothing bright").dump(), "no bloom: nothing passes"));
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
 
   EXPECT_EQ(report.at("format"), "candela report");
@@ -157,13 +158,13 @@ TEST(MeasurementReport, APanoramaThatCannotBeReadIsNamed) {
   const std::string missing = folder.path("missing.exr");
   const Outcome outcome = candela({"report", folder.path("report"), "--quick", "--panoramas", missing});
   EXPECT_EQ(outcome.code, 3);
-  EXPECT_NE(outcome.err.find(missing), std::string::npos) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, missing));
 }
 
 TEST(MeasurementReport, SizesAreNumbersInTheirRange) {
   const Outcome outcome = candela({"report", "nowhere", "--megapixels", "1,x"});
   EXPECT_EQ(outcome.code, 2);
-  EXPECT_NE(outcome.err.find("--megapixels"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, "--megapixels"));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "tests/cli/command.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -32,7 +33,7 @@ TEST_F(MeterCommand, SaysWhatRenderUses) {
   const Outcome text = candela({"meter", scene});
   ASSERT_EQ(text.code, 0) << text.err;
   for (const char* word : {"128x96", "exposure", "EV", "##", "<- the mean"}) {
-    EXPECT_NE(text.out.find(word), std::string::npos) << word << " is not in\n" << text.out;
+    EXPECT_TRUE(says(text.out, word));
   }
   EXPECT_EQ(candela({"meter", folder_.path("none.exr")}).code, 3);
 }
@@ -41,9 +42,7 @@ TEST_F(MeterCommand, AFileWithAnOptionOfSequencesIsASequenceOfOneFrame) {
   const std::string scene = folder_.path("scene.exr");
   ASSERT_EQ(candela({"sample", scene, "--size", "64x48", "-q"}).code, 0);
   const auto meter = [&scene](const std::vector<std::string>& options) {
-    std::vector<std::string> arguments{"meter", scene, "-q", "--json", "-"};
-    arguments.insert(arguments.end(), options.begin(), options.end());
-    return candela(arguments);
+    return candela(with({"meter", scene, "-q", "--json", "-"}, options));
   };
   for (const std::vector<std::string>& options :
        std::vector<std::vector<std::string>>{{"--range", "0"},
@@ -58,16 +57,14 @@ TEST_F(MeterCommand, AFileWithAnOptionOfSequencesIsASequenceOfOneFrame) {
                                              {"--save-exposures", folder_.path("shot.json")}}) {
     const Outcome outcome = meter(options);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    EXPECT_NE(outcome.out.find("{\"summary\":{\"frames\":1,"), std::string::npos)
-        << options.front() << " is not in\n"
-        << outcome.out;
+    EXPECT_TRUE(says(outcome.out, "{\"summary\":{\"frames\":1,")) << options.front();
   }
   for (const char* option : {"--range", "--cut-at"}) {
     const Outcome refused = meter({option, "7"});
     EXPECT_EQ(refused.code, 3) << option;
-    EXPECT_NE(refused.err.find("there is no such frame"), std::string::npos) << refused.err;
+    EXPECT_TRUE(says(refused.err, "there is no such frame"));
   }
-  EXPECT_EQ(meter({}).out.find("summary"), std::string::npos);
+  EXPECT_FALSE(says(meter({}).out, "summary"));
 }
 
 // The bars of a letterbox, in a .pfm: rows of 0 above and below rows of 1 and 4.
@@ -80,8 +77,7 @@ TEST_F(MeterCommand, IgnoresTheBarsOfALetterbox) {
   const std::string path = folder_.path("letterbox.pfm");
   write_file(path, pfm);
   const auto mean = [&](const std::vector<std::string>& options) {
-    std::vector<std::string> arguments{"meter", path};
-    arguments.insert(arguments.end(), options.begin(), options.end());
+    std::vector<std::string> arguments = with({"meter", path}, options);
     return candela_json(arguments).at("mean_log2_luminance").get<double>();
   };
   EXPECT_NEAR(mean({}), 0.5 + 0.5 * std::log2(1e-4), 1e-3);
@@ -89,10 +85,10 @@ TEST_F(MeterCommand, IgnoresTheBarsOfALetterbox) {
   EXPECT_NEAR(mean({"--ignore-below", "2"}), 2.0, 1e-5);
   EXPECT_EQ(mean({"--ignore-below", "5"}), std::log2(0.18));
   const Outcome dark = candela({"meter", path, "--ignore-below", "5"});
-  EXPECT_NE(dark.out.find("nothing is metered"), std::string::npos) << dark.out;
+  EXPECT_TRUE(says(dark.out, "nothing is metered"));
   const Outcome refused = candela({"meter", path, "--ignore-below", "-1"});
   EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.err.find("--ignore-below is -1"), std::string::npos) << refused.err;
+  EXPECT_TRUE(says(refused.err, "--ignore-below is -1"));
 }
 
 // A card in light of 3200 K, in linear Rec.709, rendered as display-linear floats.
@@ -116,8 +112,7 @@ TEST_F(MeterCommand, AWhiteBalanceMakesItsLightNeutral) {
   EXPECT_NEAR(rgb[2] / rgb[1], 1.0, 5e-3);
   const Outcome refused = candela(tinted);
   EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.err.find("--tint is 0.2 and there is no --white-balance"), std::string::npos)
-      << refused.err;
+  EXPECT_TRUE(says(refused.err, "--tint is 0.2 and there is no --white-balance"));
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -38,15 +39,13 @@ class Shot : public ::testing::Test {
         const float pixel[] = {grey, grey, grey / 2, 1};
         std::memcpy(image.pixels.data() + at * sizeof pixel, pixel, sizeof pixel);
       }
-      ASSERT_TRUE(write_image(frame(kFirst + i), image).ok());
+      ASSERT_OK(write_image(frame(kFirst + i), image));
     }
   }
 
   // Runs the command and returns its standard output.
   static std::string run(const Options& arguments, const Options& more = {}) {
-    Options all = arguments;
-    all.insert(all.end(), more.begin(), more.end());
-    const Outcome outcome = candela(all);
+    const Outcome outcome = candela(with(arguments, more));
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     return outcome.out;
   }
@@ -68,7 +67,7 @@ class Shot : public ::testing::Test {
   static void expect_refused(const Options& arguments, int code, const std::string& words) {
     const Outcome outcome = candela(arguments);
     EXPECT_EQ(outcome.code, code) << words << ": " << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << words << " is not in " << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
 
@@ -183,7 +182,7 @@ TEST_F(Shot, TheLockedExposureIsTheTargetOfTheMeanAndEveryFrameTakesIt) {
 TEST_F(Shot, MeterSaysWhatAShotNeeds) {
   const std::string text = run({"meter", in(), "--lookahead", "2", "--save-exposures", path("shot.json")});
   for (const char* word : {"24 frames metered", "exposure", "EV", "locked", "shot.json"}) {
-    EXPECT_NE(text.find(word), std::string::npos) << word << " is not in\n" << text;
+    EXPECT_TRUE(says(text, word));
   }
   const std::string lines =
       run({"meter", in() + "/shot.####.exr", "--json", "-", "--exposure-plot", path("plot.svg")});
@@ -195,10 +194,10 @@ TEST_F(Shot, MeterSaysWhatAShotNeeds) {
   EXPECT_EQ(first.at("exposure"), first.at("target"));
   EXPECT_EQ(summary.at("frames"), kFrames);
   EXPECT_EQ(summary.at("locked_exposure"), saved("shot.json").at("locked"));
-  EXPECT_NE(read_file(path("plot.svg")).find("<svg"), std::string::npos);
+  EXPECT_TRUE(says(read_file(path("plot.svg")), "<svg"));
   const std::string given =
       run({"stream", in(), path("out"), "--range", "100", "--exposures", path("shot.json")});
-  EXPECT_NE(given.find("24 fps, from the exposure file"), std::string::npos) << given;
+  EXPECT_TRUE(says(given, "24 fps, from the exposure file"));
 }
 
 TEST_F(Shot, FilesThatDoNotFitAreRefusedBeforeTheWork) {
@@ -274,7 +273,7 @@ TEST_F(Shot, BadFramesAreLeftOut) {
   const Outcome skipped =
       candela({"stream", in(), path("out"), "--skip-bad", "--exposures", path("shot.json")});
   EXPECT_EQ(skipped.code, 0) << skipped.err;
-  EXPECT_NE(skipped.out.find("23 of 24 frames"), std::string::npos) << skipped.out;
+  EXPECT_TRUE(says(skipped.out, "23 of 24 frames"));
 }
 
 }  // namespace

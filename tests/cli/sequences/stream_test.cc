@@ -17,6 +17,7 @@
 #include "tests/cli/sequences/stream_fixture.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -62,16 +63,10 @@ TEST_F(Stream, EachFrameIsWhatRenderMakesOfItFromTheExposureBefore) {
   const std::vector<Json> lines = stream(options);
   ASSERT_EQ(lines.size(), 5u);
   for (size_t i = 1; i < 4; ++i) {
-    std::vector<std::string> render{"render",
-                                    lines[i].at("input"),
-                                    folder_.path("one.png"),
-                                    "-q",
-                                    "--previous-exposure",
-                                    absl::StrFormat("%.17g", lines[i - 1].at("exposure").get<double>()),
-                                    "--elapsed",
-                                    "0.125"};
-    render.insert(render.end(), look.begin(), look.end());
-    const Outcome outcome = candela(render);
+    const Outcome outcome = candela(
+        with({"render", lines[i].at("input"), folder_.path("one.png"), "-q", "--previous-exposure",
+              absl::StrFormat("%.17g", lines[i - 1].at("exposure").get<double>()), "--elapsed", "0.125"},
+             look));
     ASSERT_EQ(outcome.code, 0) << outcome.err;
     EXPECT_TRUE(read_file(folder_.path("one.png")) == image(absl::StrFormat("%04d.png", i))) << i;
   }
@@ -102,7 +97,7 @@ TEST_F(Stream, DetectedCutsAreSaidAndTaken) {
     const float light = x < 256 && y < 256 ? 20.0f : 0.02f;
     std::memcpy(corner.pixels.data() + i, &light, sizeof light);
   }
-  for (const char* name : {"/0003.exr", "/0004.exr"}) ASSERT_TRUE(write_image(in() + name, corner).ok());
+  for (const char* name : {"/0003.exr", "/0004.exr"}) ASSERT_OK(write_image(in() + name, corner));
   const std::vector<Json> undetected = stream({}), lines = stream({"--detect-cuts"});
   ASSERT_EQ(lines.size(), 6u);
   for (size_t i = 1; i < 5; ++i) {
@@ -147,7 +142,7 @@ TEST_F(Stream, FramesOfManySizesAndColoursAreOneSession) {
   }
   Image wide = *make_image(20, 10, ImageFormat::kRgba16f);
   wide.chromaticities = {0.708f, 0.292f, 0.170f, 0.797f, 0.131f, 0.046f, 0.3127f, 0.3290f};
-  ASSERT_TRUE(write_image(in() + "/5.exr", wide).ok());
+  ASSERT_OK(write_image(in() + "/5.exr", wide));
   const std::vector<Json> lines = stream({"--exposure", "0"});
   ASSERT_EQ(lines.size(), 6u);
   EXPECT_EQ(lines[2].at("width"), 33);
@@ -169,8 +164,8 @@ TEST_F(Stream, ABadFrameStopsItByNameOrIsSkippedAndCounted) {
   const Outcome skipped =
       candela({"stream", in(), folder_.path("out"), "--skip-bad", "--json", folder_.path("json")});
   ASSERT_EQ(skipped.code, 0) << skipped.err;
-  EXPECT_NE(skipped.err.find("0002.exr"), std::string::npos) << skipped.err;
-  EXPECT_NE(skipped.out.find("4 of 5 frames"), std::string::npos) << skipped.out;
+  EXPECT_TRUE(says(skipped.err, "0002.exr"));
+  EXPECT_TRUE(says(skipped.out, "4 of 5 frames"));
   const std::vector<Json> lines = lines_of(read_file(folder_.path("json")));
   ASSERT_EQ(lines.size(), 6u);
   EXPECT_TRUE(lines[2].contains("error"));
@@ -183,7 +178,7 @@ TEST_F(Stream, AFrameThatTheServerRefusesIsNamed) {
   write_small_exr(in() + "/1.exr");
   Image bad = *make_image(8, 8, ImageFormat::kRgba16f);
   bad.pixels.data()[1] = std::byte{0x7e};  // a NaN
-  ASSERT_TRUE(write_image(in() + "/2.exr", bad).ok());
+  ASSERT_OK(write_image(in() + "/2.exr", bad));
   write_small_exr(in() + "/3.exr");
   const Outcome stopped = candela({"stream", in(), folder_.path("out"), "--bad-values", "reject", "-q"});
   EXPECT_EQ(stopped.code, 3);
@@ -219,7 +214,7 @@ TEST_F(Stream, ValuesThatAreNoNumbersAreCountedAndSaidOnce) {
     EXPECT_EQ(lines[1].at("bad_values"), Json({{"nan", 1}, {"inf", 1}, {"negative", 0}}));
     EXPECT_EQ(lines[2].at("bad_values"), Json({{"nan", 1}, {"inf", 0}, {"negative", 1}}));
     const std::string note = "note: " + in() + "/2.pfm: 1 NaN and 1 infinite components were taken as 0";
-    EXPECT_NE(outcome.err.find(note), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, note));
     EXPECT_EQ(outcome.err.find("were taken as"), outcome.err.rfind("were taken as")) << outcome.err;
   }
 }
@@ -229,14 +224,14 @@ TEST_F(Stream, TheExposurePlotIsDrawn) {
   stream({"--exposure-plot", folder_.path("plot.svg"), "--lookahead", "2"});
   const std::string svg = read_file(folder_.path("plot.svg"));
   for (const char* word : {"<?xml", "<svg", "xmlns", "exposure", "target", "luminance"}) {
-    EXPECT_NE(svg.find(word), std::string::npos) << word;
+    EXPECT_TRUE(says(svg, word));
   }
 }
 
 TEST_F(Stream, TheExposurePlotOfOneLateFrameShowsIt) {
   make_frames(6);
   stream({"--exposure-plot", folder_.path("plot.svg"), "--range", "5", "--fps", "0.001"});
-  EXPECT_NE(read_file(folder_.path("plot.svg")).find(">5000<"), std::string::npos) << "no tic at 5000 s";
+  EXPECT_TRUE(says(read_file(folder_.path("plot.svg")), ">5000<")) << "no tic at 5000 s";
 }
 
 TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
@@ -260,7 +255,7 @@ TEST_F(Stream, ItGoesOnOnAnotherServerWhenOneIsKilled) {
                                    "--server", first.address() + "," + second.address()});
   killer.join();
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.err.find("resumed on " + second.address()), std::string::npos) << outcome.err;
+  EXPECT_TRUE(says(outcome.err, "resumed on " + second.address()));
   const Json summary = lines_of(read_file(folder_.path("json"))).back().at("summary");
   EXPECT_EQ(summary.at("resumes"), 1) << summary;
   EXPECT_EQ(summary.at("server"), second.address());
@@ -312,7 +307,7 @@ TEST_F(Stream, WrongUseIsSaidInOneLine) {
     arguments.insert(arguments.end(), c.arguments.begin(), c.arguments.end());
     const Outcome outcome = candela(arguments);
     EXPECT_EQ(outcome.code, c.code) << outcome.err;
-    EXPECT_NE(outcome.err.find(c.words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, c.words));
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
 }
@@ -337,7 +332,7 @@ TEST_F(Stream, BenchMeasuresSessions) {
   const Outcome text = candela(fast);
   ASSERT_EQ(text.code, 0) << text.err;
   for (const char* word : {"throughput", "latency", "queue wait", "p99.9", "Jain", "dropped", "stable"}) {
-    EXPECT_NE(text.out.find(word), std::string::npos) << word << " is not in\n" << text.out;
+    EXPECT_TRUE(says(text.out, word));
   }
 }
 

@@ -12,6 +12,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -209,7 +210,7 @@ TEST_F(FullServerTest, SequencesViewsAndEnvironmentsWaitForItToo) {
     const Outcome outcome = candela(all);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     EXPECT_EQ(server.calls(), 2 + calls);
-    EXPECT_NE(outcome.err.find("waiting for up to 30s (--resume)\n"), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, "waiting for up to 30s (--resume)\n"));
     EXPECT_NE(read_file(output), "");
   }
   // A bake that is refused brings its panorama again, because it may go to another server.
@@ -244,7 +245,7 @@ TEST_F(FullServerTest, ItGivesUpAtTheLimitWithOneLine) {
       const Outcome outcome = candela(arguments);
       EXPECT_EQ(outcome.code, 4);
       EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-      EXPECT_NE(outcome.err.find("server has 3 calls"), std::string::npos) << outcome.err;
+      EXPECT_TRUE(says(outcome.err, "server has 3 calls"));
       if (seconds[0] == '0') {
         EXPECT_EQ(server.calls(), before + 1);
       } else {

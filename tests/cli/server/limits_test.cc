@@ -13,6 +13,7 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -25,7 +26,7 @@ class Limits : public ::testing::Test {
     EXPECT_EQ(outcome.code, code) << outcome.err;
     EXPECT_EQ(outcome.err.find("candela: error: "), 0u) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
 
   const TemporaryFolder folder_;
@@ -202,7 +203,7 @@ TEST_F(Limits, NamesAreTakenAsTheyAre) {
   for (const char* pattern : {"%n.png", "%s.png", "%999999999d.png", "%04d%04d.png"}) {
     const Outcome outcome = candela({"stream", in_, folder_.path(pattern), "-q"});
     EXPECT_EQ(outcome.code, 2) << outcome.err;
-    EXPECT_NE(outcome.err.find("a pattern has one number"), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, "a pattern has one number"));
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
 }
@@ -254,7 +255,7 @@ TEST_F(Limits, APipeInPlaceOfAFileIsNotWaitedFor) {
   for (const char* option : {"--token-file", "--tls-ca"}) {
     const Outcome outcome = candela({"render", in_, out_, "-q", "--server", nowhere, option, pipe});
     EXPECT_EQ(outcome.code, 2) << outcome.err;
-    EXPECT_NE(outcome.err.find(no_file), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, no_file));
   }
 }
 

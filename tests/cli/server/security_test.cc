@@ -11,6 +11,7 @@
 #include "tests/service/server/test_ca.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -63,7 +64,7 @@ TEST_F(Secure, EveryCommandGetsThrough) {
     EXPECT_EQ(outcome.code, 0) << command[0] << ": " << outcome.err;
     const Outcome without = candela(secured(command, false));
     EXPECT_EQ(without.code, 4) << command[0];
-    EXPECT_NE(without.err.find("--token-file"), std::string::npos) << without.err;
+    EXPECT_TRUE(says(without.err, "--token-file"));
   }
   const Outcome health = candela(secured({"health"}, false));
   EXPECT_EQ(health.code, 0) << health.err;
@@ -85,7 +86,7 @@ TEST_F(Secure, VariablesStandForOptions) {
 TEST_F(Secure, WhatIsMissingIsSaidInOneLine) {
   const auto expect_line = [](const Outcome& outcome, int code, const std::string& words) {
     EXPECT_EQ(outcome.code, code);
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   };
   const std::string& server = daemon_->address();

@@ -10,6 +10,7 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -18,7 +19,7 @@ void expect_error(const Outcome& outcome, int code, const std::string& words) {
   EXPECT_EQ(outcome.code, code) << outcome.err;
   EXPECT_EQ(outcome.err.find("candela: error: "), 0u) << outcome.err;
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
+  EXPECT_TRUE(says(outcome.err, words));
   EXPECT_EQ(outcome.out, "");
 }
 
@@ -101,7 +102,7 @@ class Failure : public ::testing::Test {
   // However it fails, the old picture stays and nothing else appears.
   void TearDown() override {
     EXPECT_EQ(read_file(out_), "what was there before");
-    for (const std::string& name : folder_.list()) EXPECT_EQ(name.find(".part"), std::string::npos) << name;
+    for (const std::string& name : folder_.list()) EXPECT_FALSE(says(name, ".part"));
   }
   std::string file(const std::string& name, const std::string& bytes) {
     write_file(folder_.path(name), bytes);
@@ -130,7 +131,7 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
     SCOPED_TRACE(path);
     const Outcome outcome = candela({"render", path, out_});
     expect_error(outcome, 3, words);
-    EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, path));
   }
 }
 
@@ -251,7 +252,7 @@ TEST_F(Failure, ASignalLeavesNoHiddenFile) {
     const Outcome outcome = candela_with_signal(arguments, signal, ms);
     EXPECT_TRUE(outcome.code == 0 || outcome.code == 128 + signal) << outcome.code;
     for (const std::string& name : folder_.list()) {
-      EXPECT_EQ(name.find(".part"), std::string::npos) << name << " after " << ms << " ms";
+      EXPECT_FALSE(says(name, ".part")) << " after " << ms << " ms";
     }
     const std::string bytes = read_file(picture);
     EXPECT_TRUE((bytes == "old" && outcome.code != 0) || bytes.find("IEND") + 8 == bytes.size())

@@ -12,6 +12,7 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -54,9 +55,7 @@ class FailureEnds : public ::testing::Test {
     EXPECT_EQ(error.at("code"), code);
     const char* const words[] = {"", "other", "usage", "input", "server", "output"};
     EXPECT_EQ(error.at("kind"), words[code]);
-    EXPECT_NE(outcome.err.find("candela: error: " + error.at("message").get<std::string>()),
-              std::string::npos)
-        << outcome.err << error;
+    EXPECT_TRUE(says(outcome.err, "candela: error: " + error.at("message").get<std::string>())) << error;
     EXPECT_EQ(error.size(), 4u) << error;
     return error;
   }
@@ -196,8 +195,7 @@ TEST_F(FailureEnds, AServerThatIsNotThereIsServerInEveryCommand) {
     for (const std::string& server : {nowhere, std::string("127.0.0.1:1")}) {
       std::vector<std::string> there = arguments;
       there.insert(there.end(), {"--server", server});
-      EXPECT_NE(expect_failure(there, kServer).value("message", "").find("cannot reach " + server),
-                std::string::npos);
+      EXPECT_TRUE(says(expect_failure(there, kServer).value("message", ""), "cannot reach " + server));
     }
   }
   EXPECT_EQ(candela({"report", folder_.path("page"), "-q", "--server", nowhere}).code, kServer);

@@ -8,6 +8,7 @@
 #include "tests/cli/images.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -21,12 +22,12 @@ class Slips : public ::testing::Test {
     const Outcome outcome = candela(arguments);
     EXPECT_EQ(outcome.code, code) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
   void expect_note(const std::vector<std::string>& arguments, const std::string& words) const {
     const Outcome outcome = candela(arguments);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << "\"" << words << "\" is not in " << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
   }
   std::vector<std::string> render(std::vector<std::string> options) const {
     options.insert(options.begin(), {"render", in_, out_});
@@ -59,7 +60,7 @@ TEST_F(Slips, AnOptionForJsonReplacesNothingElse) {
   EXPECT_EQ(read_file(in_), image);
   EXPECT_EQ(read_file(notes), "mine\n");
   EXPECT_EQ(candela(render({"--json", json, "-q"})).code, 0);
-  EXPECT_NE(read_file(json).find("exposure"), std::string::npos);
+  EXPECT_TRUE(says(read_file(json), "exposure"));
 }
 
 TEST_F(Slips, AnIlluminantIsShownInKelvin) {
@@ -71,7 +72,7 @@ TEST_F(Slips, AnIlluminantIsShownInKelvin) {
 TEST_F(Slips, APercentileBelowOneIsTakenAndNoted) {
   expect_note(render({"--percentiles", "0.1,0.9"}), "note: --percentiles are in percent");
   expect_note({"meter", in_, "--percentiles", "0.05,0.95"}, "10 % to 90 % are --percentiles 10,90");
-  EXPECT_EQ(candela(render({"--percentiles", "0.1,99"})).err.find("percent"), std::string::npos);
+  EXPECT_FALSE(says(candela(render({"--percentiles", "0.1,99"})).err, "percent"));
 }
 
 TEST_F(Slips, ABackgroundOfCodesIsTakenAndNoted) {
@@ -160,8 +161,7 @@ TEST_F(Slips, AServerWithoutAPortIsAskedOnCandeladsOwn) {
   for (const char* host : {"candela-test.invalid", "127.0.0.9", "[::1]"}) {
     const Outcome outcome = candela({"info", "--server", host});
     EXPECT_EQ(outcome.code, 4) << outcome.err;
-    EXPECT_NE(outcome.err.find("cannot reach " + std::string(host) + ":50051"), std::string::npos)
-        << outcome.err;
+    EXPECT_TRUE(says(outcome.err, "cannot reach " + std::string(host) + ":50051"));
   }
   expect_line(render({"--server", "::1"}), 2, "an IPv6 address has brackets, [::1]:50051");
   expect_line(render({"--server", "http://host:50051"}), 2, "leave out what stands before host:50051");
@@ -222,11 +222,11 @@ TEST_F(Slips, NumbersHaveNoExponentAndNoMinusZero) {
   write_file(grey, pfm);
   // Metered to a factor that is just below 1.
   const Outcome metered = candela({"render", grey, out_, "-v", "--key", "0.1799999"});
-  EXPECT_NE(metered.out.find("(+0.00 EV)"), std::string::npos) << metered.out;
+  EXPECT_TRUE(says(metered.out, "(+0.00 EV)"));
   const Outcome bright = candela({"render", grey, out_, "-v", "--exposure", "30", "--verify"});
   for (const std::string& text : {metered.out, bright.out, candela({"info"}).out}) {
-    EXPECT_EQ(text.find("-0.00"), std::string::npos) << text;
-    EXPECT_EQ(text.find("e+"), std::string::npos) << text;
+    EXPECT_FALSE(says(text, "-0.00"));
+    EXPECT_FALSE(says(text, "e+"));
   }
   // All components lie outside of the gamut.
   pfm = "PF\n8 8\n-1.0\n";
@@ -234,7 +234,7 @@ TEST_F(Slips, NumbersHaveNoExponentAndNoMinusZero) {
   for (int i = 0; i < 64; ++i) pfm.append(reinterpret_cast<const char*>(green), sizeof green);
   write_file(grey, pfm);
   const Outcome cut = candela({"render", grey, out_, "--exposure", "0"});
-  EXPECT_EQ(cut.err.find("e+"), std::string::npos) << cut.err;
+  EXPECT_FALSE(says(cut.err, "e+"));
 }
 
 }  // namespace

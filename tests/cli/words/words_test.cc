@@ -7,11 +7,10 @@
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
-
-bool says(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
 
 class Words : public ::testing::Test {
  protected:
@@ -35,7 +34,7 @@ class Words : public ::testing::Test {
   void refuses(const std::vector<std::string>& options, const std::string& words) const {
     const Outcome outcome = render(options);
     EXPECT_EQ(outcome.code, 2) << outcome.err;
-    EXPECT_TRUE(says(outcome.err, words)) << "\"" << words << "\" is not in " << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
 
@@ -96,7 +95,7 @@ TEST_F(Words, AnOptionIsNoValue) {
   for (const char* name : {"--exposure-plot", "--json", "--session"}) {
     const Outcome stream = candela({"stream", in_, folder_.path("out_%d.png"), name, "--quiet"});
     EXPECT_EQ(stream.code, 2);
-    EXPECT_TRUE(says(stream.err, std::string(name) + " needs a value")) << stream.err;
+    EXPECT_TRUE(says(stream.err, std::string(name) + " needs a value"));
   }
   // A name like that can still be meant, and a number is none.
   const std::string odd = folder_.path("--quiet");
@@ -116,12 +115,12 @@ TEST_F(Words, AnEmptyValueIsNone) {
   for (const std::string name : {"--exposure-plot", "--save-exposures", "--session", "--range"}) {
     const Outcome stream = candela({"stream", in_, folder_.path("out_%d.png"), name, ""});
     EXPECT_EQ(stream.code, 2);
-    EXPECT_TRUE(says(stream.err, name + " is empty")) << stream.err;
+    EXPECT_TRUE(says(stream.err, name + " is empty"));
   }
   for (const std::string name : {"--objects", "--path"}) {
     const Outcome view = candela({"view", in_, folder_.path("out.png"), name, ""});
     EXPECT_EQ(view.code, 2);
-    EXPECT_TRUE(says(view.err, name + " is empty")) << view.err;
+    EXPECT_TRUE(says(view.err, name + " is empty"));
   }
   // A number of --detect-cuts is optional, and an empty variable is as good as none.
   EXPECT_EQ(candela({"stream", in_, folder_.path("out_%d.png"), "-q", "--detect-cuts="}).code, 0);
@@ -167,9 +166,9 @@ TEST_F(Words, OptionsThatChangeNothingAreNamed) {
     SCOPED_TRACE(::testing::PrintToString(options));
     const std::string err = notes(options, out);
     for (const std::string& option : idle) {
-      EXPECT_TRUE(says(err, "note: " + option + " changes nothing")) << option << " is not in " << err;
+      EXPECT_TRUE(says(err, "note: " + option + " changes nothing")) << option;
     }
-    EXPECT_TRUE(says(err, because)) << err;
+    EXPECT_TRUE(says(err, because));
     EXPECT_EQ(std::count(err.begin(), err.end(), '\n'), static_cast<long>(idle.size())) << err;
   }
 }
@@ -193,15 +192,15 @@ TEST_F(Words, MeterStreamAndManyImagesNameThemToo) {
   const std::string folder = folder_.path("images/");
   write_small_exr(folder_.path("other.exr"));
   const Outcome many = candela({"render", in_, folder_.path("other.exr"), folder, "--as", "exr", "--dither"});
-  EXPECT_TRUE(says(many.err, "--dither changes nothing: .exr and .pfm files hold floats")) << many.err;
+  EXPECT_TRUE(says(many.err, "--dither changes nothing: .exr and .pfm files hold floats"));
   EXPECT_EQ(many.code, 0);
   const Outcome meter = candela({"meter", in_, "--exposure", "1", "--key", "1"});
   EXPECT_EQ(meter.code, 0);
-  EXPECT_TRUE(says(meter.err, "note: --key changes nothing")) << meter.err;
+  EXPECT_TRUE(says(meter.err, "note: --key changes nothing"));
   const Outcome stream =
       candela({"stream", in_, folder_.path("o_%d.png"), "--exposure", "1", "--lookahead", "1"});
   EXPECT_EQ(stream.code, 0);
-  EXPECT_TRUE(says(stream.err, "note: --lookahead changes nothing")) << stream.err;
+  EXPECT_TRUE(says(stream.err, "note: --lookahead changes nothing"));
 }
 
 TEST_F(Words, AVariableThatNothingReadsIsNamed) {
@@ -220,11 +219,11 @@ TEST_F(Words, HelpIsACommandToo) {
     const Outcome outcome = candela({"help", command});
     EXPECT_EQ(outcome.code, 0);
     EXPECT_EQ(outcome.out, candela({command, "--help"}).out);
-    EXPECT_TRUE(says(outcome.out, std::string("Examples:\n  candela ") + command)) << outcome.out;
+    EXPECT_TRUE(says(outcome.out, std::string("Examples:\n  candela ") + command));
   }
   const Outcome unknown = candela({"help", "rendr"});
   EXPECT_EQ(unknown.code, 2);
-  EXPECT_TRUE(says(unknown.err, "unknown command \"rendr\"; did you mean render?")) << unknown.err;
+  EXPECT_TRUE(says(unknown.err, "unknown command \"rendr\"; did you mean render?"));
 }
 
 // One white pixel of a file that says that its primaries are AP1's. --ocio-input says what its values are, so
@@ -259,8 +258,7 @@ TEST_F(Words, AFileIsNotConvertedTwice) {
   for (const char* primaries : {"acescg", "0.7,0.3,0.2,0.7,0.1,0.1,0.3,0.3"}) {
     const Outcome refused = run({"render", wide, out, "--ocio-input", "AP1", "--primaries", primaries});
     EXPECT_EQ(refused.code, 2) << refused.err;
-    EXPECT_TRUE(says(refused.err, "--primaries and --ocio-input AP1 both say what the file's values are"))
-        << refused.err;
+    EXPECT_TRUE(says(refused.err, "--primaries and --ocio-input AP1 both say what the file's values are"));
   }
   const Outcome plain = run({"render", in_, out, "--ocio-input", "AP1"});
   EXPECT_EQ(plain.code, 0) << plain.err;

@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "client/image/image.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/renderer.h"
 #include "server/render/settings/tiers.h"
@@ -21,6 +20,7 @@
 #include "tests/support/files.h"
 #include "tests/support/real_clock.h"
 #include "tests/support/scenes.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -80,13 +80,13 @@ inline ::testing::Environment* const close_machines =
 inline Environment environment_of(EnvironmentBaker& baker, const WireFrame& frame,
                                   const std::optional<std::array<float, 9>>& matrix = std::nullopt) {
   absl::StatusOr<PanoramaUpload> upload = baker.take(frame.desc);
-  EXPECT_TRUE(upload.ok()) << upload.status();
+  EXPECT_OK(upload);
   for (uint32_t y = 0; y < frame.desc.height; ++y) {
     std::memcpy(upload->row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
                 frame.desc.row_bytes());
   }
   absl::StatusOr<Environment> environment = baker.finish(*std::move(upload), matrix);
-  EXPECT_TRUE(environment.ok()) << environment.status();
+  EXPECT_OK(environment);
   return *std::move(environment);
 }
 
@@ -103,11 +103,29 @@ inline reference::CubeLevel level_of(EnvironmentBaker& baker, const CubeLevels& 
   reference::CubeLevel out{levels.size_of(level), {}};
   for (uint32_t face = 0; face < kCubeFaces; ++face) {
     const absl::StatusOr<std::vector<float>> rgb = baker.read_face(levels, level, face);
-    EXPECT_TRUE(rgb.ok()) << rgb.status();
+    EXPECT_OK(rgb);
     for (size_t i = 0; i < rgb->size(); i += 3)
       out.texels.push_back({(*rgb)[i], (*rgb)[i + 1], (*rgb)[i + 2]});
   }
   return out;
+}
+
+inline std::vector<reference::CubeLevel> levels_of(EnvironmentBaker& baker, const CubeLevels& levels) {
+  std::vector<reference::CubeLevel> all;
+  for (uint32_t level = 0; level < levels.levels; ++level) all.push_back(level_of(baker, levels, level));
+  return all;
+}
+
+// Of all levels.
+inline std::vector<reference::Rgb> texels_of(EnvironmentBaker& baker, const CubeLevels& levels) {
+  std::vector<reference::Rgb> all;
+  for (const reference::CubeLevel& level : levels_of(baker, levels))
+    all.insert(all.end(), level.texels.begin(), level.texels.end());
+  return all;
+}
+
+inline std::string name_of(const WireFrame& frame) {
+  return std::to_string(frame.desc.width) + "x" + std::to_string(frame.desc.height);
 }
 
 inline double largest(const reference::Rgb& c) {
@@ -134,13 +152,6 @@ inline reference::Scene bound_of(const reference::Scene& scene) {
     }
   }
   return out;
-}
-
-inline WireFrame wire_of(const Image& image) {
-  const auto pixels = image.pixels.span();
-  return {{image.width, image.height,
-           image.format == ImageFormat::kRgba16f ? v1::PIXEL_FORMAT_RGBA16F : v1::PIXEL_FORMAT_RGBA32F},
-          {pixels.begin(), pixels.end()}};
 }
 
 // A sun of one texel in black.
@@ -172,5 +183,28 @@ inline NearestTexel nearest_texel(const reference::Direction& d, uint32_t size) 
   const auto at = [&](double s) { return std::min(static_cast<uint32_t>((s + 1) / 2 * size), size - 1); };
   return {spot.face, at(spot.s), at(spot.t)};
 }
+
+// One-texel suns at a pole, the seam, the middle of a face, an edge and a corner of the cube.
+inline std::vector<WireFrame> suns() {
+  std::vector<WireFrame> frames;
+  for (const auto& [x, y] : std::vector<std::array<uint32_t, 2>>{
+           {40, 0}, {200, 127}, {0, 64}, {255, 50}, {128, 64}, {160, 64}, {160, 38}, {96, 89}}) {
+    frames.push_back(sun_at(x, y));
+  }
+  return frames;
+}
+
+// True: without unified memory.
+class EnvironmentTest : public ::testing::TestWithParam<bool> {
+ protected:
+  Machine& machine() { return Machine::of(GetParam() ? MachineKind::kStaging : MachineKind::kUnified); }
+  EnvironmentBaker& baker() { return *machine().baker; }
+
+  BakedCube bake(const Environment& environment, const BakeSpec& spec) {
+    absl::StatusOr<BakedCube> cube = baker().bake(environment, spec);
+    EXPECT_OK(cube);
+    return *std::move(cube);
+  }
+};
 
 }  // namespace candela::testing

@@ -1,8 +1,7 @@
-// Environments on the device against their float64 twins: the stored panorama, cube maps, irradiance,
-// specular levels and the BRDF table.
+// Environments on the device against their float64 twins: the stored panorama, cube maps, irradiance
+// and the BRDF table.
 #include <half.h>
 
-#include <filesystem>
 #include <numbers>
 
 #include "server/base/slices.h"
@@ -14,26 +13,10 @@ namespace {
 
 constexpr std::array<float, 9> kMatrix = {0.9f, 0.2f, -0.1f, -0.3f, 1.1f, 0.2f, 0.05f, -0.15f, 1.1f};
 
-// True: without unified memory.
-class EnvironmentTest : public ::testing::TestWithParam<bool> {
- protected:
-  Machine& machine() { return Machine::of(GetParam() ? MachineKind::kStaging : MachineKind::kUnified); }
-  EnvironmentBaker& baker() { return *machine().baker; }
-
-  BakedCube bake(const Environment& environment, const BakeSpec& spec) {
-    absl::StatusOr<BakedCube> cube = baker().bake(environment, spec);
-    EXPECT_TRUE(cube.ok()) << cube.status();
-    return *std::move(cube);
-  }
-};
-
 INSTANTIATE_TEST_SUITE_P(Memory, EnvironmentTest, ::testing::Bool(),
                          [](const auto& staging) { return staging.param ? "Staging" : "Unified"; });
 
 constexpr Size kPanoramaSizes[] = {{1, 1}, {2, 1}, {3, 2}, {1, 64}, {97, 41}, {512, 256}};
-
-// A picture with negative components.
-WireFrame picture(const Size& size) { return natural(size.width, size.height); }
 
 // NaN, infinities, huge and negative values and a negative zero among ordinary ones.
 WireFrame damaged(const Size& size, v1::PixelFormat format) {
@@ -44,19 +27,9 @@ WireFrame damaged(const Size& size, v1::PixelFormat format) {
   });
 }
 
-// One-texel suns at a pole, the seam, the middle of a face, an edge and a corner of the cube.
-std::vector<WireFrame> suns() {
-  std::vector<WireFrame> frames;
-  for (const auto& [x, y] : std::vector<std::array<uint32_t, 2>>{
-           {40, 0}, {200, 127}, {0, 64}, {255, 50}, {128, 64}, {160, 64}, {160, 38}, {96, 89}}) {
-    frames.push_back(sun_at(x, y));
-  }
-  return frames;
-}
-
 std::vector<WireFrame> panoramas() {
   std::vector<WireFrame> frames = suns();
-  for (const Size& size : kPanoramaSizes) frames.push_back(picture(size));
+  for (const Size& size : kPanoramaSizes) frames.push_back(natural(size.width, size.height));
   return frames;
 }
 
@@ -84,13 +57,12 @@ TEST_P(EnvironmentTest, TheStoredPanoramaIsTheIngestedFrameBitForBit) {
         reference::BadCounts counts;
         const reference::Scene scene = scene_of(frame, matrix, &counts);
         const Environment environment = environment_of(baker(), frame, matrix);
-        const absl::StatusOr<std::vector<std::array<float, 4>>> stored = baker().read_panorama(environment);
-        ASSERT_TRUE(stored.ok()) << stored.status();
-        ASSERT_EQ(stored->size(), scene.texels.size());
+        ASSERT_OK_AND_ASSIGN(const auto stored, baker().read_panorama(environment));
+        ASSERT_EQ(stored.size(), scene.texels.size());
         for (size_t i = 0; i < scene.texels.size(); ++i) {
           for (size_t k = 0; k < 3; ++k) {
-            ASSERT_EQ((*stored)[i][k], scene.texels[i][k])
-                << size.width << "x" << size.height << " format " << format << " texel " << i;
+            ASSERT_EQ(stored[i][k], scene.texels[i][k])
+                << name_of(frame) << " format " << format << " texel " << i;
           }
         }
         EXPECT_EQ(environment.bad.nan, counts.nan);
@@ -117,15 +89,14 @@ TEST_P(EnvironmentTest, EveryLevelOfTheChainIsItsTwins) {
       ASSERT_EQ(cube.chain.levels, should.size());
       for (uint32_t level = 0; level < cube.chain.levels; ++level) {
         expect_level(level_of(baker(), cube.chain, level), should[level], bound[level],
-                     std::to_string(scene.width) + "x" + std::to_string(scene.height) + " level " +
-                         std::to_string(level));
+                     name_of(frame) + " level " + std::to_string(level));
       }
     }
   }
 }
 
 TEST_P(EnvironmentTest, MoreSamplesAndLargerLevelsAreTheTwins) {
-  const WireFrame frame = picture({97, 41});
+  const WireFrame frame = natural(97, 41);
   const reference::Scene scene = scene_of(frame);
   const Environment environment = environment_of(baker(), frame);
   for (const uint32_t size : {16u, 64u}) {
@@ -150,7 +121,7 @@ TEST_P(EnvironmentTest, TheHarmonicsAreTheTwins) {
       for (size_t i = 0; i < 9; ++i) {
         for (size_t k = 0; k < 3; ++k) {
           EXPECT_NEAR(is[i][k], turned_should[i][k], 1e-6 * std::abs(should[0][k]) + 1e-12)
-              << scene.width << "x" << scene.height << " coefficient " << i;
+              << name_of(frame) << " coefficient " << i;
         }
       }
     }
@@ -168,12 +139,10 @@ TEST_P(EnvironmentTest, AConstantStaysThatConstantInEveryLevelAndInTheIrradiance
     Environment environment = environment_of(baker(), flat(size.width, size.height, {0.75f, 1.0f, 3.0f, 1}));
     const BakedCube cube = bake(environment, {.size = 64, .quality = kDraft});
     const auto expect_constant = [&](const CubeLevels& levels) {
-      for (uint32_t level = 0; level < levels.levels; ++level) {
-        for (const reference::Rgb& texel : level_of(baker(), levels, level).texels) {
-          EXPECT_NEAR(texel[0], 0.75, 1e-5);
-          EXPECT_NEAR(texel[1], 1.0, 1e-5);
-          EXPECT_NEAR(texel[2], 3.0, 4e-5);
-        }
+      for (const reference::Rgb& texel : texels_of(baker(), levels)) {
+        EXPECT_NEAR(texel[0], 0.75, 1e-5);
+        EXPECT_NEAR(texel[1], 1.0, 1e-5);
+        EXPECT_NEAR(texel[2], 3.0, 4e-5);
       }
     };
     expect_constant(cube.chain);
@@ -189,15 +158,9 @@ TEST_P(EnvironmentTest, BlackStaysBlackInEveryLevelAndInTheIrradiance) {
     Environment environment = environment_of(baker(), flat(size.width, size.height, {0, 0, 0, 1}));
     for (const BakeQuality& quality : {kDraft, kReference}) {
       const BakedCube cube = bake(environment, {.size = 64, .quality = quality});
-      const auto expect_black = [&](const CubeLevels& levels) {
-        for (uint32_t level = 0; level < levels.levels; ++level) {
-          for (const reference::Rgb& texel : level_of(baker(), levels, level).texels) {
-            ASSERT_EQ(texel, reference::Rgb{}) << "level " << level;
-          }
-        }
-      };
-      expect_black(cube.chain);
-      expect_black(cube.specular);
+      for (const CubeLevels* levels : {&cube.chain, &cube.specular}) {
+        for (const reference::Rgb& texel : texels_of(baker(), *levels)) ASSERT_EQ(texel, reference::Rgb{});
+      }
     }
     const Harmonics radiance = *baker().radiance(environment);
     for (const auto& coefficient : radiance) {
@@ -207,32 +170,28 @@ TEST_P(EnvironmentTest, BlackStaysBlackInEveryLevelAndInTheIrradiance) {
 }
 
 TEST_P(EnvironmentTest, TwoBakesHaveTheSameBits) {
-  const WireFrame frame = picture({97, 41});
+  const WireFrame frame = natural(97, 41);
   Environment a = environment_of(baker(), frame), b = environment_of(baker(), frame);
   EXPECT_EQ(*baker().radiance(a), *baker().radiance(b));
   const BakedCube one = bake(a, {.quality = kDraft}), two = bake(b, {.quality = kDraft});
-  for (uint32_t level = 0; level < one.chain.levels; ++level) {
-    EXPECT_EQ(level_of(baker(), one.chain, level).texels, level_of(baker(), two.chain, level).texels);
-  }
-  for (uint32_t level = 0; level < one.specular.levels; ++level) {
-    EXPECT_EQ(level_of(baker(), one.specular, level).texels, level_of(baker(), two.specular, level).texels);
-  }
+  EXPECT_EQ(texels_of(baker(), one.chain), texels_of(baker(), two.chain));
+  EXPECT_EQ(texels_of(baker(), one.specular), texels_of(baker(), two.specular));
 }
 
 TEST_P(EnvironmentTest, SlicesOfAnyLengthGiveTheSameBits) {
-  const Environment environment = environment_of(baker(), picture({512, 256}));
+  const Environment environment = environment_of(baker(), natural(512, 256));
   const BakedCube whole = bake(environment, {.quality = kDraft});
   std::optional<BakedCube> sliced;
   int slices = 0;
   SlicedWork work([&] { sliced = bake(environment, {.quality = kDraft}); }, real_clock());
   for (bool ended = false; !ended; ++slices) ended = work.run(absl::ZeroDuration());
   EXPECT_GT(slices, 5);
-  EXPECT_EQ(level_of(baker(), whole.chain, 0).texels, level_of(baker(), sliced->chain, 0).texels);
-  EXPECT_EQ(level_of(baker(), whole.specular, 0).texels, level_of(baker(), sliced->specular, 0).texels);
+  EXPECT_EQ(texels_of(baker(), whole.chain), texels_of(baker(), sliced->chain));
+  EXPECT_EQ(texels_of(baker(), whole.specular), texels_of(baker(), sliced->specular));
 }
 
 TEST_P(EnvironmentTest, WorkThatIsCancelledGivesItsMemoryBack) {
-  const Environment environment = environment_of(baker(), picture({512, 256}));
+  const Environment environment = environment_of(baker(), natural(512, 256));
   const uint64_t before = machine().pool->counters().bytes_in_use;
   {
     SlicedWork work([&] { (void)baker().bake(environment, {.quality = kReference}); }, real_clock());
@@ -240,190 +199,19 @@ TEST_P(EnvironmentTest, WorkThatIsCancelledGivesItsMemoryBack) {
     EXPECT_GT(machine().pool->counters().bytes_in_use, before);
   }
   EXPECT_EQ(machine().pool->counters().bytes_in_use, before);
-  EXPECT_TRUE(baker().bake(environment, {.quality = {4, 0}}).ok());
-}
-
-// The twins' tests know why these are the factors: docs/environments.md section 4.
-TEST_P(EnvironmentTest, ALinearFieldKeepsThePublishedPartOfItsSlope) {
-  const uint32_t width = 512, height = 256;
-  const reference::Direction w = {0.48, 0.6, 0.64};
-  const WireFrame frame =
-      make_frame(width, height, v1::PIXEL_FORMAT_RGBA32F, [&](uint32_t x, uint32_t y) -> Texel {
-        const auto d = reference::panorama_direction((x + 0.5) / width, (y + 0.5) / height);
-        const auto v = static_cast<float>(2 + d[0] * w[0] + d[1] * w[1] + d[2] * w[2]);
-        return {v, v, v, 1};
-      });
-  const Environment environment = environment_of(baker(), frame);
-  // The last level has roughness 1, and so alpha 1.
-  const BakedCube cube = bake(environment, {.size = 32, .quality = kStandard});
-  ASSERT_EQ(cube.specular.levels, 1u);
-  const reference::CubeLevel level = level_of(baker(), cube.specular, 0);
-  for (uint32_t face = 0; face < 6; ++face) {
-    for (uint32_t j = 0; j < level.size; ++j) {
-      for (uint32_t i = 0; i < level.size; ++i) {
-        const auto n = reference::cube_direction(face, i, j, level.size);
-        const double along = n[0] * w[0] + n[1] * w[1] + n[2] * w[2];
-        EXPECT_NEAR(level.at(face, i, j)[0], 2 + 2.0 / 3 * along, 0.01);
-      }
-    }
-  }
-}
-
-// The largest step between neighbours inside faces, and the largest across an edge.
-std::array<double, 2> steps(const reference::CubeLevel& level) {
-  double inside = 0, across = 0;
-  const auto step = [](const reference::Rgb& a, const reference::Rgb& b) {
-    return largest({a[0] - b[0], a[1] - b[1], a[2] - b[2]});
-  };
-  for (uint32_t face = 0; face < 6; ++face) {
-    for (uint32_t j = 0; j < level.size; ++j) {
-      for (uint32_t i = 0; i + 1 < level.size; ++i) {
-        inside = std::max({inside, step(level.at(face, i, j), level.at(face, i + 1, j)),
-                           step(level.at(face, j, i), level.at(face, j, i + 1))});
-      }
-      const double along = (2.0 * j + 1) / level.size - 1, beyond = 1 + 1e-6;
-      for (const auto& [s, t] :
-           {std::array{beyond, along}, {-beyond, along}, {along, beyond}, {along, -beyond}}) {
-        const auto own = nearest_texel(reference::cube_point({face, std::clamp(s, -1.0, 1.0) * (1 - 1e-6),
-                                                              std::clamp(t, -1.0, 1.0) * (1 - 1e-6)}),
-                                       level.size);
-        const auto other = nearest_texel(reference::cube_point({face, s, t}), level.size);
-        EXPECT_NE(own.face, other.face);
-        across =
-            std::max(across, step(level.at(own.face, own.i, own.j), level.at(other.face, other.i, other.j)));
-      }
-    }
-  }
-  return {inside, across};
-}
-
-TEST_P(EnvironmentTest, SpecularLevelsGoOnAcrossEdges) {
-  std::vector<WireFrame> frames = suns();
-  frames.push_back(picture({512, 256}));
-  for (size_t f = 0; f < frames.size(); ++f) {
-    const Environment environment = environment_of(baker(), frames[f]);
-    for (const BakeQuality& quality : {kDraft, kStandard, kReference}) {
-      const BakedCube cube = bake(environment, {.size = 128, .quality = quality});
-      for (uint32_t i = 0; i < cube.specular.levels; ++i) {
-        const auto [inside, across] = steps(level_of(baker(), cube.specular, i));
-        EXPECT_LE(across, 1.5 * inside) << "frame " << f << " level " << i + 1;
-      }
-    }
-  }
-}
-
-struct Claim {
-  const char* name;
-  BakeQuality quality;
-  double error;
-  double overshoot;
-};
-const Claim kClaims[] = {{"draft", kDraft, 0.08, 0.20},
-                         {"standard", kStandard, 0.02, 0.05},
-                         {"reference", kReference, 0.002, 0.01}};
-
-// At a pole, on the seam, in the middle of a face, in two corners of the cube and on an edge.
-TEST_P(EnvironmentTest, ASunIsNoBrighterInSpecularLevelsThanItsTiersSay) {
-  for (const auto& [x, y] :
-       std::vector<std::array<uint32_t, 2>>{{40, 0}, {0, 64}, {128, 64}, {160, 38}, {96, 89}, {160, 64}}) {
-    const WireFrame frame = sun_at(x, y);
-    const reference::Scene scene = scene_of(frame);
-    const Environment environment = environment_of(baker(), frame);
-    const auto sun = reference::panorama_direction((x + 0.5) / kSunWidth, (y + 0.5) / kSunHeight);
-    for (const Claim& claim : kClaims) {
-      for (const RoughnessMapping mapping : {RoughnessMapping::kLinear, RoughnessMapping::kPerceptual}) {
-        const BakedCube cube = bake(environment, {.mapping = mapping, .quality = claim.quality});
-        for (uint32_t i = 0; i < cube.specular.levels; ++i) {
-          const double roughness = specular_roughness(i + 1, cube.specular.levels + 1, mapping);
-          const reference::CubeLevel level = level_of(baker(), cube.specular, i);
-          // The lobe that points at the sun is the brightest of all.
-          const double peak = reference::specular_at(scene, sun, roughness)[0];
-          for (const reference::Rgb& texel : level.texels) {
-            ASSERT_LE(texel[0], peak * (1 + claim.overshoot))
-                << claim.name << " roughness " << roughness << " sun " << x << ", " << y;
-          }
-        }
-      }
-    }
-  }
-}
-
-// The relative error of docs/environments.md section 7, for each level.
-void expect_specular(EnvironmentBaker& baker, const WireFrame& frame, const Claim& claim,
-                     RoughnessMapping mapping, const std::string& what, uint32_t size = 0) {
-  const reference::Scene scene = scene_of(frame);
-  const Environment environment = environment_of(baker, frame);
-  ASSERT_OK_AND_ASSIGN(const BakedCube cube,
-                       baker.bake(environment, {.size = size, .mapping = mapping, .quality = claim.quality}));
-  ASSERT_GT(cube.specular.levels, 0u) << what;
-  for (uint32_t i = 0; i < cube.specular.levels; ++i) {
-    const double roughness = specular_roughness(i + 1, cube.specular.levels + 1, mapping);
-    const reference::CubeLevel level = level_of(baker, cube.specular, i);
-    double error = 0, sum = 0;
-    for (const reference::Direction& d : fibonacci_directions()) {
-      const NearestTexel at = nearest_texel(d, level.size);
-      const reference::Rgb should = reference::specular_at(
-          scene, reference::cube_direction(at.face, at.i, at.j, level.size), roughness);
-      for (size_t k = 0; k < 3; ++k) {
-        error += std::abs(level.at(at.face, at.i, at.j)[k] - should[k]);
-        sum += std::abs(should[k]);
-      }
-    }
-    std::printf("%s %s level %u: %.4f\n", what.c_str(), claim.name, i + 1, error / sum);
-    EXPECT_LE(error, claim.error * sum) << what << " " << claim.name << " level " << i + 1;
-  }
-}
-
-TEST(EnvironmentData, SpecularLevelsOfRealPanoramasAreWithinTheirTiersError) {
-  const std::vector<std::string> files = data_files("hdri");
-  if (files.empty()) GTEST_SKIP() << "no panoramas in hdri/ of the test data; set CANDELA_DATA";
-  for (const std::string& path : files) {
-    if (!path.ends_with(".hdr")) continue;
-    ASSERT_OK_AND_ASSIGN(const Image image, read_image(path));
-    for (const Claim& claim : kClaims) {
-      expect_specular(*Machine::of(MachineKind::kUnified).baker, wire_of(image), claim,
-                      RoughnessMapping::kLinear, std::filesystem::path(path).filename());
-    }
-  }
-}
-
-TEST_P(EnvironmentTest, SpecularLevelsOfAPictureAreWithinTheirTiersError) {
-  for (const Claim& claim : kClaims) {
-    expect_specular(baker(), picture({256, 128}), claim, RoughnessMapping::kLinear, "picture");
-  }
-}
-
-// Without `reference`: it is 1.1 % off for 3x2 and 0.35 % for 97x41, because level 0 reads between texels
-// that the twin takes as points.
-TEST_P(EnvironmentTest, SpecularLevelsOfTinyAndOddPanoramasAreWithinTheirTiersError) {
-  for (const Size& size : {Size{3, 2}, Size{1, 64}, Size{97, 41}}) {
-    for (const Claim& claim : {kClaims[0], kClaims[1]}) {
-      expect_specular(baker(), picture(size), claim, RoughnessMapping::kLinear,
-                      std::to_string(size.width) + "x" + std::to_string(size.height), 64);
-    }
-  }
-}
-
-// The twin takes texels as points where level 0 reads between them. In noise that is 0.2 % of a lobe of 9
-// texels.
-TEST_P(EnvironmentTest, NarrowSpecularLevelsOfAPictureAreWithinTheirTiersError) {
-  for (const Claim& claim : {kClaims[0], kClaims[1], Claim{"reference", kReference, 0.003, 0}}) {
-    expect_specular(baker(), picture({256, 128}), claim, RoughnessMapping::kPerceptual,
-                    "picture, perceptual");
-  }
+  EXPECT_OK(baker().bake(environment, {.quality = {4, 0}}));
 }
 
 TEST_P(EnvironmentTest, TheBrdfTableIsTheTwins) {
-  const absl::StatusOr<std::span<const uint16_t>> table = baker().brdf_table();
-  ASSERT_TRUE(table.ok()) << table.status();
+  ASSERT_OK_AND_ASSIGN(const std::span<const uint16_t> table, baker().brdf_table());
   double worst = 0;
   for (uint32_t y = 0; y < shader::BRDF_SIZE; y += y < 8 ? 1 : 7) {
     for (uint32_t x = 0; x < shader::BRDF_SIZE; x += x < 8 ? 1 : 7) {
       const reference::BrdfSum should =
           reference::brdf_sum((x + 0.5) / shader::BRDF_SIZE, (y + 0.5) / shader::BRDF_SIZE);
       const size_t at = 2 * (size_t{y} * shader::BRDF_SIZE + x);
-      const double scale = imath_half_to_float((*table)[at]) - should.scale;
-      const double bias = imath_half_to_float((*table)[at + 1]) - should.bias;
+      const double scale = imath_half_to_float(table[at]) - should.scale;
+      const double bias = imath_half_to_float(table[at + 1]) - should.bias;
       EXPECT_LE(std::abs(scale), 1e-3) << "column " << x << " row " << y;
       EXPECT_LE(std::abs(bias), 1e-3) << "column " << x << " row " << y;
       worst = std::max({worst, std::abs(scale), std::abs(bias)});
@@ -436,19 +224,13 @@ TEST_P(EnvironmentTest, WhatCanNeverFitIsRefusedBeforeMemoryIsTaken) {
   TexturePool small(*machine().device, 1 << 20, real_clock());
   ASSERT_OK_AND_ASSIGN(const auto own, EnvironmentBaker::create(*machine().device, small));
   const auto upload = own->take({1024, 512, v1::PIXEL_FORMAT_RGBA16F});
-  ASSERT_EQ(upload.status().code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_NE(upload.status().message().find("1024x512 rgba16f panorama"), std::string::npos)
-      << upload.status();
-  EXPECT_NE(upload.status().message().find("the memory budget is 1048576"), std::string::npos);
+  EXPECT_REFUSED(kResourceExhausted, "1024x512 rgba16f panorama", upload);
+  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 1048576", upload);
   const Environment environment = environment_of(*own, flat(16, 8, {1, 1, 1, 1}));
-  const auto cube = own->bake(environment, {.size = 4096, .quality = kDraft});
-  ASSERT_EQ(cube.status().code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_NE(cube.status().message().find("a bake of size 4096 needs"), std::string::npos) << cube.status();
-  for (const uint32_t size : {1u, 8u, 24u, 8192u}) {
-    const auto bad = own->bake(environment, {.size = size, .quality = kDraft});
-    ASSERT_EQ(bad.status().code(), absl::StatusCode::kInvalidArgument) << size;
-    EXPECT_NE(bad.status().message().find("16 .. 4096"), std::string::npos) << bad.status();
-  }
+  EXPECT_REFUSED(kResourceExhausted, "a bake of size 4096 needs",
+                 own->bake(environment, {.size = 4096, .quality = kDraft}));
+  for (const uint32_t size : {1u, 8u, 24u, 8192u})
+    EXPECT_REFUSED(kInvalidArgument, "16 .. 4096", own->bake(environment, {.size = size, .quality = kDraft}));
   EXPECT_EQ(small.counters().bytes_in_use, environment.bytes());
 }
 

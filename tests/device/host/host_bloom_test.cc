@@ -13,9 +13,6 @@
 namespace candela::testing {
 namespace {
 
-// That of tests/device/stages_test.cc, to which the device is held.
-constexpr double kBloomBound = 4e-6;
-
 // The last three end just behind a strip of a level (server/render/host/bloom/bloom_levels.cc).
 constexpr Size kBloomSizes[] = {{1, 1},     {1, 7},    {2, 2},     {3, 5},     {8, 3},      {17, 31},
                                 {64, 64},   {67, 63},  {129, 127}, {333, 517}, {1000, 501}, {1, 1000},
@@ -148,16 +145,6 @@ TEST_F(HostBloom, EveryKindIsItsTwins) {
       }
     }
   }
-}
-
-// A dim picture with lights of three texels.
-WireFrame lights(uint32_t width, uint32_t height, const std::vector<std::pair<uint32_t, uint32_t>>& at) {
-  return make_frame(width, height, v1::PIXEL_FORMAT_RGBA16F, [&](uint32_t x, uint32_t y) -> Texel {
-    for (const auto& [cx, cy] : at) {
-      if (x - cx < 3 && y - cy < 3) return {900, 700, 400, 1};
-    }
-    return {0.2f * noise(x, y, 0), 0.3f * noise(x, y, 1) - 0.05f, 0.1f, 1};
-  });
 }
 
 TEST_F(HostBloom, HasTheSameBitsHoweverItIsMade) {

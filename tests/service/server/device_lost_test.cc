@@ -22,8 +22,7 @@ TEST(DeviceLost, TheFrameIsToldUnavailableAndTheNextOneHasTheSameBits) {
   ASSERT_OK_AND_ASSIGN(const RenderResult before, connection.render({}, view(frame)));
   server->lose_device();
   const absl::Status lost = connection.render({}, view(frame)).status();
-  EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
-  EXPECT_NE(std::string(lost.message()).find("device lost"), std::string::npos) << lost;
+  EXPECT_REFUSED(kUnavailable, "device lost", lost);
   ASSERT_OK_AND_ASSIGN(const RenderResult after, connection.render({}, view(frame)));
   EXPECT_EQ(pixels(before), pixels(after));
   EXPECT_TRUE(wait_until_idle(connection));
@@ -38,23 +37,18 @@ TEST(DeviceLost, AFrameOnTheOldDeviceFailsAndHurtsNobody) {
   const auto channel = server->in_process_channel();
   const Connection connection(channel);
   const WireFrame frame = natural(64, 64);
-  const auto stub = v1::RenderService::NewStub(channel);
-  grpc::ClientContext context;
-  const auto stream = stub->Render(&context);
-  stream->Write(start_of(frame));
-  stream->Write(band_of(frame, 0, 32));
+  OpenCall call(channel);
+  call.write(start_of(frame));
+  call.write(band_of(frame, 0, 32));
   while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(2));
   server->lose_device();
   EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
-  EXPECT_TRUE(connection.render({}, view(frame)).ok());
+  EXPECT_OK(connection.render({}, view(frame)));
   // Its memory can still be written.
-  stream->Write(band_of(frame, 32, 32));
-  stream->WritesDone();
-  v1::RenderResponse response;
-  while (stream->Read(&response)) {
-  }
-  EXPECT_EQ(stream->Finish().error_code(), grpc::UNAVAILABLE);
-  EXPECT_TRUE(connection.render({}, view(frame)).ok()) << "a frame of the old device lost the new one";
+  call.write(band_of(frame, 32, 32));
+  call.stream->WritesDone();
+  EXPECT_EQ(call.finish().error_code(), grpc::UNAVAILABLE);
+  EXPECT_OK(connection.render({}, view(frame))) << "a frame of the old device lost the new one";
 }
 
 double rebuilds(const Server& server) { return scrape(server).at("candela_device_rebuilds_total"); }
@@ -80,8 +74,8 @@ TEST(DeviceLost, TheHeartbeatFindsOutBeforeAnyFrame) {
   const Connection connection(server->in_process_channel());
   server->lose_device();
   wait_for_rebuild(*server, absl::Seconds(30));
-  EXPECT_TRUE(connection.health().ok());
-  EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
+  EXPECT_OK(connection.health());
+  EXPECT_OK(connection.render({}, view(natural(16, 16))));
 }
 
 // After a process ran out of descriptors, some drivers allocate nothing until their device is opened again.
@@ -89,13 +83,12 @@ TEST(DeviceLost, ADeviceThatRendersNothingForTooLongIsReplaced) {
   const std::unique_ptr<Server> server = start_with_heartbeat(absl::Seconds(1));
   const Connection connection(server->in_process_channel());
   server->refuse_device_memory();
-  const absl::Status refused = connection.render({}, view(natural(640, 480))).status();
-  EXPECT_TRUE(absl::IsResourceExhausted(refused)) << refused;
+  EXPECT_REFUSED(kResourceExhausted, "", connection.render({}, view(natural(640, 480))));
   wait_for_rebuild(*server, absl::Seconds(60));
   const absl::Time end = absl::Now() + absl::Seconds(60);
   while (!connection.health().ok() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
-  EXPECT_TRUE(connection.health().ok());
-  EXPECT_TRUE(connection.render({}, view(natural(640, 480))).ok());
+  EXPECT_OK(connection.health());
+  EXPECT_OK(connection.render({}, view(natural(640, 480))));
   EXPECT_EQ(rebuilds(*server), 1);
 }
 
@@ -116,9 +109,7 @@ TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
   client.send(film[3], 3, film_time_ns(3));
   client.send(film[4], 4, film_time_ns(4));
   EXPECT_FALSE(client.read(next)) << "a result of the lost device, frame " << next.sequence();
-  const grpc::Status status = client.finish();
-  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
-  EXPECT_NE(status.error_message().find("device lost"), std::string::npos) << status.error_message();
+  EXPECT_REFUSED(kUnavailable, "device lost", client.finish());
   StreamClient resumed(channel);
   ASSERT_TRUE(resumed.open("lost", {}, last.token()));
   for (size_t i = 3; i < film.size(); ++i) {
@@ -127,7 +118,7 @@ TEST(DeviceLost, TheFramesOfAStreamEndWithItAndItsTokenGoesOn) {
     EXPECT_TRUE(next.pixels == whole[i].pixels);
   }
   resumed.half_close();
-  EXPECT_TRUE(resumed.finish().ok());
+  EXPECT_OK(resumed.finish());
   EXPECT_TRUE(wait_until_idle(Connection(channel)));
   EXPECT_EQ(server->validation_messages(), 0u);
 }
@@ -162,14 +153,14 @@ TEST(DeviceLost, ASessionGoesOnByItselfOnTheNewDeviceWithTheSameBits) {
     SessionOptions options;
     options.lookahead = lookahead;
     const SessionRun whole = run_session(Session::open({channel}, options), film);
-    EXPECT_TRUE(whole.status.ok()) << whole.status;
+    EXPECT_OK(whole.status);
     EXPECT_EQ(whole.images.size(), film->size());
     EXPECT_EQ(whole.stats.resumes, 0u);
     const SessionRun lossy = run_session(Session::open({channel}, options), film, [&](size_t results) {
       if (results == 5) server->lose_device();
       if (results == 14) server->lose_device(2);  // and the one that replaces it
     });
-    EXPECT_TRUE(lossy.status.ok()) << lossy.status;
+    EXPECT_OK(lossy.status);
     EXPECT_TRUE(lossy.images == whole.images);
     EXPECT_EQ(rebuilds(*server), expected_rebuilds += 3);
     // Another frame of the session may still wait for the first lost device. Its failure already replaces the
@@ -192,7 +183,7 @@ TEST(DeviceLost, AGoodFrameBetweenLossesStartsTheCountAnew) {
     for (int loss = 0; loss < 3; ++loss) {
       EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(frame)).status()));
     }
-    EXPECT_TRUE(connection.render({}, view(frame)).ok());
+    EXPECT_OK(connection.render({}, view(frame)));
   }
   EXPECT_EQ(gone, 0);
 }

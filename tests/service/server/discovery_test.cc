@@ -36,7 +36,7 @@ class Discovery : public ServiceTest {
 INSTANTIATE_TEST_SUITE_P(Transport, Discovery, ::testing::Bool(), transport_name);
 
 TEST_P(Discovery, HealthAnswersForTheServerAndForTheService) {
-  EXPECT_TRUE(connection().health().ok());
+  EXPECT_OK(connection().health());
   const std::string serving("\x08\x01", 2);
   EXPECT_EQ(ask("/grpc.health.v1.Health/Check", "").value(), serving);
   for (const std::string service : {v1::RenderService::service_full_name(), "liveness", "readiness"}) {
@@ -54,7 +54,7 @@ TEST_P(Discovery, ReflectionListsTheService) {
   ASSERT_OK_AND_ASSIGN(
       const std::string answer,
       ask("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x00", 2)));
-  EXPECT_NE(answer.find("candela.v1.RenderService"), std::string::npos);
+  EXPECT_TRUE(says(answer, "candela.v1.RenderService"));
 }
 
 TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
@@ -120,7 +120,7 @@ TEST_P(Discovery, ServerInfoListsEverySetting) {
 
 TEST_P(Discovery, FramesRenderedAreCounted) {
   const uint64_t before = connection().server_info()->frames_rendered();
-  ASSERT_TRUE(connection().render({}, view(natural(3, 3))).ok());
+  ASSERT_OK(connection().render({}, view(natural(3, 3))));
   EXPECT_EQ(connection().server_info()->frames_rendered(), before + 1);
 }
 
@@ -132,17 +132,16 @@ TEST(UnreachableServer, TheErrorNamesTheAddressAndTheWayOut) {
   ASSERT_OK_AND_ASSIGN(const Connection connection, Connection::open("127.0.0.1:1"));
   for (const absl::Status& status : {connection.health(), connection.server_info().status(),
                                      connection.render({}, view(natural(2, 2))).status()}) {
-    EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+    EXPECT_REFUSED(kUnavailable, "", status);
     const std::string message(status.message());
     EXPECT_EQ(message.rfind("cannot reach 127.0.0.1:1: ", 0), 0u) << message;
-    EXPECT_NE(message.find("candelad --listen 127.0.0.1:1, or name another server"), std::string::npos)
-        << message;
+    EXPECT_TRUE(says(message, "candelad --listen 127.0.0.1:1, or name another server"));
   }
 }
 
 TEST(UnreachableServer, AnAddressOfAnotherShapeIsRefused) {
   for (const char* bad : {"", "localhost", "http://localhost:1", "localhost:0", "localhost:99999", "unix:"}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(Connection::open(bad).status())) << bad;
+    EXPECT_REFUSED(kInvalidArgument, "", Connection::open(bad)) << bad;
   }
 }
 

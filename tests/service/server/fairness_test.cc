@@ -6,67 +6,13 @@
 
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
+#include "tests/service/sessions/neighbours.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/service/sessions/wire_cutter.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
-
-// Sends the same frame repeatedly, as fast as the session accepts it, until stop().
-class Load {
- public:
-  Load(const std::shared_ptr<grpc::Channel>& channel, const std::string& session, WireFrame frame)
-      : frame_(std::move(frame)), client_(channel) {
-    client_.open(session);
-    sender_ = std::thread([this] {
-      for (uint64_t i = 0; !stop_; ++i) {
-        sent_ns_[i % kRing] = absl::GetCurrentTimeNanos();
-        if (!client_.send(frame_, i, static_cast<int64_t>(i))) break;
-      }
-      client_.half_close();
-    });
-    receiver_ = std::thread([this] {
-      StreamResult result;
-      while (client_.read(result)) {
-        if (measuring_)
-          latencies_ns_.push_back(absl::GetCurrentTimeNanos() - sent_ns_[result.sequence() % kRing]);
-        for (const v1::StageTime& stage : result.header.stages()) {
-          if (measuring_ && stage.name() != "queue") device_ns_ += stage.ns();
-        }
-        ++answered_;
-      }
-    });
-  }
-  ~Load() { stop(); }
-
-  void stop() {
-    stop_ = true;
-    if (sender_.joinable()) sender_.join();
-    if (receiver_.joinable()) receiver_.join();
-  }
-  void measure(bool on) { measuring_ = on; }
-  uint64_t answered() const { return answered_; }
-  double device_ns() const { return static_cast<double>(device_ns_); }  // valid after stop()
-  // Times from the header to the end of the result, in ms; valid after stop().
-  double latency_ms(double quantile) {
-    std::sort(latencies_ns_.begin(), latencies_ns_.end());
-    const auto rank = static_cast<size_t>(quantile * static_cast<double>(latencies_ns_.size() - 1));
-    return static_cast<double>(latencies_ns_.at(rank)) * 1e-6;
-  }
-
- private:
-  static constexpr size_t kRing = 64;
-  const WireFrame frame_;
-  StreamClient client_;
-  std::atomic<bool> stop_ = false;
-  std::atomic<bool> measuring_ = false;
-  std::atomic<uint64_t> answered_ = 0;
-  std::array<std::atomic<int64_t>, kRing> sent_ns_{};
-  std::vector<int64_t> latencies_ns_;
-  uint64_t device_ns_ = 0;
-  std::thread sender_;
-  std::thread receiver_;
-};
 
 Config large_config() {
   Config config = test_config();
@@ -80,10 +26,9 @@ TEST(Fairness, AHeavySessionTakesNoMoreThanItsShare) {
   const std::unique_ptr<Server> server = start_server(large_config());
   const std::string& address = server->addresses().at(0);
   std::vector<std::unique_ptr<Load>> loads;
-  loads.push_back(std::make_unique<Load>(own_channel(address), "heavy", natural(3840, 2160)));
+  loads.push_back(std::make_unique<Load>(address, "heavy", natural(3840, 2160)));
   for (int i = 0; i < 3; ++i) {
-    loads.push_back(
-        std::make_unique<Load>(own_channel(address), "light" + std::to_string(i), natural(1280, 720)));
+    loads.push_back(std::make_unique<Load>(address, "light" + std::to_string(i), natural(1280, 720)));
   }
   const auto all_answered = [&] {
     return std::all_of(loads.begin(), loads.end(), [](const auto& load) { return load->answered() >= 2; });
@@ -107,11 +52,6 @@ TEST(Fairness, AHeavySessionTakesNoMoreThanItsShare) {
     std::cout << (i == 0 ? "3840x2160" : "1280x720") << ": " << share << " of the device's time\n";
     EXPECT_TRUE(i == 0 || share >= 0.8 * 0.25);
   }
-}
-
-double quantile(std::vector<double> values, double of) {
-  std::sort(values.begin(), values.end());
-  return values.at(static_cast<size_t>(of * static_cast<double>(values.size() - 1)));
 }
 
 uint64_t frames_rendered(const Connection& connection) {
@@ -167,20 +107,8 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
   const std::unique_ptr<Server> server = start_server(config);
   const std::string& address = server->addresses().at(0);
   const Connection witness(server->in_process_channel());
-  const WireFrame frame = natural(640, 360);
-  StreamClient client(own_channel(address));
-  ASSERT_TRUE(client.open("other"));
-  uint64_t sequence = 0;
-  // Times in ms from before the header until the whole result, one frame at a time.
-  const auto latency_ms = [&] {
-    const absl::Time begin = absl::Now();
-    StreamResult result;
-    client.send(frame, sequence, static_cast<int64_t>(sequence));
-    EXPECT_TRUE(client.read(result) && !result.failed);
-    ++sequence;
-    return absl::ToDoubleMilliseconds(absl::Now() - begin);
-  };
-  for (int i = 0; i < kFrames; ++i) latency_ms();
+  Bystander bystander(address, natural(640, 360));
+  bystander.latencies_ms(kFrames);
   // The p99 of a round, in ms.
   const auto p99_ms = [&](Reader kind, const std::string& session) {
     std::unique_ptr<SlowReader> reader;
@@ -192,8 +120,7 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
       }));
       reader->begin_to_read(kind == kSlow);
     }
-    std::vector<double> latencies;
-    for (int i = 0; i < kFrames; ++i) latencies.push_back(latency_ms());
+    const std::vector<double> latencies = bystander.latencies_ms(kFrames);
     // The result of a slow reader's first frame is still being sent. Until that ends, no other frame of it is
     // rendered.
     const uint64_t others = kind == kSlow ? config.max_frames_in_flight : 0;
@@ -228,8 +155,6 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
     }
   }
   EXPECT_TRUE(conclusive) << "the bound never saw a session that takes its share";
-  client.half_close();
-  EXPECT_TRUE(client.finish().ok());
 }
 
 }  // namespace

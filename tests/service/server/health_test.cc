@@ -10,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -21,9 +22,9 @@ bool serving(const std::shared_ptr<grpc::Channel>& channel, const std::string& s
   const grpc::Slice request("\x0a" + std::string(1, static_cast<char>(service.size())) + service);
   grpc::ByteBuffer answer;
   EXPECT_TRUE(call.write(grpc::ByteBuffer(&request, 1)) && call.half_close() && call.read(answer));
-  EXPECT_TRUE(call.finish().ok());
+  EXPECT_OK(call.finish());
   std::vector<grpc::Slice> slices;
-  EXPECT_TRUE(answer.Dump(&slices).ok());
+  EXPECT_OK(answer.Dump(&slices));
   std::string bytes;
   for (const grpc::Slice& slice : slices) bytes.append(slice.begin(), slice.end());
   return bytes == "\x08\x01";
@@ -85,7 +86,7 @@ TEST(Health, AnIdleServerStaysReadyByItsHeartbeat) {
   const auto rendered = [&] { return textures_taken() > before; };
   const absl::Time begin = absl::Now();
   while (absl::Now() < begin + absl::Seconds(3) || (!rendered() && absl::Now() < begin + absl::Seconds(30))) {
-    EXPECT_TRUE(connection.health().ok());
+    EXPECT_OK(connection.health());
     absl::SleepFor(absl::Milliseconds(50));
   }
   EXPECT_TRUE(rendered()) << "no frame was rendered meanwhile";

@@ -10,9 +10,11 @@
 #include "client/call/retry/retry_info.h"
 #include "server/session/limits/client_memory.h"
 #include "tests/service/service_fixture.h"
+#include "tests/service/sessions/neighbours.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -27,65 +29,6 @@ const char* candelad_under_test() {
   const char* other = std::getenv("CANDELA_TEST_CANDELAD");
   return other == nullptr ? CANDELAD : other;
 }
-
-double quantile(std::vector<double> values, double of) {
-  std::sort(values.begin(), values.end());
-  return values.at(static_cast<size_t>(of * static_cast<double>(values.size() - 1)));
-}
-
-// A session of small frames, one at a time.
-class Bystander {
- public:
-  Bystander(const std::string& address, const std::string& session)
-      : client_(own_channel(address), true, absl::Now() + absl::Minutes(2)) {
-    EXPECT_TRUE(client_.open(session));
-  }
-  // Milliseconds from before the header until the whole result, of each frame.
-  std::vector<double> latencies(int frames) {
-    std::vector<double> all;
-    for (int i = 0; i < frames; ++i) {
-      const absl::Time begin = absl::Now();
-      StreamResult result;
-      client_.send(frame_, sequence_, static_cast<int64_t>(sequence_));
-      EXPECT_TRUE(client_.read(result) && !result.failed) << "frame " << sequence_;
-      ++sequence_;
-      all.push_back(absl::ToDoubleMilliseconds(absl::Now() - begin));
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    return all;
-  }
-
- private:
-  const WireFrame frame_ = natural(160, 90);
-  StreamClient client_;
-  uint64_t sequence_ = 0;
-};
-
-// A fair neighbour: a session that sends frames of 640x360 as fast as they are taken, while it exists.
-class Neighbour {
- public:
-  explicit Neighbour(const std::string& address) : client_(own_channel(address)) {
-    client_.open("neighbour");
-    sender_ = std::thread([this] {
-      const WireFrame frame = natural(640, 360);
-      for (uint64_t i = 0; !stop_ && client_.send(frame, i, static_cast<int64_t>(i)); ++i) {
-      }
-      client_.half_close();
-    });
-    receiver_ = std::thread([this] { client_.read_all(); });
-  }
-  ~Neighbour() {
-    stop_ = true;
-    sender_.join();
-    receiver_.join();
-  }
-
- private:
-  StreamClient client_;
-  std::atomic<bool> stop_ = false;
-  std::thread sender_;
-  std::thread receiver_;
-};
 
 std::string first_word(const std::string& words) { return words.substr(0, words.find(' ')); }
 
@@ -139,13 +82,14 @@ class Memory : public ::testing::Test {
 WireFrame large_frame() { return natural(2900, 2900); }
 
 TEST_F(Memory, HeadersWithoutAPixelHoldNothingAndDelayNobody) {
-  Bystander bystander(address_, "bystander");
-  bystander.latencies(20);
+  Bystander bystander(address_, natural(160, 90), absl::Now() + absl::Minutes(2));
+  constexpr absl::Duration kPause = absl::Milliseconds(10);
+  bystander.latencies_ms(20, kPause);
   double fair = 0;
   {
-    const Neighbour neighbour(address_);
-    bystander.latencies(20);
-    fair = quantile(bystander.latencies(150), 0.99);
+    const Load neighbour(address_, "neighbour", natural(640, 360));
+    bystander.latencies_ms(20, kPause);
+    fair = quantile(bystander.latencies_ms(150, kPause), 0.99);
   }
   std::vector<std::unique_ptr<StreamClient>> hogs;
   for (const uint32_t side : {4096u, 2048u, 1024u, 512u, 256u, 128u, 64u, 32u}) {
@@ -159,9 +103,9 @@ TEST_F(Memory, HeadersWithoutAPixelHoldNothingAndDelayNobody) {
   EXPECT_TRUE(renders_within(address_, kWithinSeconds));
   std::vector<double> latencies;
   for (int i = 0; i < 15; ++i) {
-    const std::vector<double> some = bystander.latencies(10);
+    const std::vector<double> some = bystander.latencies_ms(10, kPause);
     latencies.insert(latencies.end(), some.begin(), some.end());
-    EXPECT_TRUE(connection_.health().ok());
+    EXPECT_OK(connection_.health());
   }
   const double attacked = quantile(latencies, 0.99);
   std::cout << "p99 of the bystander: " << fair << " ms beside a fair neighbour, " << attacked
@@ -181,8 +125,7 @@ TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToAFrameThatWaits) {
   EXPECT_FALSE(result.failed);
   EXPECT_LT(absl::Now() - begin, ClientMemory::kStalled + absl::Seconds(10) * kSlower);
   const grpc::Status status = stalled->finish();
-  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
-  EXPECT_NE(status.error_message().find("brought no pixels"), std::string::npos) << status.error_message();
+  EXPECT_REFUSED(kUnavailable, "brought no pixels", status);
   EXPECT_GT(retry_delay(status), absl::ZeroDuration());
   // It may come back and gets the same image.
   const std::vector<StreamResult> again = stream_all(own_channel(address_), open_of("stalled"), {large});
@@ -199,12 +142,12 @@ TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToARenderThatWasRefused) {
   const Connection connection(own_channel(address_));
   const absl::Time until = absl::Now() + kWithinSeconds;
   absl::Status status = connection.render({}, view(large), until).status();
-  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_REFUSED(kUnavailable, "", status);
   while (!status.ok() && absl::Now() < until) {
     absl::SleepFor(absl::Seconds(1));
     status = connection.render({}, view(large), until).status();
   }
-  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_OK(status);
 }
 
 // The control: the same pause, and nobody waits.
@@ -250,20 +193,18 @@ TEST_F(Memory, AHonestSlowUploadIsNotStarvedByFramesThatWait) {
 // Its uploads go on all the time, so none of them ever stalls.
 TEST_F(Memory, AClientTakesNoMoreThanItsShareBesideAnother) {
   const WireFrame frame = natural(1200, 1200);  // about 25 MB of the budget
-  Bystander other(other_address(), "other");
-  other.latencies(1);
+  Bystander other(other_address());
+  other.latency_ms();
   std::vector<std::unique_ptr<StreamClient>> hogs;
   for (int i = 0; i < 12; ++i) hogs.push_back(begin_upload(address_, absl::StrCat("hog", i), frame, 1));
   absl::SleepFor(absl::Milliseconds(500));
   EXPECT_GT(in_use(), kBudget / 4);
   EXPECT_LE(in_use(), kBudget / 2);
   // The hog's own next frame is told why; the other client's is taken at once.
-  const absl::Status own = connection_.render({}, view(frame), absl::Now() + kWithinSeconds).status();
-  EXPECT_TRUE(absl::IsUnavailable(own)) << own;
-  EXPECT_NE(std::string(own.message()).find("its share of"), std::string::npos) << own;
+  EXPECT_REFUSED(kUnavailable, "its share of",
+                 connection_.render({}, view(frame), absl::Now() + kWithinSeconds));
   const Connection by_other(own_channel(other_address()));
-  const absl::Status others = by_other.render({}, view(frame), absl::Now() + kWithinSeconds).status();
-  EXPECT_TRUE(others.ok()) << others;
+  EXPECT_OK(by_other.render({}, view(frame), absl::Now() + kWithinSeconds));
 }
 
 TEST_F(Memory, AClientThatIsAloneMayUseAllOfIt) {
@@ -276,16 +217,15 @@ TEST_F(Memory, AClientThatIsAloneMayUseAllOfIt) {
 // On a unix: socket the proxy says who calls.
 TEST_F(Memory, BehindAProxyClientsAreToldApartByTheAddressThatItAdds) {
   const WireFrame frame = natural(1200, 1200);
-  const auto stub = v1::RenderService::NewStub(own_channel(other_address()));
-  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReaderWriter<v1::RenderRequest, v1::RenderResponse>>> calls;
+  const auto channel = own_channel(other_address());
+  std::vector<std::unique_ptr<OpenCall>> calls;
   const auto upload = [&](const std::string& forwarded) {
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    contexts.back()->AddMetadata("x-forwarded-for", forwarded);
-    contexts.back()->set_deadline(absl::ToChronoTime(absl::Now() + kWithinSeconds));
-    calls.push_back(stub->Render(contexts.back().get()));
-    calls.back()->Write(start_of(frame));
-    calls.back()->Write(band_of(frame, 0, 1));
+    calls.push_back(std::make_unique<OpenCall>(channel, [&](grpc::ClientContext& context) {
+      context.AddMetadata("x-forwarded-for", forwarded);
+      context.set_deadline(absl::ToChronoTime(absl::Now() + kWithinSeconds));
+    }));
+    calls.back()->write(start_of(frame));
+    calls.back()->write(band_of(frame, 0, 1));
   };
   upload("192.0.2.1");
   // What a client claims itself stands before what the proxy adds.
@@ -318,12 +258,10 @@ TEST_F(Memory, TablesOfChangesThatWaitAreCounted) {
   StreamClient second(own_channel(address_), true, absl::Now() + absl::Minutes(1));
   ASSERT_TRUE(second.open("second"));
   announce(second, 16);
-  const grpc::Status status = second.finish();
-  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
-  EXPECT_NE(status.error_message().find("colour table"), std::string::npos) << status.error_message();
+  EXPECT_REFUSED(kUnavailable, "colour table", second.finish());
   // With the first session its tables go.
   first.half_close();
-  EXPECT_TRUE(first.finish().ok());
+  EXPECT_OK(first.finish());
   StreamClient third(own_channel(address_), true, absl::Now() + absl::Minutes(1));
   ASSERT_TRUE(third.open("third"));
   announce(third, 12);

@@ -10,11 +10,13 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "tests/service/server/scrape.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/session_run.h"
 #include "tests/service/sessions/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -38,7 +40,7 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   EXPECT_EQ(before.at("candela_sessions"), 0);
 
   const WireFrame frame = natural(320, 240);
-  ASSERT_TRUE(connection.render({}, view(frame)).ok());
+  ASSERT_OK(connection.render({}, view(frame)));
   ASSERT_TRUE(wait_until_idle(connection));
   std::map<std::string, double> after = scrape(*server);
   EXPECT_EQ(after.at("candela_frames_total{result=\"ok\"}"), 1);
@@ -56,18 +58,13 @@ TEST(MetricsPort, CountersMoveWithARenderAndWithARejection) {
   EXPECT_EQ(after.at("candela_memory_budget_bytes"), with_metrics().memory_budget_bytes);
   EXPECT_EQ(after.at("candela_queue_frames"), 0);
 
-  const auto stub = v1::RenderService::NewStub(server->in_process_channel());
-  const auto refuse = [&stub](uint32_t width) {
-    grpc::ClientContext context;
-    const auto stream = stub->Render(&context);
+  const auto refuse = [&server](uint32_t width) {
+    OpenCall call(server->in_process_channel());
     v1::RenderRequest start = start_of(natural(1, 1));
     start.mutable_start()->mutable_frame()->set_width(width);
     start.mutable_start()->mutable_frame()->set_height(v1::kMaxDimension);
-    stream->Write(start);
-    v1::RenderResponse response;
-    while (stream->Read(&response)) {
-    }
-    EXPECT_FALSE(stream->Finish().ok());
+    call.write(start);
+    EXPECT_FALSE(call.finish().ok());
   };
   refuse(v1::kMaxDimension);
   refuse(0);
@@ -81,16 +78,11 @@ TEST(MetricsPort, AFrameThatEndsOtherwiseIsCountedOnceByItsStatus) {
   const std::unique_ptr<Server> server = start_server(with_metrics());
   const auto channel = server->in_process_channel();
   const WireFrame frame = natural(64, 64);
-  const auto stub = v1::RenderService::NewStub(channel);
-  grpc::ClientContext context;
-  const auto stream = stub->Render(&context);
-  stream->Write(start_of(frame));
-  stream->Write(band_of(frame, 0, 10));
-  stream->WritesDone();  // too few rows
-  v1::RenderResponse response;
-  while (stream->Read(&response)) {
-  }
-  EXPECT_EQ(stream->Finish().error_code(), grpc::INVALID_ARGUMENT);
+  OpenCall call(channel);
+  call.write(start_of(frame));
+  call.write(band_of(frame, 0, 10));
+  call.stream->WritesDone();  // too few rows
+  EXPECT_EQ(call.finish().error_code(), grpc::INVALID_ARGUMENT);
   v1::Settings reject;
   reject.set_bad_values(v1::BAD_VALUES_REJECT);
   WireFrame bad = flat(8, 8, {1, 1, 1, 1});
@@ -143,25 +135,26 @@ class SessionMetrics : public ::testing::Test {
     return config;
   }
 
-  // The refusals and the ended frames while `act` runs: "token" or "ok", and how many.
-  std::map<std::string, int> counted(const std::function<void()>& act) {
+  // The refusals and the ended frames while `act` runs, such as "ok 1, token 2".
+  std::string counted(const std::function<void()>& act) {
     const std::map<std::string, double> before = scrape(*server_);
     act();
     EXPECT_TRUE(wait_until_idle(Connection(channel_)));
-    std::map<std::string, int> counts;
+    std::vector<std::string> counts;
     for (const auto& [series, value] : scrape(*server_)) {
       if (!absl::StartsWith(series, "candela_rejections_") && !absl::StartsWith(series, "candela_frames_"))
         continue;
       const auto first = before.find(series);
       const int more = static_cast<int>(value - (first == before.end() ? 0 : first->second));
       const size_t quote = series.find('"');
-      if (more != 0) counts[series.substr(quote + 1, series.rfind('"') - quote - 1)] = more;
+      if (more != 0)
+        counts.push_back(absl::StrCat(series.substr(quote + 1, series.rfind('"') - quote - 1), " ", more));
     }
-    return counts;
+    return absl::StrJoin(counts, ", ");
   }
 
   // The same for one session.
-  std::map<std::string, int> session(grpc::StatusCode end, const std::function<void(StreamClient&)>& act) {
+  std::string session(grpc::StatusCode end, const std::function<void(StreamClient&)>& act) {
     return counted([&] {
       StreamClient client(channel_);
       act(client);
@@ -170,7 +163,6 @@ class SessionMetrics : public ::testing::Test {
     });
   }
 
-  using Counts = std::map<std::string, int>;
   const WireFrame frame_ = natural(64, 36);
   const std::unique_ptr<Server> server_;
   const std::shared_ptr<grpc::Channel> channel_;
@@ -179,26 +171,22 @@ class SessionMetrics : public ::testing::Test {
 TEST_F(SessionMetrics, ARefusalAtTheOpenMessageIsCountedByItsReason) {
   v1::Settings wrong;
   wrong.set_prescale(-1);
-  EXPECT_EQ(session(grpc::INVALID_ARGUMENT, [&](StreamClient& c) { c.open("a", wrong); }),
-            (Counts{{"request", 1}}));
-  EXPECT_EQ(
-      session(grpc::FAILED_PRECONDITION, [](StreamClient& c) { c.open("a", {}, std::string(50, 'x')); }),
-      (Counts{{"token", 1}}));
+  EXPECT_EQ("request 1", session(grpc::INVALID_ARGUMENT, [&](StreamClient& c) { c.open("a", wrong); }));
+  EXPECT_EQ("token 1", session(grpc::FAILED_PRECONDITION,
+                               [](StreamClient& c) { c.open("a", {}, std::string(50, 'x')); }));
   std::string token;
-  EXPECT_EQ(session(grpc::OK,
-                    [&](StreamClient& c) {
-                      c.open("first");
-                      c.send(frame_, 0, 0);
-                      StreamResult result;
-                      ASSERT_TRUE(c.read(result));
-                      token = result.token();
-                      c.half_close();
-                    }),
-            (Counts{{"ok", 1}}));
-  EXPECT_EQ(session(grpc::FAILED_PRECONDITION, [&](StreamClient& c) { c.open("another", {}, token); }),
-            (Counts{{"token", 1}}));
+  EXPECT_EQ("ok 1", session(grpc::OK, [&](StreamClient& c) {
+              c.open("first");
+              c.send(frame_, 0, 0);
+              StreamResult result;
+              ASSERT_TRUE(c.read(result));
+              token = result.token();
+              c.half_close();
+            }));
+  EXPECT_EQ("token 1",
+            session(grpc::FAILED_PRECONDITION, [&](StreamClient& c) { c.open("another", {}, token); }));
   EXPECT_EQ(
-      counted([&] {
+      "request 1", counted([&] {
         StreamClient first(channel_);
         first.open("taken");
         ASSERT_TRUE(wait_until(Connection(channel_), [](const auto& info) { return info.sessions() == 1; }));
@@ -206,27 +194,22 @@ TEST_F(SessionMetrics, ARefusalAtTheOpenMessageIsCountedByItsReason) {
         second.open("taken");
         EXPECT_EQ(second.finish().error_code(), grpc::ALREADY_EXISTS);
         first.half_close();
-        EXPECT_TRUE(first.finish().ok());
-      }),
-      (Counts{{"request", 1}}));
+        EXPECT_OK(first.finish());
+      }));
 }
 
 TEST_F(SessionMetrics, ARefusalAfterTheOpenMessageIsCountedByItsReason) {
   v1::Settings wrong;
   wrong.set_prescale(-1);
   const WireFrame large = natural(2000, 2000);
-  EXPECT_EQ(session(grpc::INVALID_ARGUMENT,
-                    [&](StreamClient& c) {
-                      c.open("a");
-                      c.change(0, wrong);
-                    }),
-            (Counts{{"request", 1}}));
-  EXPECT_EQ(session(grpc::RESOURCE_EXHAUSTED,
-                    [&](StreamClient& c) {
-                      c.open("a");
-                      c.send_header(large, 0, 0);
-                    }),
-            (Counts{{"size", 1}}));
+  EXPECT_EQ("request 1", session(grpc::INVALID_ARGUMENT, [&](StreamClient& c) {
+              c.open("a");
+              c.change(0, wrong);
+            }));
+  EXPECT_EQ("size 1", session(grpc::RESOURCE_EXHAUSTED, [&](StreamClient& c) {
+              c.open("a");
+              c.send_header(large, 0, 0);
+            }));
 }
 
 TEST_F(SessionMetrics, ASessionThatFindsNoMemoryIsCountedByItsReason) {
@@ -298,48 +281,38 @@ TEST_F(SessionMetrics, AFrameEndsByWhatEndedIt) {
     ASSERT_TRUE(wait_until_in_use(Connection(channel_)));
   };
   // A client that goes silent within a frame.
-  EXPECT_EQ(session(grpc::UNAVAILABLE, upload), (Counts{{"cancelled", 1}}));
+  EXPECT_EQ("cancelled 1", session(grpc::UNAVAILABLE, upload));
   // One whose rows come too slowly.
-  EXPECT_EQ(session(grpc::DEADLINE_EXCEEDED,
-                    [&](StreamClient& c) {
-                      upload(c);
-                      const absl::Duration pause = config().idle_timeout / 2;
-                      for (uint32_t y = 4; y < frame_.desc.height && c.send_rows(frame_, y, 1); ++y)
-                        absl::SleepFor(pause);
-                    }),
-            (Counts{{"cancelled", 1}}));
-  EXPECT_EQ(session(grpc::CANCELLED,
-                    [&](StreamClient& c) {
-                      upload(c);
-                      c.cancel();
-                    }),
-            (Counts{{"cancelled", 1}}));
-  EXPECT_EQ(session(grpc::INVALID_ARGUMENT,
-                    [&](StreamClient& c) {
-                      upload(c);
-                      c.send_rows(frame_, 30, 1);
-                    }),
-            (Counts{{"invalid_argument", 1}}));
-  EXPECT_EQ(session(grpc::UNAVAILABLE,
-                    [&](StreamClient& c) {
-                      upload(c);
-                      server_->lose_device();
-                      c.send_rows(frame_, 4, 32);
-                    }),
-            (Counts{{"unavailable", 1}}));
-  EXPECT_EQ(session(grpc::OK,
-                    [&](StreamClient& c) {
-                      v1::StreamOpen open = open_of("png");
-                      open.set_encoding(v1::ENCODING_PNG);
-                      c.open(open);
-                      c.send(frame_, 0, 0);
-                      c.half_close();
-                    }),
-            (Counts{{"ok", 1}}));
+  EXPECT_EQ("cancelled 1", session(grpc::DEADLINE_EXCEEDED, [&](StreamClient& c) {
+              upload(c);
+              const absl::Duration pause = config().idle_timeout / 2;
+              for (uint32_t y = 4; y < frame_.desc.height && c.send_rows(frame_, y, 1); ++y)
+                absl::SleepFor(pause);
+            }));
+  EXPECT_EQ("cancelled 1", session(grpc::CANCELLED, [&](StreamClient& c) {
+              upload(c);
+              c.cancel();
+            }));
+  EXPECT_EQ("invalid_argument 1", session(grpc::INVALID_ARGUMENT, [&](StreamClient& c) {
+              upload(c);
+              c.send_rows(frame_, 30, 1);
+            }));
+  EXPECT_EQ("unavailable 1", session(grpc::UNAVAILABLE, [&](StreamClient& c) {
+              upload(c);
+              server_->lose_device();
+              c.send_rows(frame_, 4, 32);
+            }));
+  EXPECT_EQ("ok 1", session(grpc::OK, [&](StreamClient& c) {
+              v1::StreamOpen open = open_of("png");
+              open.set_encoding(v1::ENCODING_PNG);
+              c.open(open);
+              c.send(frame_, 0, 0);
+              c.half_close();
+            }));
 }
 
 TEST_F(SessionMetrics, AFrameWhoseSessionMovesToAnotherCallIsAborted) {
-  EXPECT_EQ(counted([&] {
+  EXPECT_EQ("aborted 1, ok 1", counted([&] {
               StreamClient first(channel_);
               first.open("moves");
               first.send(frame_, 0, 0);
@@ -352,9 +325,8 @@ TEST_F(SessionMetrics, AFrameWhoseSessionMovesToAnotherCallIsAborted) {
               second.open("moves", {}, result.token());
               EXPECT_EQ(first.finish().error_code(), grpc::ABORTED);
               second.half_close();
-              EXPECT_TRUE(second.finish().ok());
-            }),
-            (Counts{{"ok", 1}, {"aborted", 1}}));
+              EXPECT_OK(second.finish());
+            }));
 }
 
 TEST(MetricsPort, ServesNothingElseAndEndsWithTheServer) {
@@ -362,7 +334,7 @@ TEST(MetricsPort, ServesNothingElseAndEndsWithTheServer) {
   const std::string address = server->metrics_address();
   EXPECT_TRUE(absl::StartsWith(get(address, "/"), "HTTP/1.1 404")) << get(address, "/");
   EXPECT_TRUE(absl::StartsWith(get(address, "/CMakeCache.txt"), "HTTP/1.1 404"));
-  EXPECT_NE(get(address, "/metrics").find("candela_build_info{"), std::string::npos);
+  EXPECT_TRUE(says(get(address, "/metrics"), "candela_build_info{"));
   server->drain_and_stop();
   EXPECT_EQ(get(address, "/metrics"), "");
 }

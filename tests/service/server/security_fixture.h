@@ -15,6 +15,7 @@
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -93,7 +94,7 @@ class SecurityTest : public ::testing::Test {
 // Expects a one-line status with this code and these words.
 inline void expect_says(const absl::Status& status, absl::StatusCode code, const std::string& words) {
   EXPECT_EQ(status.code(), code) << status;
-  EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status << " lacks: " << words;
+  EXPECT_TRUE(says(status.message(), words));
   EXPECT_EQ(std::string(status.message()).find('\n'), std::string::npos) << status;
 }
 

@@ -21,6 +21,7 @@
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/service/sessions/wire_cutter.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -90,8 +91,7 @@ class Traffic {
 
   void render() {
     const absl::StatusOr<Connection> connection = Connection::open(address_);
-    const absl::StatusOr<RenderResult> result = connection->render({}, view(frame()));
-    EXPECT_TRUE(result.ok()) << result.status();
+    EXPECT_OK(connection->render({}, view(frame())));
     ++served_;
   }
   void session(const std::string& name, v1::StreamOpen open) {
@@ -168,7 +168,7 @@ size_t entries(const char* folder) {
 
 Reading read_now(absl::Time begin, const Connection& connection) {
   const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
-  EXPECT_TRUE(info.ok()) << info.status();
+  EXPECT_OK(info);
   const double pool = info.ok() ? static_cast<double>(info->pool().bytes_idle()) : 0;
   malloc_trim(0);
   size_t size = 0, resident = 0;

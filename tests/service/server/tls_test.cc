@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/call/raw_call.h"
 #include "tests/service/server/security_fixture.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -30,8 +31,8 @@ TEST_F(Tls, ServesThoseWhoTrustItsCa) {
   Daemon daemon(tls());
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
-  EXPECT_TRUE(render(address, trusting()).ok()) << render(address, trusting());
-  EXPECT_TRUE(Connection::open(address, trusting())->health().ok());
+  EXPECT_OK(render(address, trusting()));
+  EXPECT_OK(Connection::open(address, trusting())->health());
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
 }
@@ -48,7 +49,7 @@ TEST_F(Tls, SaysWhatIsWrongWithTheServersCertificate) {
   named.server_name = "example.org";
   expect_says(render(address, named), kUnavailable, "is not for the name example.org");
   named.server_name = "localhost";
-  EXPECT_TRUE(render(address, named).ok());
+  EXPECT_OK(render(address, named));
 
   put("server", ca_.issue("server", -absl::Hours(1)));
   Daemon expired(tls());
@@ -70,8 +71,8 @@ TEST_F(Tls, AUnixSocketStaysPlain) {
   const std::string address = "unix:" + folder_.path("socket");
   Daemon daemon(tls({"--listen", address}));
   ASSERT_EQ(daemon.wait_until_listening(), address) << daemon.errors();
-  EXPECT_TRUE(render(address, {}).ok()) << render(address, {});
-  EXPECT_TRUE(render(address, trusting()).ok()) << "over a socket its options count for nothing";
+  EXPECT_OK(render(address, {}));
+  EXPECT_OK(render(address, trusting())) << "over a socket its options count for nothing";
 }
 
 // The server's answer to a client that speaks this version alone: the protocol that they agreed on, or
@@ -114,7 +115,7 @@ TEST_F(Tls, ListensBeyondLoopback) {
   Daemon daemon(arguments);
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
-  EXPECT_TRUE(render("127.0.0.1" + address.substr(address.rfind(':')), trusting()).ok());
+  EXPECT_OK(render("127.0.0.1" + address.substr(address.rfind(':')), trusting()));
 }
 
 TEST_F(Mtls, OnlyThoseWithACertificateOfTheCaComeIn) {
@@ -123,7 +124,7 @@ TEST_F(Mtls, OnlyThoseWithACertificateOfTheCaComeIn) {
   Daemon daemon(tls({"--tls-client-ca", folder_.path("ca.pem")}));
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
-  EXPECT_TRUE(render(address, showing("client")).ok()) << render(address, showing("client"));
+  EXPECT_OK(render(address, showing("client")));
   expect_says(render(address, trusting()), kUnavailable,
               "asks for a client certificate; give one with --tls-cert");
   expect_says(render(address, showing("foreign")), kUnavailable,
@@ -173,13 +174,11 @@ TEST_F(Tokens, EveryMethodButHealthAsksForOne) {
         EXPECT_EQ(call(address, method, wrong), missing) << wrong << " is told from a missing one";
       }
     }
-    EXPECT_TRUE(
-        call(address, "/candela.v1.RenderService/GetServerInfo", absl::StrCat("Bearer ", kToken)).ok());
-    EXPECT_TRUE(
-        call(address, "/candela.v1.RenderService/GetServerInfo", absl::StrCat("bearer ", kToken)).ok());
-    EXPECT_TRUE(call(address, "/grpc.health.v1.Health/Check", "").ok());
+    EXPECT_OK(call(address, "/candela.v1.RenderService/GetServerInfo", absl::StrCat("Bearer ", kToken)));
+    EXPECT_OK(call(address, "/candela.v1.RenderService/GetServerInfo", absl::StrCat("bearer ", kToken)));
+    EXPECT_OK(call(address, "/grpc.health.v1.Health/Check", ""));
     ClientSecurity security{.token_file = folder_.path("token")};
-    EXPECT_TRUE(render(address, security).ok()) << render(address, security);
+    EXPECT_OK(render(address, security));
     security.token_file = folder_.path("other_token");
     expect_says(render(address, security), kUnauthenticated, "--token-file");
     expect_says(render(address, {}), kUnauthenticated, "--token-file");
@@ -255,8 +254,8 @@ TEST_F(Tokens, GoOverTlsToo) {
   ClientSecurity security = trusting();
   expect_says(render(address, security), kUnauthenticated, "--token-file");
   security.token_file = folder_.path("token");
-  EXPECT_TRUE(render(address, security).ok()) << render(address, security);
-  EXPECT_TRUE(Connection::open(address, trusting())->health().ok());
+  EXPECT_OK(render(address, security));
+  EXPECT_OK(Connection::open(address, trusting())->health());
 }
 
 TEST_F(Tokens, NeverGoBeyondThisMachineInTheClear) {
@@ -266,8 +265,8 @@ TEST_F(Tokens, NeverGoBeyondThisMachineInTheClear) {
   }
   ClientSecurity secure = token;
   secure.tls = true;
-  EXPECT_TRUE(Connection::open("192.0.2.1:50051", secure).ok());
-  EXPECT_TRUE(Connection::open("[::1]:50051", token).ok());
+  EXPECT_OK(Connection::open("192.0.2.1:50051", secure));
+  EXPECT_OK(Connection::open("[::1]:50051", token));
 }
 
 TEST_F(SecurityFiles, OfAClientThatCannotBeUsedAreNamed) {

@@ -1,14 +1,14 @@
 // Long work takes turns: a neighbour of the client that asked for it waits no longer than beside a fair one.
-#include <algorithm>
-#include <atomic>
 #include <functional>
 #include <iostream>
-#include <thread>
+#include <memory>
+#include <string>
 #include <vector>
 
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/stream_client.h"
+#include "tests/service/sessions/neighbours.h"
+#include "tests/support/passes.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -30,74 +30,38 @@ Config turns_config() {
   return config;
 }
 
-// Repeats a call on a thread of its own while it lives.
-class Neighbour {
- public:
-  explicit Neighbour(std::function<void()> call)
-      : call_(std::move(call)), thread_([this] {
-          while (!stop_) call_();
-        }) {}
-  ~Neighbour() {
-    stop_ = true;
-    thread_.join();
-  }
-
- private:
-  const std::function<void()> call_;
-  std::atomic<bool> stop_ = false;
-  std::thread thread_;  // last: it uses the rest
-};
-
-// A client that sends a small frame ten times a second.
-struct Bystander {
-  std::vector<double> latencies_ms;  // ascending
-  int unready = 0;                   // times that health was not SERVING
+// What a client saw that sends a small frame ten times a second.
+struct Watched {
+  std::vector<double> latencies_ms;
+  int unready = 0;  // times that health was not SERVING
   bool alive = true;
 
-  double p99_ms() const {
-    return latencies_ms.at(static_cast<size_t>(0.99 * static_cast<double>(latencies_ms.size() - 1)));
-  }
+  double p99_ms() const { return quantile(latencies_ms, 0.99); }
 };
 
-Bystander watch(const Server& server) {
+Watched watch(const Server& server, const char* beside) {
   const Connection connection(own_channel(server.addresses().at(0)));
   const WireFrame frame = natural(160, 90);
-  Bystander result;
+  Watched result;
   // The first frames prepare connection and pipelines, and let the neighbour begin.
   for (const absl::Time end = absl::Now() + absl::Seconds(2); absl::Now() < end;) {
-    EXPECT_TRUE(connection.render({}, view(frame)).ok());
+    EXPECT_OK(connection.render({}, view(frame)));
   }
   for (const absl::Time end = absl::Now() + kMeasured; absl::Now() < end; absl::SleepFor(kBetweenFrames)) {
     const absl::Time begin = absl::Now();
-    const absl::Status status = connection.render({}, view(frame)).status();
-    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_OK(connection.render({}, view(frame)));
     result.latencies_ms.push_back(absl::ToDoubleMilliseconds(absl::Now() - begin));
     if (!connection.health().ok()) ++result.unready;
     result.alive &= server.alive();
   }
-  std::sort(result.latencies_ms.begin(), result.latencies_ms.end());
+  std::cout << "160x90 beside " << beside << ": p99 " << result.p99_ms() << " ms, median "
+            << quantile(result.latencies_ms, 0.5) << " ms, not ready " << result.unready << " times\n";
   return result;
 }
 
-void print(const char* beside, const Bystander& bystander) {
-  std::cout << "160x90 beside " << beside << ": p99 " << bystander.p99_ms() << " ms, median "
-            << bystander.latencies_ms[bystander.latencies_ms.size() / 2] << " ms, not ready "
-            << bystander.unready << " times\n";
-}
-
-// Beside a client that streams 1280x720 as fast as it can.
-Bystander beside_a_fair_neighbour(const Server& server) {
-  StreamClient client(own_channel(server.addresses().at(0)));
-  EXPECT_TRUE(client.open("fair"));
-  const WireFrame frame = natural(1280, 720);
-  constexpr uint64_t kAhead = 2;
-  uint64_t sent = 0;
-  const Neighbour fair([&] {
-    StreamResult result;
-    if (!client.send(frame, sent, static_cast<int64_t>(sent))) return;
-    if (++sent > kAhead) client.read(result);
-  });
-  return watch(server);
+Watched beside_a_fair_neighbour(const Server& server) {
+  const Load fair(server.addresses().at(0), "fair", natural(1280, 720));
+  return watch(server, "a stream of 1280x720");
 }
 
 // Renders a frame of 4 megapixels again and again.
@@ -108,8 +72,7 @@ std::function<void()> long_frames(const Server& server, const char* tier, bool v
     settings.set_tier(tier);
     FrameView sent = view(frame);
     sent.verify = verify;
-    const absl::Status status = connection.render(settings, sent).status();
-    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_OK(connection.render(settings, sent));
   };
 }
 
@@ -128,8 +91,7 @@ std::function<void()> bakes(const Server& server) {
     v1::BakeEnvironmentRequest request;
     request.set_id(put.id());
     request.set_format(v1::PIXEL_FORMAT_RGBA16F);
-    const absl::Status status = connection.bake_environment(request).status();
-    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_OK(connection.bake_environment(request));
   };
 }
 
@@ -143,7 +105,7 @@ std::function<void()> heavy_views(const Server& server) {
   panorama.start.set_format(v1::PIXEL_FORMAT_RGB9E5);
   panorama.pixels = std::as_bytes(std::span(texels));
   const absl::StatusOr<v1::Environment> put = connection.put_environment(panorama);
-  EXPECT_TRUE(put.ok()) << put.status();
+  EXPECT_OK(put);
   FrameView frame{.width = 2560, .height = 1600};
   frame.view.emplace().set_environment(put.ok() ? put->id() : "");
   frame.view->set_samples(16);
@@ -155,72 +117,53 @@ std::function<void()> heavy_views(const Server& server) {
     sphere.mutable_base_color()->set_x(0.5);
   }
   return [connection = Connection(own_channel(server.addresses().at(0))), frame] {
-    const absl::Status status = connection.render({}, frame).status();
-    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_OK(connection.render({}, frame));
   };
 }
 
-void expect_as_beside_a_fair_one(const Bystander& bystander, const Bystander& fair) {
+struct LongWork {
+  const char* name;
+  const char* is;
+  std::function<void()> (*of)(const Server&);
+  ExecutorKind passes = executor_of_environment();
+};
+
+class Turns : public ::testing::TestWithParam<LongWork> {};
+
+TEST_P(Turns, DelayNobodyMoreThanAFairNeighbour) {
+  Config config = turns_config();
+  config.passes = GetParam().passes;
+  const std::unique_ptr<Server> server = start_server(config);
+  const Watched fair = beside_a_fair_neighbour(*server);
+  const Repeated works(GetParam().of(*server));
+  const Watched bystander = watch(*server, GetParam().is);
   EXPECT_LE(bystander.p99_ms(), 2 * fair.p99_ms() + kSlackMs);
   EXPECT_EQ(bystander.unready, 0);
   EXPECT_TRUE(bystander.alive);
 }
 
-TEST(Turns, VerifiedFramesOfOneClientDelayNobodyMoreThanAFairNeighbour) {
-  const std::unique_ptr<Server> server = start_server(turns_config());
-  const Bystander fair = beside_a_fair_neighbour(*server);
-  print("a stream of 1280x720", fair);
-  const Neighbour verifies(long_frames(*server, "standard", true));
-  const Bystander bystander = watch(*server);
-  print("4 MP frames that are verified", bystander);
-  expect_as_beside_a_fair_one(bystander, fair);
-}
+INSTANTIATE_TEST_SUITE_P(
+    OfOneClient, Turns,
+    ::testing::Values(
+        LongWork{"VerifiedFrames", "4 MP frames that are verified",
+                 [](const Server& server) { return long_frames(server, "standard", true); }},
+        LongWork{"ReferenceFrames", "4 MP frames by the reference",
+                 [](const Server& server) { return long_frames(server, "reference", false); }},
+        LongWork{"Bakes", "panoramas of 2048x1024 that are put and baked", bakes},
+        LongWork{"HeavyViews", "views of 64 spheres with 16 rays a pixel", heavy_views, ExecutorKind::kAuto},
+        LongWork{"HeavyViewsOnTheDevice", "the same on the device", heavy_views, ExecutorKind::kDevice}),
+    [](const auto& work) { return std::string(work.param.name); });
 
-TEST(Turns, ReferenceFramesOfOneClientDelayNobodyMoreThanAFairNeighbour) {
-  const std::unique_ptr<Server> server = start_server(turns_config());
-  const Bystander fair = beside_a_fair_neighbour(*server);
-  print("a stream of 1280x720", fair);
-  const Neighbour renders(long_frames(*server, "reference", false));
-  const Bystander bystander = watch(*server);
-  print("4 MP frames by the reference", bystander);
-  expect_as_beside_a_fair_one(bystander, fair);
-}
-
-TEST(Turns, BakesOfOneClientDelayNobodyMoreThanAFairNeighbour) {
-  const std::unique_ptr<Server> server = start_server(turns_config());
-  const Bystander fair = beside_a_fair_neighbour(*server);
-  print("a stream of 1280x720", fair);
-  const Neighbour renders(bakes(*server));
-  const Bystander bystander = watch(*server);
-  print("panoramas of 2048x1024 that are put and baked", bystander);
-  expect_as_beside_a_fair_one(bystander, fair);
-}
-
-TEST(Turns, HeavyViewsOfOneClientDelayNobodyMoreThanAFairNeighbour) {
-  for (const ExecutorKind passes : {ExecutorKind::kAuto, ExecutorKind::kDevice}) {
-    Config config = turns_config();
-    config.passes = passes;
-    const std::unique_ptr<Server> server = start_server(config);
-    const Bystander fair = beside_a_fair_neighbour(*server);
-    print("a stream of 1280x720", fair);
-    const Neighbour views(heavy_views(*server));
-    const Bystander bystander = watch(*server);
-    print("views of 64 spheres with 16 rays a pixel", bystander);
-    expect_as_beside_a_fair_one(bystander, fair);
-  }
-}
-
-// The control of the tests above: without slices they fail.
-TEST(Turns, WithoutSlicesABystanderWaitsForWholeFrames) {
+// The control of the test above: without slices it fails.
+TEST_F(Turns, WithoutSlicesABystanderWaitsForWholeFrames) {
   Config config = turns_config();
   config.slice = absl::InfiniteDuration();
   const std::unique_ptr<Server> server = start_server(config);
-  const Bystander fair = beside_a_fair_neighbour(*server);
-  const Neighbour verifies(long_frames(*server, "standard", true));
-  const Bystander bystander = watch(*server);
-  print("4 MP frames that are verified at one go", bystander);
+  const Watched fair = beside_a_fair_neighbour(*server);
+  const Repeated verifies(long_frames(*server, "standard", true));
+  const Watched bystander = watch(*server, "4 MP frames that are verified at one go");
   // It gets only a few frames through, so the longest counts.
-  EXPECT_GT(bystander.latencies_ms.back(), 2 * fair.p99_ms() + kSlackMs);
+  EXPECT_GT(quantile(bystander.latencies_ms, 1), 2 * fair.p99_ms() + kSlackMs);
 }
 
 }  // namespace

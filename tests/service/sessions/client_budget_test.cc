@@ -139,16 +139,16 @@ TEST_F(Shared, ALargeFrameLeavesRoomForASmallerOneThatWaits) {
   whole.reset();
   EXPECT_FALSE(memory_->claim_frame(3, 800, now_).ok());
   const auto small = memory_->claim_frame(2, 300, now_);
-  EXPECT_TRUE(small.ok());
-  EXPECT_TRUE(memory_->claim_frame(3, 700, now_).ok());
+  EXPECT_OK(small);
+  EXPECT_OK(memory_->claim_frame(3, 700, now_));
 }
 
 TEST_F(Shared, WhatAFrameGivesBackEarlyIsFree) {
   ASSERT_OK_AND_ASSIGN(auto frame, memory_->claim_frame(1, 1000, now_));
   frame->shrink(400);
-  EXPECT_TRUE(memory_->claim_frame(2, 600, now_).ok());
+  EXPECT_OK(memory_->claim_frame(2, 600, now_));
   frame.reset();
-  EXPECT_TRUE(memory_->claim_frame(2, 1000, now_).ok());
+  EXPECT_OK(memory_->claim_frame(2, 1000, now_));
 }
 
 }  // namespace

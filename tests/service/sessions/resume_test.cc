@@ -51,9 +51,7 @@ TEST_F(Resume, ASessionThatPausedGoesOnWithItsToken) {
       EXPECT_EQ(result.header.exposure(), expected.at(k).header.exposure());
       token = result.token();
     }
-    const grpc::Status status = client.finish();
-    EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
-    EXPECT_NE(status.error_message().find("idle timeout"), std::string::npos) << status.error_message();
+    EXPECT_REFUSED(kUnavailable, "idle timeout", client.finish());
   }
 }
 
@@ -69,12 +67,12 @@ void expect_a_camera_that_pauses_to_go_on(const std::string& address, const Film
   const auto take = [&] {
     const absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
     ASSERT_TRUE(result.ok() && *result) << result.status();
-    ASSERT_TRUE((*result)->status.ok()) << (*result)->status;
+    ASSERT_OK((*result)->status);
     images.emplace_back(reinterpret_cast<const char*>((*result)->image.data.get()), (*result)->image.bytes);
   };
   for (size_t i = 0; i < film->size(); ++i) {
     if (i == 4) absl::SleepFor(7 * kIdleTimeout);
-    ASSERT_TRUE(session.submit(frame_of(film, i)).ok());
+    ASSERT_OK(session.submit(frame_of(film, i)));
     if (i >= lookahead) take();
   }
   session.finish();
@@ -97,7 +95,7 @@ TEST_F(Resume, APauseThatNothingFollowsEndsWell) {
   SessionOptions options;
   options.servers = {address_};
   ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
-  ASSERT_TRUE(session.submit(frame_of(film_, 0)).ok());
+  ASSERT_OK(session.submit(frame_of(film_, 0)));
   EXPECT_TRUE(session.next_result()->has_value());
   absl::SleepFor(4 * kIdleTimeout);
   session.finish();

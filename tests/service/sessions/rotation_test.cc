@@ -23,24 +23,24 @@ TEST_F(Rotation, OfTheCertificateIsSeenByNewConnectionsAndHoldsNoOldOneUp) {
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
   const Connection before = *Connection::open(address, trusting());
-  EXPECT_TRUE(render(before).ok());
+  EXPECT_OK(render(before));
   put("server", other_ca_.issue("server"));
   EXPECT_TRUE(soon([&] { return render(address, trusting("other_ca.pem")).ok(); })) << daemon.errors();
   EXPECT_FALSE(render(address, trusting()).ok());
-  EXPECT_TRUE(render(before).ok());
+  EXPECT_OK(render(before));
 
   // A bad file is logged, and the last good contents stay in force.
   const Issued next = ca_.issue("server");
   put("server.pem", next.cert);
   EXPECT_TRUE(soon([&] { return absl::StrContains(daemon.errors(), "is not the key of the first"); }))
       << daemon.errors();
-  EXPECT_TRUE(render(address, trusting("other_ca.pem")).ok());
+  EXPECT_OK(render(address, trusting("other_ca.pem")));
   put("server.pem", "-----BEGIN CERTIFICATE-----\nrubbish\n");
   EXPECT_TRUE(soon([&] { return absl::StrContains(daemon.errors(), "damaged PEM"); })) << daemon.errors();
-  EXPECT_TRUE(render(address, trusting("other_ca.pem")).ok());
+  EXPECT_OK(render(address, trusting("other_ca.pem")));
   std::remove(folder_.path("server.pem").c_str());
   EXPECT_TRUE(soon([&] { return absl::StrContains(daemon.errors(), "cannot read"); })) << daemon.errors();
-  EXPECT_TRUE(render(address, trusting("other_ca.pem")).ok());
+  EXPECT_OK(render(address, trusting("other_ca.pem")));
 
   put("server", next);
   EXPECT_TRUE(soon([&] { return render(address, trusting()).ok(); })) << daemon.errors();
@@ -80,7 +80,7 @@ TEST_F(Rotation, OfTheClientsCaIsSeenByNewConnections) {
   Daemon daemon(tls({"--tls-client-ca", folder_.path("clients_ca.pem")}));
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
-  EXPECT_TRUE(render(address, showing("client")).ok());
+  EXPECT_OK(render(address, showing("client")));
   EXPECT_FALSE(render(address, showing("foreign")).ok());
   put("clients_ca.pem", other_ca_.cert());
   EXPECT_TRUE(soon([&] { return render(address, showing("foreign")).ok(); })) << daemon.errors();
@@ -93,21 +93,21 @@ TEST_F(Rotation, OfTokensIsSeenByTheNextCalls) {
   ASSERT_NE(address, "") << daemon.errors();
   const Connection connection = *Connection::open(address, {.token_file = folder_.path("token")});
   const ClientSecurity other{.token_file = folder_.path("other_token")};
-  EXPECT_TRUE(render(connection).ok());
+  EXPECT_OK(render(connection));
   EXPECT_FALSE(render(address, other).ok());
   put("tokens", absl::StrCat(kToken, "\n", kOtherToken, "\n"));
   EXPECT_TRUE(soon([&] { return render(address, other).ok(); })) << daemon.errors();
-  EXPECT_TRUE(render(connection).ok());
+  EXPECT_OK(render(connection));
   put("tokens", absl::StrCat(kOtherToken, "\n"));
   EXPECT_TRUE(soon([&] { return absl::IsUnauthenticated(render(connection)); })) << daemon.errors();
 
   // The client reads its file again for each call.
   put("token", absl::StrCat(kOtherToken, "\n"));
-  EXPECT_TRUE(render(connection).ok()) << render(connection);
+  EXPECT_OK(render(connection));
 
   put("tokens", "");
   EXPECT_TRUE(soon([&] { return absl::StrContains(daemon.errors(), "holds no token"); })) << daemon.errors();
-  EXPECT_TRUE(render(connection).ok()) << "the tokens before stay in force";
+  EXPECT_OK(render(connection)) << "the tokens before stay in force";
 }
 
 TEST_F(Rotation, ASessionGoesOnOnAnotherServerOverTls) {
@@ -124,11 +124,11 @@ TEST_F(Rotation, ASessionGoesOnOnAnotherServerOverTls) {
   constexpr size_t kFrames = 40;
   const Film film = make_film(kFrames, 160, 90);
   const SessionRun undisturbed = run_session(Session::open(options), film);
-  ASSERT_TRUE(undisturbed.status.ok()) << undisturbed.status;
+  ASSERT_OK(undisturbed.status);
   const SessionRun run = run_session(Session::open(options), film, [&](size_t results) {
     if (results == kFrames / 4) first.signal(SIGKILL);
   });
-  EXPECT_TRUE(run.status.ok()) << run.status;
+  EXPECT_OK(run.status);
   EXPECT_EQ(run.images, undisturbed.images);
   EXPECT_EQ(run.stats.resumes, 1u);
   EXPECT_EQ(run.stats.server, options.servers[1]);

@@ -87,7 +87,7 @@ class SessionFaults : public ::testing::Test {
     const std::vector<SessionRun> runs = run_sessions(6, film, lose);
     for (size_t i = 0; i < runs.size(); ++i) {
       SCOPED_TRACE(absl::StrCat("session ", i));
-      EXPECT_TRUE(runs[i].status.ok()) << runs[i].status;
+      EXPECT_OK(runs[i].status);
       EXPECT_TRUE(runs[i].images == expected[i % 3].images);
       EXPECT_EQ(runs[i].stats.resumes, i < 3 ? 1u : 0u) << runs[i].stats.last_loss;
       EXPECT_EQ(runs[i].stats.server, addresses_[1]);
@@ -125,7 +125,7 @@ TEST_F(SessionFaults, AStoppedDaemonIsLeftWhenItGivesNoSignOfLife) {
     if (results == kSome) daemons_[0]->signal(SIGSTOP);
   });
   EXPECT_LT(absl::Now() - begin, absl::Seconds(25));
-  EXPECT_TRUE(run.status.ok()) << run.status;
+  EXPECT_OK(run.status);
   EXPECT_TRUE(run.images == expected.images);
   EXPECT_EQ(run.stats.resumes, 1u);
   EXPECT_EQ(run.stats.server, addresses_[1]);
@@ -144,7 +144,7 @@ TEST_F(SessionFaults, ADaemonTakesThePingsOfASessionThatWaits) {
   EXPECT_EQ(session.stats().resumes, 0u) << session.stats().last_loss;
   const Film film = make_film(3, 64, 48);
   const SessionRun run = run_session(std::move(session), film);
-  EXPECT_TRUE(run.status.ok()) << run.status;
+  EXPECT_OK(run.status);
   EXPECT_EQ(run.images.size(), film->size());
   EXPECT_EQ(run.stats.resumes, 0u) << run.stats.last_loss;
 }
@@ -157,7 +157,7 @@ TEST_F(SessionFaults, LookAheadThatWaitsForFramesIsNoSilence) {
   const Film film = make_film(5, 64, 48);
   for (size_t i = 0; i < film->size(); ++i) {
     if (i == waiting.lookahead) absl::SleepFor(absl::Seconds(4));
-    ASSERT_TRUE(session.submit(frame_of(film, i)).ok());
+    ASSERT_OK(session.submit(frame_of(film, i)));
   }
   session.finish();
   for (size_t i = 0; i < film->size(); ++i) ASSERT_TRUE(session.next_result()->has_value());

@@ -50,27 +50,14 @@ class SessionParts : public ServiceTest {
   // Runs the frames `first` .. `last` - 1 as one session.
   static std::vector<Shown> run(const SessionOptions& options, size_t first = 0, size_t last = kFrames,
                                 const Prepare& prepare = {}) {
-    std::vector<Shown> shown;
-    absl::StatusOr<Session> session = Session::open({channel()}, options);
-    EXPECT_TRUE(session.ok()) << session.status();
-    if (!session.ok()) return shown;
-    std::thread feeder([&] {
-      for (size_t i = first; i < last; ++i) {
-        SessionFrame frame = frame_of(*film_, i);
-        if (prepare) prepare(frame);
-        if (!session->submit(std::move(frame)).ok()) return;
-      }
-      session->finish();
+    const SessionRun run = run_frames(Session::open({channel()}, options), first, last, [&](size_t i) {
+      SessionFrame frame = frame_of(*film_, i);
+      if (prepare) prepare(frame);
+      return frame;
     });
-    absl::StatusOr<std::optional<FrameResult>> result;
-    while ((result = session->next_result()).ok() && *result) {
-      const RenderResult& image = (*result)->image;
-      EXPECT_TRUE((*result)->status.ok()) << (*result)->status;
-      shown.push_back(
-          {image.header, std::string(reinterpret_cast<const char*>(image.data.get()), image.bytes)});
-    }
-    feeder.join();
-    EXPECT_TRUE(result.ok()) << result.status();
+    EXPECT_OK(run.status);
+    std::vector<Shown> shown;
+    for (size_t i = 0; i < run.images.size(); ++i) shown.push_back({run.headers[i], run.images[i]});
     return shown;
   }
 
@@ -189,8 +176,7 @@ TEST_P(SessionParts, AStateThatCannotBeIsRefused) {
   SessionOptions options;
   options.state.emplace().set_exposure(-1);
   const absl::StatusOr<Session> session = Session::open({channel()}, options);
-  EXPECT_TRUE(absl::IsInvalidArgument(session.status())) << session.status();
-  EXPECT_NE(session.status().message().find("open.state.exposure is -1"), std::string::npos);
+  EXPECT_REFUSED(kInvalidArgument, "open.state.exposure is -1", session);
 }
 
 TEST_P(SessionParts, WithoutImagesLookAheadNeedsNoMemoryOfItsOwn) {
@@ -202,7 +188,7 @@ TEST_P(SessionParts, WithoutImagesLookAheadNeedsNoMemoryOfItsOwn) {
   EXPECT_TRUE(absl::IsResourceExhausted(run_session(Session::open({channel()}, options), film).status));
   options.encoding = v1::ENCODING_NONE;
   const SessionRun metered = run_session(Session::open({channel()}, options), film);
-  EXPECT_TRUE(metered.status.ok()) << metered.status;
+  EXPECT_OK(metered.status);
   EXPECT_EQ(metered.images, std::vector<std::string>(20, ""));
 }
 
@@ -216,7 +202,7 @@ TEST_P(SessionParts, WithoutImagesABadFrameFailsAlone) {
   const auto film = std::make_shared<const std::vector<WireFrame>>(
       std::vector{flat(64, 64, {0.5f, 0.5f, 0.5f, 1}), bad, flat(64, 64, {2, 2, 2, 1})});
   ASSERT_OK_AND_ASSIGN(Session session, Session::open({channel()}, options));
-  for (size_t i = 0; i < 3; ++i) ASSERT_TRUE(session.submit(frame_of(film, i)).ok());
+  for (size_t i = 0; i < 3; ++i) ASSERT_OK(session.submit(frame_of(film, i)));
   session.finish();
   for (size_t i = 0; i < 3; ++i) {
     const absl::StatusOr<std::optional<FrameResult>> result = session.next_result();

@@ -8,6 +8,7 @@
 
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -35,14 +36,15 @@ SessionFrame frame_of(const Film& film, size_t i) {
           .media_time_ns = film_time_ns(i)};
 }
 
-SessionRun run_session(absl::StatusOr<Session> session, const Film& film,
-                       const std::function<void(size_t)>& on_result) {
+SessionRun run_frames(absl::StatusOr<Session> session, size_t first, size_t last,
+                      const std::function<SessionFrame(size_t)>& frame,
+                      const std::function<void(size_t)>& on_result) {
   SessionRun run;
   run.status = session.status();
   if (!session.ok()) return run;
   std::thread feeder([&] {
-    for (size_t i = 0; i < film->size(); ++i) {
-      if (!session->submit(frame_of(film, i)).ok()) return;
+    for (size_t i = first; i < last; ++i) {
+      if (!session->submit(frame(i)).ok()) return;
     }
     session->finish();
   });
@@ -50,15 +52,22 @@ SessionRun run_session(absl::StatusOr<Session> session, const Film& film,
     const absl::StatusOr<std::optional<FrameResult>> result = session->next_result();
     run.status = result.status();
     if (!result.ok() || !*result) break;
-    const FrameResult& frame = **result;
-    EXPECT_EQ(frame.sequence, run.images.size());
-    EXPECT_TRUE(frame.status.ok()) << frame.status;
-    run.images.emplace_back(reinterpret_cast<const char*>(frame.image.data.get()), frame.image.bytes);
+    const FrameResult& shown = **result;
+    EXPECT_EQ(shown.sequence, first + run.images.size());
+    EXPECT_OK(shown.status);
+    run.images.emplace_back(reinterpret_cast<const char*>(shown.image.data.get()), shown.image.bytes);
+    run.headers.push_back(shown.image.header);
     if (on_result) on_result(run.images.size());
   }
   feeder.join();
   run.stats = session->stats();
   return run;
+}
+
+SessionRun run_session(absl::StatusOr<Session> session, const Film& film,
+                       const std::function<void(size_t)>& on_result) {
+  const auto frame = [&film](size_t i) { return frame_of(film, i); };
+  return run_frames(std::move(session), 0, film->size(), frame, on_result);
 }
 
 }  // namespace candela::testing

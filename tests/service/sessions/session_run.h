@@ -22,12 +22,24 @@ SessionFrame frame_of(const Film& film, size_t i);
 
 struct SessionRun {
   absl::Status status;              // the session's
-  std::vector<std::string> images;  // of frames 0, 1, ...; each came once, in order, and did not fail
+  std::vector<std::string> images;  // of the frames in their order; each came once and did not fail
+  std::vector<v1::ResultHeader> headers;
   SessionStats stats;
+
+  std::vector<double> exposures() const {
+    std::vector<double> all;
+    for (const v1::ResultHeader& header : headers) all.push_back(header.exposure());
+    return all;
+  }
 };
 
-// Streams `film` as fast as the session accepts it, and takes the results. Calls `on_result` after each
-// result with the number of results so far.
+// Streams the frames `first` .. `last` - 1 as fast as the session accepts them, and takes the results. Calls
+// `on_result` after each result with the number of results so far.
+SessionRun run_frames(absl::StatusOr<Session> session, size_t first, size_t last,
+                      const std::function<SessionFrame(size_t)>& frame,
+                      const std::function<void(size_t)>& on_result = {});
+
+// The same for all frames of a film.
 SessionRun run_session(absl::StatusOr<Session> session, const Film& film,
                        const std::function<void(size_t)>& on_result = {});
 

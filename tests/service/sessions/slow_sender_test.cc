@@ -12,8 +12,10 @@
 
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
+#include "tests/service/sessions/neighbours.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/service/sessions/wire_cutter.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -28,53 +30,29 @@ Config slow_config() {
   return config;
 }
 
-// A session that renders one picture repeatedly and checks each result.
-class Bystander {
- public:
-  explicit Bystander(const std::string& address) : client_(own_channel(address)) {
-    EXPECT_TRUE(client_.open("bystander"));
-    one();
-    thread_ = std::thread([this] {
-      while (!stop_ && !::testing::Test::HasFailure()) one();
-    });
-  }
-  ~Bystander() {
-    stop_ = true;
-    thread_.join();
-    EXPECT_GT(answered_, 1u);
-  }
-
- private:
-  void one() {
-    StreamResult result;
-    client_.send(frame_, answered_, static_cast<int64_t>(answered_));
-    ASSERT_TRUE(client_.read(result) && !result.failed) << "after " << answered_;
-    if (answered_++ == 0) first_ = result.pixels;
-    EXPECT_TRUE(result.pixels == first_);
-  }
-
-  const WireFrame frame_ = natural(160, 90);
-  StreamClient client_;
-  uint64_t answered_ = 0;
-  std::string first_;
-  std::atomic<bool> stop_ = false;
-  std::thread thread_;
-};
-
 enum class Slowed { kBeforeOpen, kBeforeFrame, kMidBand };
 
 class SlowSender : public ::testing::TestWithParam<Slowed> {
  protected:
   // Waits until only the bystander is left. The slow client's connection is still open.
-  void expect_only_the_bystander_left(std::unique_ptr<Bystander>& bystander) {
+  void expect_only_the_bystander_left() {
     EXPECT_TRUE(wait_until(witness_, [](const auto& info) { return info.sessions() == 1; }));
-    bystander.reset();
+    repeated_.reset();
+    EXPECT_GT(bystander_->answered(), 1u);
+    bystander_.reset();
     EXPECT_TRUE(wait_until_idle(witness_)) << "its place or its memory was not given back";
   }
 
   const std::unique_ptr<Server> server_ = start_server(slow_config());
   const std::string address_ = server_->addresses().at(0);
   const Connection witness_{server_->in_process_channel()};
+  std::unique_ptr<Bystander> bystander_ = std::make_unique<Bystander>(address_);
+  std::unique_ptr<Repeated> repeated_;
+
+  void SetUp() override {
+    bystander_->latency_ms();
+    repeated_ = std::make_unique<Repeated>([this] { bystander_->latency_ms(); });
+  }
 };
 
 std::string slowed_name(const ::testing::TestParamInfo<Slowed>& slowed) {
@@ -87,7 +65,6 @@ INSTANTIATE_TEST_SUITE_P(When, SlowSender,
                          slowed_name);
 
 TEST_P(SlowSender, OfOneByteASecondIsEndedByTheIdleTimeoutAndDisturbsNobody) {
-  auto bystander = std::make_unique<Bystander>(address_);
   WireCutter wire(address_);
   StreamClient client(own_channel(wire.address()));
   const WireFrame frame = natural(64, 48);
@@ -119,14 +96,13 @@ TEST_P(SlowSender, OfOneByteASecondIsEndedByTheIdleTimeoutAndDisturbsNobody) {
   EXPECT_TRUE(status.error_code() == grpc::UNAVAILABLE ||
               (GetParam() == Slowed::kBeforeOpen && status.error_code() == grpc::DEADLINE_EXCEEDED))
       << status.error_message();
-  EXPECT_NE(status.error_message().find("idle timeout"), std::string::npos) << status.error_message();
+  EXPECT_TRUE(says(status.error_message(), "idle timeout"));
   EXPECT_LT(absl::Now() - begin, kBounded);
-  expect_only_the_bystander_left(bystander);
+  expect_only_the_bystander_left();
 }
 
 // Each row arrives in time, but a whole frame would take a quarter of a minute, or kSlower times as long.
 TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
-  auto bystander = std::make_unique<Bystander>(address_);
   WireCutter wire(address_);
   StreamClient client(own_channel(wire.address()));
   WireFrame frame = natural(1, 100, v1::PIXEL_FORMAT_RGB9E5);
@@ -137,18 +113,15 @@ TEST_F(SlowSender, OfARowNowAndThenIsEndedByTheLimitOfItsFrame) {
   const absl::Time begin = absl::Now();
   for (uint32_t y = 0; y < frame.desc.height && client.send_rows(frame, y, 1); ++y) {
   }
-  const grpc::Status status = client.finish();
-  EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED) << status.error_message();
-  EXPECT_NE(status.error_message().find("was not complete"), std::string::npos) << status.error_message();
+  EXPECT_REFUSED(kDeadlineExceeded, "was not complete", client.finish());
   EXPECT_GT(absl::Now() - begin, 5 * kIdleTimeout);
   EXPECT_LT(absl::Now() - begin, kBounded);
-  expect_only_the_bystander_left(bystander);
+  expect_only_the_bystander_left();
 }
 
 // HTTP/2's preface arrives at one byte a second. It takes no session slot, and the server closes the
 // connection.
 TEST_F(SlowSender, ThatNeverGetsAsFarAsACallIsHungUpOn) {
-  auto bystander = std::make_unique<Bystander>(address_);
   const int line = socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in to{};
   to.sin_family = AF_INET;
@@ -172,7 +145,7 @@ TEST_F(SlowSender, ThatNeverGetsAsFarAsACallIsHungUpOn) {
   close(line);
   EXPECT_TRUE(hung_up);
   EXPECT_LT(absl::Now() - begin, kBounded);
-  expect_only_the_bystander_left(bystander);
+  expect_only_the_bystander_left();
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "proto/candela/v1/limits.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 
@@ -174,8 +175,7 @@ std::vector<StreamResult> stream_all(const std::shared_ptr<grpc::Channel>& chann
   });
   std::vector<StreamResult> results = client.read_all();
   writer.join();
-  const grpc::Status status = client.finish();
-  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_OK(client.finish());
   return results;
 }
 

@@ -10,6 +10,7 @@
 #include "tests/service/sessions/stream_client.h"
 #include "tests/service/sessions/wire_cutter.h"
 #include "tests/support/daemon.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -95,7 +96,7 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
     const bool reached = reach(when, client);
     ASSERT_TRUE(reached || fault == Fault::kDeadline);
     if (when == When::kWhileReading) absl::SleepFor(absl::Milliseconds(100));  // rendered, and stuck
-    EXPECT_TRUE(bystander.render({}, {.width = 1, .height = 1, .pixels = natural(1, 1).pixels}).ok());
+    EXPECT_OK(bystander.render({}, {.width = 1, .height = 1, .pixels = natural(1, 1).pixels}));
     grpc::StatusCode expected = grpc::CANCELLED;
     switch (fault) {
       case Fault::kCancel:
@@ -125,7 +126,7 @@ TEST_P(Faults, LeaveNothingBehindAndDisturbNobody) {
     EXPECT_EQ(status.error_code(), expected) << status.error_message();
   }
   EXPECT_TRUE(wait_until_idle(bystander)) << "a session, its place or its memory was not given back";
-  EXPECT_TRUE(bystander.render({}, {.width = 1, .height = 1, .pixels = natural(1, 1).pixels}).ok());
+  EXPECT_OK(bystander.render({}, {.width = 1, .height = 1, .pixels = natural(1, 1).pixels}));
   EXPECT_EQ(server->validation_messages(), 0u);
 }
 
@@ -170,7 +171,7 @@ TEST(StreamFaults, TheFramesOfASessionThatIsGoneAreNotRendered) {
     EXPECT_EQ(client.finish().error_code(), grpc::CANCELLED);
     ASSERT_TRUE(wait_until(connection, [](const auto& info) { return info.sessions() == 0; }));
   }
-  EXPECT_TRUE(connection.render({}, view(natural(16, 16))).ok());
+  EXPECT_OK(connection.render({}, view(natural(16, 16))));
   EXPECT_EQ(connection.server_info()->frames_rendered() - before, 1u);
   EXPECT_TRUE(wait_until_idle(connection));
 }

@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
+#include "tests/support/settings.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -120,7 +121,7 @@ TEST_P(Stream, ACutTakesItsTargetAndARepeatTheSameBits) {
   EXPECT_EQ(again.pixels, second.pixels);
   EXPECT_EQ(again.header.exposure(), second.header.exposure());
   client.half_close();
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 TEST_P(Stream, LookaheadSpreadsASpikeAndIsThePlainRecursionAtZero) {
@@ -153,9 +154,7 @@ TEST_P(Stream, DetectsACutButNoLightThatGoesOn) {
 
 TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   const std::vector<WireFrame> frames = step(2);
-  v1::Settings manual;
-  manual.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  manual.mutable_exposure()->set_manual_ev(3.0);
+  v1::Settings manual = at_ev(3.0);
   manual.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
   StreamClient client(channel());
   ASSERT_TRUE(client.open("change"));
@@ -168,7 +167,7 @@ TEST_P(Stream, SettingsChangeAtTheFrameTheyName) {
   EXPECT_EQ(results[2].header.exposure(), 8.0);
   EXPECT_EQ(results[2].header.format(), v1::OUTPUT_FORMAT_RGBA16);
   EXPECT_EQ(results[3].header.exposure(), 8.0);
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 // A promise is kept frame by frame: draft has no bound where something blooms.
@@ -190,8 +189,7 @@ TEST_P(Stream, APromiseChoosesATierForEachFrame) {
     EXPECT_EQ(header.tier(), i % 2 == 0 ? "draft" : "standard") << i << ": " << header.tier_reason();
     EXPECT_TRUE(header.has_error_bound_codes()) << i;
     EXPECT_LE(header.error_bound_codes(), 0.1) << i;
-    EXPECT_NE(header.tier_reason().find("keeps max_error_codes 0.1"), std::string::npos)
-        << header.tier_reason();
+    EXPECT_TRUE(says(header.tier_reason(), "keeps max_error_codes 0.1"));
   }
 }
 
@@ -217,7 +215,7 @@ TEST_P(Stream, RefusedFramesDoNotHoldLookAheadUp) {
     EXPECT_EQ(results[i].sequence(), i);
     EXPECT_EQ(results[i].failed, i > 0 && i + 1 < kFrames);
   }
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 TEST_P(Stream, ARefusedFrameIsItsOwnAndTheSessionGoesOn) {
@@ -236,9 +234,9 @@ TEST_P(Stream, ARefusedFrameIsItsOwnAndTheSessionGoesOn) {
   ASSERT_EQ(results.size(), 3u);
   ASSERT_TRUE(results[1].failed);
   EXPECT_EQ(results[1].failure.code(), static_cast<uint32_t>(grpc::INVALID_ARGUMENT));
-  EXPECT_NE(results[1].failure.message().find("x 5, y 0"), std::string::npos) << results[1].failure.message();
+  EXPECT_TRUE(says(results[1].failure.message(), "x 5, y 0"));
   EXPECT_EQ(results[2].header.exposure_before(), results[0].header.exposure());
-  EXPECT_TRUE(client.finish().ok());
+  EXPECT_OK(client.finish());
 }
 
 TEST_P(Stream, EncodedResultsHoldTheSamePixels) {
@@ -283,7 +281,7 @@ TEST_P(Stream, ResumesFromAnyResultWithTheSameBits) {
       });
       const std::vector<StreamResult> rest = client.read_all();
       writer.join();
-      EXPECT_TRUE(client.finish().ok());
+      EXPECT_OK(client.finish());
       EXPECT_EQ(client.opened().epoch(), 1u);
       ASSERT_EQ(rest.size(), frames.size() - stop - 1);
       for (size_t i = 0; i < rest.size(); ++i) {
@@ -330,7 +328,7 @@ TEST_P(Stream, OneCallAtATimeHasASession) {
   EXPECT_EQ(result.sequence(), 1u);
   EXPECT_EQ(first.finish().error_code(), grpc::ABORTED) << "the session went on elsewhere";
   third.half_close();
-  EXPECT_TRUE(third.finish().ok());
+  EXPECT_OK(third.finish());
 }
 
 // A client that loses two calls in a row has the same token for both, whatever the server knows about them.

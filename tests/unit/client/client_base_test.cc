@@ -6,6 +6,7 @@
 
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -17,7 +18,7 @@ TEST(FailureKinds, TheCauseKnowsBest) {
       kind_of(failure_of(FailureKind::kServer, failure_of(FailureKind::kOther, absl::UnknownError("")))),
       FailureKind::kOther);
   EXPECT_EQ(kind_of(absl::UnavailableError("lost")), FailureKind::kOther);
-  EXPECT_TRUE(failure_of(FailureKind::kInput, absl::OkStatus()).ok());
+  EXPECT_OK(failure_of(FailureKind::kInput, absl::OkStatus()));
 }
 
 TEST(FailureKinds, OtherWordsKeepKindAndInput) {

@@ -81,7 +81,7 @@ std::vector<int> expected(uint64_t frames, uint64_t change = 1000) {
 TEST(Session, ResultsComeOnceAndInOrder) {
   FakeServer server;
   const Outcome got = run(options_for({server.address()}), 12, 7);
-  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(12, 7));
   EXPECT_EQ(got.stats.resumes, 0u);
   EXPECT_EQ(got.stats.window, 2u);
@@ -97,7 +97,7 @@ TEST(Session, ALostServerIsReplacedByTheNextWithTheLastTokenAndItsSettings) {
   for (const uint64_t change : {3, 6, 7}) {
     const size_t before = second.opens().size();
     const Outcome got = run(options_for({first.address(), second.address()}), 12, change);
-    EXPECT_TRUE(got.status.ok()) << got.status;
+    EXPECT_OK(got.status);
     EXPECT_EQ(got.values, expected(12, change));
     EXPECT_EQ(got.stats.resumes, 1u);
     EXPECT_GE(got.stats.sent_again, 1u);
@@ -113,7 +113,7 @@ TEST(Session, ACallThatEndsTooEarlyWithoutAnErrorIsLost) {
       [](uint64_t sequence, Wire&) { return sequence == 3 ? FakeServer::kEndsAsIfDone : grpc::Status::OK; });
   FakeServer second;
   const Outcome outcome = run(options_for({first.address(), second.address()}), 8);
-  ASSERT_TRUE(outcome.status.ok()) << outcome.status;
+  ASSERT_OK(outcome.status);
   EXPECT_EQ(outcome.values.size(), 8u);
   EXPECT_EQ(outcome.stats.resumes, 1u);
 }
@@ -124,7 +124,7 @@ TEST(Session, WithoutATokenYetItOpensAnew) {
     return sequence == 0 && calls++ < 3 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
   });
   const Outcome got = run(options_for({server.address()}), 5, 1);
-  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(5, 1));
   EXPECT_EQ(got.stats.resumes, 3u);
   EXPECT_GT(got.stats.time_without_results, absl::ZeroDuration());
@@ -152,9 +152,9 @@ TEST(Session, AStateOpensItAndATokenTakesItsPlace) {
   options.state.emplace().set_sequence(7);
   options.state->set_exposure(0.3);
   ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
-  EXPECT_TRUE(absl::IsInvalidArgument(session.submit(frame(7)))) << "the state is of frame 7";
-  ASSERT_TRUE(session.submit(frame(8)).ok());
-  ASSERT_TRUE(session.submit(frame(9)).ok());
+  EXPECT_REFUSED(kInvalidArgument, "", session.submit(frame(7))) << "the state is of frame 7";
+  ASSERT_OK(session.submit(frame(8)));
+  ASSERT_OK(session.submit(frame(9)));
   session.finish();
   for (const uint64_t sequence : {8, 9}) {
     ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.next_result());
@@ -174,14 +174,13 @@ TEST(Session, AServerThatIsTooOldForStatesOrExposuresIsNotBelieved) {
   SessionOptions options = options_for({server.address()});
   options.return_state = true;
   const Outcome stateless = run(options, 3);
-  EXPECT_TRUE(absl::IsUnimplemented(stateless.status)) << stateless.status;
-  EXPECT_NE(stateless.status.message().find("older than this client"), std::string::npos);
+  EXPECT_REFUSED(kUnimplemented, "older than this client", stateless.status);
   ASSERT_OK_AND_ASSIGN(Session session, Session::open(options_for({server.address()})));
   SessionFrame exposed = frame(0);
   exposed.exposure = 0.0;
   EXPECT_TRUE(absl::IsInvalidArgument(session.submit(exposed)));
   exposed.exposure = 0.3;
-  ASSERT_TRUE(session.submit(exposed).ok());
+  ASSERT_OK(session.submit(exposed));
   session.finish();
   EXPECT_TRUE(absl::IsUnimplemented(session.next_result().status()));
 }
@@ -196,7 +195,7 @@ TEST(Session, AServerThatGoesAwayIsLeftInPeace) {
   });
   FakeServer second;
   const Outcome got = run(options_for({first.address(), second.address()}), 9);
-  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(9));
   EXPECT_EQ(got.stats.resumes, 1u);
 }
@@ -253,7 +252,7 @@ TEST(Session, ItGivesUpWhenItsLimitIsOver) {
   const absl::Time begin = absl::Now();
   const Outcome got = run(options, 9);
   EXPECT_EQ(got.values, expected(2));
-  EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
+  EXPECT_REFUSED(kUnavailable, "", got.status);
   EXPECT_GE(absl::Now() - begin, absl::Milliseconds(700));
   EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
 }
@@ -286,7 +285,7 @@ TEST(Session, AServerThatSaysWhenToComeBackIsAskedThenAndNotBefore) {
                                          : grpc::Status::OK;
   });
   const Outcome got = run(options_for({server.address()}), 5);
-  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(5));
   EXPECT_EQ(got.stats.resumes, 1u);
   EXPECT_GE(got.stats.time_without_results, absl::Milliseconds(1500));
@@ -298,7 +297,7 @@ TEST(Session, AnotherServerIsAskedAtOnce) {
   });
   FakeServer second;
   const Outcome got = run(options_for({first.address(), second.address()}), 5);
-  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(5));
   EXPECT_EQ(got.stats.server, second.address());
 }
@@ -311,7 +310,7 @@ TEST(Session, AServerThatWantsToBeLeftAloneForTooLongIsNotWaitedFor) {
   options.resume_limit = absl::Milliseconds(700);
   const absl::Time begin = absl::Now();
   const Outcome got = run(options, 5);
-  EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
+  EXPECT_REFUSED(kUnavailable, "", got.status);
   EXPECT_EQ(server.opens().size(), 1u);
   EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
 }
@@ -328,12 +327,12 @@ TEST(Session, AServerThatHangsIsLeftForTheNext) {
   options.silence_limit = absl::Seconds(1);
   const Outcome got = run(options, 9);
   over.Notify();
-  EXPECT_TRUE(got.status.ok()) << got.status;
+  EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(9));
   EXPECT_EQ(got.stats.resumes, 1u);
   EXPECT_EQ(got.stats.server, second.address());
   EXPECT_EQ(second.opens().at(0).resume_token(), "3");
-  EXPECT_NE(got.stats.last_loss.message().find("it hangs"), absl::string_view::npos) << got.stats.last_loss;
+  EXPECT_TRUE(says(got.stats.last_loss.message(), "it hangs"));
 }
 
 TEST(Session, AServerThatOwesNothingMayBeSilent) {
@@ -343,16 +342,15 @@ TEST(Session, AServerThatOwesNothingMayBeSilent) {
   ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
   for (uint64_t i = 0; i < 3; ++i) {
     absl::SleepFor(absl::Milliseconds(500));
-    ASSERT_TRUE(session.submit(frame(i)).ok());
-    ASSERT_TRUE(session.next_result().ok());
+    ASSERT_OK(session.submit(frame(i)));
+    ASSERT_OK(session.next_result());
   }
   EXPECT_EQ(session.stats().resumes, 0u) << session.stats().last_loss;
 }
 
 TEST(Session, WithoutAnyServerItDoesNotOpen) {
   const Outcome got = run(options_for({"127.0.0.1:1", "127.0.0.1:2"}), 1);
-  EXPECT_TRUE(absl::IsUnavailable(got.status)) << got.status;
-  EXPECT_NE(got.status.message().find("127.0.0.1:2"), absl::string_view::npos) << got.status;
+  EXPECT_REFUSED(kUnavailable, "127.0.0.1:2", got.status);
   EXPECT_TRUE(absl::IsInvalidArgument(run(options_for({"nowhere"}), 1).status));
   EXPECT_TRUE(absl::IsInvalidArgument(run(options_for({}), 1).status));
 }
@@ -363,15 +361,15 @@ TEST(Session, LeavingItAloneCancelsIt) {
     return grpc::Status::OK;
   });
   ASSERT_OK_AND_ASSIGN(Session session, Session::open(options_for({server.address()})));
-  EXPECT_TRUE(session.submit(frame(0)).ok());
-  EXPECT_TRUE(session.submit(frame(1)).ok());
+  EXPECT_OK(session.submit(frame(0)));
+  EXPECT_OK(session.submit(frame(1)));
   EXPECT_FALSE(session.ready());
 }
 
 TEST(Session, FramesOutOfOrderAreRefusedAndItGoesOn) {
   FakeServer server;
   ASSERT_OK_AND_ASSIGN(Session session, Session::open(options_for({server.address()})));
-  EXPECT_TRUE(session.submit(frame(5)).ok());
+  EXPECT_OK(session.submit(frame(5)));
   EXPECT_TRUE(absl::IsInvalidArgument(session.submit(frame(5))));
   SessionFrame early = frame(6);
   early.media_time_ns = 0;
@@ -380,7 +378,7 @@ TEST(Session, FramesOutOfOrderAreRefusedAndItGoesOn) {
   small.width = 1;
   EXPECT_TRUE(absl::IsInvalidArgument(session.submit(small)));
   EXPECT_TRUE(absl::IsInvalidArgument(session.change_settings(5, {})));
-  for (int i = 0; i < 16; ++i) EXPECT_TRUE(session.change_settings(6, {}).ok());
+  for (int i = 0; i < 16; ++i) EXPECT_OK(session.change_settings(6, {}));
   EXPECT_TRUE(absl::IsFailedPrecondition(session.change_settings(6, {})));
   session.finish();
   EXPECT_TRUE(absl::IsFailedPrecondition(session.submit(frame(7))));

@@ -31,8 +31,7 @@ class EnvironmentFiles : public ::testing::Test {
     environment.handedness = handedness;
     if (format == CubeFormat::kRgb9e5) convert_to_rgb9e5(environment);
     if (format == CubeFormat::kRgba32f) convert_to_floats(environment);
-    const absl::Status status = write_ktx2(folder_.path("a.ktx2"), environment);
-    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_OK(write_ktx2(folder_.path("a.ktx2"), environment));
     return parse_ktx2(folder_.path("a.ktx2"));
   }
 };
@@ -172,7 +171,7 @@ TEST_F(EnvironmentFiles, FacesInAFolderAreThoseOfTheCubeMap) {
       environment.handedness = handedness;
       if (format == CubeFormat::kRgb9e5) convert_to_rgb9e5(environment);
       if (format == CubeFormat::kRgba32f) convert_to_floats(environment);
-      ASSERT_TRUE(write_face_files(folder_.path("cube"), environment).ok());
+      ASSERT_OK(write_face_files(folder_.path("cube"), environment));
       const Ktx2 file = ktx2(environment_of({32, 16}, telling), handedness, format);
       for (size_t level = 0; level < 2; ++level) {
         for (uint32_t face = 0; face < 6; ++face) {
@@ -252,7 +251,7 @@ TEST_F(EnvironmentFiles, HarmonicsAsJsonCarryTheIrradianceOfAWhiteWorld) {
   harmonics[0] = {constant, 2 * constant, 0.1f};
   harmonics[3] = {0, 0, 0.3f};
   harmonics[8] = {-1, 0, 0};
-  ASSERT_TRUE(write_harmonics(folder_.path("sh.json"), harmonics).ok());
+  ASSERT_OK(write_harmonics(folder_.path("sh.json"), harmonics));
   const std::string text = read_file(folder_.path("sh.json"));
   const auto json = nlohmann::json::parse(text);
   ASSERT_EQ(json.size(), 2u);
@@ -267,7 +266,7 @@ TEST_F(EnvironmentFiles, HarmonicsAsJsonCarryTheIrradianceOfAWhiteWorld) {
   harmonics[1][1] = INFINITY;
   EXPECT_EQ(write_harmonics(folder_.path("sh.json"), harmonics).message(),
             "a spherical harmonic of the environment is inf; it must be finite");
-  EXPECT_NE(text.find(" 0.1\n"), std::string::npos) << text;  // a float's digits, not a double's
+  EXPECT_TRUE(says(text, " 0.1\n"));  // a float's digits, not a double's
 }
 
 }  // namespace

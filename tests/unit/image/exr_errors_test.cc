@@ -12,6 +12,7 @@
 #include <cmath>
 #include <random>
 
+#include "tests/support/status.h"
 #include "tests/unit/image/exr_reader_fixture.h"
 
 namespace candela {
@@ -22,7 +23,7 @@ using Imath::V2i;
 
 TEST_F(ExrReader, RefusesDeepImagesByName) {
   write_deep(path_);
-  EXPECT_NE(error().find("deep image"), std::string::npos) << error();
+  EXPECT_TRUE(says(error(), "deep image"));
 }
 
 TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
@@ -30,7 +31,7 @@ TEST_F(ExrReader, NamesTheChannelsOfAnImageWithoutColour) {
                    {{"forward.u", Imf::HALF, [](int, int) { return 0; }},
                     {"forward.v", Imf::HALF, [](int, int) { return 0; }}});
   EXPECT_EQ(read_image(path_).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_NE(error().find("no colour channels (it has forward.u, forward.v)"), std::string::npos) << error();
+  EXPECT_TRUE(says(error(), "no colour channels (it has forward.u, forward.v)"));
 }
 
 TEST_F(ExrReader, RefusesLuminanceWithoutWeights) {
@@ -42,7 +43,7 @@ TEST_F(ExrReader, RefusesLuminanceWithoutWeights) {
     file.setFrameBuffer(pixels.data(), 1, 4);
     file.writePixels(4);
   }
-  ASSERT_TRUE(read_image(path_).ok());
+  ASSERT_OK(read_image(path_));
 
   std::string bytes = read_file(path_);
   const std::string name("chromaticities\0chromaticities\0\x20\0\0\0", 34);
@@ -50,7 +51,7 @@ TEST_F(ExrReader, RefusesLuminanceWithoutWeights) {
   ASSERT_NE(at, std::string::npos);
   bytes.replace(at + name.size() + 7 * sizeof(float), sizeof(float), sizeof(float), '\0');
   write_file(path_, bytes);
-  EXPECT_NE(error().find("white.y cannot be zero"), std::string::npos) << error();
+  EXPECT_TRUE(says(error(), "white.y cannot be zero"));
 }
 
 TEST_F(ExrReader, NamesOfAFileCannotBreakALineOrCommandATerminal) {
@@ -64,7 +65,7 @@ TEST_F(ExrReader, NamesOfAFileCannotBreakALineOrCommandATerminal) {
   ASSERT_NE(at, std::string::npos);
   bytes[at + red.size() - 1] = 2;
   write_file(path_, bytes);
-  EXPECT_NE(error().find("channel a\\x0a\\x1b[2J\\xff.R is subsampled 2x1"), std::string::npos) << error();
+  EXPECT_TRUE(says(error(), "channel a\\x0a\\x1b[2J\\xff.R is subsampled 2x1"));
 
   Imf::Header depth(2, 2), colour(2, 2);
   const ExrPixels no_colour(
@@ -103,7 +104,7 @@ TEST_F(ExrReader, ChecksTheLimitsFromTheHeaderAlone) {
   EXPECT_TRUE(refuses({V2i(-1000000000, 0), V2i(1000000000, 0)}, small));
 
   write_tiles(path_, Imf::Header(8, 8), Imf::TileDescription(8192, 8192), rgb_channels(), 0);
-  EXPECT_NE(error().find("smaller tiles"), std::string::npos) << error();
+  EXPECT_TRUE(says(error(), "smaller tiles"));
 }
 
 TEST_F(ExrReader, HoldsItsMemoryAgainstTheChunksOfTheCompression) {
@@ -157,16 +158,11 @@ TEST_F(ExrReader, TakesNoMemoryForAttributesThatAreNotThere) {
     return error();
   };
   using namespace std::string_literals;
-  EXPECT_NE(refused("comments\0string\0"s, 3).find("attribute comments claims 1526726671 bytes"),
-            std::string::npos);
-  EXPECT_NE(refused("preview\0preview\0"s, 4 + 1).find("attribute preview does not have the 32 bytes"),
-            std::string::npos);
-  EXPECT_NE(refused("multiView\0stringvector\0"s, 4 + 3).find("attribute multiView does not have"),
-            std::string::npos);
-  EXPECT_NE(refused("dataWindow\0box2i\0"s, 0).find("attribute dataWindow does not have the 91 bytes"),
-            std::string::npos);
-  EXPECT_NE(refused("channels\0chlist\0"s, 0).find("attribute channels does not have the 91 bytes"),
-            std::string::npos);
+  EXPECT_TRUE(says(refused("comments\0string\0"s, 3), "attribute comments claims 1526726671 bytes"));
+  EXPECT_TRUE(says(refused("preview\0preview\0"s, 4 + 1), "attribute preview does not have the 32 bytes"));
+  EXPECT_TRUE(says(refused("multiView\0stringvector\0"s, 4 + 3), "attribute multiView does not have"));
+  EXPECT_TRUE(says(refused("dataWindow\0box2i\0"s, 0), "attribute dataWindow does not have the 91 bytes"));
+  EXPECT_TRUE(says(refused("channels\0chlist\0"s, 0), "attribute channels does not have the 91 bytes"));
 }
 
 TEST_F(ExrReader, SurvivesAnyDamage) {

@@ -104,7 +104,7 @@ TEST_F(ExrChoice, TakesTheDefaultViewOfThePicture) {
 
 TEST_F(ExrChoice, ShowsXyzWithoutALayerOnlyWhenItIsChosen) {
   write_scan_lines(path_, Imf::Header(3, 3), named({"X", "Y", "Z"}, 1));
-  EXPECT_NE(pixel({}).find("no colour channels (it has XYZ, X, Y, Z)"), std::string::npos) << pixel({});
+  EXPECT_TRUE(says(pixel({}), "no colour channels (it has XYZ, X, Y, Z)"));
   ASSERT_OK_AND_ASSIGN(const Image image, read_image(path_, {}, {.layer = "XYZ"}));
   EXPECT_EQ(component(image, 0, 0, 1), 2);
   ASSERT_TRUE(image.chromaticities.has_value());
@@ -175,7 +175,7 @@ TEST_F(ExrChoice, EveryNameThatIsShownCanBePassedBack) {
     std::vector<std::string> seen = {pixel({})};
     for (const PictureChoice& choice : advised) {
       const std::string shown = pixel(choice);
-      EXPECT_EQ(shown.find("there is no"), std::string::npos) << shown;
+      EXPECT_FALSE(says(shown, "there is no"));
       EXPECT_EQ(std::count(seen.begin(), seen.end(), shown), 0) << choice.part << " " << choice.layer;
       seen.push_back(shown);
     }
@@ -183,16 +183,16 @@ TEST_F(ExrChoice, EveryNameThatIsShownCanBePassedBack) {
     for (const PartFacts& part : facts.parts) {
       EXPECT_TRUE(!in_parts || read_image(path_, {}, {.part = part.name}).ok()) << part.name;
       for (const std::string& layer : part.layers) {
-        EXPECT_TRUE(read_image(path_, {}, {.layer = layer}).ok()) << layer;
+        EXPECT_OK(read_image(path_, {}, {.layer = layer})) << layer;
       }
       for (const ChannelFacts& channel : part.channels) {
-        EXPECT_TRUE(read_image(path_, {}, {.layer = channel.name}).ok()) << channel.name;
+        EXPECT_OK(read_image(path_, {}, {.layer = channel.name})) << channel.name;
       }
     }
   }
   // Those that the error lists, too.
   const std::string error = pixel({.part = "no such"});
-  EXPECT_NE(error.find(", 3 Gl\xc3\xbchen, 4 Noisy Image, 5 a\\x01 'b'\\xff,c"), std::string::npos) << error;
+  EXPECT_TRUE(says(error, ", 3 Gl\xc3\xbchen, 4 Noisy Image, 5 a\\x01 'b'\\xff,c"));
   EXPECT_EQ(pixel({.part = "5 a\\x01 'b'\\xff,c"}), "120 121 122");
 }
 

@@ -11,6 +11,7 @@
 
 #include <cmath>
 
+#include "tests/support/status.h"
 #include "tests/unit/image/exr_reader_fixture.h"
 
 namespace candela {
@@ -97,7 +98,7 @@ TEST_F(ExrReader, RendersTheDisplayWindow) {
       {V2i(-3, -40), V2i(30, 4)},     // above
   };
   for (const Box2i& data : windows) {
-    SCOPED_TRACE(testing::Message() << data.min << " " << data.max);
+    SCOPED_TRACE(::testing::Message() << data.min << " " << data.max);
     const Imf::Header header(display, data);
     for (const bool tiled : {false, true}) {
       if (tiled) {
@@ -187,7 +188,7 @@ TEST_F(ExrReader, DecodesLuminanceAndChromaInAnyWindow) {
   };
   const Box2i display(V2i(0, 0), V2i(39, 29));
   for (const Box2i& data : {display, Box2i(V2i(4, 6), V2i(21, 15)), Box2i(V2i(-10, -20), V2i(61, 41))}) {
-    SCOPED_TRACE(testing::Message() << data.min << " " << data.max);
+    SCOPED_TRACE(::testing::Message() << data.min << " " << data.max);
     const int width = data.max.x - data.min.x + 1, height = data.max.y - data.min.y + 1;
     std::vector<Imf::Rgba> pixels(static_cast<size_t>(width) * height);
     for (int y = 0; y < height; ++y) {
@@ -248,7 +249,7 @@ TEST_F(ExrReader, IgnoresSingularChromaticitiesAndSaysSo) {
     const Image image = read();
     EXPECT_FALSE(image.chromaticities.has_value());
     ASSERT_EQ(image.notes.size(), 1u);
-    EXPECT_NE(image.notes[0].find("singular"), std::string::npos);
+    EXPECT_TRUE(says(image.notes[0], "singular"));
   }
 }
 

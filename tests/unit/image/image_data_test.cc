@@ -9,6 +9,7 @@
 
 #include "client/image/describe.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -27,7 +28,7 @@ class ImageData : public ::testing::Test {
   }
   Image read(const std::string& name) {
     absl::StatusOr<Image> image = read_image(root_ + "/" + name);
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? *std::move(image) : Image{};
   }
   const std::string root_ = data_folder();
@@ -73,15 +74,14 @@ TEST_F(ImageData, EveryGoodFileReads) {
        {"exr", "chromaticities", "display_window", "compression", "hdri", "radiance", "aces", "sequence"}) {
     for (const std::string& path : data_files(folder)) {
       if (path.ends_with("Trunks_deep.exr")) continue;
-      const absl::StatusOr<Image> image = read_image(path);
-      EXPECT_TRUE(image.ok()) << image.status();
+      EXPECT_OK(read_image(path));
     }
   }
 }
 
 TEST_F(ImageData, DeepImagesAreRefusedByName) {
   const absl::Status status = read_image(root_ + "/exr/Trunks_deep.exr").status();
-  EXPECT_NE(status.message().find("is a deep image"), absl::string_view::npos) << status;
+  EXPECT_TRUE(says(status.message(), "is a deep image"));
 }
 
 TEST_F(ImageData, EveryDamagedFileIsRefusedFastAndInLittleMemory) {
@@ -181,34 +181,30 @@ TEST_F(ImageData, EveryViewOfAStereoFileIsTheSameInOnePartAndInMany) {
                     multi = root_ + "/sequence/beachball_multipart/multipart.0001.exr";
   std::vector<Image> views;
   for (const char* view : {"left", "right"}) {
-    const absl::StatusOr<Image> one = read_image(single, {}, {.view = view});
-    absl::StatusOr<Image> many = read_image(multi, {}, {.view = view});
-    ASSERT_TRUE(one.ok()) << one.status();
-    ASSERT_TRUE(many.ok()) << many.status();
-    EXPECT_TRUE(same_pixels(*one, *many)) << view;
-    views.push_back(*std::move(many));
+    ASSERT_OK_AND_ASSIGN(const Image one, read_image(single, {}, {.view = view}));
+    ASSERT_OK_AND_ASSIGN(Image many, read_image(multi, {}, {.view = view}));
+    EXPECT_TRUE(same_pixels(one, many)) << view;
+    views.push_back(std::move(many));
   }
   EXPECT_FALSE(same_pixels(views[0], views[1]));
 }
 
 TEST_F(ImageData, EveryViewAndPartIsListedAndCanBeChosen) {
   const std::string path = root_ + "/exr/Adjuster.exr";
-  absl::StatusOr<FileFacts> facts = describe_image(path);
-  ASSERT_TRUE(facts.ok()) << facts.status();
-  EXPECT_EQ(facts->parts[0].views.size(), 3u);
-  for (const std::string& view : facts->parts[0].views) {
-    EXPECT_TRUE(read_image(path, {}, {.view = view}).ok()) << view;
+  ASSERT_OK_AND_ASSIGN(FileFacts facts, describe_image(path));
+  EXPECT_EQ(facts.parts[0].views.size(), 3u);
+  for (const std::string& view : facts.parts[0].views) {
+    EXPECT_OK(read_image(path, {}, {.view = view})) << view;
   }
   const std::string multi = root_ + "/sequence/beachball_multipart/multipart.0001.exr";
-  facts = describe_image(multi);
-  ASSERT_TRUE(facts.ok()) << facts.status();
-  ASSERT_EQ(facts->parts.size(), 10u);
-  for (const PartFacts& part : facts->parts) {
+  ASSERT_OK_AND_ASSIGN(facts, describe_image(multi));
+  ASSERT_EQ(facts.parts.size(), 10u);
+  for (const PartFacts& part : facts.parts) {
     // A part of motion vectors has two channels, which are no picture; each of them can be chosen.
     const absl::StatusOr<Image> image = read_image(multi, {}, {.part = part.name});
     EXPECT_EQ(image.ok(), part.channels.size() != 2) << part.name << ": " << image.status();
     for (const ChannelFacts& channel : part.channels) {
-      EXPECT_TRUE(read_image(multi, {}, {.part = part.name, .layer = channel.name}).ok()) << channel.name;
+      EXPECT_OK(read_image(multi, {}, {.part = part.name, .layer = channel.name})) << channel.name;
     }
   }
 }

@@ -8,6 +8,7 @@
 
 #include "client/image/image.h"
 #include "tests/support/files.h"
+#include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
 
 namespace candela {
@@ -75,7 +76,7 @@ class TiffWriter : public ::testing::Test {
  protected:
   TiffFile written(const Image& image, const WriteOptions& options = {}) {
     const auto notes = write_image(folder_.path("out.tif"), image, options);
-    EXPECT_TRUE(notes.ok()) << notes.status();
+    EXPECT_OK(notes);
     EXPECT_EQ(notes.value_or(std::vector<std::string>{"failed"}), std::vector<std::string>());
     return read_tiff(folder_.path("out.tif"));
   }
@@ -145,7 +146,7 @@ TEST_F(TiffWriter, TheSamePictureGivesTheSameFile) {
   const Image image = coded_image(101, 67, ImageFormat::kRgba16, true);
   written(image);
   const std::string first = read_file(folder_.path("out.tif"));
-  ASSERT_TRUE(write_image(folder_.path("again.tiff"), image).ok());
+  ASSERT_OK(write_image(folder_.path("again.tiff"), image));
   EXPECT_TRUE(read_file(folder_.path("again.tiff")) == first);
 }
 

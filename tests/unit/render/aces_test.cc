@@ -31,8 +31,7 @@ constexpr float kTableEnd = 32.0f;
 
 Rgb aces(const Rgb& c) {
   Color rgb = {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
-  const absl::Status status = aces_1(rgb);
-  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_OK(aces_1(rgb));
   return {rgb[0], rgb[1], rgb[2]};
 }
 

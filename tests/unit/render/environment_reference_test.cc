@@ -67,8 +67,6 @@ TEST(Panorama, TexelsOfEverySizeCoverTheSphere) {
   EXPECT_NEAR(panorama_solid_angle(thirds, 1), kPi / 2, 1e-15);
 }
 
-constexpr uint32_t kLookupSizes[][2] = {{1, 1}, {2, 1}, {3, 1}, {1, 4}, {3, 2}, {7, 5}, {8, 4}, {5, 9}};
-
 TEST(Panorama, ALookupAtATexelsCentreIsThatTexel) {
   for (const auto& [width, height] : kLookupSizes) {
     const Scene scene = random_panorama(width, height, width);
@@ -172,10 +170,7 @@ Place vulkan_place(const Direction& r) {
 
 TEST(Cube, TexelsLieWhereVulkanFindsTheirDirections) {
   for (const uint32_t size : {1u, 2u, 16u, 64u}) {
-    for (uint32_t texel = 0; texel < 6 * size * size; ++texel) {
-      const uint32_t face = texel / (size * size);
-      const uint32_t i = texel % size;
-      const uint32_t j = texel / size % size;
+    for (const auto& [face, i, j] : texels_of(size)) {
       const Direction d = cube_direction(face, i, j, size);
       EXPECT_NEAR(dot3(d, d), 1.0, 1e-15);
       const Place place = vulkan_place(d);
@@ -227,11 +222,8 @@ CubeLevel random_cube(uint32_t size) {
 TEST(Cube, ALookupAtATexelsCentreIsThatTexel) {
   for (const uint32_t size : {1u, 2u, 8u}) {
     const CubeLevel level = random_cube(size);
-    for (uint32_t texel = 0; texel < 6 * size * size; ++texel) {
-      const uint32_t face = texel / (size * size);
-      const Direction d = cube_direction(face, texel % size, texel / size % size, size);
-      EXPECT_LT(difference(cube_at(level, d), level.texels[texel]), 1e-13);
-    }
+    for (const auto& [face, i, j] : texels_of(size))
+      EXPECT_LT(difference(cube_at(level, cube_direction(face, i, j, size)), level.at(face, i, j)), 1e-13);
   }
 }
 
@@ -265,20 +257,21 @@ TEST(Cube, ACornerIsTheMeanOfItsThreeTexels) {
     const CubeLevel level = random_cube(size);
     for (uint32_t corner = 0; corner < 8; ++corner) {
       const Direction d = {corner & 1 ? 1.0 : -1.0, corner & 2 ? 1.0 : -1.0, corner & 4 ? 1.0 : -1.0};
+      // Beside the corner, on the face of this axis.
+      const auto inside = [&](size_t axis) {
+        Direction beside = d;
+        for (size_t other = 0; other < 3; ++other) beside[other] *= other == axis ? 1.0 : 1.0 - 1e-9;
+        return beside;
+      };
       Rgb mean{};
       for (size_t axis = 0; axis < 3; ++axis) {
-        Direction inside = d;
-        for (size_t other = 0; other < 3; ++other) inside[other] *= other == axis ? 1.0 : 1.0 - 1e-9;
-        const Place place = vulkan_place(inside);
+        const Place place = vulkan_place(inside(axis));
         const auto i = static_cast<uint32_t>(place.s * size);
         const auto j = static_cast<uint32_t>(place.t * size);
         for (size_t n = 0; n < 3; ++n) mean[n] += level.at(place.face, i, j)[n] / 3.0;
       }
-      for (size_t axis = 0; axis < 3; ++axis) {
-        Direction inside = d;
-        for (size_t other = 0; other < 3; ++other) inside[other] *= other == axis ? 1.0 : 1.0 - 1e-9;
-        EXPECT_LT(difference(cube_at(level, inside), mean), 1e-7) << size << " " << corner;
-      }
+      for (size_t axis = 0; axis < 3; ++axis)
+        EXPECT_LT(difference(cube_at(level, inside(axis)), mean), 1e-7) << size << " " << corner;
     }
   }
 }
@@ -337,117 +330,6 @@ TEST(Cube, ATexelHasItsOwnFourTexelsLight) {
       EXPECT_NEAR(c[n], sum / (2 * inner + outer + middle), 1e-14);
     }
   }
-}
-
-TEST(CubeFace, AConstantPanoramaStaysThatConstantInEveryLevel) {
-  const Rgb constant = {0.25, 3.0, 60000.0};
-  for (const auto& [width, height] : kLookupSizes) {
-    const Scene scene = panorama_of(width, height, [&](const Direction&) { return constant; });
-    for (const CubeLevel& level : cube_chain(cube_face(scene, 16, 4, 33))) {
-      for (const Rgb& c : level.texels) {
-        for (size_t n = 0; n < 3; ++n) ASSERT_NEAR(c[n] / constant[n], 1.0, 1e-13);
-      }
-    }
-  }
-}
-
-TEST(CubeFace, OneSampleIsThePanoramaAtTheTexelsCentre) {
-  const Scene scene = random_panorama(9, 5, 3);
-  const CubeLevel level = cube_face(scene, 16, 1, 0);
-  const CubeLevel expected = cube_of(16, [&](const Direction& d) { return panorama_at(scene, d); });
-  EXPECT_EQ(level.texels, expected.texels);
-}
-
-TEST(CubeFace, SamplesAreTheCentresOfEqualParts) {
-  const Scene scene = random_panorama(64, 32, 3);
-  const CubeLevel level = cube_face(scene, 16, 4, 0);
-  const CubeLevel fine = cube_face(scene, 64, 1, 0);
-  for (uint32_t texel = 0; texel < 6 * 16 * 16; ++texel) {
-    Rgb mean{};
-    for (uint32_t k = 0; k < 16; ++k) {
-      const Rgb& c = fine.at(texel / 256, 4 * (texel % 16) + k % 4, 4 * (texel / 16 % 16) + k / 4);
-      for (size_t n = 0; n < 3; ++n) mean[n] += c[n] / 16;
-    }
-    EXPECT_LT(difference(level.texels[texel], mean), 1e-14);
-  }
-}
-
-TEST(CubeFace, ARotatedBakeIsTheBakeOfAPanoramaWithItsColumnsShifted) {
-  const Scene scene = random_panorama(24, 12, 5);
-  // What was ahead, at u = 0.5, is shown to the left, at u = 0.25.
-  const CubeLevel expected = cube_face(shifted(scene, 6), 16, 2, 0);
-  const CubeLevel level = cube_face(scene, 16, 2, 90);
-  for (size_t texel = 0; texel < level.texels.size(); ++texel) {
-    EXPECT_LT(difference(level.texels[texel], expected.texels[texel]), 1e-12);
-  }
-}
-
-// The light of a panorama that is black beyond row y, by the midpoint rule in (u, v) over the rows around it.
-double light_of_row(const Scene& scene, int y) {
-  constexpr int kParts = 32;
-  const int height = static_cast<int>(scene.height);
-  const int width = static_cast<int>(scene.width);
-  double sum = 0.0;
-  for (int j = kParts * std::max(0, y - 1); j < kParts * std::min(height, y + 2); ++j) {
-    const double v = (j + 0.5) / (kParts * height);
-    double row = 0.0;
-    for (int i = 0; i < kParts * width; ++i) row += panorama_at(scene, (i + 0.5) / (kParts * width), v)[0];
-    sum += row * std::sin(kPi * v);
-  }
-  return sum * 2 * kPi * kPi / (kParts * width * kParts * height);
-}
-
-// A sun in a panorama of 256 x 128 texels.
-struct Sun {
-  const char* where;
-  uint32_t x;
-  uint32_t y;
-  bool whole_row = false;  // the sun is round and lies on the pole
-};
-// The edge between -Z and +X is at x = 160, the corner above it between y = 38 and 39.
-constexpr Sun kSuns[] = {{"zenith", 0, 0, true},    {"nadir", 0, 127, true},       {"seam", 0, 64},
-                         {"edge", 160, 63},         {"edge, other side", 223, 63}, {"corner", 160, 38},
-                         {"corner, below", 95, 39}, {"-Y's edge", 128, 96},        {"face", 128, 40}};
-
-Scene with_sun(const Sun& sun) {
-  Scene scene = panorama_of(256, 128, [](const Direction&) { return Rgb{}; });
-  for (uint32_t x = 0; x < (sun.whole_row ? 256 : 1); ++x) {
-    scene.texels[sun.y * 256 + (sun.x + x)] = {1000, 1000, 1000, 1};
-  }
-  return scene;
-}
-
-// The largest relative error of the suns' light in a level of 64 x 64 texels a face.
-double worst_sun(uint32_t samples) {
-  Scene all = with_sun(kSuns[0]);
-  for (const Sun& sun : kSuns) {
-    const Scene scene = with_sun(sun);
-    for (size_t i = 0; i < all.texels.size(); ++i)
-      all.texels[i][0] = std::max(all.texels[i][0], scene.texels[i][0]);
-  }
-  const CubeLevel level = cube_face(all, 64, samples, 0);
-  double worst = 0.0;
-  for (const Sun& sun : kSuns) {
-    const Direction centre =
-        panorama_direction((sun.x + 0.5) / 256, sun.whole_row ? sun.y / 127 : (sun.y + 0.5) / 128);
-    double light = 0.0;
-    for (uint32_t texel = 0; texel < 6 * 64 * 64; ++texel) {
-      const uint32_t i = texel % 64;
-      const uint32_t j = texel / 64 % 64;
-      if (dot3(cube_direction(texel / 4096, i, j, 64), centre) < std::cos(0.12)) continue;
-      light += level.texels[texel][0] * cube_solid_angle(i, j, 64);
-    }
-    const double error = light / light_of_row(with_sun(sun), static_cast<int>(sun.y)) - 1.0;
-    testing::Test::RecordProperty(std::string(sun.where) + " " + std::to_string(samples),
-                                  std::to_string(error));
-    worst = std::max(worst, std::abs(error));
-  }
-  return worst;
-}
-
-TEST(CubeFace, KeepsTheLightOfASmallSun) {
-  EXPECT_LT(worst_sun(4), 0.02);
-  EXPECT_LT(worst_sun(16), 0.004);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <random>
+#include <vector>
 
 #include "shaders/environment/environment.h"
 
@@ -73,28 +74,37 @@ inline reference::Scene shifted(const reference::Scene& scene, uint32_t columns)
   return out;
 }
 
+// Panoramas of every kind of size.
+inline constexpr uint32_t kLookupSizes[][2] = {{1, 1}, {2, 1}, {3, 1}, {1, 4},
+                                               {3, 2}, {7, 5}, {8, 4}, {5, 9}};
+
+struct CubeTexel {
+  uint32_t face, i, j;
+};
+
+// Every texel of a level.
+inline std::vector<CubeTexel> texels_of(uint32_t size) {
+  std::vector<CubeTexel> texels;
+  for (uint32_t n = 0; n < 6 * size * size; ++n)
+    texels.push_back({n / (size * size), n % size, n / size % size});
+  return texels;
+}
+
 // A level whose texels are `light` in the directions of their centres.
 inline reference::CubeLevel cube_of(uint32_t size,
                                     const std::function<reference::Rgb(const reference::Direction&)>& light) {
   reference::CubeLevel level{size, {}};
-  for (uint32_t row = 0; row < 6 * size; ++row) {
-    for (uint32_t i = 0; i < size; ++i) {
-      level.texels.push_back(light(reference::cube_direction(row / size, i, row % size, size)));
-    }
-  }
+  for (const auto& [face, i, j] : texels_of(size))
+    level.texels.push_back(light(reference::cube_direction(face, i, j, size)));
   return level;
 }
 
 // The sum over a level, weighted by solid angles.
 inline reference::Rgb integral_of(const reference::CubeLevel& level) {
   reference::Rgb sum{};
-  for (uint32_t row = 0; row < 6 * level.size; ++row) {
-    for (uint32_t i = 0; i < level.size; ++i) {
-      const double weight = reference::cube_solid_angle(i, row % level.size, level.size);
-      for (size_t n = 0; n < 3; ++n) {
-        sum[n] += weight * level.at(row / level.size, i, row % level.size)[n];
-      }
-    }
+  for (const auto& [face, i, j] : texels_of(level.size)) {
+    const double weight = reference::cube_solid_angle(i, j, level.size);
+    for (size_t n = 0; n < 3; ++n) sum[n] += weight * level.at(face, i, j)[n];
   }
   return sum;
 }

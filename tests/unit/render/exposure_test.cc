@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "tests/support/settings.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -62,7 +63,7 @@ TEST(Adaptation, NoTimeChangesNothingAndAllTimeArrives) {
 }
 
 TEST(Adaptation, PreviousStateIsChecked) {
-  EXPECT_TRUE(check_previous({1.0, 0.0}).ok());
+  EXPECT_OK(check_previous({1.0, 0.0}));
   for (const PreviousExposure& bad :
        {PreviousExposure{0, 1}, {-1, 1}, {NAN, 1}, {INFINITY, 1}, {1, -1e-9}, {1, NAN}, {1, 1e10}}) {
     EXPECT_EQ(check_previous(bad).code(), absl::StatusCode::kInvalidArgument)

@@ -11,6 +11,7 @@
 #include <map>
 
 #include "absl/strings/str_format.h"
+#include "tests/support/status.h"
 
 namespace candela::v1 {
 namespace {
@@ -56,7 +57,7 @@ double next_number(const SettingField& setting, double from, double to) {
 
 void expect_refused(const SettingField& setting, Settings settings, double value, double min, double max) {
   const absl::Status status = complete_settings(settings);
-  EXPECT_TRUE(absl::IsInvalidArgument(status)) << setting.path << " " << value;
+  EXPECT_REFUSED(kInvalidArgument, "", status) << setting.path << " " << value;
   EXPECT_EQ(status.message(), absl::StrFormat("%s is %g; it must be between %s and %s", setting.path, value,
                                               format_number(min), format_number(max)));
 }
@@ -170,13 +171,13 @@ TEST(Settings, AbsentSettingsTakeTheirDefaults) {
   Settings expected;
   ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString(kDefaults, &expected));
   Settings completed;
-  ASSERT_TRUE(complete_settings(completed).ok());
+  ASSERT_OK(complete_settings(completed));
   EXPECT_EQ(completed.DebugString(), expected.DebugString());
 }
 
 TEST(Settings, ASettingWithoutADefaultStaysAbsent) {
   Settings completed;
-  ASSERT_TRUE(complete_settings(completed).ok());
+  ASSERT_OK(complete_settings(completed));
   EXPECT_FALSE(completed.has_max_error_codes());
   EXPECT_FALSE(completed.has_input_chromaticities());
   EXPECT_FALSE(completed.has_table());
@@ -187,25 +188,25 @@ TEST(Settings, ASettingWithoutADefaultStaysAbsent) {
 TEST(Settings, AnotherDefaultHoldsWithTheChoiceThatItNames) {
   Settings settings;
   settings.mutable_bloom()->set_kind(Bloom::KIND_GAUSSIAN);
-  ASSERT_TRUE(complete_settings(settings).ok());
+  ASSERT_OK(complete_settings(settings));
   EXPECT_EQ(settings.bloom().threshold(), 8.0f);
   settings.mutable_bloom()->set_threshold(2);
-  ASSERT_TRUE(complete_settings(settings).ok());
+  ASSERT_OK(complete_settings(settings));
   EXPECT_EQ(settings.bloom().threshold(), 2.0f);
 }
 
 TEST(Settings, WhatIsGivenStaysAsItIs) {
   const Settings given = everything_given();
   Settings completed = given;
-  ASSERT_TRUE(complete_settings(completed).ok());
+  ASSERT_OK(complete_settings(completed));
   EXPECT_EQ(completed.DebugString(), given.DebugString());
 }
 
 TEST(Settings, CompletingTwiceChangesNothing) {
   Settings once;
-  ASSERT_TRUE(complete_settings(once).ok());
+  ASSERT_OK(complete_settings(once));
   Settings twice = once;
-  ASSERT_TRUE(complete_settings(twice).ok());
+  ASSERT_OK(complete_settings(twice));
   EXPECT_EQ(deterministic_bytes(twice), deterministic_bytes(once));
 }
 
@@ -214,7 +215,7 @@ TEST(Settings, EachNumberIsAcceptedUpToBothEndsOfItsRange) {
     if (!setting.is_number()) continue;
     for (const double end : {setting.declaration().min(), setting.declaration().max()}) {
       Settings settings = with_number(setting, end);
-      EXPECT_TRUE(complete_settings(settings).ok()) << setting.path << " " << end;
+      EXPECT_OK(complete_settings(settings)) << setting.path << " " << end;
     }
   }
 }
@@ -238,7 +239,7 @@ TEST(Settings, AnotherMaximumHoldsWithTheChoiceThatItNames) {
       if (!exception.has_max()) continue;
       Settings at = with_number(setting, exception.max());
       choose(at, setting, exception);
-      EXPECT_TRUE(complete_settings(at).ok()) << setting.path;
+      EXPECT_OK(complete_settings(at)) << setting.path;
       const double above = next_number(setting, exception.max(), kInfinity);
       Settings beyond = with_number(setting, above);
       choose(beyond, setting, exception);

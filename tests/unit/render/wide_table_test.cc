@@ -29,7 +29,7 @@ WideTableError error_of(const ColorTable& table, const std::vector<testing::Colo
   double sum = 0.0;
   for (const testing::Color& c : colors) {
     testing::Color truth = c;
-    EXPECT_TRUE(aces_1(truth).ok());
+    EXPECT_OK(aces_1(truth));
     const reference::Rgb light = reference::look_up(table, {c[0], c[1], c[2]});
     for (size_t k = 0; k < 3; ++k) {
       const double value = reference::transfer(shader::TRANSFER_SRGB, std::clamp(light[k], 0.0, 1.0));

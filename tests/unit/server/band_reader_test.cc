@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/candela/v1/band_wire.h"
+#include "tests/support/status.h"
 
 namespace candela {
 namespace {
@@ -33,10 +34,10 @@ class BandReaderTest : public ::testing::Test {
 };
 
 TEST_F(BandReaderTest, RowsGoToTheirPlacesWithoutTheirPadding) {
-  ASSERT_TRUE(read(0, rows(2, 'a')).ok());
+  ASSERT_OK(read(0, rows(2, 'a')));
   EXPECT_FALSE(reader_.check_complete().ok());
-  ASSERT_TRUE(read(2, rows(3, 'b')).ok());
-  EXPECT_TRUE(reader_.check_complete().ok());
+  ASSERT_OK(read(2, rows(3, 'b')));
+  EXPECT_OK(reader_.check_complete());
   EXPECT_EQ(rows_[1], std::string(12, 'a'));
   EXPECT_EQ(rows_[2], std::string(12, 'b'));
   EXPECT_EQ(rows_[4], std::string(12, 'b'));
@@ -50,7 +51,7 @@ TEST_F(BandReaderTest, RefusesPartsOfRows) {
 
 TEST_F(BandReaderTest, RefusesBandsOutOfOrderOverlappingOrWithAGap) {
   EXPECT_TRUE(absl::IsInvalidArgument(read(1, rows(1))));
-  ASSERT_TRUE(read(0, rows(2)).ok());
+  ASSERT_OK(read(0, rows(2)));
   EXPECT_TRUE(absl::IsInvalidArgument(read(1, rows(1))));
   EXPECT_TRUE(absl::IsInvalidArgument(read(3, rows(1))));
   EXPECT_TRUE(absl::IsInvalidArgument(read(0, rows(1))));
@@ -59,7 +60,7 @@ TEST_F(BandReaderTest, RefusesBandsOutOfOrderOverlappingOrWithAGap) {
 TEST_F(BandReaderTest, RefusesMoreRowsThanTheFrameHasWithoutWritingThem) {
   EXPECT_TRUE(absl::IsInvalidArgument(read(0, rows(6))));
   EXPECT_EQ(rows_[0], std::string(12, '.'));
-  ASSERT_TRUE(read(0, rows(5)).ok());
+  ASSERT_OK(read(0, rows(5)));
   EXPECT_TRUE(absl::IsInvalidArgument(read(5, rows(1))));
 }
 

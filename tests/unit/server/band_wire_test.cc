@@ -19,7 +19,7 @@ namespace {
 
 std::string bytes_of(const grpc::ByteBuffer& buffer) {
   std::vector<grpc::Slice> slices;
-  EXPECT_TRUE(buffer.Dump(&slices).ok());
+  EXPECT_OK(buffer.Dump(&slices));
   std::string bytes;
   for (const grpc::Slice& slice : slices)
     bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
@@ -172,14 +172,14 @@ TEST(BandWire, RefusesABandOverTwoMebibytesBeforeItTakesAPixel) {
         taken |= bytes > 0;
         return absl::OkStatus();
       });
-  EXPECT_TRUE(absl::IsInvalidArgument(band.status())) << band.status();
+  EXPECT_REFUSED(kInvalidArgument, "", band);
   EXPECT_FALSE(taken);
 }
 
 TEST(BandWire, EveryTruncationIsRefused) {
   const std::string message = request(300, pattern(200)).SerializeAsString();
   for (size_t size = 0; size < message.size(); ++size) {
-    EXPECT_TRUE(absl::IsInvalidArgument(read(message.substr(0, size)).status())) << size;
+    EXPECT_REFUSED(kInvalidArgument, "", read(message.substr(0, size))) << size;
   }
 }
 
@@ -198,7 +198,7 @@ TEST(BandWire, AgreesWithTheGeneratedClassOnDamagedMessages) {
     RenderRequest generated;
     const bool parsed = generated.ParseFromString(message);
     if (parsed && generated.has_band()) {
-      ASSERT_TRUE(ours.ok()) << ours.status() << "\n" << generated.ShortDebugString();
+      ASSERT_OK(ours) << generated.ShortDebugString();
       ASSERT_EQ(ours->first_row, generated.band().first_row());
       ASSERT_EQ(ours->pixels, generated.band().pixels());
       ++accepted;

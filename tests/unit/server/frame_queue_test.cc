@@ -5,6 +5,8 @@
 
 #include <map>
 
+#include "tests/support/status.h"
+
 namespace candela {
 namespace {
 
@@ -22,14 +24,14 @@ std::map<Flow, absl::Duration> serve(FrameQueue& queue, const std::map<Flow, abs
                                      int frames) {
   std::map<Flow, absl::Duration> used;
   for (const auto& [flow, cost] : costs) {
-    EXPECT_TRUE(queue.push(job_of(flow)).ok());
-    EXPECT_TRUE(queue.push(job_of(flow)).ok());
+    EXPECT_OK(queue.push(job_of(flow)));
+    EXPECT_OK(queue.push(job_of(flow)));
   }
   for (int i = 0; i < frames; ++i) {
     const std::optional<FrameJob> job = queue.pop();
     queue.charge(job->flow, costs.at(job->flow));
     used[job->flow] += costs.at(job->flow);
-    EXPECT_TRUE(queue.push(job_of(job->flow)).ok());
+    EXPECT_OK(queue.push(job_of(job->flow)));
   }
   return used;
 }
@@ -40,7 +42,7 @@ TEST(FrameQueue, FramesOfOneFlowKeepTheirOrder) {
   for (uint64_t i = 0; i < 5; ++i) {
     FrameJob job = job_of(1);
     job.frame->sequence = i;
-    ASSERT_TRUE(queue.push(std::move(job)).ok());
+    ASSERT_OK(queue.push(std::move(job)));
   }
   for (uint64_t i = 0; i < 5; ++i) EXPECT_EQ(queue.pop()->frame->sequence, i);
   EXPECT_TRUE(queue.empty());
@@ -64,23 +66,23 @@ TEST(FrameQueue, AFlowThatPausedHasNoClaimOnWhatItDidNotUse) {
   FrameQueue queue(100);
   serve(queue, {{1, absl::Milliseconds(10)}}, 1000);
   // From now on a new flow, and a flow that returns, take turns with flow 1.
-  ASSERT_TRUE(queue.push(job_of(2)).ok());
-  ASSERT_TRUE(queue.push(job_of(2)).ok());
+  ASSERT_OK(queue.push(job_of(2)));
+  ASSERT_OK(queue.push(job_of(2)));
   int second = 0;
   for (int i = 0; i < 4; ++i) {
     const std::optional<FrameJob> job = queue.pop();
     second += job->flow == 2 ? 1 : 0;
     queue.charge(job->flow, absl::Milliseconds(10));
-    ASSERT_TRUE(queue.push(job_of(job->flow)).ok());
+    ASSERT_OK(queue.push(job_of(job->flow)));
   }
   EXPECT_EQ(second, 2);
 }
 
 TEST(FrameQueue, FlowsThatComeForOneFrameDoNotKeepAnotherWaiting) {
   FrameQueue queue(100);
-  for (int i = 0; i < 2; ++i) ASSERT_TRUE(queue.push(job_of(1)).ok());
+  for (int i = 0; i < 2; ++i) ASSERT_OK(queue.push(job_of(1)));
   Flow newcomer = 2;
-  for (int i = 0; i < 2; ++i) ASSERT_TRUE(queue.push(job_of(newcomer++)).ok());
+  for (int i = 0; i < 2; ++i) ASSERT_OK(queue.push(job_of(newcomer++)));
   std::map<Flow, int> served;
   for (int i = 0; i < 30; ++i) {
     const std::optional<FrameJob> job = queue.pop();
@@ -94,7 +96,7 @@ TEST(FrameQueue, FlowsThatComeForOneFrameDoNotKeepAnotherWaiting) {
 
 TEST(FrameQueue, ASmallFrameDoesNotWaitForASliceOfEachOfManyFlows) {
   FrameQueue queue(100);
-  for (Flow flow = 1; flow <= 20; ++flow) ASSERT_TRUE(queue.push(job_of(flow)).ok());
+  for (Flow flow = 1; flow <= 20; ++flow) ASSERT_OK(queue.push(job_of(flow)));
   const auto slice = [&queue] {
     std::optional<FrameJob> job = queue.pop();
     const Flow flow = job->flow;
@@ -104,7 +106,7 @@ TEST(FrameQueue, ASmallFrameDoesNotWaitForASliceOfEachOfManyFlows) {
   };
   for (int i = 0; i < 50; ++i) slice();  // every flow has had a slice
   for (int frame = 0; frame < 10; ++frame) {
-    ASSERT_TRUE(queue.push(job_of(100)).ok());
+    ASSERT_OK(queue.push(job_of(100)));
     EXPECT_EQ(slice(), 100u);
     for (int i = 0; i < 7; ++i) EXPECT_NE(slice(), 100u);
   }
@@ -113,9 +115,9 @@ TEST(FrameQueue, ASmallFrameDoesNotWaitForASliceOfEachOfManyFlows) {
 // The share of a flow of long jobs beside flows of short ones, each of which comes for one job only.
 TEST(FrameQueue, ManySmallFramesDoNotKeepALongJobWaiting) {
   FrameQueue queue(100);
-  ASSERT_TRUE(queue.push(job_of(1)).ok());
+  ASSERT_OK(queue.push(job_of(1)));
   Flow newcomer = 2;
-  for (int i = 0; i < 2; ++i) ASSERT_TRUE(queue.push(job_of(newcomer++)).ok());
+  for (int i = 0; i < 2; ++i) ASSERT_OK(queue.push(job_of(newcomer++)));
   absl::Duration used, all;
   for (int i = 0; i < 1000; ++i) {
     std::optional<FrameJob> job = queue.pop();
@@ -126,7 +128,7 @@ TEST(FrameQueue, ManySmallFramesDoNotKeepALongJobWaiting) {
       used += cost;
       queue.put_back(*std::move(job));
     } else {
-      ASSERT_TRUE(queue.push(job_of(newcomer++)).ok());
+      ASSERT_OK(queue.push(job_of(newcomer++)));
     }
   }
   EXPECT_NEAR(absl::FDivDuration(used, all), 1.0 / 3, 0.05);
@@ -135,7 +137,7 @@ TEST(FrameQueue, ManySmallFramesDoNotKeepALongJobWaiting) {
 TEST(FrameQueue, FlowsThatAreDoneAreForgotten) {
   FrameQueue queue(100);
   for (Flow flow = 0; flow < 1000; ++flow) {
-    ASSERT_TRUE(queue.push(job_of(flow)).ok());
+    ASSERT_OK(queue.push(job_of(flow)));
     queue.charge(queue.pop()->flow, absl::Milliseconds(10));
   }
   EXPECT_LE(queue.flows(), 2u);
@@ -143,11 +145,11 @@ TEST(FrameQueue, FlowsThatAreDoneAreForgotten) {
 
 TEST(FrameQueue, AJobThatIsPutBackIsTheNextOfItsFlowAndLetsTheOthersGoFirst) {
   FrameQueue queue(4);
-  for (const Flow flow : {1, 1, 2, 2}) ASSERT_TRUE(queue.push(job_of(flow)).ok());
+  for (const Flow flow : {1, 1, 2, 2}) ASSERT_OK(queue.push(job_of(flow)));
   std::optional<FrameJob> slice = queue.pop();
   const Ticket ticket = slice->ticket;
   ASSERT_EQ(slice->flow, 1u);
-  ASSERT_TRUE(queue.push(job_of(3)).ok());
+  ASSERT_OK(queue.push(job_of(3)));
   queue.charge(1, absl::Milliseconds(50));
   queue.put_back(*std::move(slice));
   EXPECT_EQ(queue.size(), 5u);  // also if its place was taken

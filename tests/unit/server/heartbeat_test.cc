@@ -9,7 +9,9 @@
 #include "absl/synchronization/blocking_counter.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
+#include "absl/time/clock.h"
 #include "tests/support/real_clock.h"
+#include "tests/support/status.h"
 #include "tests/support/virtual_clock.h"
 
 namespace candela {
@@ -148,7 +150,7 @@ TEST(Heartbeat, AThreadThatIsStuckIsReportedAndSoIsItsEnd) {
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
-  ASSERT_TRUE(loop.submit(std::move(job)).ok());
+  ASSERT_OK(loop.submit(std::move(job)));
   while (loop.waiting() > 0) std::this_thread::yield();  // it has begun
   clock.tick(kTick, kLimitTicks);
   EXPECT_TRUE(reports.all().empty());
@@ -177,7 +179,7 @@ TEST(Heartbeat, ABeatThatWaitsWhenItStopsIsNotSent) {
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
-  ASSERT_TRUE(loop.submit(std::move(job)).ok());
+  ASSERT_OK(loop.submit(std::move(job)));
   while (loop.waiting() > 0) std::this_thread::yield();
   {
     Heartbeat heartbeat(

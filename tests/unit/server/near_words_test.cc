@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "server/base/words/variables.h"
+#include "tests/support/process.h"
 
 namespace candela::v1 {
 namespace {
@@ -45,16 +46,6 @@ TEST(NearWords, AreNamedInASentence) {
   EXPECT_EQ(did_you_mean({"a", "b"}), "did you mean a or b?");
   EXPECT_EQ(did_you_mean({"a", "b", "c"}), "did you mean a, b or c?");
 }
-
-// Sets an environment variable during a test.
-class Variable {
- public:
-  Variable(const char* name, const char* value) : name_(name) { setenv(name, value, 1); }
-  ~Variable() { unsetenv(name_); }
-
- private:
-  const char* name_;
-};
 
 TEST(UnknownVariables, AreNamedWithTheOneThatIsNear) {
   ASSERT_TRUE(unknown_variables({}).empty()) << unknown_variables({}).front().name;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/synchronization/notification.h"
+#include "tests/support/status.h"
 #include "tests/support/virtual_clock.h"
 
 namespace candela {
@@ -47,7 +48,7 @@ TEST(RenderLoop, RendersInTheOrderOfSubmission) {
   {
     RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 100, clock);
     for (int i = 0; i < 50; ++i) {
-      ASSERT_TRUE(loop.submit(job([&order, i](auto) { order.push_back(i); })).ok());
+      ASSERT_OK(loop.submit(job([&order, i](auto) { order.push_back(i); })));
     }
   }
   ASSERT_EQ(order.size(), 50u);
@@ -58,10 +59,10 @@ TEST(RenderLoop, AFullQueueRefusesAndForgetsTheJob) {
   VirtualClock clock;
   GatedRender render;
   RenderLoop loop(render.function(), 2, clock);
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  ASSERT_OK(loop.submit(job([](auto) {})));
   render.wait_until_busy();
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  ASSERT_OK(loop.submit(job([](auto) {})));
+  ASSERT_OK(loop.submit(job([](auto) {})));
   FrameJob fourth = job([](auto) { ADD_FAILURE() << "a refused job was completed"; });
   const std::weak_ptr<Frame> frame = fourth.frame;
   EXPECT_TRUE(absl::IsUnavailable(loop.submit(std::move(fourth)).status()));
@@ -99,9 +100,9 @@ TEST(RenderLoop, AJobPastItsDeadlineIsDroppedWithItsReason) {
         8, clock);
     FrameJob late = job([&](absl::StatusOr<RenderedFrame> result) { status = result.status(); });
     late.deadline = clock.now() - absl::Milliseconds(1);
-    ASSERT_TRUE(loop.submit(std::move(late)).ok());
+    ASSERT_OK(loop.submit(std::move(late)));
   }
-  EXPECT_TRUE(absl::IsDeadlineExceeded(status)) << status;
+  EXPECT_REFUSED(kDeadlineExceeded, "", status);
   EXPECT_EQ(rendered, 0);
 }
 
@@ -117,7 +118,7 @@ TEST(RenderLoop, ARenderersErrorReachesItsJobAlone) {
         },
         8, clock);
     for (int i = 0; i < 3; ++i) {
-      ASSERT_TRUE(loop.submit(job([&](auto result) { codes.push_back(result.status().code()); })).ok());
+      ASSERT_OK(loop.submit(job([&](auto result) { codes.push_back(result.status().code()); })));
     }
   }
   EXPECT_EQ(codes,
@@ -128,7 +129,7 @@ TEST(RenderLoop, StopFinishesWhatWaitsAndTakesNoMore) {
   VirtualClock clock;
   int done = 0;
   RenderLoop loop([](const FrameJob&) { return FrameReport{}; }, 100, clock);
-  for (int i = 0; i < 20; ++i) ASSERT_TRUE(loop.submit(job([&done](auto) { ++done; })).ok());
+  for (int i = 0; i < 20; ++i) ASSERT_OK(loop.submit(job([&done](auto) { ++done; })));
   loop.stop();
   EXPECT_EQ(done, 20);
   EXPECT_TRUE(absl::IsUnavailable(loop.submit(job([](auto) {})).status()));
@@ -152,9 +153,9 @@ FrameJob long_job(VirtualClock& clock, Flow flow, int slices, std::vector<Flow>&
 
 // Submits the jobs while the loop is busy, so that all of them wait when it is done with that.
 void submit_together(RenderLoop& loop, GatedRender& render, std::vector<FrameJob> jobs) {
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());
+  ASSERT_OK(loop.submit(job([](auto) {})));
   render.wait_until_busy();
-  for (FrameJob& each : jobs) ASSERT_TRUE(loop.submit(std::move(each)).ok());
+  for (FrameJob& each : jobs) ASSERT_OK(loop.submit(std::move(each)));
   render.open();
 }
 
@@ -221,11 +222,10 @@ TEST(RenderLoop, ATaskOfTheHeartbeatRunsBetweenSlices) {
   jobs.push_back(long_job(clock, 1, 50, order));
   submit_together(loop, render, std::move(jobs));
   absl::Notification beat;
-  ASSERT_TRUE(loop.post([&] {
-                    order.push_back(100);
-                    beat.Notify();
-                  })
-                  .ok());
+  ASSERT_OK(loop.post([&] {
+    order.push_back(100);
+    beat.Notify();
+  }));
   beat.WaitForNotification();
   loop.stop();
   EXPECT_NE(order.back(), 100u) << "the beat waited for the end of the job";
@@ -276,7 +276,7 @@ TEST(RenderLoop, AJobCancelledBetweenSlicesReleasesWhatItHoldsAtOnce) {
   endless.done = [](auto) { ADD_FAILURE() << "a cancelled job was completed"; };
   const absl::StatusOr<Ticket> ticket = loop.submit(std::move(endless));
   while (slices == 0) std::this_thread::yield();
-  ASSERT_TRUE(loop.submit(job([](auto) {})).ok());  // occupies the thread
+  ASSERT_OK(loop.submit(job([](auto) {})));  // occupies the thread
   render.wait_until_busy();
   EXPECT_EQ(loop.waiting(), 1u);
   EXPECT_TRUE(loop.cancel(*ticket));
@@ -305,7 +305,7 @@ TEST(RenderLoop, AJobCancelledDuringASliceEndsWithIt) {
   EXPECT_FALSE(loop.cancel(*ticket));
   cancelled.Notify();
   done.WaitForNotification();
-  EXPECT_TRUE(absl::IsCancelled(status)) << status;
+  EXPECT_REFUSED(kCancelled, "", status);
 }
 
 TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
@@ -326,9 +326,9 @@ TEST(RenderLoop, AJobThatHasBegunIsFinishedAfterItsDeadline) {
     status = result.status();
     done.Notify();
   };
-  ASSERT_TRUE(loop.submit(std::move(late)).ok());
+  ASSERT_OK(loop.submit(std::move(late)));
   done.WaitForNotification();
-  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_OK(status);
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ std::string key(char digit) { return std::string(64, digit); }
 TokenKeys keys(const std::string& lines) {
   const TemporaryFile file(lines);
   absl::StatusOr<TokenKeys> read = TokenKeys::read(file.path(), kTtl);
-  EXPECT_TRUE(read.ok()) << read.status();
+  EXPECT_OK(read);
   return *std::move(read);
 }
 
@@ -61,11 +61,9 @@ std::string refusal(const TokenKeys& by, const std::string& token, const std::st
                     absl::Time now = kNow) {
   const absl::Status status = by.open(token, session, now).status();
   if (status.ok()) return "";
-  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_REFUSED(kFailedPrecondition, "", status);
   return std::string(status.message());
 }
-
-bool says(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
 
 TEST(ResumeToken, GivesBackWhatItWasMadeOfInAtMostAKibibyte) {
   const TokenKeys ours = keys(key('a'));
@@ -134,11 +132,10 @@ TEST(ResumeToken, AForeignKeysTokenIsRefused) {
   const ResumePoint point = full_point();
   const TokenKeys theirs = keys(key('b'));
   EXPECT_TRUE(says(refusal(keys(key('a')), theirs.seal(point, kNow), point.session), "key that this server"));
-  const absl::StatusOr<TokenKeys> one = TokenKeys::random();
-  const absl::StatusOr<TokenKeys> other = TokenKeys::random();
-  ASSERT_TRUE(one.ok() && other.ok());
-  EXPECT_EQ(refusal(*one, one->seal(point, kNow), point.session), "");
-  EXPECT_TRUE(says(refusal(*other, one->seal(point, kNow), point.session), "key that this server"));
+  ASSERT_OK_AND_ASSIGN(const TokenKeys one, TokenKeys::random());
+  ASSERT_OK_AND_ASSIGN(const TokenKeys other, TokenKeys::random());
+  EXPECT_EQ(refusal(one, one.seal(point, kNow), point.session), "");
+  EXPECT_TRUE(says(refusal(other, one.seal(point, kNow), point.session), "key that this server"));
 }
 
 // A token with the right key's id and another key's signature.
@@ -211,41 +208,35 @@ TEST(KeyFile, RefusesWhatIsNoKeyAndNamesTheLine) {
   for (const std::string& bad : {std::string(62, 'a'), key('a') + "a", key('g'), std::string("secret")}) {
     const TemporaryFile file(good + bad + "\n");
     const absl::Status status = TokenKeys::read(file.path()).status();
-    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
-    EXPECT_TRUE(says(std::string(status.message()), "line 2")) << status;
-    EXPECT_FALSE(says(std::string(status.message()), bad.substr(0, 6)))
-        << "a message shows a key: " << status;
+    EXPECT_REFUSED(kInvalidArgument, "line 2", status);
+    EXPECT_FALSE(says(status.message(), bad.substr(0, 6))) << "a message shows a key: " << status;
   }
 }
 
 TEST(KeyFile, RefusesNoKeyAndTooMany) {
   const TemporaryFile none("# nothing yet\n");
-  EXPECT_TRUE(says(std::string(TokenKeys::read(none.path()).status().message()), "openssl rand -hex 32"));
+  EXPECT_TRUE(says(TokenKeys::read(none.path()).status().message(), "openssl rand -hex 32"));
   std::string lines;
   for (size_t i = 0; i < kMaxKeys; ++i) lines += key("0123456789abcdef"[i]) + "\n";
-  EXPECT_TRUE(TokenKeys::read(TemporaryFile(lines).path()).ok());
-  const absl::Status status = TokenKeys::read(TemporaryFile(lines + key('a') + key('a')).path()).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_OK(TokenKeys::read(TemporaryFile(lines).path()));
+  EXPECT_REFUSED(kInvalidArgument, "", TokenKeys::read(TemporaryFile(lines + key('a') + key('a')).path()));
 }
 
 TEST(KeyFile, RefusesAFileThatOthersMayReadOrChange) {
   for (const mode_t mode : {0604, 0620, 0602, 0644, 0666}) {
     const TemporaryFile file(key('a'), mode);
-    const absl::Status status = TokenKeys::read(file.path()).status();
-    EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
-    EXPECT_TRUE(says(std::string(status.message()), "chmod 600 " + file.path())) << status;
+    EXPECT_REFUSED(kFailedPrecondition, "chmod 600 " + file.path(), TokenKeys::read(file.path()));
   }
   for (const mode_t mode : {0400, 0600, 0440, 0640}) {
-    EXPECT_TRUE(TokenKeys::read(TemporaryFile(key('a'), mode).path()).ok()) << mode;
+    EXPECT_OK(TokenKeys::read(TemporaryFile(key('a'), mode).path())) << mode;
   }
 }
 
 TEST(KeyFile, RefusesWhatCannotBeRead) {
   EXPECT_TRUE(absl::IsNotFound(TokenKeys::read("/no/such/file").status()));
   EXPECT_TRUE(absl::IsNotFound(TokenKeys::read(::testing::TempDir()).status()));
-  const absl::Status status = TokenKeys::read(TemporaryFile(std::string(70000, '#')).path()).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(status));
-  EXPECT_TRUE(says(std::string(status.message()), "70000 bytes")) << status;
+  EXPECT_REFUSED(kInvalidArgument, "70000 bytes",
+                 TokenKeys::read(TemporaryFile(std::string(70000, '#')).path()));
 }
 
 TEST(SettingsHash, TellsSettingsApartAndOnlyThem) {
