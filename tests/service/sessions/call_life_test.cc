@@ -92,19 +92,6 @@ TEST_P(CallLife, TheClientReportsItsOwnDeadlineInWords) {
   EXPECT_NE(std::string(status.message()).find("time given"), std::string::npos) << status;
 }
 
-TEST_P(CallLife, AClientThatSendsNothingIsCutOffAfterTheIdleTimeout) {
-  for (bool with_start : {false, true}) {
-    OpenCall call(channel());
-    if (with_start) call.stream->Write(start_of(frame_));
-    const absl::Time start = absl::Now();
-    const grpc::Status status = call.finish();
-    EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED);
-    EXPECT_NE(status.error_message().find("idle timeout"), std::string::npos) << status.error_message();
-    EXPECT_GE(absl::Now() - start, absl::Milliseconds(700));
-    EXPECT_TRUE(wait_until_idle(connection()));
-  }
-}
-
 TEST_P(CallLife, AClientThatKeepsSendingIsNotIdle) {
   const WireFrame frame = natural(16, 5);
   OpenCall call(channel());
@@ -194,23 +181,6 @@ TEST(Drain, AFrameInFlightFinishesWhileNewCallsAreRefused) {
   call.stream->Write(band_of(frame, 1, 15));
   call.stream->WritesDone();
   EXPECT_TRUE(call.finish().ok());
-  drain.join();
-}
-
-TEST(Drain, ThePreDrainTakesCallsWhileHealthAlreadyWarns) {
-  Config config = test_config();
-  config.pre_drain = absl::Seconds(2);
-  const std::unique_ptr<Server> server = start_server(config);
-  const Connection connection(
-      grpc::CreateChannel(server->addresses().at(0), grpc::InsecureChannelCredentials()));
-  const absl::Time start = absl::Now();
-  std::thread drain([&server] { server->drain_and_stop(); });
-  while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));
-  absl::Status status = connection.render({}, view(natural(16, 16))).status();
-  EXPECT_TRUE(status.ok()) << status;
-  while (status.ok()) status = connection.render({}, view(natural(16, 16))).status();
-  EXPECT_GE(absl::Now() - start, absl::Seconds(2));
-  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
   drain.join();
 }
 
