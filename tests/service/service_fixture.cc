@@ -32,7 +32,11 @@ Config test_config() {
 }
 
 std::unique_ptr<Server> start_server(const Config& config) {
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, real_clock(), alarm_timers());
+  return start_server(config, real_clock(), alarm_timers());
+}
+
+std::unique_ptr<Server> start_server(const Config& config, Clock& clock, Timers& timers) {
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, clock, timers);
   EXPECT_TRUE(server.ok()) << server.status();
   keep_driver_loaded();
   return server.ok() ? *std::move(server) : nullptr;

@@ -29,6 +29,7 @@ constexpr int kSlower = 1;
 Config test_config();
 
 std::unique_ptr<Server> start_server(const Config& config);
+std::unique_ptr<Server> start_server(const Config& config, Clock& clock, Timers& timers);
 
 // Options for a frame's form on the wire.
 v1::PixelFormat wire_format(v1::PixelFormat format);

@@ -32,6 +32,7 @@ bool VirtualClock::await(absl::Mutex& mutex, const absl::Condition& condition, a
     mutex.Await(condition);
     return true;
   }
+  if (timeout <= absl::ZeroDuration()) return condition.Eval();
   std::list<Wait>::iterator wait;
   {
     const absl::MutexLock lock(&mutex_);
@@ -66,6 +67,14 @@ void VirtualClock::wait_for_waiters(int count) {
     return waits_.size() >= static_cast<size_t>(count);
   };
   mutex_.Await(absl::Condition(&wait));
+}
+
+void VirtualClock::wait_for_timers(int count) {
+  const absl::MutexLock lock(&alarms_->mutex);
+  const auto set = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(alarms_->mutex) {
+    return alarms_->all.size() >= static_cast<size_t>(count);
+  };
+  alarms_->mutex.Await(absl::Condition(&set));
 }
 
 void VirtualClock::tick(absl::Duration tick, int ticks, int waiters) {

@@ -29,7 +29,10 @@ class VirtualClock final : public Clock, public Timers {
   void advance(absl::Duration time);
   // Waits in real time until `count` threads wait for this clock, without a limit.
   void wait_for_waiters(int count);
-  // Both, for `ticks` times `tick`: what the waiter does in each of them is done when it waits again.
+  // The same for timers that are set.
+  void wait_for_timers(int count);
+  // wait_for_waiters() and advance(), for `ticks` times `tick`: what the waiter does in each of them is done
+  // when it waits again.
   void tick(absl::Duration tick, int ticks = 1, int waiters = 1);
 
  private:

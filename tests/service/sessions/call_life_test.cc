@@ -69,17 +69,6 @@ TEST_P(CallLife, TheClientReportsItsOwnDeadlineInWords) {
                  connection().render({}, view(frame_), absl::Now() + absl::Microseconds(200)));
 }
 
-TEST_P(CallLife, AClientThatSendsNothingIsCutOffAfterTheIdleTimeout) {
-  for (bool with_start : {false, true}) {
-    OpenCall call(channel());
-    if (with_start) call.write(start_of(frame_));
-    const absl::Time start = absl::Now();
-    EXPECT_REFUSED(kDeadlineExceeded, "idle timeout", call.finish());
-    EXPECT_GE(absl::Now() - start, absl::Milliseconds(700));
-    EXPECT_TRUE(wait_until_idle(connection()));
-  }
-}
-
 TEST_P(CallLife, AClientThatKeepsSendingIsNotIdle) {
   const WireFrame frame = natural(16, 5);
   OpenCall call(channel());
@@ -166,23 +155,6 @@ TEST(Drain, AFrameInFlightFinishesWhileNewCallsAreRefused) {
   call.write(band_of(frame, 1, 15));
   call.stream->WritesDone();
   EXPECT_OK(call.finish());
-  drain.join();
-}
-
-TEST(Drain, ThePreDrainTakesCallsWhileHealthAlreadyWarns) {
-  Config config = test_config();
-  config.pre_drain = absl::Seconds(2);
-  const std::unique_ptr<Server> server = start_server(config);
-  const Connection connection(
-      grpc::CreateChannel(server->addresses().at(0), grpc::InsecureChannelCredentials()));
-  const absl::Time start = absl::Now();
-  std::thread drain([&server] { server->drain_and_stop(); });
-  while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));
-  absl::Status status = connection.render({}, view(natural(16, 16))).status();
-  EXPECT_OK(status);
-  while (status.ok()) status = connection.render({}, view(natural(16, 16))).status();
-  EXPECT_GE(absl::Now() - start, absl::Seconds(2));
-  EXPECT_REFUSED(kUnavailable, "", status);
   drain.join();
 }
 
