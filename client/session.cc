@@ -38,7 +38,7 @@ class Session::Core {
       : options_(options),
         name_(options.name.empty() ? random_name() : options.name),
         servers_(std::move(servers)),
-        schedule_(servers_.size()),
+        schedule_(servers_.size(), std::random_device()()),
         state_(options, servers_[0].peer.address, clock_),
         thread_([this] { state_.end(drive()); }) {}
 

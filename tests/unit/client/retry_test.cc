@@ -231,7 +231,7 @@ TEST(Retry, ItStopsWhenTold) {
 
 TEST(RetrySchedule, PausesBetweenRoundsDoubleAndServersAreLeftAloneAsTheySay) {
   VirtualClock clock;
-  RetrySchedule schedule(2);
+  RetrySchedule schedule(2, 7);
   const auto fail = [&](absl::Duration delay, bool progress = false) {
     schedule.failed(clock.now(), delay, progress);
     const absl::Duration pause = schedule.when() - clock.now();
@@ -252,6 +252,16 @@ TEST(RetrySchedule, PausesBetweenRoundsDoubleAndServersAreLeftAloneAsTheySay) {
   EXPECT_LT(fail(absl::Seconds(60)), absl::Seconds(2));  // the other server is next
   EXPECT_GE(fail(absl::ZeroDuration(), /*progress=*/true), absl::Seconds(58));
   EXPECT_FALSE(schedule.round_over());
+}
+
+TEST(RetrySchedule, TheSameSeedGivesTheSamePauses) {
+  const auto pause = [](uint32_t seed) {
+    RetrySchedule schedule(1, seed);
+    schedule.failed(absl::UnixEpoch(), absl::Seconds(1));
+    return schedule.when() - absl::UnixEpoch();
+  };
+  EXPECT_EQ(pause(1000), pause(1000));
+  EXPECT_NE(pause(1000), pause(2000));
 }
 
 TEST(SessionState, WaitsAndCountsByItsClock) {
