@@ -18,7 +18,6 @@
 #include "client/call/retry/retry_info.h"
 #include "client/call/retry/retry_schedule.h"
 #include "client/session.h"
-#include "client/session_state.h"
 #include "proto/candela/v1/message_wire.h"
 #include "tests/support/status.h"
 #include "tests/support/virtual_clock.h"
@@ -125,11 +124,12 @@ TEST(Reached, ARefusalThatIsFasterThanTheFirstMessageIsOne) {
 
 TEST(Reached, ASessionSeesItToo) {
   const RefusingServer server;
-  DuplexCall call(server.channel(), kStream, {});
-  ASSERT_EQ(call.wait(), DuplexCall::Event::kWritable);
+  CallQueue queue;
+  DuplexCall call(queue, server.channel(), {"here"}, kStream, {});
+  ASSERT_EQ(queue.next(), CallEvent::kWritable);
   absl::SleepFor(absl::Milliseconds(100));
   call.write(v1::pack(v1::StreamRequest()));
-  while (call.wait() != DuplexCall::Event::kEnded) continue;
+  while (queue.next() != CallEvent::kEnded) continue;
   EXPECT_EQ(call.status().error_message(), full().error_message());
   EXPECT_TRUE(call.connected());
 }
@@ -262,21 +262,6 @@ TEST(RetrySchedule, TheSameSeedGivesTheSamePauses) {
   };
   EXPECT_EQ(pause(1000), pause(1000));
   EXPECT_NE(pause(1000), pause(2000));
-}
-
-TEST(SessionState, WaitsAndCountsByItsClock) {
-  VirtualClock clock;
-  SessionState state(SessionOptions{}, "here", clock);
-  state.lose(absl::UnavailableError("gone"));
-  std::thread sleeper([&] { EXPECT_TRUE(state.sleep_until(clock.now() + absl::Seconds(2))); });
-  clock.wait_for_waiters(1);
-  clock.advance(absl::Seconds(2));
-  sleeper.join();
-  EXPECT_EQ(state.stats().time_without_results, absl::Seconds(2));
-  std::thread cancelled([&] { EXPECT_FALSE(state.sleep_until(clock.now() + absl::Hours(1))); });
-  clock.wait_for_waiters(1);
-  state.cancel();
-  cancelled.join();
 }
 
 }  // namespace
