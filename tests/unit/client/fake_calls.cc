@@ -68,6 +68,10 @@ void FakeSession::settle() {
   }
 }
 
+FakeCall::FakeCall(FakeServers& servers, size_t server) : servers_(servers), server_(server) {
+  if (servers.unreachable.contains(server)) end_ = grpc::Status(grpc::UNAVAILABLE, "cannot reach");
+}
+
 void FakeCall::write(const grpc::ByteBuffer& message) {
   CHECK(can_write());
   writing_ = true;

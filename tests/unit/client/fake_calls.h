@@ -37,6 +37,7 @@ class FakeServers final : public SessionServers {
   };
   std::vector<Open> opens;
   std::vector<std::set<std::string>> environments;  // of each server, by their ids
+  std::set<size_t> unreachable;
   FakeCall* call_now = nullptr;
 
   FakeServers(size_t count, Clock& clock) : environments(count), clock_(clock) {}
@@ -79,7 +80,7 @@ class FakeSession {
 // One call to one of them.
 class FakeCall final : public ClientCall {
  public:
-  FakeCall(FakeServers& servers, size_t server) : servers_(servers), server_(server) {}
+  FakeCall(FakeServers& servers, size_t server);
   ~FakeCall() override { servers_.call_now = nullptr; }
 
   bool can_write() const override { return started_ && !writing_ && !end_; }

@@ -63,26 +63,6 @@ TEST(FirstOpen, AServerThatIsFullIsWaitedForAsItSays) {
   EXPECT_EQ(session.stats().resumes, 0u);
 }
 
-TEST(FirstOpen, AnotherServerIsAskedAtOnceAndAFullOneAgain) {
-  FakeServer server(nullptr, [](size_t opens) { return opens < 1 ? full() : grpc::Status::OK; });
-  ASSERT_OK_AND_ASSIGN(const Session session,
-                       Session::open(options_for({server.address(), "127.0.0.1:1"}, absl::Seconds(20))));
-  EXPECT_EQ(session.stats().server, server.address());
-}
-
-TEST(FirstOpen, TheLimitHoldsAndZeroMeansOnce) {
-  FakeServer server(nullptr, [](size_t) { return full(); });
-  const absl::Time begin = absl::Now();
-  EXPECT_REFUSED(kUnavailable, "within 2s: server is full",
-                 Session::open(options_for({server.address()}, absl::Seconds(2))));
-  EXPECT_GE(server.opens().size(), 2u);
-  EXPECT_LT(absl::Now() - begin, absl::Seconds(10));
-  const size_t before = server.opens().size();
-  const absl::Status once = Session::open(options_for({server.address()}, absl::ZeroDuration())).status();
-  EXPECT_EQ(once.message(), "server is full; try again soon");
-  EXPECT_EQ(server.opens().size(), before + 1);
-}
-
 TEST(FirstOpen, ServersThatCannotBeReachedAreNotWaitedFor) {
   const absl::Time begin = absl::Now();
   EXPECT_REFUSED(kUnavailable, "",

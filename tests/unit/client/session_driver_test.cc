@@ -158,6 +158,19 @@ TEST(SessionDriver, TheLastTokenResumesIt) {
   EXPECT_EQ(session.servers.opens[1].message.resume_token(), "5");
 }
 
+TEST(SessionDriver, WithoutATokenYetItOpensAnew) {
+  VirtualClock clock;
+  FakeSession session(1, options(), clock);
+  int losses = 0;
+  session.servers.on_frame = [&](size_t, uint64_t) { return losses++ < 3 ? kLost : grpc::Status::OK; };
+  const Outcome got = run(session, 5, 1);
+  EXPECT_OK(got.status);
+  EXPECT_EQ(got.values, expected(5, 1));
+  EXPECT_EQ(got.stats.resumes, 3u);
+  EXPECT_GT(got.stats.time_without_results, absl::ZeroDuration());
+  for (const FakeServers::Open& open : session.servers.opens) EXPECT_EQ(open.message.resume_token(), "");
+}
+
 TEST(SessionDriver, ItGivesUpWhenItsLimitIsOver) {
   VirtualClock clock;
   FakeSession session(1, options(), clock);
@@ -173,7 +186,6 @@ TEST(SessionDriver, ItGivesUpWhenItsLimitIsOver) {
   EXPECT_GT(session.servers.opens.size(), 4u);
 }
 
-// In the middle of a film.
 TEST(SessionDriver, AFullServerIsAskedWhenItSaysAndNotBefore) {
   VirtualClock clock;
   FakeSession session(1, options(), clock);
@@ -200,14 +212,6 @@ TEST(SessionDriver, AServerThatWantsToBeLeftAloneForTooLongIsNotAskedAgain) {
   EXPECT_EQ(clock.now() - begin, absl::Seconds(5));
 }
 
-TEST(SessionDriver, AnotherServerIsAskedAtOnce) {
-  VirtualClock clock;
-  FakeSession session(2, options(), clock);
-  session.servers.on_open = [](size_t server) { return server == 0 ? full(60) : grpc::Status::OK; };
-  EXPECT_EQ(run(session, 5).values, expected(5));
-  EXPECT_EQ(session.servers.opens[0].when, session.servers.opens[1].when);
-}
-
 TEST(SessionDriver, AFullServerIsWaitedForBeforeTheFirstOpen) {
   VirtualClock clock;
   SessionOptions wanted = options();
@@ -225,6 +229,7 @@ TEST(SessionDriver, AFullServerIsWaitedForBeforeTheFirstOpen) {
   EXPECT_EQ(got.stats.resumes, 0u);
   EXPECT_EQ(waits, (std::vector<std::string>{"one", "zero", "one"}));
   const std::vector<FakeServers::Open>& opens = session.servers.opens;
+  EXPECT_EQ(opens.at(1).when, opens.at(0).when) << "another server is asked at once";
   for (size_t i = 2; i < opens.size(); ++i) EXPECT_GE(opens[i].when - opens[i - 2].when, absl::Seconds(1));
 }
 
@@ -241,6 +246,23 @@ TEST(SessionDriver, TheFirstOpenHasALimitAndZeroMeansOnce) {
               once ? "full" : "no server opens the session within 2s: full");
     EXPECT_EQ(session.servers.opens.size() == 1, once);
     EXPECT_LE(clock.now() - begin, limit);
+  }
+}
+
+TEST(SessionDriver, ServersThatCannotBeReachedAreWaitedForOnlyBesideOneThatIsFull) {
+  for (const bool any : {false, true}) {
+    VirtualClock clock;
+    FakeSession session(2, options(), clock);
+    const absl::Time begin = clock.now();
+    session.servers.unreachable = {1};
+    if (!any) session.servers.unreachable.insert(0);
+    session.servers.on_open = [&](size_t) {
+      return session.servers.opens.size() < 2 ? full(1) : grpc::Status::OK;
+    };
+    const Outcome got = run(session, 3);
+    EXPECT_EQ(got.status, any ? absl::OkStatus() : absl::UnavailableError("cannot reach"));
+    EXPECT_EQ(got.events, any ? got.events : 4) << "a beginning and an end for each";
+    EXPECT_EQ(clock.now() > begin, any);
   }
 }
 
@@ -276,7 +298,10 @@ TEST(SessionDriver, AServerThatOwesNothingMayBeSilent) {
   session.driver.start();
   session.settle();
   EXPECT_EQ(session.driver.deadline(), absl::InfiniteFuture());
+  clock.advance(absl::Hours(1));
   ASSERT_OK(session.state.submit(frame(0)));
+  session.driver.on_event(CallEvent::kWoken);
+  EXPECT_EQ(session.driver.deadline(), clock.now() + absl::Minutes(1)) << "it has data to read";
   session.settle();
   EXPECT_EQ(session.driver.deadline(), absl::InfiniteFuture()) << "look-ahead holds the frame back";
   session.servers.on_frame = [](size_t, uint64_t) { return FakeServers::kSilent; };
@@ -302,6 +327,7 @@ TEST(SessionDriver, WithoutAFrameItNeedsNoServer) {
   ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.state.next_result());
   EXPECT_EQ(result->sequence, 0u);
   EXPECT_EQ(session.state.stats().resumes, 1u);
+  EXPECT_EQ(session.state.stats().time_without_results, absl::ZeroDuration());
 }
 
 constexpr absl::string_view kCancelled = "the session was cancelled";
@@ -318,8 +344,7 @@ TEST(SessionDriver, CancelAtAnyEventEndsIt) {
     };
     cancelled = false;
     const Outcome got = run(session, 9, 1000, [&](int event) {
-      if (event != at) return;
-      if (session.driver.ended()) return;
+      if (event != at || session.driver.ended()) return;
       cancelled = true;
       session.state.cancel();
     });

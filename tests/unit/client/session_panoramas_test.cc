@@ -84,6 +84,17 @@ TEST(SessionPanoramas, AServerThatForgetsAPanoramaAtOnceEndsIt) {
   EXPECT_EQ(got.puts.size(), 2u);
 }
 
+TEST(SessionPanoramas, AServerThatForgetsAPanoramaAfterAResultGetsItAgain) {
+  const Views got = run_views(1, right, [](FakeSession& session) {
+    session.servers.on_frame = [&session](size_t server, uint64_t sequence) {
+      if (sequence == 1) session.servers.environments[server].clear();
+      return grpc::Status::OK;
+    };
+  });
+  EXPECT_OK(got.status);
+  EXPECT_EQ(got.puts.size(), 3u) << "both, then the second one";
+}
+
 TEST(SessionPanoramas, APutThatFailsEndsItUnlessAnotherServerMayHelp) {
   const Views moved = run_views(2, [](size_t server) -> absl::StatusOr<std::string> {
     if (server == 0) return absl::UnavailableError("gone");
