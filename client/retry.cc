@@ -1,6 +1,7 @@
 #include "client/retry.h"
 
 #include <algorithm>
+#include <random>
 
 #include "absl/strings/str_format.h"
 #include "client/call/retry/retry_by.h"
@@ -33,7 +34,7 @@ absl::Status retry(size_t servers, const RetryOptions& options,
 
 absl::Status retry_by(Clock& clock, absl::FunctionRef<bool(absl::Duration)> wait, size_t servers,
                       const RetryOptions& options, absl::FunctionRef<absl::Status(size_t server)> attempt) {
-  RetrySchedule schedule(servers);
+  RetrySchedule schedule(servers, std::random_device()());
   absl::Status refusal;  // of the last server that was reached
   absl::Time until = absl::InfinitePast();
   while (true) {

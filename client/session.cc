@@ -1,16 +1,13 @@
 #include "client/session.h"
 
-#include <algorithm>
-#include <map>
 #include <random>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/call/retry/retry_schedule.h"
-#include "client/call/session_stream.h"
 #include "client/call/wire.h"
-#include "client/connection.h"
+#include "client/channel_servers.h"
+#include "client/session_driver.h"
 #include "client/session_state.h"
 #include "server/base/clock.h"
 #include "server/base/status_macros.h"
@@ -25,7 +22,7 @@ std::string random_name() {
 
 }  // namespace
 
-// The state and the thread that makes one call after another.
+// The state, and the thread that makes the calls.
 class Session::Core {
  public:
   static absl::StatusOr<Session> open(std::vector<SessionServer> servers, const SessionOptions& options) {
@@ -38,9 +35,11 @@ class Session::Core {
       : options_(options),
         name_(options.name.empty() ? random_name() : options.name),
         servers_(std::move(servers)),
-        schedule_(servers_.size()),
-        state_(options, servers_[0].peer.address, clock_),
-        thread_([this] { state_.end(drive()); }) {}
+        state_(options_, servers_.address(0), clock_, [this] { servers_.wake(); }),
+        driver_(servers_, options_, name_, state_, clock_, std::random_device()()),
+        thread_([this] {
+          for (driver_.start(); !driver_.ended();) servers_.pass_on(driver_);
+        }) {}
 
   ~Core() {
     state_.cancel();
@@ -51,83 +50,13 @@ class Session::Core {
   const std::string& name() const { return name_; }
 
  private:
-  // Calls one server after another. Returns how the session ends.
-  absl::Status drive() {
-    while (true) {
-      if (!state_.wait_until_needed()) return absl::OkStatus();
-      const SessionServer& server = servers_[schedule_.next()];
-      CallEnd end = SessionStream(server, options_, name_, state_, clock_).run();
-      if (end.progress || !absl::IsNotFound(end.status)) put_on_ = nullptr;
-      if (absl::IsNotFound(end.status) && put_on_ != &server && put_panoramas(server, end)) {
-        put_on_ = &server;
-        continue;
-      }
-      if (end.status.ok() || !end.resume || state_.cancelled()) return end.status;
-      schedule_.failed(clock_.now(), end.retry_delay, end.progress);
-      RETURN_IF_ERROR(state_.was_open() ? pause_after(end.status) : pause_before_open(server, end));
-    }
-  }
-
-  // `server` lacks the environment of a view. Puts the panoramas of all views there that have no result yet.
-  // Returns false if the session cannot go on with that; then `end` says why.
-  bool put_panoramas(const SessionServer& server, CallEnd& end) {
-    const std::map<std::string, std::shared_ptr<const Panorama>> panoramas = state_.panoramas();
-    for (const auto& [id, panorama] : panoramas) {
-      if (state_.cancelled()) return false;
-      const absl::StatusOr<v1::Environment> put =
-          Connection(server.channel, server.peer)
-              .put_environment(*panorama, clock_.now() + options_.silence_limit);
-      if (put.ok() && put->id() == id) continue;
-      end.status = put.ok() ? absl::InvalidArgumentError(absl::StrFormat(
-                                  "the view's environment is %s, and that of its panorama %s", id, put->id()))
-                            : put.status();
-      end.resume = absl::IsUnavailable(end.status);
-      return false;
-    }
-    return !panoramas.empty();
-  }
-
-  // An open session has lost its server. Waits until the next call may begin.
-  absl::Status pause_after(const absl::Status& loss) {
-    const absl::Time limit = state_.lose(loss) + options_.resume_limit;
-    if (state_.sleep_until(std::min(schedule_.when(), limit)) && clock_.now() < limit) {
-      return absl::OkStatus();
-    }
-    return absl::UnavailableError(absl::StrFormat("no server has taken the session on for %s: %s",
-                                                  absl::FormatDuration(options_.resume_limit),
-                                                  loss.message()));
-  }
-
-  // `server` has not opened the session. Fails if none of them can be reached, or if those that can still
-  // refuse it after the limit.
-  absl::Status pause_before_open(const SessionServer& server, const CallEnd& end) {
-    if (end.reached) {
-      if (refusal_.ok()) open_by_ = clock_.now() + options_.resume_limit;
-      refusal_ = end.status;
-    }
-    if (!schedule_.round_over()) return absl::OkStatus();
-    if (refusal_.ok()) return end.status;
-    if (options_.resume_limit <= absl::ZeroDuration()) return refusal_;
-    if (schedule_.when() < open_by_) {
-      if (options_.on_open_wait) options_.on_open_wait(server.peer.address, refusal_);
-      state_.sleep_until(schedule_.when());
-      return absl::OkStatus();
-    }
-    return absl::UnavailableError(absl::StrFormat("no server opens the session within %s: %s",
-                                                  absl::FormatDuration(options_.resume_limit),
-                                                  refusal_.message()));
-  }
-
   RealClock clock_;
   const SessionOptions options_;
   const std::string name_;
-  const std::vector<SessionServer> servers_;
-  RetrySchedule schedule_;  // this and the next three are the thread's
-  absl::Status refusal_;    // of the last server that was reached and has not opened the session
-  absl::Time open_by_;      // when open() gives up, once a server was reached
-  const SessionServer* put_on_ = nullptr;  // got the panoramas, and no call has ended since
+  ChannelServers servers_;  // the thread's, but for wake()
   SessionState state_;
-  std::thread thread_;  // last, because it uses the others
+  SessionDriver driver_;  // the thread's
+  std::thread thread_;    // last, because it uses the others
 };
 
 absl::StatusOr<Session> Session::open(const SessionOptions& options) {

@@ -8,8 +8,12 @@
 
 namespace candela {
 
-SessionState::SessionState(const SessionOptions& options, std::string server, Clock& clock)
-    : lookahead_(options.lookahead), clock_(clock), log_(options.settings, options.state) {
+SessionState::SessionState(const SessionOptions& options, std::string server, Clock& clock,
+                           std::function<void()> wake)
+    : lookahead_(options.lookahead),
+      clock_(clock),
+      wake_(std::move(wake)),
+      log_(options.settings, options.state) {
   stats_.server = std::move(server);
 }
 
@@ -27,7 +31,7 @@ absl::Status SessionState::submit(SessionFrame frame) {
   RETURN_IF_ERROR(still_taking());
   RETURN_IF_ERROR(log_.add(std::move(frame), clock_.now()));
   ++submitted_;
-  wake();
+  wake_();
   return absl::OkStatus();
 }
 
@@ -40,20 +44,20 @@ absl::Status SessionState::change_settings(uint64_t from_sequence, const v1::Set
   const absl::MutexLock lock(&mutex_);
   RETURN_IF_ERROR(still_taking());
   RETURN_IF_ERROR(log_.change(from_sequence, settings));
-  wake();
+  wake_();
   return absl::OkStatus();
 }
 
 void SessionState::finish() {
   const absl::MutexLock lock(&mutex_);
   finished_ = true;
-  wake();
+  wake_();
 }
 
 void SessionState::cancel() {
   const absl::MutexLock lock(&mutex_);
   cancelled_ = true;
-  wake();
+  wake_();
 }
 
 absl::StatusOr<std::optional<FrameResult>> SessionState::next_result() {
@@ -69,6 +73,11 @@ absl::StatusOr<std::optional<FrameResult>> SessionState::next_result() {
   return result;
 }
 
+bool SessionState::result_ready() const {
+  const absl::MutexLock lock(&mutex_);
+  return !results_.empty() || ended_;
+}
+
 SessionStats SessionState::stats() const {
   const absl::MutexLock lock(&mutex_);
   SessionStats stats = stats_;
@@ -79,30 +88,19 @@ SessionStats SessionState::stats() const {
   return stats;
 }
 
-bool SessionState::wait_until_needed() {
+SessionState::Need SessionState::need(bool idle) {
   const absl::MutexLock lock(&mutex_);
-  if (!needs_server()) {
-    const auto needed = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return needs_server(); };
-    mutex_.Await(absl::Condition(&needed));
-    if (lost_) lost_ = clock_.now();  // until now no result was due
-  }
-  return !was_open_ || !finished_ || log_.unanswered() > 0;
+  if (!needs_server()) return Need::kNotYet;
+  if (idle && lost_) lost_ = clock_.now();  // until now no result was due
+  return !was_open_ || !finished_ || log_.unanswered() > 0 ? Need::kCall : Need::kOver;
 }
 
-std::optional<SessionState::Start> SessionState::begin_call(const std::string& server, DuplexCall& call) {
+std::optional<SessionState::Start> SessionState::begin_call(const std::string& server) {
   const absl::MutexLock lock(&mutex_);
   stats_.server = server;
   if (cancelled_) return std::nullopt;
-  CHECK(call_ == nullptr);  // one call at a time
   sent_before_ = log_.rewind();
-  call_ = &call;
   return Start{log_.token(), log_.settings()};
-}
-
-void SessionState::end_call() {
-  const absl::MutexLock lock(&mutex_);
-  CHECK(call_ != nullptr);
-  call_ = nullptr;
 }
 
 SessionState::NextStep SessionState::next_step() {
@@ -169,15 +167,9 @@ absl::Time SessionState::lose(const absl::Status& status) {
   return *lost_;
 }
 
-bool SessionState::sleep_until(absl::Time time) const {
-  const absl::MutexLock lock(&mutex_);
-  const auto cancelled = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return cancelled_; };
-  return !clock_.await(mutex_, absl::Condition(&cancelled), time - clock_.now());
-}
-
 void SessionState::end(const absl::Status& status) {
   const absl::MutexLock lock(&mutex_);
-  CHECK(!ended_ && call_ == nullptr);
+  CHECK(!ended_);
   ended_ = true;
   end_ = cancelled_ ? absl::CancelledError("the session was cancelled") : status;
   found_again();
@@ -197,10 +189,6 @@ absl::Status SessionState::still_taking() const {
   if (!finished_) return absl::OkStatus();
   return absl::FailedPreconditionError(
       "finish() was called on this session; open another one for more frames");
-}
-
-void SessionState::wake() {
-  if (call_ != nullptr) call_->wake();
 }
 
 void SessionState::found_again() {

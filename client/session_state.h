@@ -1,8 +1,9 @@
-// The state of a session: what its callers share with the thread that talks to the servers.
+// The state of a session: what its callers share with the driver of its calls.
 #pragma once
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -13,7 +14,6 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "client/call/duplex_call.h"
 #include "client/call/stream_reader.h"
 #include "client/session.h"
 #include "client/session_log.h"
@@ -24,8 +24,10 @@ namespace candela {
 // Any thread.
 class SessionState {
  public:
-  // `server` is the address of the first server. `clock` outlives this object.
-  SessionState(const SessionOptions& options, std::string server, Clock& clock);
+  // `server` is the address of the first server. `clock` outlives this object. `wake` is called when the
+  // callers have done something that the driver may have to act on: it gets CallEvent::kWoken then. It must
+  // not call back.
+  SessionState(const SessionOptions& options, std::string server, Clock& clock, std::function<void()> wake);
 
   // Methods for the callers; see Session.
   absl::Status wait_until_open() const;
@@ -35,24 +37,25 @@ class SessionState {
   void finish();
   void cancel();
   absl::StatusOr<std::optional<FrameResult>> next_result();
+  // Whether next_result() would return without waiting.
+  bool result_ready() const;
   SessionStats stats() const;
 
-  // All that follows is for the thread.
+  // All that follows is for the driver.
 
-  // Waits until a call is needed. Before the session is open that is at once. One that has lost its server
-  // while no result was due waits until it has something to send, however long that takes. False if it is
-  // complete.
-  bool wait_until_needed();
+  // Whether a call is needed. Before the session is open it is. One that has lost its server while no result
+  // was due needs none until it has something to send, however long that takes. `idle`: the answer before was
+  // kNotYet.
+  enum class Need { kNotYet, kCall, kOver };
+  Need need(bool idle);
 
-  // A call to `server` begins, and every step that is left is to be sent on it. Until end_call(), `call` is
-  // woken when there is something to send or the session is cancelled. None if the session is cancelled
-  // already.
+  // A call to `server` begins, and every step that is left is to be sent on it. None if the session is
+  // cancelled already.
   struct Start {
     std::string token;  // to resume from; empty: a new session
     v1::Settings settings;
   };
-  std::optional<Start> begin_call(const std::string& server, DuplexCall& call);
-  void end_call();
+  std::optional<Start> begin_call(const std::string& server);
 
   // The next step to send. Without a step, `finished` says that none will come.
   struct NextStep {
@@ -79,8 +82,6 @@ class SessionState {
 
   // The session lost its server because of `status`. Returns since when there have been no results.
   absl::Time lose(const absl::Status& status);
-  // Waits until `time`. Returns false at once when the session is cancelled.
-  bool sleep_until(absl::Time time) const;
   // The session ends with `status`, or with CANCELLED if it was cancelled.
   void end(const absl::Status& status);
 
@@ -88,11 +89,11 @@ class SessionState {
   bool needs_server() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool may_submit() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status still_taking() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void wake() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void found_again() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const uint32_t lookahead_;
   Clock& clock_;
+  const std::function<void()> wake_;
 
   mutable absl::Mutex mutex_;
   SessionLog log_ ABSL_GUARDED_BY(mutex_);
@@ -107,7 +108,6 @@ class SessionState {
   absl::Status end_ ABSL_GUARDED_BY(mutex_);
   std::optional<absl::Time> lost_ ABSL_GUARDED_BY(mutex_);  // there have been no results since
   SessionStats stats_ ABSL_GUARDED_BY(mutex_);
-  DuplexCall* call_ ABSL_GUARDED_BY(mutex_) = nullptr;
 };
 
 }  // namespace candela

@@ -1,88 +1,78 @@
-// A gRPC call that sends and receives raw messages at the same time, driven by the thread that owns it.
+// A ClientCall over gRPC.
 #pragma once
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
-#include <grpcpp/completion_queue.h>
 #include <grpcpp/generic/generic_stub.h>
-#include <grpcpp/support/byte_buffer.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "absl/base/thread_annotations.h"
-#include "absl/synchronization/mutex.h"
-#include "absl/time/time.h"
+#include "client/call/call_queue.h"
+#include "client/security.h"
 
 namespace candela {
 
-// One thread uses all members; any thread may call wake().
-class DuplexCall {
+// Its events come from its queue, which has one call at a time. Lives until kEnded at least.
+class DuplexCall final : public ClientCall {
  public:
   using Metadata = std::vector<std::pair<std::string, std::string>>;
 
-  // `method` is "/package.Service/Method".
-  DuplexCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-             const Metadata& metadata);
-  // Cancels the call unless it has ended, and waits for its end.
-  ~DuplexCall();
+  // `method` is "/package.Service/Method". `queue` outlives it.
+  DuplexCall(CallQueue& queue, const std::shared_ptr<grpc::Channel>& channel, Peer peer,
+             const std::string& method, const Metadata& metadata);
+  ~DuplexCall() override;
   DuplexCall(const DuplexCall&) = delete;
   DuplexCall& operator=(const DuplexCall&) = delete;
 
-  enum class Event {
-    kTimeout,   // `until` has passed
-    kWoken,     // wake() was called
-    kWritable,  // can_write() may be true now
-    kMessage,   // message() holds the next message
-    kEnded,     // status() says how; no other event follows
-  };
-  // Waits for the next event.
-  Event wait(absl::Time until = absl::InfiniteFuture());
-
-  // Whether a write may start: the previous one is done and the call continues.
-  bool can_write() const { return writable_ && !writing_; }
-  // Whether a write is in progress: gRPC has not passed all of it on yet.
-  bool writing() const { return writing_; }
-  void write(const grpc::ByteBuffer& message);
-  void half_close();  // takes the place of a write; none may follow
-
-  grpc::ByteBuffer& message() { return message_; }
-  const grpc::Status& status() const { return status_; }
-
-  // True if the server was reached: a message was sent to it, or it refused the call with details, which may
-  // come before the first message is sent. Final after the call's end.
-  bool connected() const { return connected_; }
-
-  // Asks gRPC to end the call; kEnded follows soon.
-  void cancel() { context_.TryCancel(); }
-
-  // Makes the current or the next wait() return at once.
-  void wake();
+  bool can_write() const override { return writable_ && !writing_; }
+  bool writing() const override { return writing_; }
+  void write(const grpc::ByteBuffer& message) override;
+  void half_close() override;
+  grpc::ByteBuffer& message() override { return message_; }
+  void read() override { stream_->Read(&message_, &read_); }
+  void cancel() override { context_.TryCancel(); }
+  const grpc::Status& status() const override { return status_; }
+  bool connected() const override { return connected_; }
+  absl::Status error() const override;
 
  private:
-  enum Tag : int { kStart, kRead, kWrite, kFinish, kWake };
-  static void* tag(Tag tag) { return reinterpret_cast<void*>(static_cast<intptr_t>(tag)); }
-  void read();
+  // What a member does when an operation is over.
+  class Operation final : public CallOperation {
+   public:
+    using Then = std::optional<CallEvent> (DuplexCall::*)(bool ok);
+    Operation(DuplexCall& call, Then then) : call_(call), then_(then) {}
+    std::optional<CallEvent> done(bool ok) override { return (call_.*then_)(ok); }
+
+   private:
+    DuplexCall& call_;
+    const Then then_;
+  };
+
+  std::optional<CallEvent> on_start(bool ok);
+  std::optional<CallEvent> on_read(bool ok);
+  std::optional<CallEvent> on_write(bool ok);
+  std::optional<CallEvent> on_finish(bool ok);
   void finish_if_over();
 
+  const Peer peer_;
+  Operation start_{*this, &DuplexCall::on_start};
+  Operation read_{*this, &DuplexCall::on_read};
+  Operation write_{*this, &DuplexCall::on_write};
+  Operation finish_{*this, &DuplexCall::on_finish};
   grpc::ClientContext context_;
-  grpc::CompletionQueue queue_;
   std::unique_ptr<grpc::GenericClientAsyncReaderWriter> stream_;
   grpc::ByteBuffer message_;
   grpc::Status status_;
   bool writable_ = false;
-  bool writing_ = false;
+  bool writing_ = true;  // until the call has started
   bool connected_ = false;
-  bool read_due_ = false;
   bool read_over_ = false;
   bool finishing_ = false;
   bool ended_ = false;
-  absl::Mutex mutex_;
-  std::unique_ptr<grpc::Alarm> alarm_ ABSL_GUARDED_BY(mutex_);
-  bool waking_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace candela

@@ -78,44 +78,45 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
 
 }  // namespace
 
-SessionStream::SessionStream(const SessionServer& server, const SessionOptions& options,
+SessionStream::SessionStream(std::unique_ptr<ClientCall> call, const std::string& address,
+                             SessionState::Start start, const SessionOptions& options,
                              const std::string& name, SessionState& state, Clock& clock)
-    : peer_(server.peer),
+    : call_(std::move(call)),
+      address_(address),
       options_(options),
-      name_(name),
       state_(state),
       clock_(clock),
-      duplex_(server.channel, "/candela.v1.RenderService/Stream", {{"x-session-id", name}}),
-      reader_({.image = options.encoding != v1::ENCODING_NONE, .state = wants_state(options)}) {}
+      reader_({.image = options.encoding != v1::ENCODING_NONE, .state = wants_state(options)}),
+      open_request_(open_message(std::move(start), name)),
+      open_by_(clock.now() + kOpenLimit) {}
 
-CallEnd SessionStream::run() {
-  std::optional<SessionState::Start> start = state_.begin_call(peer_.address, duplex_);
-  if (!start) return {absl::CancelledError()};
-  open_request_ = open_message(*std::move(start));
-  open_by_ = clock_.now() + kOpenLimit;
-  CallEnd own;  // why this side ended the call
-  while (true) {
-    if (own.status.ok() && duplex_.can_write()) {
-      send_next();
-      if (duplex_.writing()) last_progress_ = clock_.now();
-    }
-    const DuplexCall::Event event = duplex_.wait(own.status.ok() ? silent_until() : absl::InfiniteFuture());
-    if (event == DuplexCall::Event::kEnded) break;
-    if (!own.status.ok()) continue;
-    own.status = take_event(event);
-    own.resume = event == DuplexCall::Event::kTimeout;
-    if (!own.status.ok()) duplex_.cancel();
+void SessionStream::on_event(CallEvent event) {
+  if (event == CallEvent::kEnded) return;
+  if (own_.status.ok()) {
+    own_.status = take_event(event);
+    own_.resume = event == CallEvent::kTimeout;
+    if (!own_.status.ok()) call_->cancel();
   }
-  state_.end_call();
-  CallEnd end = own.status.ok() ? how_it_ended() : own;
+  if (event == CallEvent::kMessage) call_->read();
+  if (!own_.status.ok() || !call_->can_write()) return;
+  send_next();
+  if (call_->writing()) last_progress_ = clock_.now();
+}
+
+absl::Time SessionStream::deadline() const {
+  return own_.status.ok() ? silent_until() : absl::InfiniteFuture();
+}
+
+CallEnd SessionStream::end() const {
+  CallEnd end = own_.status.ok() ? how_it_ended() : own_;
   end.progress = progress_;
   return end;
 }
 
-v1::StreamRequest SessionStream::open_message(SessionState::Start start) const {
+v1::StreamRequest SessionStream::open_message(SessionState::Start start, const std::string& name) const {
   v1::StreamRequest request;
   v1::StreamOpen& open = *request.mutable_open();
-  open.set_session(name_);
+  open.set_session(name);
   *open.mutable_settings() = std::move(start.settings);
   if (start.token.empty() && options_.state) *open.mutable_state() = *options_.state;
   open.set_return_state(wants_state(options_));
@@ -128,19 +129,19 @@ v1::StreamRequest SessionStream::open_message(SessionState::Start start) const {
 }
 
 // An error ends the call.
-absl::Status SessionStream::take_event(DuplexCall::Event event) {
+absl::Status SessionStream::take_event(CallEvent event) {
   switch (event) {
-    case DuplexCall::Event::kTimeout:
+    case CallEvent::kTimeout:
       return hangs();
-    case DuplexCall::Event::kWoken:
+    case CallEvent::kWoken:
       return state_.cancelled() ? absl::CancelledError() : absl::OkStatus();
-    case DuplexCall::Event::kMessage:
+    case CallEvent::kMessage:
       last_progress_ = clock_.now();
       return take_message();
-    case DuplexCall::Event::kWritable:
+    case CallEvent::kWritable:
       last_progress_ = clock_.now();
       return absl::OkStatus();
-    case DuplexCall::Event::kEnded:
+    case CallEvent::kEnded:
       break;
   }
   return absl::OkStatus();
@@ -148,7 +149,7 @@ absl::Status SessionStream::take_event(DuplexCall::Event event) {
 
 absl::Status SessionStream::take_message() {
   const std::shared_ptr<const SessionFrame> due = state_.due_frame();
-  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(duplex_.message(), due.get()));
+  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(call_->message(), due.get()));
   if (const auto* opened = std::get_if<v1::StreamOpened>(&event)) {
     open_ = true;
     if (state_.take_open(*opened)) progress_ = true;
@@ -168,39 +169,39 @@ absl::Status SessionStream::take_message() {
 absl::Time SessionStream::silent_until() const {
   if (!open_) return open_by_;
   const int64_t held_back = closed_ ? 0 : options_.lookahead;
-  const bool due = owed_ > held_back || duplex_.writing();
+  const bool due = owed_ > held_back || call_->writing();
   return due ? last_progress_ + options_.silence_limit : absl::InfiniteFuture();
 }
 
 absl::Status SessionStream::hangs() const {
   return absl::UnavailableError(
-      absl::StrFormat("no answer from %s within %s: it hangs%s", peer_.address,
+      absl::StrFormat("no answer from %s within %s: it hangs%s", address_,
                       absl::FormatDuration(open_ ? options_.silence_limit : kOpenLimit),
                       open_ ? "" : " or is not a candelad"));
 }
 
 // Must not hold the state's lock, because finding out why TLS failed may take seconds.
 CallEnd SessionStream::how_it_ended() const {
-  const grpc::Status& status = duplex_.status();
+  const grpc::Status& status = call_->status();
   if (closed_ && state_.complete() && (status.ok() || may_resume(status, true))) return {absl::OkStatus()};
   if (status.ok()) {
     // A proxy that cuts the call short may end it like this too.
     const char* how = leaving_ ? " went away" : " ended before every frame had its result";
-    return {.status = absl::UnavailableError(peer_.address + how), .resume = true, .reached = true};
+    return {.status = absl::UnavailableError(address_ + how), .resume = true, .reached = true};
   }
   // ABORTED: another call took the session over. Before the first result that may be this session's own
   // previous call, if its open message came late.
   const bool was_open = state_.was_open();
   const bool by_itself = status.error_code() == grpc::ABORTED && was_open && !answered_;
-  return {from_grpc(status, peer_, duplex_.connected()), by_itself || may_resume(status, was_open),
-          retry_delay(status), false, duplex_.connected()};
+  return {call_->error(), by_itself || may_resume(status, was_open), retry_delay(status), false,
+          call_->connected()};
 }
 
 // Starts the next write if there is something to send.
 void SessionStream::send_next() {
   if (!asked_) {
     asked_ = true;
-    return duplex_.write(v1::pack(open_request_));
+    return call_->write(v1::pack(open_request_));
   }
   if (!open_ || leaving_ || closed_) return;
   return sending_ != nullptr ? send_band() : send_step();
@@ -210,7 +211,7 @@ void SessionStream::send_step() {
   const SessionState::NextStep next = state_.next_step();
   if (!next.step) {
     closed_ = next.finished;
-    if (closed_) duplex_.half_close();
+    if (closed_) call_->half_close();
     return;
   }
   v1::StreamRequest request;
@@ -226,12 +227,12 @@ void SessionStream::send_step() {
     }
     row_ = 0;
   }
-  duplex_.write(v1::pack(request));
+  call_->write(v1::pack(request));
 }
 
 void SessionStream::send_band() {
   const uint64_t rows = rows_of_band(uint64_t{sending_->width} * bytes_per_pixel(sending_->format));
-  duplex_.write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(row_), band_slice(sending_, row_)));
+  call_->write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(row_), band_slice(sending_, row_)));
   row_ += rows;
   if (row_ < sending_->height) return;
   sending_.reset();

@@ -1,27 +1,19 @@
 // One Stream call of a session, from its open message to its end.
 #pragma once
 
-#include <grpcpp/channel.h>
-
 #include <cstdint>
 #include <memory>
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "client/call/duplex_call.h"
+#include "client/call/client_call.h"
 #include "client/call/stream_reader.h"
-#include "client/security.h"
 #include "client/session.h"
 #include "client/session_state.h"
 #include "server/base/clock.h"
 
 namespace candela {
-
-struct SessionServer {
-  std::shared_ptr<grpc::Channel> channel;
-  Peer peer;
-};
 
 // The end of a call.
 struct CallEnd {
@@ -32,19 +24,24 @@ struct CallEnd {
   bool reached = false;                               // the server, or a proxy before it, took the call
 };
 
-// Sends the session's steps to a server and gives the results to `state`. Used by one thread. The arguments
-// must outlive it.
+// Sends the session's steps to a server and gives the results to `state`. Used by one thread, and never
+// waits. The references must outlive it.
 class SessionStream {
  public:
-  SessionStream(const SessionServer& server, const SessionOptions& options, const std::string& name,
-                SessionState& state, Clock& clock);
+  // `call` has just begun, at the server with this `address`.
+  SessionStream(std::unique_ptr<ClientCall> call, const std::string& address, SessionState::Start start,
+                const SessionOptions& options, const std::string& name, SessionState& state, Clock& clock);
 
-  // Runs the call to its end; once.
-  CallEnd run();
+  // Takes the next event, up to kEnded.
+  void on_event(CallEvent event);
+  // When kTimeout is due.
+  absl::Time deadline() const;
+  // After kEnded: how the call ended.
+  CallEnd end() const;
 
  private:
-  v1::StreamRequest open_message(SessionState::Start start) const;
-  absl::Status take_event(DuplexCall::Event event);
+  v1::StreamRequest open_message(SessionState::Start start, const std::string& name) const;
+  absl::Status take_event(CallEvent event);
   absl::Status take_message();
   absl::Time silent_until() const;
   absl::Status hangs() const;
@@ -53,15 +50,14 @@ class SessionStream {
   void send_step();
   void send_band();
 
-  const Peer& peer_;
+  const std::unique_ptr<ClientCall> call_;
+  const std::string& address_;
   const SessionOptions& options_;
-  const std::string& name_;
   SessionState& state_;
   Clock& clock_;
-  DuplexCall duplex_;
   StreamReader reader_;
-  v1::StreamRequest open_request_;
-  absl::Time open_by_;                           // a server that has not opened the session by then is left
+  const v1::StreamRequest open_request_;
+  const absl::Time open_by_;                     // a server that has not opened the session by then is left
   bool asked_ = false;                           // the open message is out
   bool open_ = false;                            // the server has opened the session
   bool leaving_ = false;                         // the server goes away, so nothing more is sent
@@ -72,6 +68,7 @@ class SessionStream {
   uint64_t row_ = 0;                             // first row of its next band
   int64_t owed_ = 0;                             // frames that were sent whole and have no result
   absl::Time last_progress_;                     // when a message came, or a write began or ended
+  CallEnd own_;                                  // why this side ended the call; OK: it has not
 };
 
 }  // namespace candela

@@ -1,7 +1,6 @@
 #include "client/call/retry/retry_schedule.h"
 
 #include <algorithm>
-#include <cstdint>
 
 #include "server/base/check.h"
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <random>
 #include <vector>
 
@@ -12,10 +13,10 @@ namespace candela {
 // The servers are called in turn. The first round over all of them has no pauses; with a single server, its
 // first try again has none. Then the pauses between rounds double, up to 1 s. Pauses and the times
 // that servers name get up to half as much again at random, so that clients that one server refused together
-// do not come back together. Used by one thread.
+// do not come back together. The same seed gives the same pauses. Used by one thread.
 class RetrySchedule {
  public:
-  explicit RetrySchedule(size_t servers) : not_before_(servers, absl::InfinitePast()) {}
+  RetrySchedule(size_t servers, uint32_t seed) : not_before_(servers, absl::InfinitePast()), random_(seed) {}
 
   // The server to call next, counted from 0.
   size_t next() const { return next_; }
@@ -35,7 +36,7 @@ class RetrySchedule {
   size_t attempts_ = 0;                 // calls since the last progress
   std::vector<absl::Time> not_before_;  // when each server wants to be called again
   absl::Time when_ = absl::InfinitePast();
-  std::minstd_rand random_{std::random_device()()};
+  std::minstd_rand random_;
 };
 
 }  // namespace candela

@@ -18,7 +18,6 @@
 #include "client/call/retry/retry_info.h"
 #include "client/call/retry/retry_schedule.h"
 #include "client/session.h"
-#include "client/session_state.h"
 #include "proto/candela/v1/message_wire.h"
 #include "tests/support/status.h"
 #include "tests/support/virtual_clock.h"
@@ -64,26 +63,6 @@ TEST(FirstOpen, AServerThatIsFullIsWaitedForAsItSays) {
   EXPECT_EQ(session.stats().resumes, 0u);
 }
 
-TEST(FirstOpen, AnotherServerIsAskedAtOnceAndAFullOneAgain) {
-  FakeServer server(nullptr, [](size_t opens) { return opens < 1 ? full() : grpc::Status::OK; });
-  ASSERT_OK_AND_ASSIGN(const Session session,
-                       Session::open(options_for({server.address(), "127.0.0.1:1"}, absl::Seconds(20))));
-  EXPECT_EQ(session.stats().server, server.address());
-}
-
-TEST(FirstOpen, TheLimitHoldsAndZeroMeansOnce) {
-  FakeServer server(nullptr, [](size_t) { return full(); });
-  const absl::Time begin = absl::Now();
-  EXPECT_REFUSED(kUnavailable, "within 2s: server is full",
-                 Session::open(options_for({server.address()}, absl::Seconds(2))));
-  EXPECT_GE(server.opens().size(), 2u);
-  EXPECT_LT(absl::Now() - begin, absl::Seconds(10));
-  const size_t before = server.opens().size();
-  const absl::Status once = Session::open(options_for({server.address()}, absl::ZeroDuration())).status();
-  EXPECT_EQ(once.message(), "server is full; try again soon");
-  EXPECT_EQ(server.opens().size(), before + 1);
-}
-
 TEST(FirstOpen, ServersThatCannotBeReachedAreNotWaitedFor) {
   const absl::Time begin = absl::Now();
   EXPECT_REFUSED(kUnavailable, "",
@@ -125,11 +104,12 @@ TEST(Reached, ARefusalThatIsFasterThanTheFirstMessageIsOne) {
 
 TEST(Reached, ASessionSeesItToo) {
   const RefusingServer server;
-  DuplexCall call(server.channel(), kStream, {});
-  ASSERT_EQ(call.wait(), DuplexCall::Event::kWritable);
+  CallQueue queue;
+  DuplexCall call(queue, server.channel(), {"here"}, kStream, {});
+  ASSERT_EQ(queue.next(), CallEvent::kWritable);
   absl::SleepFor(absl::Milliseconds(100));
   call.write(v1::pack(v1::StreamRequest()));
-  while (call.wait() != DuplexCall::Event::kEnded) continue;
+  while (queue.next() != CallEvent::kEnded) continue;
   EXPECT_EQ(call.status().error_message(), full().error_message());
   EXPECT_TRUE(call.connected());
 }
@@ -231,7 +211,7 @@ TEST(Retry, ItStopsWhenTold) {
 
 TEST(RetrySchedule, PausesBetweenRoundsDoubleAndServersAreLeftAloneAsTheySay) {
   VirtualClock clock;
-  RetrySchedule schedule(2);
+  RetrySchedule schedule(2, 7);
   const auto fail = [&](absl::Duration delay, bool progress = false) {
     schedule.failed(clock.now(), delay, progress);
     const absl::Duration pause = schedule.when() - clock.now();
@@ -254,19 +234,14 @@ TEST(RetrySchedule, PausesBetweenRoundsDoubleAndServersAreLeftAloneAsTheySay) {
   EXPECT_FALSE(schedule.round_over());
 }
 
-TEST(SessionState, WaitsAndCountsByItsClock) {
-  VirtualClock clock;
-  SessionState state(SessionOptions{}, "here", clock);
-  state.lose(absl::UnavailableError("gone"));
-  std::thread sleeper([&] { EXPECT_TRUE(state.sleep_until(clock.now() + absl::Seconds(2))); });
-  clock.wait_for_waiters(1);
-  clock.advance(absl::Seconds(2));
-  sleeper.join();
-  EXPECT_EQ(state.stats().time_without_results, absl::Seconds(2));
-  std::thread cancelled([&] { EXPECT_FALSE(state.sleep_until(clock.now() + absl::Hours(1))); });
-  clock.wait_for_waiters(1);
-  state.cancel();
-  cancelled.join();
+TEST(RetrySchedule, TheSameSeedGivesTheSamePauses) {
+  const auto pause = [](uint32_t seed) {
+    RetrySchedule schedule(1, seed);
+    schedule.failed(absl::UnixEpoch(), absl::Seconds(1));
+    return schedule.when() - absl::UnixEpoch();
+  };
+  EXPECT_EQ(pause(1000), pause(1000));
+  EXPECT_NE(pause(1000), pause(2000));
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// The client's session against servers that fail on demand. Every result arrives once, in order.
+// The client's session against servers that fail on demand, over real connections. Every result arrives once,
+// in order. Its waits are tested in virtual time, see session_driver_test.cc.
 #include "client/session.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +8,6 @@
 #include <thread>
 
 #include "absl/synchronization/notification.h"
-#include "absl/time/clock.h"
 #include "client/call/retry/retry_info.h"
 #include "tests/support/status.h"
 #include "tests/unit/client/fake_server.h"
@@ -116,19 +116,6 @@ TEST(Session, ACallThatEndsTooEarlyWithoutAnErrorIsLost) {
   ASSERT_OK(outcome.status);
   EXPECT_EQ(outcome.values.size(), 8u);
   EXPECT_EQ(outcome.stats.resumes, 1u);
-}
-
-TEST(Session, WithoutATokenYetItOpensAnew) {
-  std::atomic<int> calls = 0;
-  FakeServer server([&](uint64_t sequence, Wire&) {
-    return sequence == 0 && calls++ < 3 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
-  });
-  const Outcome got = run(options_for({server.address()}), 5, 1);
-  EXPECT_OK(got.status);
-  EXPECT_EQ(got.values, expected(5, 1));
-  EXPECT_EQ(got.stats.resumes, 3u);
-  EXPECT_GT(got.stats.time_without_results, absl::ZeroDuration());
-  for (const v1::StreamOpen& open : server.opens()) EXPECT_EQ(open.resume_token(), "");
 }
 
 TEST(Session, AStateOpensItAndATokenTakesItsPlace) {
@@ -243,20 +230,6 @@ TEST(Session, ACallThatIsTakenOverBeforeAResultGoesOn) {
   EXPECT_EQ(got.stats.resumes, 2u);
 }
 
-TEST(Session, ItGivesUpWhenItsLimitIsOver) {
-  auto server = std::make_unique<FakeServer>([](uint64_t sequence, Wire&) {
-    return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "dying") : grpc::Status::OK;
-  });
-  SessionOptions options = options_for({server->address()});
-  options.resume_limit = absl::Milliseconds(700);
-  const absl::Time begin = absl::Now();
-  const Outcome got = run(options, 9);
-  EXPECT_EQ(got.values, expected(2));
-  EXPECT_REFUSED(kUnavailable, "", got.status);
-  EXPECT_GE(absl::Now() - begin, absl::Milliseconds(700));
-  EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
-}
-
 // google.rpc.Status { details { google.rpc.RetryInfo { retry_delay { seconds: 0 .. 127, nanos: 0.5e9 } } } }
 std::string retry_details(int seconds) {
   const std::string type = "type.googleapis.com/google.rpc.RetryInfo";
@@ -278,19 +251,6 @@ TEST(Session, RetryInfoIsReadWhereItIs) {
   EXPECT_EQ(delay_of(retry_details(3).substr(0, 40)), absl::ZeroDuration());
 }
 
-TEST(Session, AServerThatSaysWhenToComeBackIsAskedThenAndNotBefore) {
-  std::atomic<int> calls = 0;
-  FakeServer server([&](uint64_t sequence, Wire&) {
-    return sequence == 2 && calls++ == 0 ? grpc::Status(grpc::UNAVAILABLE, "busy", retry_details(1))
-                                         : grpc::Status::OK;
-  });
-  const Outcome got = run(options_for({server.address()}), 5);
-  EXPECT_OK(got.status);
-  EXPECT_EQ(got.values, expected(5));
-  EXPECT_EQ(got.stats.resumes, 1u);
-  EXPECT_GE(got.stats.time_without_results, absl::Milliseconds(1500));
-}
-
 TEST(Session, AnotherServerIsAskedAtOnce) {
   FakeServer first([](uint64_t sequence, Wire&) {
     return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "busy", retry_details(60)) : grpc::Status::OK;
@@ -300,19 +260,6 @@ TEST(Session, AnotherServerIsAskedAtOnce) {
   EXPECT_OK(got.status);
   EXPECT_EQ(got.values, expected(5));
   EXPECT_EQ(got.stats.server, second.address());
-}
-
-TEST(Session, AServerThatWantsToBeLeftAloneForTooLongIsNotWaitedFor) {
-  FakeServer server([](uint64_t sequence, Wire&) {
-    return sequence == 2 ? grpc::Status(grpc::UNAVAILABLE, "busy", retry_details(60)) : grpc::Status::OK;
-  });
-  SessionOptions options = options_for({server.address()});
-  options.resume_limit = absl::Milliseconds(700);
-  const absl::Time begin = absl::Now();
-  const Outcome got = run(options, 5);
-  EXPECT_REFUSED(kUnavailable, "", got.status);
-  EXPECT_EQ(server.opens().size(), 1u);
-  EXPECT_LT(absl::Now() - begin, absl::Seconds(4));
 }
 
 // The connection is still good.
@@ -333,19 +280,6 @@ TEST(Session, AServerThatHangsIsLeftForTheNext) {
   EXPECT_EQ(got.stats.server, second.address());
   EXPECT_EQ(second.opens().at(0).resume_token(), "3");
   EXPECT_TRUE(says(got.stats.last_loss.message(), "it hangs"));
-}
-
-TEST(Session, AServerThatOwesNothingMayBeSilent) {
-  FakeServer server;
-  SessionOptions options = options_for({server.address()});
-  options.silence_limit = absl::Milliseconds(300);
-  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
-  for (uint64_t i = 0; i < 3; ++i) {
-    absl::SleepFor(absl::Milliseconds(500));
-    ASSERT_OK(session.submit(frame(i)));
-    ASSERT_OK(session.next_result());
-  }
-  EXPECT_EQ(session.stats().resumes, 0u) << session.stats().last_loss;
 }
 
 TEST(Session, WithoutAnyServerItDoesNotOpen) {
