@@ -17,6 +17,9 @@
 namespace candela {
 
 class EnvironmentBaker;
+struct BakeQuality;
+struct Environment;
+struct View;
 
 // Everything that is known about a rendered frame, except its image, which is in its FrameMemory.
 struct FrameReport {
@@ -73,6 +76,11 @@ class FrameMaker {
   virtual absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings) = 0;
   virtual absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, const Exposed& exposed) = 0;
+
+  // Make what an environment's views read, and one of them in place of the wire's pixels. As
+  // EnvironmentBaker does.
+  virtual absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects) = 0;
+  virtual absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory) = 0;
 
   // Bakes environments, whose views are frames that this maker makes.
   virtual EnvironmentBaker& baker() const = 0;

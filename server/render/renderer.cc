@@ -70,6 +70,14 @@ absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& set
   return executor_of(memory).meter(memory, plan_ingest(memory.textures().layout, settings));
 }
 
+absl::Status Renderer::prepare_view(Environment& environment, const BakeQuality& quality, bool objects) {
+  return baker_->prepare_view(environment, quality, objects);
+}
+
+absl::Status Renderer::render_view(Environment& environment, const View& view, FrameMemory& memory) {
+  return baker_->render_view(environment, view, memory);
+}
+
 absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, FrameReport& report) {
   ASSIGN_OR_RETURN(std::shared_ptr<const ColorTable> table, color_table_of(settings, metered));

@@ -31,7 +31,9 @@ class Renderer final : public FrameMaker {
   absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings) override;
   absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                    const Metered& metered, const Exposed& exposed) override;
-  // Makes views as the passes are made.
+  // Made as the passes are.
+  absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects) override;
+  absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory) override;
   EnvironmentBaker& baker() const override { return *baker_; }
 
   // Who makes the passes, kDevice or kHost, and the same in words: "on the host, AVX2, 2 threads".

@@ -73,7 +73,7 @@ void Admission::prepare_environment() {
   const auto prepare = [environment, turn = turn_, stages, objects = !request_.view.objects.empty()] {
     const HostStage bake("bake", stages.get());
     absl::Status status =
-        environment->renderer->baker().prepare_view(environment->environment, view_quality(), objects);
+        environment->renderer->prepare_view(environment->environment, view_quality(), objects);
     if (status.ok()) environment->sky_ready = true;
     if (status.ok() && objects) environment->objects_ready = true;
     return status;
@@ -127,7 +127,7 @@ void Admission::allocate() {
     frame->long_source = EnvironmentBaker::takes_long(request_.view, request_.desc);
     frame->source = [environment = std::move(request_.environment),
                      view = std::move(request_.view)](FrameMemory& pixels) {
-      return environment->renderer->baker().render_view(environment->environment, view, pixels);
+      return environment->renderer->render_view(environment->environment, view, pixels);
     };
   }
   frame->stages = std::exchange(stages_, {});

@@ -10,6 +10,8 @@
 #include "absl/status/status.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
+#include "server/render/environment/environment.h"
+#include "server/render/environment/view.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/plan/texture_layout.h"
 
@@ -103,6 +105,22 @@ std::vector<std::byte> SimulatedScene::image(const Settings& settings, uint64_t 
   return image;
 }
 
+std::vector<std::byte> simulated_view(const Environment& environment, const View& view,
+                                      const FrameDesc& desc) {
+  uint64_t word = 0;
+  const auto add = [&word](double number) { word = mixed(word ^ std::bit_cast<uint64_t>(number)); };
+  if (environment.radiance) add((*environment.radiance)[0][0]);
+  for (const double number : view.camera.rotation) add(number);
+  for (const double number : view.camera.position) add(number);
+  add(view.camera.fov_deg);
+  std::vector<std::byte> pixels(desc.bytes());
+  for (size_t i = 0; i < pixels.size(); i += sizeof word) {
+    word = mixed(word);
+    std::memcpy(&pixels[i], &word, std::min(sizeof word, pixels.size() - i));
+  }
+  return pixels;
+}
+
 SimulatedFrameMaker::SimulatedFrameMaker(uint64_t budget_bytes, Clock& clock)
     : device_(simulated_device(budget_bytes)), pool_(budget_bytes, clock) {}
 
@@ -142,6 +160,21 @@ absl::StatusOr<FrameReport> SimulatedFrameMaker::draw(FrameMemory& memory, const
   textures.stage = FrameStage::kDrawn;
   report.tier = device_.name;
   return report;
+}
+
+absl::Status SimulatedFrameMaker::prepare_view(Environment&, const BakeQuality&, bool) {
+  return lost_ ? lost_error() : absl::OkStatus();
+}
+
+absl::Status SimulatedFrameMaker::render_view(Environment& environment, const View& view,
+                                              FrameMemory& memory) {
+  if (lost_) return lost_error();
+  const FrameDesc& desc = memory.desc();
+  const std::vector<std::byte> pixels = simulated_view(environment, view, desc);
+  for (uint32_t y = 0; y < desc.height; ++y) {
+    std::memcpy(memory.input_row(y).data(), &pixels[y * desc.row_bytes()], desc.row_bytes());
+  }
+  return absl::OkStatus();
 }
 
 EnvironmentBaker& SimulatedFrameMaker::baker() const {

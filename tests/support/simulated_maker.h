@@ -38,6 +38,11 @@ class SimulatedScene {
   FrameStats stats_;
 };
 
+// The pixels of a view, in tight rows. Of the environment only its first harmonic counts, which is its
+// identity here, and its format; of the view its camera.
+std::vector<std::byte> simulated_view(const Environment& environment, const View& view,
+                                      const FrameDesc& desc);
+
 // Takes the memory that Renderer would take on a device with unified memory, but from the heap.
 class SimulatedFrameMaker final : public FrameMaker {
  public:
@@ -52,7 +57,10 @@ class SimulatedFrameMaker final : public FrameMaker {
   absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings) override;
   absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                    const Metered& metered, const Exposed& exposed) override;
-  // It has none: the caller ends the program.
+  // A view is the pixels of simulated_view().
+  absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects) override;
+  absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory) override;
+  // It bakes nothing: the caller ends the program. Its environments are those that a test makes up.
   EnvironmentBaker& baker() const override;
 
   // From now on every frame fails, as those of a lost device do.

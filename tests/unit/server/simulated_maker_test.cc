@@ -12,6 +12,8 @@
 #include <random>
 #include <utility>
 
+#include "server/render/environment/environment.h"
+#include "server/render/environment/view.h"
 #include "server/schedule/render_loop.h"
 #include "server/session/session_frames.h"
 #include "tests/support/settings.h"
@@ -242,6 +244,28 @@ TEST(SimulatedMaker, ALostOneFailsEveryFrame) {
   EXPECT_REFUSED(kUnavailable, "device lost", maker.draw(begun, frame.settings, 0, metered, {}));
   ASSERT_OK_AND_ASSIGN(FrameMemory next, memory_of(maker, frame));
   EXPECT_REFUSED(kUnavailable, "device lost", maker.render(next, frame.settings));
+}
+
+TEST(SimulatedMaker, AViewIsAFrameOfItsEnvironmentAndItsCamera) {
+  VirtualClock clock;
+  const auto maker = std::make_shared<SimulatedFrameMaker>(kSimulatedBudget, clock);
+  Environment environment;
+  environment.radiance.emplace()[0][0] = 3.0;
+  View view;
+  ASSERT_OK(maker->prepare_view(environment, {}, false));
+  ASSERT_OK_AND_ASSIGN(FrameMemory memory, maker->allocate(kSmall, Settings()));
+  FrameJob job;
+  job.frame = std::make_shared<Frame>(Frame{maker, std::move(memory), Settings(), 7});
+  job.frame->source = [&](FrameMemory& pixels) { return maker->render_view(environment, view, pixels); };
+  job.decide = [](const FrameStats&) { return Exposed{0.5, 1.0}; };
+  ASSERT_OK(run_job(job));
+  const std::vector<std::byte> pixels = testing::simulated_view(environment, view, kSmall);
+  EXPECT_EQ(image_in(job.frame->memory), SimulatedScene(kSmall, pixels).image(Settings(), 7, 0.5));
+  view.camera.fov_deg = 61;
+  EXPECT_NE(testing::simulated_view(environment, view, kSmall), pixels);
+  view.camera.fov_deg = 60;
+  environment.radiance->front()[0] = 4.0;
+  EXPECT_NE(testing::simulated_view(environment, view, kSmall), pixels);
 }
 
 }  // namespace
