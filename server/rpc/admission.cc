@@ -14,7 +14,7 @@ constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less th
 
 absl::StatusOr<EnvironmentUse> find_environment(const std::string& id, const EnvironmentUse& held,
                                                 ServiceState& state) {
-  const std::shared_ptr<Renderer> renderer = state.rendering.renderer();
+  const std::shared_ptr<FrameMaker> renderer = state.rendering.renderer();
   absl::StatusOr<EnvironmentUse> found = state.environments.find("view.environment", id, *renderer);
   const bool is_held = held != nullptr && held->id() == id && held->renderer == renderer;
   if (absl::IsNotFound(found.status()) && is_held) return held;
@@ -73,7 +73,7 @@ void Admission::prepare_environment() {
   const auto prepare = [environment, turn = turn_, stages, objects = !request_.view.objects.empty()] {
     const HostStage bake("bake", stages.get());
     absl::Status status =
-        environment->renderer->baker().prepare_view(environment->environment, view_quality(), objects);
+        environment->renderer->prepare_view(environment->environment, view_quality(), objects);
     if (status.ok()) environment->sky_ready = true;
     if (status.ok() && objects) environment->objects_ready = true;
     return status;
@@ -116,7 +116,7 @@ void Admission::stop_working() {
 }
 
 void Admission::allocate() {
-  const std::shared_ptr<Renderer> renderer =
+  const std::shared_ptr<FrameMaker> renderer =
       request_.environment != nullptr ? request_.environment->renderer : rendering_.renderer();
   absl::StatusOr<FrameMemory> memory = take_memory(*renderer);
   if (retry_after(memory.status())) return;
@@ -127,14 +127,14 @@ void Admission::allocate() {
     frame->long_source = EnvironmentBaker::takes_long(request_.view, request_.desc);
     frame->source = [environment = std::move(request_.environment),
                      view = std::move(request_.view)](FrameMemory& pixels) {
-      return environment->renderer->baker().render_view(environment->environment, view, pixels);
+      return environment->renderer->render_view(environment->environment, view, pixels);
     };
   }
   frame->stages = std::exchange(stages_, {});
   complete(std::move(frame));
 }
 
-absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
+absl::StatusOr<FrameMemory> Admission::take_memory(FrameMaker& renderer) {
   ASSIGN_OR_RETURN(const uint64_t bytes,
                    renderer.bytes_for(request_.desc, request_.settings, request_.verify));
   RETURN_IF_ERROR(reserve_lookahead(bytes));
