@@ -39,7 +39,7 @@ std::shared_ptr<Renderer> DeviceKeeper::renderer() const {
   return {device, device->renderer.get()};
 }
 
-void DeviceKeeper::job_ended(const Renderer* renderer, const absl::Status& status) {
+void DeviceKeeper::job_ended(const FrameMaker* renderer, const absl::Status& status) {
   const std::shared_ptr<RenderDevice> device = current();
   if (status.ok()) {
     // A frame of a device that was already replaced says nothing about the current one.

@@ -63,7 +63,7 @@ class DeviceKeeper {
   // Call it on the thread that used the device, after each frame and every other job, with its result.
   // `renderer` is the frame's, null for other jobs. Replaces the current device if it is lost; that takes
   // some tenths of a second.
-  void job_ended(const Renderer* renderer, const absl::Status& status);
+  void job_ended(const FrameMaker* renderer, const absl::Status& status);
 
   // For tests: loses this device and its replacements, `times` devices in all.
   void lose(int times);

@@ -89,7 +89,7 @@ struct Server::Impl {
   // These two run on the render thread.
   absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
-  absl::Status render_beat(Renderer& renderer, ClientMemory& memory);
+  absl::Status render_beat(FrameMaker& renderer, ClientMemory& memory);
   // Cancels calls that still run after `grace`.
   void stop(absl::Duration grace);
 
@@ -190,8 +190,8 @@ absl::Status Server::Impl::serve_metrics() {
 }
 
 absl::Status Server::Impl::listen() {
-  ASSIGN_OR_RETURN(listener, start_grpc(config, descriptors.connections, connections, *access, *metrics,
-                                        *service, clock));
+  ASSIGN_OR_RETURN(
+      listener, start_grpc(config, descriptors.connections, connections, *access, *metrics, *service, clock));
   health->begin(*listener.server->GetHealthCheckService());
   if (listener.own_doors.empty()) return absl::OkStatus();
   own_door =
@@ -246,7 +246,7 @@ absl::Status Server::Impl::beat() {
   return status;
 }
 
-absl::Status Server::Impl::render_beat(Renderer& renderer, ClientMemory& memory) {
+absl::Status Server::Impl::render_beat(FrameMaker& renderer, ClientMemory& memory) {
   const Settings settings;
   absl::StatusOr<FrameMemory> frame = renderer.allocate(kBeat, settings);
   // Uploads that stall must not fail the heartbeat.

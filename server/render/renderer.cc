@@ -1,11 +1,9 @@
 #include "server/render/renderer.h"
 
-#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/base/check.h"
 #include "server/base/process/cgroup.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
@@ -38,7 +36,7 @@ absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
   }
   Crew* crew = nullptr;
   if (passes != ExecutorKind::kDevice && not_on_host.empty()) {
-    auto executor = std::make_unique<HostExecutor>(device_, threads == 0 ? usable_cpus() : threads);
+    auto executor = std::make_unique<HostExecutor>(&device_, threads == 0 ? usable_cpus() : threads);
     crew = &executor->crew();
     executor_kind_ = ExecutorKind::kHost;
     executor_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(),
@@ -66,13 +64,6 @@ absl::StatusOr<uint64_t> Renderer::bytes_for(const FrameDesc& desc, const Settin
 
 Executor& Renderer::executor_of(const FrameMemory& memory) const {
   return memory.textures().layout.by_reference ? *by_reference_ : *by_device_or_host_;
-}
-
-absl::StatusOr<FrameReport> Renderer::render(FrameMemory& memory, const Settings& settings,
-                                             const FrameMoment& moment) {
-  ASSIGN_OR_RETURN(const Metered metered, meter(memory, settings));
-  const Exposed exposed = expose(settings->exposure(), moment.previous, metered.stats.metered_mean());
-  return draw(memory, settings, moment.sequence, metered, exposed);
 }
 
 absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& settings) {
@@ -114,13 +105,7 @@ absl::Status Renderer::draw_within_error(FrameMemory& memory, const Settings& se
 
 absl::StatusOr<FrameReport> Renderer::draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, const Exposed& exposed) {
-  CHECK(std::isfinite(exposed.exposure) && exposed.exposure > 0);
-  FrameReport report;
-  report.stats = metered.stats;
-  report.exposure = exposed.exposure;
-  report.target = exposed.target;
-  report.target_before_limits = exposed.target_before_limits;
-  report.stages = metered.stages;
+  FrameReport report = report_of(metered, exposed);
   RETURN_IF_ERROR(settings.tier_is_open() ? draw_within_error(memory, settings, sequence, metered, report)
                                           : draw_image(memory, settings, sequence, metered, report).status());
   if (memory.textures().exact) {

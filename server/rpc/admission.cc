@@ -14,7 +14,7 @@ constexpr absl::Duration kTurnInterval = absl::Milliseconds(20);  // far less th
 
 absl::StatusOr<EnvironmentUse> find_environment(const std::string& id, const EnvironmentUse& held,
                                                 ServiceState& state) {
-  const std::shared_ptr<Renderer> renderer = state.rendering.renderer();
+  const std::shared_ptr<FrameMaker> renderer = state.rendering.renderer();
   absl::StatusOr<EnvironmentUse> found = state.environments.find("view.environment", id, *renderer);
   const bool is_held = held != nullptr && held->id() == id && held->renderer == renderer;
   if (absl::IsNotFound(found.status()) && is_held) return held;
@@ -116,7 +116,7 @@ void Admission::stop_working() {
 }
 
 void Admission::allocate() {
-  const std::shared_ptr<Renderer> renderer =
+  const std::shared_ptr<FrameMaker> renderer =
       request_.environment != nullptr ? request_.environment->renderer : rendering_.renderer();
   absl::StatusOr<FrameMemory> memory = take_memory(*renderer);
   if (retry_after(memory.status())) return;
@@ -134,7 +134,7 @@ void Admission::allocate() {
   complete(std::move(frame));
 }
 
-absl::StatusOr<FrameMemory> Admission::take_memory(Renderer& renderer) {
+absl::StatusOr<FrameMemory> Admission::take_memory(FrameMaker& renderer) {
   ASSIGN_OR_RETURN(const uint64_t bytes,
                    renderer.bytes_for(request_.desc, request_.settings, request_.verify));
   RETURN_IF_ERROR(reserve_lookahead(bytes));

@@ -33,7 +33,7 @@ class Admission {
     absl::Duration patience = absl::ZeroDuration();
   };
   // Called once, under the call's mutex: within begin(), on the render thread or on a thread of gRPC. Fails
-  // as Renderer::allocate and RenderLoop::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there is
+  // as FrameMaker::allocate and RenderLoop::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there is
   // no memory for the look-ahead.
   using Done = std::function<void(absl::StatusOr<std::shared_ptr<Frame>>)>;
 
@@ -65,7 +65,7 @@ class Admission {
   void work(std::function<absl::Status()> task, std::function<void(const absl::Status&)> then);
   void stop_working();
   void allocate();
-  absl::StatusOr<FrameMemory> take_memory(Renderer& renderer);
+  absl::StatusOr<FrameMemory> take_memory(FrameMaker& renderer);
   absl::Status check_lookahead(uint64_t frame_bytes) const;
   absl::Status reserve_lookahead(uint64_t frame_bytes);
   bool retry_after(const absl::Status& status);

@@ -11,7 +11,7 @@
 #include "server/base/clock.h"
 #include "server/base/metrics.h"
 #include "server/base/worker_pool.h"
-#include "server/render/renderer.h"
+#include "server/render/frame_maker.h"
 #include "server/render/tier_times.h"
 #include "server/schedule/render_loop.h"
 #include "server/session/environments/environment_store.h"
@@ -23,7 +23,7 @@ namespace candela {
 // Everything that renders and encodes frames. Any thread.
 struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
-  std::function<std::shared_ptr<Renderer>()> renderer;
+  std::function<std::shared_ptr<FrameMaker>()> renderer;
   RenderLoop& loop;
   // Of the device that the server started with; empty until they are measured.
   std::function<TierTimes()> tier_times;

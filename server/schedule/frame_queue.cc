@@ -11,7 +11,7 @@ namespace candela {
 
 absl::StatusOr<FrameReport> render_frame(const FrameJob& job) {
   Frame& frame = *job.frame;
-  Renderer& renderer = *frame.renderer;
+  FrameMaker& renderer = *frame.renderer;
   if (job.work != Work::kDraw) {
     std::vector<StageTime> stages = std::exchange(frame.stages, {});
     if (frame.source) {

@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/base/slices.h"
-#include "server/render/renderer.h"
+#include "server/render/frame_maker.h"
 
 namespace candela {
 
@@ -22,7 +22,7 @@ enum class Work { kRender, kMeter, kDraw };
 // A frame on its way through the server. Its memory returns to the pool when the last holder releases it.
 // Only the render thread touches it between submission and the call of `done`.
 struct Frame {
-  std::shared_ptr<Renderer> renderer;  // stays alive while the memory is in use; null only in tests
+  std::shared_ptr<FrameMaker> renderer;  // stays alive while the memory is in use; null only in tests
   FrameMemory memory;
   Settings settings;
   uint64_t sequence = 0;                          // the client's number, which seeds the dither

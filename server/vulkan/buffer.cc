@@ -73,6 +73,14 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   return b;
 }
 
+Buffer Buffer::on_heap(uint64_t bytes) {
+  Buffer b;
+  b.bytes_ = bytes;
+  b.heap_ = std::make_unique<std::byte[]>(bytes);
+  b.mapped_ = b.heap_.get();
+  return b;
+}
+
 Buffer::Buffer(Buffer&& other) noexcept { *this = std::move(other); }
 
 Buffer& Buffer::operator=(Buffer&& other) noexcept {
@@ -83,6 +91,7 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
   std::swap(address_, other.address_);
   std::swap(bytes_, other.bytes_);
   std::swap(mapped_, other.mapped_);
+  std::swap(heap_, other.heap_);
   return *this;
 }
 

@@ -1,11 +1,12 @@
-// A Vulkan buffer with its memory. Shaders write it as a storage buffer or by its address, and read it as a
-// texel buffer.
+// A Vulkan buffer with its memory, or memory of the heap in its place. Shaders write it as a storage buffer
+// or by its address, and read it as a texel buffer.
 #pragma once
 
 #include <vulkan/vulkan.h>
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
 #include "absl/status/statusor.h"
 #include "server/vulkan/device.h"
@@ -18,6 +19,8 @@ class Buffer {
  public:
   // RESOURCE_EXHAUSTED if the device has no memory for it. `bytes` is at least 16.
   static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use);
+  // Zeros that only the host has: no handle, no address, no view.
+  static Buffer on_heap(uint64_t bytes);
 
   Buffer() = default;
   Buffer(Buffer&& other) noexcept;
@@ -40,6 +43,7 @@ class Buffer {
   VkDeviceAddress address_ = 0;
   uint64_t bytes_ = 0;
   std::byte* mapped_ = nullptr;
+  std::unique_ptr<std::byte[]> heap_;  // without a device
 };
 
 // The halves of an address, which shaders take as two words.

@@ -5,10 +5,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-packages=cmake,g++-aarch64-linux-gnu,libabsl-dev:arm64,libhwy-dev:arm64,libimath-dev:arm64,libprotobuf-dev:arm64,libvulkan-dev
+packages=cmake,g++-aarch64-linux-gnu,libabsl-dev:arm64,libhwy-dev:arm64,libimath-dev:arm64,libprotobuf-dev:arm64,libvulkan-dev:arm64
 packages+=,make,pkg-config,protobuf-compiler,qemu-user
 build=build/arm64
 deploy/bare-root.sh --with "$packages" \
-  "cmake -S tests/bits/cross -B $build -DCMAKE_BUILD_TYPE=Release --toolchain tests/bits/cross/arm64.cmake" \
+  "cmake -S tests/bits/cross -B $build -DCMAKE_BUILD_TYPE=Release --toolchain $PWD/tests/bits/cross/arm64.cmake" \
   "cmake --build $build --parallel $(nproc)" \
   "qemu-aarch64 $build/host_bits tests/bits/host_bits.txt"

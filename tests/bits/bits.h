@@ -3,16 +3,14 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
 
-#include "server/render/frame/texture_pool.h"
+#include "server/render/frame/frame_textures.h"
 #include "server/render/host/host_executor.h"
-#include "server/vulkan/device.h"
 #include "tests/support/scenes.h"
 
 namespace candela::testing {
@@ -40,11 +38,12 @@ struct Bits {
 
 // What renders: the host's executor, in memory of the heap.
 struct Bench {
-  std::unique_ptr<Device> device;
-  std::unique_ptr<TexturePool> pool;
-  std::unique_ptr<HostExecutor> executor;
+  explicit Bench(uint32_t threads);
+  FrameMemory take(const TextureLayout& layout, Verify verify);
+
+  TexturePool pool;
+  HostExecutor executor;
 };
-Bench make_bench(uint32_t threads);
 
 struct Case {
   std::string name;  // one word a setting

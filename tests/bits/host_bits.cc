@@ -19,7 +19,7 @@ namespace {
 using Lines = std::map<std::string, std::string>;  // hashes by name
 
 Lines render_all() {
-  Bench bench = make_bench(2);
+  Bench bench(2);
   Lines lines;
   for (const auto& cases : {frame_cases(), exposure_cases(), view_cases()}) {
     for (const Case& one : cases) {

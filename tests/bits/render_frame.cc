@@ -1,7 +1,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "server/render/frame/frame_textures.h"
+#include "server/vulkan/device.h"
 #include "tests/bits/bits.h"
 #include "tests/support/real_clock.h"
 
@@ -35,12 +35,13 @@ void add_statistics(const FrameStats& stats, Hash& hash) {
 
 }  // namespace
 
-Bench make_bench(uint32_t threads) {
-  Bench bench;
-  bench.device = Device::create({}).value();
-  bench.pool = std::make_unique<TexturePool>(*bench.device, uint64_t{1} << 30, real_clock());
-  bench.executor = std::make_unique<HostExecutor>(*bench.device, threads);
-  return bench;
+Bench::Bench(uint32_t threads) : pool(uint64_t{1} << 30, real_clock()), executor(nullptr, threads) {}
+
+FrameMemory Bench::take(const TextureLayout& layout, Verify verify) {
+  DeviceSummary heap;
+  heap.unified_memory = true;
+  heap.max_allocation_bytes = pool.budget_bytes();
+  return FrameMemory::take(pool, heap, layout, verify).value();
 }
 
 float steps_of_light(float x) {
@@ -65,19 +66,19 @@ void render_frame(Bench& bench, const WireFrame& frame, const v1::Settings& mess
                   std::optional<PreviousExposure>* previous, Bits& bits) {
   const Settings settings = Settings::from(message).value();
   const TextureLayout layout = layout_textures(frame.desc, settings);
-  FrameMemory memory = FrameMemory::take(*bench.pool, bench.device->summary(), layout, Verify::kYes).value();
+  FrameMemory memory = bench.take(layout, Verify::kYes);
   for (uint32_t y = 0; y < frame.desc.height; ++y) {
     std::memcpy(memory.input_row(y).data(), frame.pixels.data() + y * frame.desc.row_bytes(),
                 frame.desc.row_bytes());
   }
-  const Metered metered = bench.executor->meter(memory, plan_ingest(layout, settings)).value();
+  const Metered metered = bench.executor.meter(memory, plan_ingest(layout, settings)).value();
   const Exposed exposed = expose(settings->exposure(), *previous, metered.stats.metered_mean());
   const Plan plan = plan_frame(layout, metered, settings,
                                {.exposure = exposed.exposure,
                                 .sequence = sequence,
                                 .table = color_table_of(settings, metered).value()});
   std::vector<StageTime> stages;
-  const Drawn drawn = bench.executor->draw(memory, plan, &stages).value();
+  const Drawn drawn = bench.executor.draw(memory, plan, &stages).value();
   *previous = PreviousExposure{exposed.exposure, 0.04};
   add_image(memory, bits.pixels);
   add_statistics(metered.stats, bits.numbers);

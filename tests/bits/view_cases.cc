@@ -4,7 +4,6 @@
 #include "absl/strings/str_cat.h"
 #include "server/render/environment/host_views.h"
 #include "server/render/environment/view_scene.h"
-#include "server/render/frame/frame_textures.h"
 #include "tests/bits/bits.h"
 #include "tests/support/settings.h"
 
@@ -72,17 +71,14 @@ std::vector<NamedView> views() {
 Bits draw(Bench& bench, const View& view, Size size, bool floats) {
   const Settings settings = Settings::from({}).value();
   const v1::PixelFormat format = floats ? v1::PIXEL_FORMAT_RGBA32F : v1::PIXEL_FORMAT_RGBA16F;
-  FrameMemory memory =
-      FrameMemory::take(*bench.pool, bench.device->summary(),
-                        layout_textures({size.width, size.height, format}, settings), Verify::kNo)
-          .value();
-  const BakedCube cube = cube_of_noise(*bench.pool);
+  FrameMemory memory = bench.take(layout_textures({size.width, size.height, format}, settings), Verify::kNo);
+  const BakedCube cube = cube_of_noise(bench.pool);
   Harmonics irradiance;
   for (uint32_t i = 0; i < irradiance.size(); ++i) {
     for (uint32_t k = 0; k < 3; ++k) irradiance[i][k] = (i == 0 ? 4 : 0) + double{noise(i, k, 6)} - 0.5;
   }
   const std::vector<shader::ViewObject> objects = view_objects(view, cube.specular, brdf_of_noise());
-  draw_on_host(cube, floats, view, view_light(irradiance), objects, memory, bench.executor->crew());
+  draw_on_host(cube, floats, view, view_light(irradiance), objects, memory, bench.executor.crew());
   Bits bits;
   for (uint32_t y = 0; y < size.height; ++y) bits.pixels.add(memory.input_row(y));
   return bits;

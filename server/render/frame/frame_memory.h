@@ -30,7 +30,7 @@ class MemoryClaim {
 // Taken from the pool, and given back to it on destruction. Movable. One thread at a time.
 class FrameMemory {
  public:
-  // Takes everything or nothing; fails as Renderer::allocate does. `pool` outlives the memory.
+  // Takes everything or nothing; fails as FrameMaker::allocate does. `pool` outlives the memory.
   static absl::StatusOr<FrameMemory> take(TexturePool& pool, const DeviceSummary& device,
                                           const TextureLayout& layout, Verify verify);
   // The part of the budget that take() takes. RESOURCE_EXHAUSTED if that can never be had.

@@ -22,7 +22,7 @@ uint64_t TextureKey::bytes() const {
   return std::max<uint64_t>(16, uint64_t{width} * height * texel_bytes);
 }
 
-TexturePool::TexturePool(Device& device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep)
+TexturePool::TexturePool(Device* device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep)
     : device_(device), budget_bytes_(budget_bytes), clock_(clock), keep_(keep) {}
 
 TexturePool::~TexturePool() {
@@ -53,10 +53,10 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
     ++counters_.misses;
   }
   given_up.clear();
-  absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
+  absl::StatusOr<Buffer> buffer = make_buffer(key);
   // The device may have less memory than the budget.
   while (absl::IsResourceExhausted(buffer.status()) && give_up_one()) {
-    buffer = Buffer::create(device_, bytes, key.use);
+    buffer = make_buffer(key);
   }
   if (!buffer.ok()) {
     const std::lock_guard lock(mutex_);
@@ -97,6 +97,11 @@ absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
   return absl::OkStatus();
 }
 
+absl::StatusOr<Buffer> TexturePool::make_buffer(const TextureKey& key) const {
+  if (device_ == nullptr) return Buffer::on_heap(key.bytes());
+  return Buffer::create(*device_, key.bytes(), key.use);
+}
+
 bool TexturePool::give_up_one() {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   const std::lock_guard lock(mutex_);
@@ -116,7 +121,7 @@ void TexturePool::give_back(std::unique_ptr<Entry> entry) {
   const std::lock_guard lock(mutex_);
   CHECK(counters_.bytes_in_use >= entry->bytes);
   counters_.bytes_in_use -= entry->bytes;
-  if (entry->buffer.handle() == VK_NULL_HANDLE) return;
+  if (entry->buffer.bytes() == 0) return;
   entry->idle_since = clock_.steady();
   while (!idle_.empty() && entry->idle_since - idle_.front()->idle_since > keep_) give_up_oldest(&given_up);
   counters_.bytes_idle += entry->bytes;

@@ -157,7 +157,7 @@ absl::Status BakeEnvironmentCall::take_request() {
   RETURN_IF_ERROR(parse_request(incoming_, request));
   work_ = std::make_shared<Work>();
   ASSIGN_OR_RETURN(work_->start, bake_start_from(request));
-  const std::shared_ptr<Renderer> renderer = state_.rendering.renderer();
+  const std::shared_ptr<FrameMaker> renderer = state_.rendering.renderer();
   ASSIGN_OR_RETURN(work_->environment, state_.environments.find("id", request.id(), *renderer));
   work_->size =
       work_->start.spec.size == 0 ? work_->environment->facts.default_cube_size() : work_->start.spec.size;

@@ -15,7 +15,7 @@
 namespace candela {
 
 struct PutEnvironmentCall::Work {
-  std::shared_ptr<Renderer> renderer;
+  std::shared_ptr<FrameMaker> renderer;
   std::unique_ptr<MemoryClaim> claim;  // of the upload
   EnvironmentRoom room;
   std::optional<PanoramaUpload> upload;

@@ -67,7 +67,7 @@ EnvironmentUse EnvironmentStore::keep(EnvironmentUse environment) {
 }
 
 absl::StatusOr<EnvironmentUse> EnvironmentStore::find(absl::string_view field, const std::string& id,
-                                                      const Renderer& renderer) {
+                                                      const FrameMaker& renderer) {
   if (!v1::is_environment_id(id)) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s is not the id of an environment; PutEnvironment returns ids, of 64 hex digits", field));
@@ -82,14 +82,14 @@ absl::StatusOr<EnvironmentUse> EnvironmentStore::find(absl::string_view field, c
   return *found;
 }
 
-absl::StatusOr<bool> EnvironmentStore::drop(const std::string& id, const Renderer& renderer) {
+absl::StatusOr<bool> EnvironmentStore::drop(const std::string& id, const FrameMaker& renderer) {
   ASSIGN_OR_RETURN(EnvironmentUse found, find("id", id, renderer));
   absl::MutexLock lock(&mutex_);
   kept_.remove(found);
   return found.use_count() > 1;
 }
 
-void EnvironmentStore::forget_others(const Renderer& renderer) {
+void EnvironmentStore::forget_others(const FrameMaker& renderer) {
   std::list<EnvironmentUse> others;  // freed outside the lock
   absl::MutexLock lock(&mutex_);
   for (auto kept = kept_.begin(); kept != kept_.end();) {
@@ -117,7 +117,7 @@ EnvironmentUse EnvironmentStore::take_unused() {
 }
 
 std::list<EnvironmentUse>::iterator EnvironmentStore::position(const std::string& id,
-                                                               const Renderer& renderer) {
+                                                               const FrameMaker& renderer) {
   auto kept = kept_.begin();
   while (kept != kept_.end() && ((*kept)->id() != id || (*kept)->renderer.get() != &renderer)) ++kept;
   return kept;

@@ -13,7 +13,7 @@
 #include "absl/synchronization/mutex.h"
 #include "candela/v1/render.pb.h"
 #include "server/render/environment/environment_baker.h"
-#include "server/render/renderer.h"
+#include "server/render/frame_maker.h"
 
 namespace candela {
 
@@ -39,7 +39,7 @@ class EnvironmentRoom {
 struct KeptEnvironment {
   v1::Environment facts;  // without `stages` and `had_it`; does not change
   EnvironmentRoom room;
-  std::shared_ptr<Renderer> renderer;       // of the device that holds the textures
+  std::shared_ptr<FrameMaker> renderer;     // of the device that holds the textures
   Environment environment;                  // the render thread's
   std::atomic<bool> sky_ready = false;      // views without objects may be rendered
   std::atomic<bool> objects_ready = false;  // all views
@@ -69,13 +69,13 @@ class EnvironmentStore {
   // The environment with this id on the device of `renderer`; it counts as used now. INVALID_ARGUMENT, naming
   // `field`, if the id has not the form of one; NOT_FOUND, naming the id.
   absl::StatusOr<EnvironmentUse> find(absl::string_view field, const std::string& id,
-                                      const Renderer& renderer);
+                                      const FrameMaker& renderer);
 
   // Forgets the environment. Returns whether somebody still uses it. Fails as find() does.
-  absl::StatusOr<bool> drop(const std::string& id, const Renderer& renderer);
+  absl::StatusOr<bool> drop(const std::string& id, const FrameMaker& renderer);
 
   // Forgets the environments on devices other than that of `renderer`.
-  void forget_others(const Renderer& renderer);
+  void forget_others(const FrameMaker& renderer);
 
   // Frees the environment that nobody uses and that was used longest ago. False if there is none.
   bool free_one();
@@ -86,7 +86,7 @@ class EnvironmentStore {
  private:
   // Moves it out of the list, so that its textures are freed outside the lock; null if all are used.
   EnvironmentUse take_unused() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  std::list<EnvironmentUse>::iterator position(const std::string& id, const Renderer& renderer)
+  std::list<EnvironmentUse>::iterator position(const std::string& id, const FrameMaker& renderer)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const uint64_t budget_bytes_;
