@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Runs commands as a stranger would, in a clone on a bare Debian 12: bare-root.sh [--keep FOLDER] [COMMAND...]
+# Runs commands as a stranger would, in a clone on a bare Debian 12: bare-root.sh [--keep FOLDER] [--with PACKAGES] [COMMAND...]
 #
 # Each COMMAND is one line for bash. Without any, these are the two with which README.md begins. The root is mmdebstrap's
 # minbase with /proc, /sys, /dev, /dev/shm and this machine's way to its packages, and nothing else: no ca-certificates (which bring
 # openssl), no locale, no git, no name in /etc/hosts. The clone has the last commit, at this tree's own path. CANDELA_DATA
 # (../shared/data) is there, too, read-only. --keep copies a folder of the clone into this tree afterwards, if this tree has
-# no such folder and no uncommitted changes.
+# no such folder and no uncommitted changes. --with adds packages, with a comma between two; one named with another architecture
+# (libc6:arm64) makes the root take packages of it, too.
 #
 # Needs root, 12 GB in TMPDIR (/var/tmp) and a mirror. Prints the seconds of each step. What it mounts and starts is in
 # namespaces of its own and ends with them, however that happens.
@@ -14,9 +15,11 @@ tree=$(cd "$(dirname "$0")/.." && pwd)
 
 # In the namespaces: makes SCRATCH/root with packages from the SOURCES, and runs each command there.
 inside() {
-  local scratch=$1 sources=$2 data=$3 root=$1/root start=$SECONDS
-  shift 3
-  mmdebstrap --quiet --variant=minbase --aptopt="$scratch/apt.conf" bookworm "$root" "$sources"
+  local scratch=$1 sources=$2 data=$3 packages=$4 root=$1/root start=$SECONDS architectures=()
+  shift 4
+  mapfile -t architectures < <(dpkg --print-architecture && grep -oP ':\K\w+' <<<"$packages" | sort -u)
+  mmdebstrap --quiet --variant=minbase --aptopt="$scratch/apt.conf" ${packages:+"--include=$packages"} \
+    --architectures="$(IFS=,; echo "${architectures[*]}")" bookworm "$root" "$sources"
   keep_mirror "$sources" "$root"
   mkdir -p "$root$(dirname "$tree")"
   mv "$scratch/clone" "$root$tree"
@@ -59,11 +62,15 @@ if [ "${1:-}" = --inside ]; then
   exit
 fi
 
-keep=
-if [ "${1:-}" = --keep ]; then
-  keep=${2:?--keep needs a folder}
+keep= packages=
+while [[ "${1:-}" == --* ]]; do
+  case $1 in
+    --keep) keep=${2:?--keep needs a folder} ;;
+    --with) packages=${2:?--with needs packages} ;;
+    *) echo "bare-root.sh: unknown option $1" >&2; exit 2 ;;
+  esac
   shift 2
-fi
+done
 commands=("$@")
 if [ $# -eq 0 ]; then
   mapfile -t commands < <(sed -nE 's/^    (deploy\/[a-z]+\.sh) +#.*/\1/p' "$tree/README.md")
@@ -101,7 +108,7 @@ apt-config dump --format '%F "%v";%n' Acquire |
 
 # The first process of a PID namespace takes all others with it, and the last one the mounts.
 setpriv --pdeathsig KILL unshare --mount --propagation private --pid --fork --kill-child --mount-proc \
-  "$BASH" "$0" --inside "$scratch" "$sources" "$data" "${commands[@]}" &
+  "$BASH" "$0" --inside "$scratch" "$sources" "$data" "$packages" "${commands[@]}" &
 child=$!
 code=0
 wait "$child" || code=$?

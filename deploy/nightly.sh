@@ -6,6 +6,7 @@
 #   tsan     the tests of dev, with the thread sanitizer
 #   device   the tests of the release build, with the device's passes in place of the host's
 #   fuzz     each fuzz target for 30 minutes
+#   arm64    the bits of the host's executor on NEON, cross-built in a root of its own and run under qemu; needs root
 #   soak     20 minutes of mixed traffic with faults
 #   attacks  tests/robustness and the other long tests of the release build
 #   edge     the attacks on the shipped containers and on processes, two containers behind HAProxy, a container with little
@@ -19,7 +20,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-all=(files asan tsan device fuzz soak attacks edge)
+all=(files asan tsan device fuzz arm64 soak attacks edge)
 declare -A whole=([fuzz]=1800 [soak]=1200)  # seconds
 declare -A seconds=([fuzz]=${CANDELA_FUZZ_SECONDS:-${whole[fuzz]}} [soak]=${CANDELA_SOAK_SECONDS:-${whole[soak]}})
 results=build/nightly
@@ -38,6 +39,7 @@ run_device() {
   CANDELA_TEST_PASSES=device ctest --preset release --parallel "$(($(nproc) + 1))" --exclude-regex '^Bench'
 }
 run_fuzz() { CANDELA_FUZZ_SECONDS=${seconds[fuzz]} deploy/test.sh fuzz; }
+run_arm64() { tests/bits/arm64.sh; }
 run_soak() {
   build_with_tests release
   CANDELA_SOAK_SECONDS=${seconds[soak]} ctest --preset release --tests-regex '^Soak' --verbose

@@ -36,7 +36,7 @@ absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
   }
   Crew* crew = nullptr;
   if (passes != ExecutorKind::kDevice && not_on_host.empty()) {
-    auto executor = std::make_unique<HostExecutor>(device_, threads == 0 ? usable_cpus() : threads);
+    auto executor = std::make_unique<HostExecutor>(&device_, threads == 0 ? usable_cpus() : threads);
     crew = &executor->crew();
     executor_kind_ = ExecutorKind::kHost;
     executor_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(),

@@ -92,8 +92,6 @@ class EnvironmentBaker {
   absl::Status draw_view(const Environment& environment, const View& view,
                          std::span<const shader::ViewObject> objects, const Buffer& scene,
                          FrameMemory& memory);
-  absl::Status draw_on_host(const Environment& environment, const View& view, const shader::ViewLight& light,
-                            std::span<const shader::ViewObject> objects, FrameMemory& memory);
 
   Device& device_;
   TexturePool& pool_;

@@ -8,10 +8,10 @@
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/environment/environment_baker.h"
+#include "server/render/environment/host_views.h"
 #include "server/render/environment/view_scene.h"
 #include "server/render/environment/view_tiles.h"
 #include "server/render/frame/frame_textures.h"
-#include "server/render/host/view/view.h"
 #include "shaders/view.spv.h"
 
 namespace candela {
@@ -22,20 +22,6 @@ namespace {
 
 // In look-ups. A thread of the host does so many in 10 to 25 ms, and the software device in 50.
 constexpr double kMostAtOnce = 1e7;
-
-const float* texels_of(const CubeLevels& levels) {
-  return levels ? reinterpret_cast<const float*>(levels.texels.buffer().mapped()) : nullptr;
-}
-
-std::vector<host::ViewPart> parts_of(const std::vector<ViewRun>& runs) {
-  std::vector<host::ViewPart> parts;
-  for (const ViewRun& run : runs) {
-    const uint32_t columns = run.kind.objects ? shader::VIEW_TILE : shader::VIEW_SKY_X;
-    parts.push_back({run.x0 * columns, run.x1 * columns, run.kind.objects, run.kind.magnified,
-                     run.kind.first_object, run.kind.end_object});
-  }
-  return parts;
-}
 
 }  // namespace
 
@@ -77,7 +63,13 @@ absl::Status EnvironmentBaker::render_view(Environment& environment, const View&
   if (!brdf.ok()) return brdf.status();
   const std::vector<shader::ViewObject> objects = view_objects(view, environment.view.specular, *brdf);
   const shader::ViewLight irradiance = view_light(irradiance_of(light));
-  if (crew_ != nullptr) return draw_on_host(environment, view, irradiance, objects, memory);
+  if (crew_ != nullptr) {
+    if (device_.lost()) {
+      return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
+    }
+    draw_on_host(environment.view, environment.floats, view, irradiance, objects, memory, *crew_);
+    return absl::OkStatus();
+  }
   ASSIGN_OR_RETURN(const TexturePool::Lease scene, passes_.upload(view_scene(irradiance, objects)));
   absl::Status status = draw_view(environment, view, objects, scene.buffer(), memory);
   const FrameTextures& textures = memory.textures();
@@ -128,33 +120,6 @@ absl::Status EnvironmentBaker::draw_view(const Environment& environment, const V
        .cost = [&](uint32_t y) { return cost_of(rows[y], view); },
        .record = record,
        .most = static_cast<uint32_t>(PipelineCache::kMaxWriteBytes / row_bytes / shader::VIEW_TILE)});
-}
-
-absl::Status EnvironmentBaker::draw_on_host(const Environment& environment, const View& view,
-                                            const shader::ViewLight& light,
-                                            std::span<const shader::ViewObject> objects,
-                                            FrameMemory& memory) {
-  if (device_.lost()) {
-    return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
-  }
-  const TextureLayout& layout = memory.textures().layout;
-  const BakedCube& cube = environment.view;
-  const host::ViewJob job = {
-      .params = view_params(view, layout.desc.width, layout.desc.height, layout.pitch, cube.chain.size),
-      .chain = texels_of(cube.chain),
-      .specular = texels_of(cube.specular),
-      .light = light,
-      .objects = objects,
-      .pixels = memory.textures().input.buffer().mapped(),
-      .floats = environment.floats};
-  const ViewTiles tiles(view, job.params, objects);
-  const auto draw_row = [&](uint32_t y) {
-    const uint32_t y0 = y * shader::VIEW_TILE;
-    host::draw_view_rows(job, parts_of(tiles.row(y)), y0,
-                         std::min(y0 + shader::VIEW_TILE, layout.desc.height));
-  };
-  crew_->run(tiles.rows(), draw_row);
-  return absl::OkStatus();
 }
 
 }  // namespace candela

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/render/plan/portable_math.h"
 
 namespace candela {
 
@@ -180,13 +181,13 @@ shader::InputParams input_params(const TextureLayout& layout,
 
 float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats) {
   if (bloom.kind() != v1::Bloom::KIND_GAUSSIAN) return bloom.threshold();
-  return static_cast<float>(bloom.threshold() * std::exp2(stats.mean_log2_luminance));
+  return static_cast<float>(bloom.threshold() * portable_exp2(stats.mean_log2_luminance));
 }
 
 bool may_bloom(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc, double mean_error) {
   if (bloom.intensity() == 0) return false;
   float threshold = bright_threshold(bloom, stats);
-  if (bloom.kind() == v1::Bloom::KIND_GAUSSIAN) threshold *= static_cast<float>(std::exp2(-mean_error));
+  if (bloom.kind() == v1::Bloom::KIND_GAUSSIAN) threshold *= static_cast<float>(portable_exp2(-mean_error));
   return !bright_area(bloom, stats, desc, threshold).empty();
 }
 

@@ -1,19 +1,19 @@
 #include "server/render/plan/exposure.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/plan/metering.h"
+#include "server/render/plan/portable_math.h"
 
 namespace candela {
 
 double target_before_limits(const v1::Exposure& settings, double mean_log2_luminance) {
-  if (settings.mode() == v1::Exposure::MODE_MANUAL) return std::exp2(settings.manual_ev());
-  return settings.key() * std::exp2(settings.compensation_ev() - mean_log2_luminance);
+  if (settings.mode() == v1::Exposure::MODE_MANUAL) return portable_exp2(settings.manual_ev());
+  return settings.key() * portable_exp2(settings.compensation_ev() - mean_log2_luminance);
 }
 
 double exposure_target(const v1::Exposure& settings, double mean_log2_luminance) {
@@ -51,11 +51,13 @@ double adapt_exposure(const v1::Adaptation& settings, const std::optional<Previo
   // Computed from the nearer end, so that a short step keeps the digits of `previous` and a long one reaches
   // the target.
   if (x > -0.5) {
-    const double alpha = -std::expm1(x);
-    return linear ? from + (target - from) * alpha : from * std::exp2(std::log2(target / from) * alpha);
+    const double alpha = -portable_expm1(x);
+    return linear ? from + (target - from) * alpha
+                  : from * portable_exp2(portable_log2(target / from) * alpha);
   }
-  const double left = std::exp(x);
-  return linear ? target + (from - target) * left : target * std::exp2(std::log2(from / target) * left);
+  const double left = portable_exp(x);
+  return linear ? target + (from - target) * left
+                : target * portable_exp2(portable_log2(from / target) * left);
 }
 
 namespace {

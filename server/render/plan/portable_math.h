@@ -1,0 +1,16 @@
+// Exponentials and logarithms with the same bits on every processor and with every C library, for exposures:
+// they are part of results and of resume tokens, and those of the libraries differ in the last bit. Within
+// 2^-80 of the exact value before they are rounded. About 0.5 us each. Any thread.
+#pragma once
+
+namespace candela {
+
+// 2^x.
+double portable_exp2(double x);
+// e^x, and e^x - 1 with all its digits near 0.
+double portable_exp(double x);
+double portable_expm1(double x);
+// x > 0.
+double portable_log2(double x);
+
+}  // namespace candela
