@@ -102,7 +102,7 @@ struct Server::Impl {
   std::optional<Ticket> measuring;
   absl::Mutex tier_times_mutex;
   TierTimes tier_times ABSL_GUARDED_BY(tier_times_mutex);
-  std::unique_ptr<WorkerPool> encoders;
+  std::unique_ptr<WorkerThreads> encoders;
   std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
   DescriptorBudget descriptors;
@@ -132,7 +132,7 @@ void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
       [this](const FrameJob& job) { return render(job); },
       1 + config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max), clock,
       config.slice);
-  encoders = std::make_unique<WorkerPool>(config.encoder_threads);
+  encoders = std::make_unique<WorkerThreads>(config.encoder_threads);
   state.reset(new ServiceState{
       .clock = clock,
       .timers = timers,
