@@ -17,6 +17,7 @@
 #include "server/base/process/driver_environment.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
+#include "server/base/stop_sign.h"
 #include "server/base/words/units.h"
 #include "server/device_keeper.h"
 #include "server/grpc_listener.h"
@@ -30,6 +31,7 @@
 #include "server/schedule/heartbeat.h"
 #include "server/schedule/render_loop.h"
 #include "server/server_info.h"
+#include "server/session/drain.h"
 
 namespace candela {
 namespace {
@@ -102,7 +104,7 @@ struct Server::Impl {
   std::optional<Ticket> measuring;
   absl::Mutex tier_times_mutex;
   TierTimes tier_times ABSL_GUARDED_BY(tier_times_mutex);
-  std::unique_ptr<WorkerPool> encoders;
+  std::unique_ptr<WorkerThreads> encoders;
   std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
   DescriptorBudget descriptors;
@@ -132,7 +134,7 @@ void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
       [this](const FrameJob& job) { return render(job); },
       1 + config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max), clock,
       config.slice);
-  encoders = std::make_unique<WorkerPool>(config.encoder_threads);
+  encoders = std::make_unique<WorkerThreads>(config.encoder_threads);
   state.reset(new ServiceState{
       .clock = clock,
       .timers = timers,
@@ -148,8 +150,8 @@ void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
       .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight,
                  !config.token_file.empty()},
       .metrics = *metrics,
-      .call_gate = CallGate("calls", config.max_calls, clock),
-      .session_gate = CallGate("sessions", config.max_sessions, clock),
+      .call_gate = CallGate("calls", config.max_calls),
+      .session_gate = CallGate("sessions", config.max_sessions),
       .sessions = {.keys = std::move(keys),
                    .memory = std::make_shared<ClientMemory>(config.memory_budget_bytes, config.client_share,
                                                             config.idle_timeout / 2)},
@@ -347,11 +349,14 @@ void Server::drain_and_stop(const std::function<void()>& on_drained) {
   ServiceState& state = *impl_->state;
   if (!impl_->devices->gone()) impl_->clock.sleep(impl_->config.pre_drain);
   const absl::Time deadline = impl_->clock.now() + impl_->config.drain_timeout;
-  state.call_gate.close();
-  state.session_gate.close();
-  for (const std::shared_ptr<SessionCall>& session : state.sessions.table.all()) session->go_away();
-  const bool drained = state.call_gate.wait_until_empty(deadline - impl_->clock.now()) &&
-                       state.session_gate.wait_until_empty(deadline - impl_->clock.now());
+  StopSign all_left(impl_->clock);
+  const std::shared_ptr<Drain> drain =
+      Drain::begin(state.call_gate, state.session_gate, state.sessions.table, [&all_left](bool in_time) {
+        if (in_time) all_left.give();
+      });
+  all_left.comes_within(deadline - impl_->clock.now());
+  drain->on_time();
+  const bool drained = all_left.is_given();
   if (drained && on_drained) on_drained();
   impl_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
 }

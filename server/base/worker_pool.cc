@@ -6,19 +6,19 @@
 
 namespace candela {
 
-WorkerPool::WorkerPool(uint32_t threads) {
+WorkerThreads::WorkerThreads(uint32_t threads) {
   const uint32_t count = threads > 0 ? threads : usable_cpus();
   for (uint32_t i = 0; i < count; ++i) threads_.emplace_back([this] { work(); });
 }
 
-WorkerPool::~WorkerPool() { stop(); }
+WorkerThreads::~WorkerThreads() { stop(); }
 
-void WorkerPool::run(std::function<void()> task) {
+void WorkerThreads::run(std::function<void()> task) {
   absl::MutexLock lock(&mutex_);
   if (!stopping_) tasks_.push_back(std::move(task));
 }
 
-void WorkerPool::stop() {
+void WorkerThreads::stop() {
   {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
@@ -28,7 +28,7 @@ void WorkerPool::stop() {
   }
 }
 
-void WorkerPool::work() {
+void WorkerThreads::work() {
   for (;;) {
     std::function<void()> task;
     {

@@ -1,4 +1,4 @@
-// A pool of threads that runs tasks in order of arrival.
+// Runs tasks in order of arrival; in the service, on a pool of threads.
 #pragma once
 
 #include <deque>
@@ -14,13 +14,20 @@ namespace candela {
 // Any thread may call it. Use it for work that takes long and that no thread waits for.
 class WorkerPool {
  public:
+  virtual ~WorkerPool() = default;
+  // Calls `task` later, never from inside this function.
+  virtual void run(std::function<void()> task) = 0;
+};
+
+class WorkerThreads final : public WorkerPool {
+ public:
   // 0 threads means usable_cpus().
-  explicit WorkerPool(uint32_t threads);
+  explicit WorkerThreads(uint32_t threads);
   // Calls stop().
-  ~WorkerPool();
+  ~WorkerThreads() override;
 
   // After stop(), the task is dropped.
-  void run(std::function<void()> task);
+  void run(std::function<void()> task) override;
 
   // Finishes all tasks that it has. Idempotent.
   void stop();

@@ -33,7 +33,7 @@ class Admission {
     absl::Duration patience = absl::ZeroDuration();
   };
   // Called once, under the call's mutex: within begin(), on the render thread or on a thread of gRPC. Fails
-  // as FrameMaker::allocate and RenderLoop::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there is
+  // as FrameMaker::allocate and RenderSteps::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there is
   // no memory for the look-ahead.
   using Done = std::function<void(absl::StatusOr<std::shared_ptr<Frame>>)>;
 

@@ -6,7 +6,6 @@
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/message_wire.h"
-#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
 #include "server/rpc/wire/parse_request.h"
@@ -14,17 +13,17 @@
 
 namespace candela {
 
-RenderCall* RenderCall::begin(grpc::CallbackServerContext* context, ServiceState& state, Work work) {
-  std::shared_ptr<RenderCall> call(new RenderCall(context, state, work));
+std::shared_ptr<ServerCall> RenderCall::begin(CallTransport& transport, ServiceState& state, Work work) {
+  std::shared_ptr<RenderCall> call(new RenderCall(transport, state, work));
   call->start();
-  return call.get();
+  return call;
 }
 
-RenderCall::RenderCall(grpc::CallbackServerContext* context, ServiceState& state, Work work)
-    : ServerCall(*context, state, state.call_gate),
+RenderCall::RenderCall(CallTransport& transport, ServiceState& state, Work work)
+    : ServerCall(transport, state, state.call_gate),
       service_(state),
       work_(work),
-      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
+      client_(absl::HashOf(transport.identity(state.limits.tokens))),
       flow_(client_ << 1),
       admission_(*this, state, client_),
       begun_(clock_.now()),
@@ -33,10 +32,10 @@ RenderCall::RenderCall(grpc::CallbackServerContext* context, ServiceState& state
 void RenderCall::on_entered() {
   visit_.emplace(service_.sessions.memory->presence(), client_);
   watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
-  StartRead(&incoming_);
+  transport_.start_read(&incoming_);
 }
 
-void RenderCall::OnReadDone(bool ok) {
+void RenderCall::on_read_done(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
   last_progress_ = clock_.now();
@@ -78,7 +77,7 @@ absl::Status RenderCall::take_start() {
   }
   bands_.emplace(v1::kFrameBand, start_->desc, start_->row_stride_bytes);
   state_ = State::kFirstBand;
-  StartRead(&incoming_);
+  transport_.start_read(&incoming_);
   return absl::OkStatus();
 }
 
@@ -94,7 +93,7 @@ void RenderCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   state_ = State::kBands;
   last_progress_ = clock_.now();
   admitted_ = last_progress_;
-  if (!bands_) return StartRead(&incoming_);  // the half-close
+  if (!bands_) return transport_.start_read(&incoming_);  // the half-close
   if (absl::Status status = take_band(); !status.ok()) finish(status);
 }
 
@@ -103,18 +102,18 @@ absl::Status RenderCall::take_band() {
   FrameMemory& memory = frame_->memory;
   absl::Status status = bands_->read(incoming_, [&memory](uint32_t y) { return memory.input_row(y); });
   incoming_.Clear();
-  if (status.ok()) StartRead(&incoming_);
+  if (status.ok()) transport_.start_read(&incoming_);
   return status;
 }
 
 absl::Status RenderCall::enqueue() {
   // gRPC reports a client that vanished as one that half-closed.
-  if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
+  if (transport_.is_cancelled()) return absl::CancelledError("call was cancelled");
   if (bands_) {
     RETURN_IF_ERROR(bands_->check_complete());
   }
   FrameJob job{.frame = frame_, .work = work_, .ordered = false, .flow = flow_};
-  job.deadline = absl::FromChrono(context_.deadline());
+  job.deadline = transport_.deadline();
   job.decide = [exposure = frame_->settings->exposure(), previous = start_->previous,
                 given = start_->given](const FrameStats& stats) {
     return expose(exposure, previous, stats.metered_mean(), given);
@@ -150,7 +149,7 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   send_next();
 }
 
-void RenderCall::OnWriteDone(bool ok) {
+void RenderCall::on_write_done(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
   if (!ok) return finish(absl::CancelledError("client went away before it had its result"));
@@ -161,7 +160,7 @@ void RenderCall::OnWriteDone(bool ok) {
 void RenderCall::send_next() {
   if (!result_->next(outgoing_)) return finish(absl::OkStatus());
   service_.metrics.bytes_out(outgoing_.Length());
-  StartWrite(&outgoing_);
+  transport_.start_write(&outgoing_);
 }
 
 void RenderCall::count_end(const absl::Status& status) {
@@ -181,7 +180,7 @@ void RenderCall::on_finish(const absl::Status& status, const std::string& messag
   if (state_ == State::kQueued) service_.rendering.loop.cancel(ticket_);
   count_end(status);
   log_event(LogLevel::kInfo, "render call ended",
-            {{"peer", client_address(context_)},
+            {{"peer", transport_.peer()},
              {"sequence", start_ ? start_->sequence : 0},
              {"status", absl::StatusCodeToString(status.code())},
              {"message", message}});
@@ -207,7 +206,7 @@ void RenderCall::on_idle() {
   }
   if (idle < idle_timeout()) return watch_idle(std::min(idle_timeout() - idle, ClientMemory::kLookInterval));
   // A write that nobody reads never ends, and no status could follow it.
-  if (state_ == State::kSending) return context_.TryCancel();
+  if (state_ == State::kSending) return transport_.cancel();
   give_up_on_client(absl::DeadlineExceededError(
       absl::StrFormat("nothing arrived for %s, this server's idle timeout; send the frame without pauses",
                       absl::FormatDuration(idle_timeout()))));

@@ -1,7 +1,6 @@
 // One Render or Meter call: the protocol from its start message to its last band.
 #pragma once
 
-#include <grpcpp/server_context.h>
 #include <grpcpp/support/byte_buffer.h>
 
 #include <memory>
@@ -29,15 +28,15 @@ namespace candela {
 class RenderCall final : public ServerCall {
  public:
   // `state` outlives the call. kMeter answers with one MeterResponse.
-  static RenderCall* begin(grpc::CallbackServerContext* context, ServiceState& state, Work work);
+  static std::shared_ptr<ServerCall> begin(CallTransport& transport, ServiceState& state, Work work);
 
-  void OnReadDone(bool ok) override;
-  void OnWriteDone(bool ok) override;
+  void on_read_done(bool ok) override;
+  void on_write_done(bool ok) override;
 
  private:
   enum class State { kStart, kFirstBand, kAdmission, kBands, kQueued, kSending };
 
-  RenderCall(grpc::CallbackServerContext* context, ServiceState& state, Work work);
+  RenderCall(CallTransport& transport, ServiceState& state, Work work);
   std::shared_ptr<RenderCall> self() { return std::static_pointer_cast<RenderCall>(shared_from_this()); }
 
   void on_entered() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -61,8 +60,8 @@ class RenderCall final : public ServerCall {
   const ClientId client_;
   const Flow flow_;  // of the client, however many connections it has
   std::optional<ClientPresence::Visit> visit_ ABSL_GUARDED_BY(mutex_);
-  grpc::ByteBuffer incoming_;  // belongs to gRPC between StartRead and OnReadDone
-  grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
+  grpc::ByteBuffer incoming_;  // belongs to the transport until on_read_done
+  grpc::ByteBuffer outgoing_;  // belongs to the transport until on_write_done
   Admission admission_ ABSL_GUARDED_BY(mutex_);
   State state_ ABSL_GUARDED_BY(mutex_) = State::kStart;
   std::optional<RenderStart> start_ ABSL_GUARDED_BY(mutex_);

@@ -7,6 +7,7 @@
 #include "server/render/self_test.h"
 #include "server/rpc/environments/bake_environment_call.h"
 #include "server/rpc/environments/put_environment_call.h"
+#include "server/rpc/grpc_call.h"
 #include "server/rpc/render_call.h"
 #include "server/rpc/stream_call.h"
 #include "server/rpc/wire/status.h"
@@ -40,26 +41,33 @@ RenderService::RenderService(ServiceState& state, std::function<PoolCounters()> 
                              v1::GetServerInfoResponse info)
     : state_(state), pool_(std::move(pool)), info_(std::move(info)), started_(state.clock.now()) {
   MarkMethodRawCallback(kMeterIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
-                          return RenderCall::begin(context, state, Work::kMeter);
+                          return serve_call(context, [&](CallTransport& transport) {
+                            return RenderCall::begin(transport, state, Work::kMeter);
+                          });
                         }));
   MarkMethodRawCallback(kPutEnvironmentIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
-                          return PutEnvironmentCall::begin(context, state);
+                          return serve_call(context, [&](CallTransport& transport) {
+                            return PutEnvironmentCall::begin(transport, state);
+                          });
                         }));
   // Says that gRPC does not read the one request itself.
   MarkMethodStreamed(kBakeEnvironmentIndex, nullptr);
   MarkMethodRawCallback(kBakeEnvironmentIndex, new RawHandler([&state](grpc::CallbackServerContext* context) {
-                          return BakeEnvironmentCall::begin(context, state);
+                          return serve_call(context, [&](CallTransport& transport) {
+                            return BakeEnvironmentCall::begin(transport, state);
+                          });
                         }));
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Render(
     grpc::CallbackServerContext* context) {
-  return RenderCall::begin(context, state_, Work::kRender);
+  return serve_call(
+      context, [&](CallTransport& transport) { return RenderCall::begin(transport, state_, Work::kRender); });
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* RenderService::Stream(
     grpc::CallbackServerContext* context) {
-  return StreamCall::begin(context, state_);
+  return serve_call(context, [&](CallTransport& transport) { return StreamCall::begin(transport, state_); });
 }
 
 grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerContext* context,

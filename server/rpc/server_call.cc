@@ -12,8 +12,8 @@ constexpr int kMaxUploadTimeouts = 10;  // the longest upload of one frame, in i
 
 }  // namespace
 
-ServerCall::ServerCall(grpc::CallbackServerContext& context, ServiceState& state, CallGate& gate)
-    : context_(context),
+ServerCall::ServerCall(CallTransport& transport, ServiceState& state, CallGate& gate)
+    : transport_(transport),
       clock_(state.clock),
       timers_(state.timers),
       gate_(gate),
@@ -21,13 +21,12 @@ ServerCall::ServerCall(grpc::CallbackServerContext& context, ServiceState& state
 
 void ServerCall::start() {
   absl::MutexLock lock(&mutex_);
-  self_ = shared_from_this();
   if (absl::Status status = gate_.enter(); !status.ok()) return finish(status);
   inside_ = true;
   on_entered();
 }
 
-void ServerCall::OnCancel() {
+void ServerCall::on_cancel() {
   absl::MutexLock lock(&mutex_);
   if (!finished_) finish(absl::CancelledError("call was cancelled"));
 }
@@ -40,17 +39,16 @@ void ServerCall::finish(const absl::Status& status) {
     gate_.give_up_place();
     watch_idle(idle_timeout_);
   }
-  Finish(told);
+  transport_.finish(told);
 }
 
-void ServerCall::OnDone() {
-  std::shared_ptr<ServerCall> self;  // outlives the lock
+void ServerCall::on_done() {
   bool inside = false;
   {
     absl::MutexLock lock(&mutex_);
     idle_timer_.reset();
     inside = inside_;
-    self = std::move(self_);
+    done_ = true;
   }
   if (inside) gate_.leave();
 }
@@ -84,10 +82,10 @@ absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Durati
 void ServerCall::on_timer() {
   absl::MutexLock lock(&mutex_);
   if (!finished_) return on_idle();
-  // The peer reads nothing, so gRPC cannot even deliver the status: leave now. After OnDone, which resets
-  // self_, the call has already left.
-  if (self_ != nullptr && std::exchange(inside_, false)) {
-    context_.TryCancel();
+  // The peer reads nothing, so gRPC cannot even deliver the status: leave now. After on_done, the call has
+  // already left.
+  if (!done_ && std::exchange(inside_, false)) {
+    transport_.cancel();
     gate_.leave();
   }
 }

@@ -1,10 +1,6 @@
 // The life of one call: its ownership, its place in a gate, its idle timer and its one end.
 #pragma once
 
-#include <grpcpp/server_context.h>
-#include <grpcpp/support/byte_buffer.h>
-#include <grpcpp/support/server_callback.h>
-
 #include <functional>
 #include <memory>
 #include <string>
@@ -16,19 +12,24 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "server/base/clock.h"
+#include "server/rpc/call_transport.h"
 #include "server/rpc/service_state.h"
 
 namespace candela {
 
-// A call owns itself until gRPC calls OnDone. It gives its place in the gate up when it finishes, and leaves
-// in OnDone or, if the peer is dead, one idle timeout after it finished. Methods without a note may be
-// called from any thread. gRPC calls the reactions; the mutex is never held for longer than the copy of one
-// band.
-class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
-                   public std::enable_shared_from_this<ServerCall> {
+// Its transport owns a call until on_done. The call gives its place in the gate up when it finishes, and
+// leaves in on_done or, if the peer is dead, one idle timeout after it finished. Methods without a note may
+// be called from any thread. The mutex is never held for longer than the copy of one band.
+class ServerCall : public std::enable_shared_from_this<ServerCall> {
  public:
-  void OnCancel() final;
-  void OnDone() final;
+  virtual ~ServerCall() = default;
+
+  // The transport's events. `ok` says that there is a message, or that it was written.
+  virtual void on_read_done(bool ok) = 0;
+  virtual void on_write_done(bool ok) = 0;
+  void on_cancel() ABSL_LOCKS_EXCLUDED(mutex_);
+  // The last one: the call does not use its transport any more.
+  void on_done() ABSL_LOCKS_EXCLUDED(mutex_);
 
   // Calls `then` under the mutex, unless the call has finished.
   void if_running(absl::FunctionRef<void()> then) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -39,12 +40,12 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
 
  protected:
   // `state` and its `gate` outlive the call.
-  ServerCall(grpc::CallbackServerContext& context, ServiceState& state, CallGate& gate);
+  ServerCall(CallTransport& transport, ServiceState& state, CallGate& gate);
 
-  // Takes ownership and enters the gate: on_entered() follows, or finish() if the gate refuses.
+  // Enters the gate: on_entered() follows, or finish() if the gate refuses.
   void start() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  // Calls on_finish() and Finish. At most once, and nothing else may be started after it.
+  // Calls on_finish() and the transport's finish(). At most once, and nothing else may be started after it.
   void finish(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool finished() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return finished_; }
   bool inside() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return inside_; }
@@ -63,7 +64,7 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
   virtual void on_finish(const absl::Status& status, const std::string& message)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
 
-  grpc::CallbackServerContext& context_;
+  CallTransport& transport_;  // until on_done
   Clock& clock_;
   absl::Mutex mutex_;
 
@@ -74,9 +75,9 @@ class ServerCall : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBu
   Timers& timers_;
   CallGate& gate_;
   const absl::Duration idle_timeout_;
-  std::shared_ptr<ServerCall> self_ ABSL_GUARDED_BY(mutex_);  // until OnDone
-  bool inside_ ABSL_GUARDED_BY(mutex_) = false;               // the gate, and has not left
+  bool inside_ ABSL_GUARDED_BY(mutex_) = false;  // the gate, and has not left
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
+  bool done_ ABSL_GUARDED_BY(mutex_) = false;
   std::unique_ptr<Timer> idle_timer_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -13,7 +13,7 @@
 #include "server/base/worker_pool.h"
 #include "server/render/frame_maker.h"
 #include "server/render/tier_times.h"
-#include "server/schedule/render_loop.h"
+#include "server/schedule/render_steps.h"
 #include "server/session/environments/environment_store.h"
 #include "server/session/limits/call_gate.h"
 #include "server/session/sessions.h"
@@ -24,7 +24,7 @@ namespace candela {
 struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
   std::function<std::shared_ptr<FrameMaker>()> renderer;
-  RenderLoop& loop;
+  RenderSteps& loop;
   // Of the device that the server started with; empty until they are measured.
   std::function<TierTimes()> tier_times;
   WorkerPool& encoders;

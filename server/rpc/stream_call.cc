@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "absl/hash/hash.h"
-#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
 #include "server/rpc/wire/parse_request.h"
@@ -24,17 +23,17 @@ StreamCall::Open::Open(OpenedSession opened, const ServiceState& state, ClientId
   if (session.resumed) settings.resume(session.point.sequence);
 }
 
-StreamCall* StreamCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
-  std::shared_ptr<StreamCall> call(new StreamCall(context, state));
+std::shared_ptr<ServerCall> StreamCall::begin(CallTransport& transport, ServiceState& state) {
+  std::shared_ptr<StreamCall> call(new StreamCall(transport, state));
   call->start();
-  return call.get();
+  return call;
 }
 
-StreamCall::StreamCall(grpc::CallbackServerContext* context, ServiceState& state)
-    : ServerCall(*context, state, state.session_gate),
+StreamCall::StreamCall(CallTransport& transport, ServiceState& state)
+    : ServerCall(transport, state, state.session_gate),
       state_(state),
       flow_(state.sessions.next_flow.fetch_add(2)),
-      client_(absl::HashOf(client_identity(*context, state.limits.tokens))),
+      client_(absl::HashOf(transport.identity(state.limits.tokens))),
       admission_(*this, state, client_),
       last_read_(clock_.now()),
       last_write_(last_read_) {}
@@ -55,10 +54,10 @@ void StreamCall::read_on() {
   if (!wanted) return;
   read_pending_ = true;
   last_read_ = clock_.now();
-  StartRead(&incoming_);
+  transport_.start_read(&incoming_);
 }
 
-void StreamCall::OnReadDone(bool ok) {
+void StreamCall::on_read_done(bool ok) {
   absl::MutexLock lock(&mutex_);
   read_pending_ = false;
   if (ending()) return;
@@ -106,9 +105,8 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
   open_.emplace(*std::move(opened), state_, client_);
   const OpenedSession& session = open_->session;
   state_.metrics.session_began();
-  log_event(
-      LogLevel::kInfo, session.resumed ? "session resumed" : "session opened",
-      {{"session", session.start.session}, {"peer", client_address(context_)}, {"epoch", session.epoch}});
+  log_event(LogLevel::kInfo, session.resumed ? "session resumed" : "session opened",
+            {{"session", session.start.session}, {"peer", transport_.peer()}, {"epoch", session.epoch}});
   v1::StreamResponse response;
   response.mutable_opened()->set_session(session.start.session);
   response.mutable_opened()->set_max_frames_in_flight(state_.limits.max_frames_in_flight);
@@ -193,7 +191,7 @@ absl::Status StreamCall::take_band(grpc::ByteBuffer& message) {
 
 absl::Status StreamCall::take_half_close() {
   // gRPC reports a client that vanished as one that half-closed.
-  if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
+  if (transport_.is_cancelled()) return absl::CancelledError("call was cancelled");
   if (reading_ == Reading::kOpen) {
     return absl::InvalidArgumentError("call was half-closed before its open message");
   }
@@ -207,7 +205,7 @@ absl::Status StreamCall::take_half_close() {
 
 // Writing.
 
-void StreamCall::OnWriteDone(bool ok) {
+void StreamCall::on_write_done(bool ok) {
   absl::MutexLock lock(&mutex_);
   write_pending_ = false;
   outgoing_.Clear();  // it would hold the memory of the frame until the next write
@@ -223,7 +221,7 @@ void StreamCall::write_on() {
     write_pending_ = true;
     last_write_ = clock_.now();
     state_.metrics.bytes_out(outgoing_.Length());
-    StartWrite(&outgoing_);
+    transport_.start_write(&outgoing_);
   } else if (open_->frames.empty() && reading_ == Reading::kClosed) {
     return finish(ending_.value_or(absl::OkStatus()));
   }
@@ -282,7 +280,7 @@ void StreamCall::log_failure(const Entry& entry, const absl::Status& status) {
   log_event(LogLevel::kInfo, "frame failed",
             {{"session", open_->session.start.session},
              {"sequence", entry.sequence},
-             {"peer", client_address(context_)},
+             {"peer", transport_.peer()},
              {"status", absl::StatusCodeToString(status.code())},
              {"message", status.message()}});
 }
@@ -290,7 +288,7 @@ void StreamCall::log_failure(const Entry& entry, const absl::Status& status) {
 void StreamCall::on_finish(const absl::Status& status, const std::string& message) {
   log_event(LogLevel::kInfo, "session ended",
             {{"session", open_ ? open_->session.start.session : ""},
-             {"peer", client_address(context_)},
+             {"peer", transport_.peer()},
              {"sequence", sequence_},
              {"answered", open_ ? open_->frames.answered() : 0},
              {"status", absl::StatusCodeToString(status.code())},

@@ -1,7 +1,6 @@
 // One Stream call: the protocol of a session, from its open message to its last result.
 #pragma once
 
-#include <grpcpp/server_context.h>
 #include <grpcpp/support/byte_buffer.h>
 
 #include <cstdint>
@@ -35,10 +34,10 @@ namespace candela {
 class StreamCall final : public ServerCall, public SessionCall {
  public:
   // `state` outlives the call.
-  static StreamCall* begin(grpc::CallbackServerContext* context, ServiceState& state);
+  static std::shared_ptr<ServerCall> begin(CallTransport& transport, ServiceState& state);
 
-  void OnReadDone(bool ok) override;
-  void OnWriteDone(bool ok) override;
+  void on_read_done(bool ok) override;
+  void on_write_done(bool ok) override;
 
   void go_away() override;
   void give_up() override;
@@ -58,7 +57,7 @@ class StreamCall final : public ServerCall, public SessionCall {
     StreamAnswers answers;
   };
 
-  StreamCall(grpc::CallbackServerContext* context, ServiceState& state);
+  StreamCall(CallTransport& transport, ServiceState& state);
   std::shared_ptr<StreamCall> self() { return std::static_pointer_cast<StreamCall>(shared_from_this()); }
 
   void on_entered() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -118,8 +117,8 @@ class StreamCall final : public ServerCall, public SessionCall {
   const Flow flow_;
   const ClientId client_;
   std::optional<ClientPresence::Visit> visit_ ABSL_GUARDED_BY(mutex_);
-  grpc::ByteBuffer incoming_;  // belongs to gRPC between StartRead and OnReadDone
-  grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
+  grpc::ByteBuffer incoming_;  // belongs to the transport until on_read_done
+  grpc::ByteBuffer outgoing_;  // belongs to the transport until on_write_done
   std::optional<Open> open_ ABSL_GUARDED_BY(mutex_);
   Admission admission_ ABSL_GUARDED_BY(mutex_);
   EnvironmentUse environment_

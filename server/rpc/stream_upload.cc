@@ -54,7 +54,7 @@ void StreamCall::on_idle() {
   const absl::Time now = clock_.now();
   const absl::Duration timeout = idle_timeout();
   // A write that nobody reads never ends, and no status could follow it.
-  if (write_pending_ && now - last_write_ >= timeout) return context_.TryCancel();
+  if (write_pending_ && now - last_write_ >= timeout) return transport_.cancel();
   if (reading_ == Reading::kBands || reading_ == Reading::kPassing) {
     const Entry& entry = *open_->frames.newest();
     const absl::Status slow =

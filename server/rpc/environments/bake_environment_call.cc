@@ -141,10 +141,10 @@ absl::Status BakeEnvironmentCall::Work::download(const BakedCube& cube) {
   return absl::OkStatus();
 }
 
-BakeEnvironmentCall* BakeEnvironmentCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
-  std::shared_ptr<BakeEnvironmentCall> call(new BakeEnvironmentCall(*context, state));
+std::shared_ptr<ServerCall> BakeEnvironmentCall::begin(CallTransport& transport, ServiceState& state) {
+  std::shared_ptr<BakeEnvironmentCall> call(new BakeEnvironmentCall(transport, state));
   call->start();
-  return call.get();
+  return call;
 }
 
 absl::Status BakeEnvironmentCall::on_read(bool message) {

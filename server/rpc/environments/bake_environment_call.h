@@ -1,8 +1,6 @@
 // One BakeEnvironment call: a request, and the faces of a cube map.
 #pragma once
 
-#include <grpcpp/server_context.h>
-
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,7 +17,7 @@ namespace candela {
 class BakeEnvironmentCall final : public EnvironmentCall {
  public:
   // `state` outlives the call.
-  static BakeEnvironmentCall* begin(grpc::CallbackServerContext* context, ServiceState& state);
+  static std::shared_ptr<ServerCall> begin(CallTransport& transport, ServiceState& state);
 
  private:
   struct Work;

@@ -5,25 +5,24 @@
 
 #include "absl/hash/hash.h"
 #include "absl/strings/str_format.h"
-#include "server/access/client_identity.h"
 #include "server/base/status_macros.h"
 #include "server/schedule/frame_metrics.h"
 
 namespace candela {
 
-EnvironmentCall::EnvironmentCall(grpc::CallbackServerContext& context, ServiceState& state)
-    : ServerCall(context, state, state.call_gate),
+EnvironmentCall::EnvironmentCall(CallTransport& transport, ServiceState& state)
+    : ServerCall(transport, state, state.call_gate),
       state_(state),
-      client_(absl::HashOf(client_identity(context, state.limits.tokens))),
+      client_(absl::HashOf(transport.identity(state.limits.tokens))),
       last_progress_(clock_.now()) {}
 
 void EnvironmentCall::on_entered() {
   visit_.emplace(state_.sessions.memory->presence(), client_);
   watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
-  StartRead(&incoming_);
+  transport_.start_read(&incoming_);
 }
 
-void EnvironmentCall::OnReadDone(bool ok) {
+void EnvironmentCall::on_read_done(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
   last_progress_ = clock_.now();
@@ -44,7 +43,7 @@ absl::Status EnvironmentCall::work(std::function<absl::Status()> task, std::func
     if (!ran.ok()) return call->finish(ran.status());
     then();
   };
-  job.deadline = absl::FromChrono(context_.deadline());
+  job.deadline = transport_.deadline();
   ASSIGN_OR_RETURN(ticket_, state_.rendering.loop.submit(std::move(job)));
   return absl::OkStatus();
 }
@@ -54,10 +53,10 @@ void EnvironmentCall::send(grpc::ByteBuffer message) {
   last_progress_ = clock_.now();
   outgoing_ = std::move(message);
   state_.metrics.bytes_out(outgoing_.Length());
-  StartWrite(&outgoing_);
+  transport_.start_write(&outgoing_);
 }
 
-void EnvironmentCall::OnWriteDone(bool ok) {
+void EnvironmentCall::on_write_done(bool ok) {
   absl::MutexLock lock(&mutex_);
   if (finished()) return;
   if (!ok) return finish(absl::CancelledError("client went away before it had its answer"));
@@ -83,7 +82,7 @@ void EnvironmentCall::on_idle() {
     return watch_idle(std::min(idle_timeout(), ClientMemory::kLookInterval));
   }
   // A write that nobody reads never ends, and no status could follow it.
-  if (sending_) return context_.TryCancel();
+  if (sending_) return transport_.cancel();
   finish(absl::DeadlineExceededError(
       absl::StrFormat("nothing arrived for %s, this server's idle timeout; send without pauses",
                       absl::FormatDuration(idle_timeout()))));

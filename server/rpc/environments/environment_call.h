@@ -2,7 +2,6 @@
 // time.
 #pragma once
 
-#include <grpcpp/server_context.h>
 #include <grpcpp/support/byte_buffer.h>
 
 #include <functional>
@@ -21,7 +20,7 @@ namespace candela {
 class EnvironmentCall : public ServerCall {
  protected:
   // `state` outlives the call.
-  EnvironmentCall(grpc::CallbackServerContext& context, ServiceState& state);
+  EnvironmentCall(CallTransport& transport, ServiceState& state);
 
   // The next message, or the client's half-close if there is none: returns how the call ends, if it ends.
   virtual absl::Status on_read(bool message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
@@ -44,18 +43,18 @@ class EnvironmentCall : public ServerCall {
 
   ServiceState& state_;
   const ClientId client_;
-  grpc::ByteBuffer incoming_;  // belongs to gRPC between StartRead and OnReadDone
+  grpc::ByteBuffer incoming_;  // belongs to the transport until on_read_done
 
  private:
-  void OnReadDone(bool ok) final;
-  void OnWriteDone(bool ok) final;
+  void on_read_done(bool ok) final;
+  void on_write_done(bool ok) final;
   void on_entered() final ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void on_idle() final ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   std::optional<ClientPresence::Visit> visit_ ABSL_GUARDED_BY(mutex_);
   std::optional<Ticket> ticket_ ABSL_GUARDED_BY(mutex_);  // of the job, until it has run
   bool sending_ ABSL_GUARDED_BY(mutex_) = false;
-  grpc::ByteBuffer outgoing_;  // belongs to gRPC between StartWrite and OnWriteDone
+  grpc::ByteBuffer outgoing_;  // belongs to the transport until on_write_done
   absl::Time last_progress_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -6,7 +6,6 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
-#include "server/access/client_identity.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
 #include "server/rpc/wire/parse_request.h"
@@ -84,10 +83,10 @@ absl::StatusOr<EnvironmentUse> PutEnvironmentCall::Work::ingest() {
   return kept;
 }
 
-PutEnvironmentCall* PutEnvironmentCall::begin(grpc::CallbackServerContext* context, ServiceState& state) {
-  std::shared_ptr<PutEnvironmentCall> call(new PutEnvironmentCall(*context, state));
+std::shared_ptr<ServerCall> PutEnvironmentCall::begin(CallTransport& transport, ServiceState& state) {
+  std::shared_ptr<PutEnvironmentCall> call(new PutEnvironmentCall(transport, state));
   call->start();
-  return call.get();
+  return call;
 }
 
 absl::Status PutEnvironmentCall::on_read(bool message) {
@@ -116,7 +115,7 @@ absl::Status PutEnvironmentCall::take_start() {
   id_.emplace(request.start());
   bands_.emplace(v1::kPanoramaBand, start_->layout.desc, start_->layout.row_stride_bytes);
   reading_ = State::kFirstBand;
-  StartRead(&incoming_);
+  transport_.start_read(&incoming_);
   return absl::OkStatus();
 }
 
@@ -158,13 +157,13 @@ absl::Status PutEnvironmentCall::take_band() {
     id_->add(row);
     std::memcpy(work_->upload->row(y).data(), row.data(), row_bytes);
   }
-  StartRead(&incoming_);
+  transport_.start_read(&incoming_);
   return absl::OkStatus();
 }
 
 absl::Status PutEnvironmentCall::take_half_close() {
   // gRPC reports a client that vanished as one that half-closed.
-  if (context_.IsCancelled()) return absl::CancelledError("call was cancelled");
+  if (transport_.is_cancelled()) return absl::CancelledError("call was cancelled");
   if (!bands_) return absl::InvalidArgumentError("call was half-closed before its start message");
   RETURN_IF_ERROR(bands_->check_complete());
   rows_ = {};
@@ -197,7 +196,7 @@ absl::Status PutEnvironmentCall::enqueue() {
 
 void PutEnvironmentCall::answer(const v1::Environment& environment) {
   log_event(LogLevel::kInfo, "environment put",
-            {{"peer", client_address(context_)},
+            {{"peer", transport_.peer()},
              {"id", environment.id()},
              {"had_it", environment.had_it() ? "yes" : "no"}});
   reading_ = State::kWhole;
@@ -210,7 +209,7 @@ void PutEnvironmentCall::on_finish(const absl::Status& status, const std::string
   EnvironmentCall::on_finish(status, message);
   if (!status.ok()) {
     log_event(LogLevel::kInfo, "environment not put",
-              {{"peer", client_address(context_)},
+              {{"peer", transport_.peer()},
                {"status", absl::StatusCodeToString(status.code())},
                {"message", message}});
   }

@@ -1,8 +1,6 @@
 // One PutEnvironment call: a panorama's upload, and what is found out about it.
 #pragma once
 
-#include <grpcpp/server_context.h>
-
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,7 +24,7 @@ namespace candela {
 class PutEnvironmentCall final : public EnvironmentCall {
  public:
   // `state` outlives the call.
-  static PutEnvironmentCall* begin(grpc::CallbackServerContext* context, ServiceState& state);
+  static std::shared_ptr<ServerCall> begin(CallTransport& transport, ServiceState& state);
 
  private:
   enum class State { kStart, kFirstBand, kBands, kWhole };

@@ -27,9 +27,13 @@ void CallGate::give_up_place() {
 }
 
 void CallGate::leave() {
-  absl::MutexLock lock(&mutex_);
-  CHECK(inside_ > 0);
-  --inside_;
+  std::function<void()> then;
+  {
+    absl::MutexLock lock(&mutex_);
+    CHECK(inside_ > 0);
+    if (--inside_ == 0) then = std::exchange(on_empty_, nullptr);
+  }
+  if (then) then();
 }
 
 void CallGate::close() {
@@ -47,10 +51,16 @@ bool CallGate::closed() const {
   return closed_;
 }
 
-bool CallGate::wait_until_empty(absl::Duration timeout) {
-  absl::MutexLock lock(&mutex_);
-  const auto empty = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return inside_ == 0; };
-  return clock_.await(mutex_, absl::Condition(&empty), timeout);
+void CallGate::when_empty(std::function<void()> then) {
+  {
+    absl::MutexLock lock(&mutex_);
+    CHECK(closed_);
+    if (inside_ > 0) {
+      on_empty_ = std::move(then);
+      return;
+    }
+  }
+  then();
 }
 
 }  // namespace candela

@@ -2,23 +2,21 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "absl/synchronization/mutex.h"
-#include "absl/time/time.h"
-#include "server/base/clock.h"
 
 namespace candela {
 
 // Any thread.
 class CallGate {
  public:
-  // `what` names the calls in messages, in the plural. `clock` outlives it.
-  CallGate(std::string what, uint32_t max_calls, Clock& clock)
-      : what_(std::move(what)), max_calls_(max_calls), clock_(clock) {}
+  // `what` names the calls in messages, in the plural.
+  CallGate(std::string what, uint32_t max_calls) : what_(std::move(what)), max_calls_(max_calls) {}
 
   // On OK the call has a place and must give it up, then leave. UNAVAILABLE if the gate is full or closed.
   absl::Status enter();
@@ -31,17 +29,17 @@ class CallGate {
   void close();
   bool closed() const;
   uint32_t places_taken() const;
-  // Waits until every call has left. Returns false if that takes longer than `timeout`.
-  bool wait_until_empty(absl::Duration timeout);
+  // Calls `then` once when no call is inside: at once, or when the last one leaves. The gate is closed.
+  void when_empty(std::function<void()> then);
 
  private:
   const std::string what_;
   const uint32_t max_calls_;
-  Clock& clock_;
   mutable absl::Mutex mutex_;
   uint32_t places_taken_ ABSL_GUARDED_BY(mutex_) = 0;
   uint32_t inside_ ABSL_GUARDED_BY(mutex_) = 0;  // have not left
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+  std::function<void()> on_empty_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela

@@ -12,7 +12,6 @@
 #include "server/base/file_watch.h"
 #include "server/base/net/rate_limit.h"
 #include "server/base/stop_sign.h"
-#include "server/session/limits/call_gate.h"
 #include "tests/support/files.h"
 #include "tests/support/real_clock.h"
 #include "tests/support/virtual_clock.h"
@@ -86,26 +85,6 @@ TEST(OneASecond, LetsOnePassAndCountsTheOthers) {
   clock.advance(absl::Milliseconds(100));
   EXPECT_EQ(limit.pass(clock.now()), 10u);
   EXPECT_EQ(limit.pass(clock.now()), std::nullopt);
-}
-
-TEST(CallGate, ADrainWaitsUntilAllHaveLeftAndNoLonger) {
-  VirtualClock clock;
-  CallGate gate("calls", 2, clock);
-  ASSERT_TRUE(gate.enter().ok());
-  ASSERT_TRUE(gate.enter().ok());
-  EXPECT_TRUE(absl::IsUnavailable(gate.enter()));
-  gate.close();
-  std::thread late([&] { EXPECT_FALSE(gate.wait_until_empty(absl::Seconds(30))); });
-  std::thread soon([&] { EXPECT_TRUE(gate.wait_until_empty(absl::Seconds(31))); });
-  clock.wait_for_waiters(2);
-  gate.give_up_place();
-  gate.leave();
-  gate.give_up_place();
-  clock.advance(absl::Seconds(30));
-  late.join();
-  gate.leave();  // its client was told only now
-  soon.join();
-  EXPECT_TRUE(absl::IsUnavailable(gate.enter()));
 }
 
 TEST(FileWatch, TellsAChangeWhenALookFindsNoFurtherOne) {
