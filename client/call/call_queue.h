@@ -36,8 +36,8 @@ class CallQueue {
   // Makes the current or the next next() return kWoken.
   void wake();
 
-  // For operations, whose tags are CallOperation pointers.
-  grpc::CompletionQueue& grpc() { return queue_; }
+  // For operations. Their tags are CallOperations.
+  grpc::CompletionQueue& completions() { return queue_; }
 
  private:
   grpc::CompletionQueue queue_;

@@ -9,7 +9,7 @@ DuplexCall::DuplexCall(CallQueue& queue, const std::shared_ptr<grpc::Channel>& c
                        const std::string& method, const Metadata& metadata)
     : peer_(std::move(peer)) {
   for (const auto& [key, value] : metadata) context_.AddMetadata(key, value);
-  stream_ = grpc::GenericStub(channel).PrepareCall(&context_, method, &queue.grpc());
+  stream_ = grpc::GenericStub(channel).PrepareCall(&context_, method, &queue.completions());
   stream_->StartCall(&start_);
 }
 
