@@ -45,8 +45,9 @@ struct FrameMoment {
   std::optional<PreviousExposure> previous;  // absent: the frame takes its target at once
 };
 
-// Renderer makes frames; the simulator's only computes with their bytes (tests/support/simulated_maker.h).
-// One thread at a time, except allocate(), bytes_for() and what EnvironmentBaker says.
+// Renderer makes frames; the simulator's only computes with their bytes
+// (tests/support/simulated/frame_maker.h). One thread at a time, except allocate(), bytes_for() and what
+// EnvironmentBaker says.
 class FrameMaker {
  public:
   virtual ~FrameMaker() = default;

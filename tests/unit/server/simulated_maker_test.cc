@@ -1,7 +1,5 @@
 // Frames without a device, through the render loop and a session's exposure, against the model of a session
 // that nothing disturbs.
-#include "tests/support/simulated_maker.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +15,8 @@
 #include "server/schedule/render_loop.h"
 #include "server/session/session_frames.h"
 #include "tests/support/settings.h"
-#include "tests/support/simulated_run.h"
+#include "tests/support/simulated/frame_maker.h"
+#include "tests/support/simulated/undisturbed_run.h"
 #include "tests/support/status.h"
 #include "tests/support/virtual_clock.h"
 

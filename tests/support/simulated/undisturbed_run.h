@@ -7,7 +7,7 @@
 
 #include "server/render/plan/exposure.h"
 #include "server/render/settings/settings.h"
-#include "tests/support/simulated_maker.h"
+#include "tests/support/simulated/frame_maker.h"
 
 namespace candela::testing {
 

@@ -1,4 +1,4 @@
-#include "tests/support/simulated_maker.h"
+#include "tests/support/simulated/frame_maker.h"
 
 #include <algorithm>
 #include <array>

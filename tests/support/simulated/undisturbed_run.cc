@@ -1,4 +1,4 @@
-#include "tests/support/simulated_run.h"
+#include "tests/support/simulated/undisturbed_run.h"
 
 #include <utility>
 
