@@ -20,8 +20,8 @@
 #include "client/session.h"
 #include "client/session_state.h"
 #include "proto/candela/v1/message_wire.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
 #include "tests/unit/client/fake_server.h"
 
 namespace candela {
