@@ -89,8 +89,9 @@ def circle(path: list) -> list:
 
 
 finished = set()
-circles = ["a circle of includes: " + " -> ".join(str(folder) for folder in found + found[:1])
-           for start in sorted(sees) if start not in finished and (found := circle([start])) and found[0] == min(found)]
+circles = list(dict.fromkeys("a circle of includes: " + " -> ".join(str(folder) for folder in found + found[:1])
+                             for start in sorted(sees)
+                             if start not in finished and (found := circle([start])) and found[0] == min(found)))
 
 # The command links both sides, so a type of one name on both would be two definitions of one type.
 TYPE = re.compile(r"^(?:class|struct|enum class) (\w+)[^;{]*\{", re.MULTILINE)

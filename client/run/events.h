@@ -1,4 +1,4 @@
-// What a run tells while it works, so that a command can show it.
+// A run calls these while it works, so that a command can show its progress.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace candela {
 
-// How far a run of many frames is.
+// The progress of a run of many frames.
 struct RunProgress {
   uint64_t done = 0;    // frames, with those that have no image
   uint64_t frames = 0;  // all
@@ -27,7 +27,7 @@ class RunEvents {
   // The work that begins, such as "reading in.exr".
   virtual void begins(const std::string& work) { (void)work; }
   virtual void progress(const RunProgress& progress) { (void)progress; }
-  // What the user should know at once. Any thread.
+  // A note for the user that should not wait for the end. Any thread.
   virtual void note(const std::string& note) { (void)note; }
   // The session lost its server and resumed.
   virtual void resumed(const SessionStats& session) { (void)session; }

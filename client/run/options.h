@@ -1,4 +1,4 @@
-// What a run is told: the options of the commands that render, after parsing.
+// The options of a run: those of the commands that render, after parsing.
 #pragma once
 
 #include <cstdint>

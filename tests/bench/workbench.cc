@@ -5,7 +5,7 @@
 
 #include "server/base/process/driver_environment.h"
 #include "server/render/settings/tiers.h"
-#include "tests/support/real_clock.h"
+#include "tests/support/clock/real_clock.h"
 
 namespace candela::bench {
 namespace {

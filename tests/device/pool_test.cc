@@ -10,9 +10,9 @@
 #include "server/render/environment/panorama_upload.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include "server/session/limits/client_memory.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
-#include "tests/support/virtual_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 
 namespace candela::testing {
 namespace {

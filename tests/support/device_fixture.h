@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "server/render/renderer.h"
-#include "tests/support/real_clock.h"
+#include "tests/support/clock/real_clock.h"
 #include "tests/support/scenes.h"
 
 namespace candela::testing {

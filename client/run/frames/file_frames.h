@@ -21,7 +21,7 @@
 
 namespace candela {
 
-// How the files become frames.
+// Options of the frames that files become.
 struct FileFrameOptions {
   v1::Settings settings;                              // without a table
   absl::Duration timeout = absl::InfiniteDuration();  // of a frame on the server

@@ -30,8 +30,6 @@ class FrameReader {
   // Reads a file that is not in the list.
   absl::StatusOr<Image> read(const std::string& path) const { return read_image(path, limits_, choice_); }
 
-  const std::string& path(size_t index) const { return paths_[index]; }
-
  private:
   void read_ahead();
 

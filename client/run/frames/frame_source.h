@@ -1,4 +1,4 @@
-// Where the frames of a run come from: files, or the cameras of a panorama.
+// What gives a run its frames: files, or cameras in a panorama.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace candela {
 
-// What a frame's image and the report about it need from its source.
+// Facts about a frame that its image and its report need.
 struct FrameFacts {
   int64_t number = 0;
   std::string input;   // its file
@@ -32,7 +32,7 @@ struct FrameFacts {
 };
 
 struct SourceFrame {
-  SessionFrame frame;     // without a frame only its sequence number
+  SessionFrame frame;     // if there is none, only its sequence number is set
   absl::Status status;    // why there is none
   v1::Settings settings;  // only its alpha and its input's primaries count
   FrameFacts facts;
@@ -44,7 +44,7 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
 
-  // How many frames next() returns.
+  // The number of frames.
   virtual uint64_t frames() const = 0;
 
   // The next frame, in the order of their sequence numbers; nothing after the last.

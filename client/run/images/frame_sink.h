@@ -1,4 +1,4 @@
-// Where the images of a run go.
+// What takes the images of a run.
 #pragma once
 
 #include "absl/status/status.h"
@@ -15,7 +15,8 @@ class FrameSink {
   // The frame's image. If it cannot be kept, this call or a later one fails.
   virtual absl::Status image(RunFrame frame, RenderResult image) = 0;
 
-  // The frame has no image: frame.status says why.
+  // The frame has no image of its own. If it is held, it gets the same bytes as the image before it, which
+  // there must be. Otherwise frame.status says why there is none.
   virtual absl::Status none(RunFrame frame) = 0;
 
   // Waits until all images are where they belong.

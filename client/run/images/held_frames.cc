@@ -19,7 +19,7 @@
 namespace candela {
 
 HeldFrames::HeldFrames(const StreamOptions& options, const ShotExposures& shot, const StreamPlan& plan,
-                       HeldFrameOptions alone, ServerLink& link, ImageFiles& images, RunSummary& summary)
+                       HeldFrameOptions alone, ServerLink& link, FrameSink& images, RunSummary& summary)
     : options_(options),
       shot_(shot),
       sequence_(plan.sequence),
@@ -38,29 +38,27 @@ HeldFrames::HeldFrames(const StreamOptions& options, const ShotExposures& shot, 
 absl::Status HeldFrames::image(RunFrame frame, RenderResult image) {
   image_of_ = frame.facts.input;
   next_ = frame.facts.number + 1;
-  const uint64_t place = frame.facts.place;
+  const int64_t number = frame.facts.number;
   RETURN_IF_ERROR(images_.image(std::move(frame), std::move(image)));
-  return repeat_after(place);
+  return repeat_after(number);
 }
 
 absl::Status HeldFrames::none(RunFrame frame) {
-  const uint64_t place = frame.facts.place;
   const int64_t number = frame.facts.number;
-  absl::Status status = holds() ? repeat(std::move(frame)) : images_.none(std::move(frame));
+  RETURN_IF_ERROR(holds() ? repeat(std::move(frame)) : images_.none(std::move(frame)));
   next_ = number + 1;
-  return status.ok() ? repeat_after(place) : status;
+  return repeat_after(number);
 }
 
 bool HeldFrames::holds() const {
   return options_.sequence.missing == MissingFrames::kHold && options_.encoding != v1::ENCODING_NONE;
 }
 
-absl::Status HeldFrames::repeat_after(uint64_t place) {
-  const auto file =
-      std::lower_bound(sequence_.frames.begin(), sequence_.frames.end(), place,
-                       [](const SequenceFrame& frame, uint64_t wanted) { return frame.place < wanted; });
-  CHECK(file != sequence_.frames.end() && file->place == place);
-  return repeat_each(file->holds.size(), place + 1);
+absl::Status HeldFrames::repeat_after(int64_t number) {
+  const size_t index = sequence_.index_of(static_cast<uint64_t>(number - sequence_.zero));
+  CHECK(index < sequence_.frames.size() && sequence_.frames[index].number == number);
+  const SequenceFrame& file = sequence_.frames[index];
+  return repeat_each(file.holds.size(), file.place + 1);
 }
 
 absl::Status HeldFrames::repeat_each(uint64_t count, uint64_t place) {
@@ -107,7 +105,7 @@ absl::Status HeldFrames::repeat(RunFrame frame) {
   }
   frame.held = true;
   facts.input = image_of_;
-  return images_.repeat(std::move(frame));
+  return images_.none(std::move(frame));
 }
 
 // The frame after which the session continues has the exposure of its state.

@@ -12,7 +12,6 @@
 #include "client/run/exposure/shot_exposures.h"
 #include "client/run/frames/file_frames.h"
 #include "client/run/images/frame_sink.h"
-#include "client/run/images/image_files.h"
 #include "client/run/options.h"
 #include "client/run/report.h"
 #include "client/run/server/server_link.h"
@@ -21,7 +20,7 @@
 
 namespace candela {
 
-// What a file outside of the sequence is rendered with.
+// How a file that is not part of the sequence is rendered.
 struct HeldFrameOptions {
   SessionOptions session;  // those that the sequence's session is opened with
   ImageLimits limits;
@@ -33,7 +32,7 @@ class HeldFrames : public FrameSink {
  public:
   // All but `alone` must outlive this.
   HeldFrames(const StreamOptions& options, const ShotExposures& shot, const StreamPlan& plan,
-             HeldFrameOptions alone, ServerLink& link, ImageFiles& images, RunSummary& summary);
+             HeldFrameOptions alone, ServerLink& link, FrameSink& images, RunSummary& summary);
 
   // The missing frames before the first file. Call it before the others.
   absl::Status begin() { return repeat_each(sequence_.holds_before.size(), 0); }
@@ -51,7 +50,8 @@ class HeldFrames : public FrameSink {
 
   // Whether frames without an image get that of the file before.
   bool holds() const;
-  absl::Status repeat_after(uint64_t place);
+  // The missing numbers after the file with this one.
+  absl::Status repeat_after(int64_t number);
   // `count` missing numbers, whose images begin at this place.
   absl::Status repeat_each(uint64_t count, uint64_t place);
   // Gives `frame` the image of the last file before it that has one. If that file is not among the chosen
@@ -68,7 +68,7 @@ class HeldFrames : public FrameSink {
   const std::vector<NamedImage>& named_;
   HeldFrameOptions alone_;
   ServerLink& link_;
-  ImageFiles& images_;
+  FrameSink& images_;
   RunSummary& summary_;
   std::string image_of_;  // the file whose image is the last one; "": there is none
   // Files with smaller numbers are not worth a try: they are image_of_, come before it or are bad.

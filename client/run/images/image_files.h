@@ -30,9 +30,6 @@ class ImageFiles : public FrameSink {
   absl::Status none(RunFrame frame) override { return add({std::move(frame), {}}); }
   absl::Status finish() override;
 
-  // The frame gets the same bytes as the image before it, which there must be.
-  absl::Status repeat(RunFrame frame) { return add({std::move(frame), {}}); }
-
  private:
   struct Entry {
     RunFrame frame;

@@ -8,7 +8,7 @@ std::optional<SourceFrame> ViewFrames::next() {
   if (next_ == scene_.frames()) return std::nullopt;
   const uint64_t index = next_++;
   SourceFrame made;
-  made.settings = without_panorama(options_.settings);
+  made.settings = settings_;
   made.facts = {.number = static_cast<int64_t>(index),
                 .input = options_.panorama,
                 .place = index,

@@ -22,7 +22,8 @@ class ViewFrames : public FrameSource {
         scene_(scene),
         file_(file),
         environment_(std::move(environment)),
-        exposure_(exposure) {}
+        exposure_(exposure),
+        settings_(without_panorama(options.settings)) {}
 
   uint64_t frames() const override { return scene_.frames(); }
   std::optional<SourceFrame> next() override;
@@ -33,6 +34,7 @@ class ViewFrames : public FrameSource {
   const PanoramaFile& file_;
   const std::string environment_;
   const std::optional<double> exposure_;
+  const v1::Settings settings_;
   uint64_t next_ = 0;
 };
 

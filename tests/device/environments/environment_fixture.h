@@ -16,9 +16,9 @@
 #include "server/render/renderer.h"
 #include "server/render/settings/tiers.h"
 #include "shaders/environment/environment.h"
+#include "tests/support/clock/real_clock.h"
 #include "tests/support/driver.h"
 #include "tests/support/files.h"
-#include "tests/support/real_clock.h"
 #include "tests/support/scenes.h"
 #include "tests/support/status.h"
 

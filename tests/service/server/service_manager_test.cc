@@ -17,9 +17,9 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "tests/support/clock/real_clock.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
-#include "tests/support/real_clock.h"
 
 namespace candela::testing {
 namespace {

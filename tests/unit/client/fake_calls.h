@@ -12,7 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/session_driver.h"
-#include "tests/support/virtual_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 
 namespace candela {
 

@@ -19,8 +19,8 @@
 #include "client/call/retry/retry_schedule.h"
 #include "client/session.h"
 #include "proto/candela/v1/message_wire.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
 #include "tests/unit/client/fake_server.h"
 
 namespace candela {

@@ -12,9 +12,9 @@
 #include "server/base/file_watch.h"
 #include "server/base/net/rate_limit.h"
 #include "server/base/stop_sign.h"
+#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/files.h"
-#include "tests/support/real_clock.h"
-#include "tests/support/virtual_clock.h"
 
 namespace candela {
 namespace {

@@ -10,9 +10,9 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "tests/support/real_clock.h"
+#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
 
 namespace candela {
 namespace {

@@ -10,8 +10,8 @@
 #include "absl/synchronization/mutex.h"
 #include "server/accept_loop.h"
 #include "server/base/net/listening_socket.h"
-#include "tests/support/real_clock.h"
-#include "tests/support/virtual_clock.h"
+#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 
 namespace candela {
 namespace {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "absl/synchronization/notification.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
 
 namespace candela {
 namespace {

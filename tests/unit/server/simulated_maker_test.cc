@@ -18,7 +18,7 @@
 #include "tests/support/simulated/frame_maker.h"
 #include "tests/support/simulated/undisturbed_run.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 
 namespace candela {
 namespace {

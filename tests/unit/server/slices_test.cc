@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "absl/time/clock.h"
-#include "tests/support/real_clock.h"
-#include "tests/support/virtual_clock.h"
+#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 
 namespace candela {
 namespace {

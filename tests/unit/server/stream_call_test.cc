@@ -10,7 +10,7 @@
 #include "proto/candela/v1/message_wire.h"
 #include "server/session/drain.h"
 #include "tests/support/status.h"
-#include "tests/support/virtual_clock.h"
+#include "tests/support/clock/virtual_clock.h"
 
 namespace candela::testing {
 namespace {

@@ -45,24 +45,16 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
   return absl::OkStatus();
 }
 
-absl::Status render_one(const RenderOptions& options, const RenderJob& job, JsonOutput& json,
-                        Progress& progress) {
-  RunDisplay display(options.quiet, json, progress);
-  Run run(options, display);
-  RETURN_IF_ERROR(run.read_exposure());
-  RETURN_IF_ERROR(run.bake());
-  const absl::StatusOr<RenderReport> report = render_file(options, job, /*only=*/true, run, display);
+absl::Status render_one(const RenderOptions& options, const RenderJob& job, Run& run, RunEvents& events,
+                        JsonOutput& json, Progress& progress) {
+  const absl::StatusOr<RenderReport> report = render_file(options, job, /*only=*/true, run, events);
   progress.clear();
   if (!report.ok()) return about_input(report.status(), job.input);
   return tell(*report, options.quiet, options.verbose, json);
 }
 
-absl::Status render_folder(const RenderOptions& options, const std::vector<RenderJob>& jobs, JsonOutput& json,
-                           Progress& progress) {
-  RunDisplay display(options.quiet, json, progress);
-  Run run(options, display);
-  RETURN_IF_ERROR(run.read_exposure());
-  RETURN_IF_ERROR(run.bake());
+absl::Status render_folder(const RenderOptions& options, const std::vector<RenderJob>& jobs, Run& run,
+                           JsonOutput& json, Progress& progress) {
   const auto render = [&](const RenderJob& job) {
     RunEvents silent;
     return render_file(options, job, /*only=*/false, run, silent);
@@ -79,8 +71,12 @@ absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   if (!plan.hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(plan.hidden));
-  return options.extension.empty() ? render_one(options, jobs.front(), json, progress)
-                                   : render_folder(options, jobs, json, progress);
+  RunDisplay display(options.quiet, json, progress);
+  Run run(options, display);
+  RETURN_IF_ERROR(run.read_exposure());
+  RETURN_IF_ERROR(run.bake());
+  return options.extension.empty() ? render_one(options, jobs.front(), run, display, json, progress)
+                                   : render_folder(options, jobs, run, json, progress);
 }
 
 constexpr char kRenderExamples[] =
