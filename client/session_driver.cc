@@ -65,16 +65,19 @@ void SessionDriver::next_call() {
 void SessionDriver::end_call() {
   last_ = stream_->end();
   stream_.reset();
-  const bool lacking = absl::IsNotFound(last_.status);
-  if (last_.progress || !lacking) put_on_.reset();
-  if (lacking && put_on_ != server_) {
+  if (last_.progress) put_.clear();
+  if (absl::IsNotFound(last_.status)) {
     unput_ = state_.panoramas();
+    for (const std::string& id : put_) unput_.erase(id);
     if (put_next()) return;
+    // It had them all, and has lost one again. It is left as if it were lost itself.
+    last_.resume = !put_.empty();
   }
   call_failed();
 }
 
-// The server lacks the environment of a view. It gets the panoramas of all views that have no result yet.
+// The server lacks the environment of a view. It gets the panoramas of all views that have no result yet, one
+// after the other, and none twice in a row.
 bool SessionDriver::put_next() {
   if (unput_.empty() || state_.cancelled()) return false;
   phase_ = Phase::kPutting;
@@ -86,11 +89,9 @@ void SessionDriver::on_put(const absl::StatusOr<v1::Environment>& put) {
   CHECK(phase_ == Phase::kPutting);
   const std::string id = unput_.begin()->first;
   if (put.ok() && put->id() == id) {
+    put_.insert(id);
     unput_.erase(unput_.begin());
-    if (unput_.empty()) {
-      put_on_ = server_;
-      return next_call();
-    }
+    if (unput_.empty()) return next_call();
     return put_next() ? void() : call_failed();
   }
   last_.status = put.ok() ? absl::InvalidArgumentError(absl::StrFormat(
@@ -102,6 +103,7 @@ void SessionDriver::on_put(const absl::StatusOr<v1::Environment>& put) {
 
 // The session goes on after the last call, or ends with it.
 void SessionDriver::call_failed() {
+  put_.clear();
   if (last_.status.ok() || !last_.resume || state_.cancelled()) return end(last_.status);
   schedule_.failed(clock_.now(), last_.retry_delay, last_.progress);
   return state_.was_open() ? pause_after_loss() : pause_before_open();

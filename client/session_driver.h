@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <optional>
+#include <set>
 #include <string>
 
 #include "absl/status/status.h"
@@ -70,7 +70,7 @@ class SessionDriver {
   absl::Time pause_until_;
   absl::Time pause_limit_ = absl::InfiniteFuture();  // when an open session is given up
   std::map<std::string, std::shared_ptr<const Panorama>> unput_;
-  std::optional<size_t> put_on_;  // got the panoramas, and no call has ended since
+  std::set<std::string> put_;  // environments that server_ was given since the last call that it answered
 };
 
 }  // namespace candela

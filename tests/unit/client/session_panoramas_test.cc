@@ -73,15 +73,20 @@ TEST(SessionPanoramas, EachServerThatItResumesOnGetsThePanoramas) {
   EXPECT_EQ(got.puts, (std::vector<std::string>{"zero", "zero", "one", "one"}));
 }
 
-TEST(SessionPanoramas, AServerThatForgetsAPanoramaAtOnceEndsIt) {
-  const Views got = run_views(1, right, [](FakeSession& session) {
+TEST(SessionPanoramas, AServerThatForgetsThemAtOnceIsLeft) {
+  const auto forgets = [](FakeSession& session) {
     session.servers.on_open = [&session](size_t server) {
-      session.servers.environments[server].clear();
+      if (server == 0) session.servers.environments[server].clear();
       return grpc::Status::OK;
     };
-  });
-  EXPECT_EQ(got.status, absl::NotFoundError("no environment sun"));
-  EXPECT_EQ(got.puts.size(), 2u);
+  };
+  const Views alone = run_views(1, right, forgets);
+  EXPECT_REFUSED(kUnavailable, "no server has taken the session on for 30s: no environment sun",
+                 alone.status);
+  EXPECT_GT(alone.puts.size(), 4u) << "it is asked again until then";
+  const Views moved = run_views(2, right, forgets);
+  EXPECT_OK(moved.status);
+  EXPECT_EQ(moved.puts, (std::vector<std::string>{"zero", "zero", "one", "one"}));
 }
 
 TEST(SessionPanoramas, AServerThatForgetsAPanoramaAfterAResultGetsItAgain) {
@@ -93,6 +98,33 @@ TEST(SessionPanoramas, AServerThatForgetsAPanoramaAfterAResultGetsItAgain) {
   });
   EXPECT_OK(got.status);
   EXPECT_EQ(got.puts.size(), 3u) << "both, then the second one";
+}
+
+// With look-ahead the first view waits for the second one, so nothing comes between two calls that lack one.
+TEST(SessionPanoramas, APanoramaOfALaterFrameIsPutAfterTheFirstFrames) {
+  testing::VirtualClock clock;
+  SessionOptions options;
+  options.lookahead = 1;
+  FakeSession session(1, options, clock);
+  std::vector<std::string> puts;
+  const SessionFrame views[] = {view(1, "sun"), view(2, "moon")};
+  session.servers.on_put = [&](size_t, const Panorama& panorama) {
+    v1::Environment environment;
+    environment.set_id(&panorama == views[0].panorama.get() ? "sun" : "moon");
+    puts.push_back(environment.id());
+    return environment;
+  };
+  session.driver.start();
+  session.settle();
+  for (const SessionFrame& view : views) {
+    EXPECT_OK(session.state.submit(view));
+    session.settle();
+  }
+  session.state.finish();
+  while (session.step()) continue;
+  EXPECT_EQ(puts, (std::vector<std::string>{"sun", "moon"}));
+  ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.state.next_result());
+  EXPECT_TRUE(result);
 }
 
 TEST(SessionPanoramas, APutThatFailsEndsItUnlessAnotherServerMayHelp) {
