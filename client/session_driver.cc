@@ -57,7 +57,7 @@ void SessionDriver::next_call() {
   const std::string& address = servers_.address(server_);
   std::optional<SessionState::Start> start = state_.begin_call(address);
   if (!start) return end(absl::CancelledError());
-  stream_ = std::make_unique<SessionStream>(servers_.call(server_, name_), address, *std::move(start),
+  stream_ = std::make_unique<SessionStream>(servers_.call(server_, name_), address, asked_, *std::move(start),
                                             options_, name_, state_, clock_);
   phase_ = Phase::kCalling;
 }
@@ -65,6 +65,7 @@ void SessionDriver::next_call() {
 void SessionDriver::end_call() {
   last_ = stream_->end();
   stream_.reset();
+  asked_ |= last_.asked;
   if (last_.progress) put_.clear();
   if (absl::IsNotFound(last_.status)) {
     unput_ = state_.panoramas();

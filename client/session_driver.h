@@ -65,6 +65,7 @@ class SessionDriver {
   size_t server_ = 0;  // of the current or the last call
   std::unique_ptr<SessionStream> stream_;
   CallEnd last_;          // of the last call
+  bool asked_ = false;    // CallEnd.asked of any call
   absl::Status refusal_;  // of the last server that was reached and has not opened the session
   absl::Time open_by_;    // when the first open is given up, once a server was reached
   absl::Time pause_until_;

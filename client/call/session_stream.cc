@@ -21,15 +21,15 @@ namespace {
 constexpr absl::Duration kOpenLimit = absl::Seconds(10);
 
 // Whether the transport or a stopping server is the reason, rather than something that this session asked
-// for.
-bool may_resume(const grpc::Status& status, bool resuming) {
+// for. `again`: the server may have opened the session on an earlier call.
+bool may_resume(const grpc::Status& status, bool again) {
   switch (status.error_code()) {
     case grpc::UNAVAILABLE:
     case grpc::CANCELLED:
       return true;
     case grpc::ALREADY_EXISTS:
       // The server has not noticed yet that it lost us.
-      return resuming;
+      return again;
     case grpc::INTERNAL:
       return absl::StrContains(status.error_message(), "RST_STREAM");
     case grpc::UNKNOWN:
@@ -78,7 +78,7 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
 
 }  // namespace
 
-SessionStream::SessionStream(std::unique_ptr<ClientCall> call, const std::string& address,
+SessionStream::SessionStream(std::unique_ptr<ClientCall> call, const std::string& address, bool asked_before,
                              SessionState::Start start, const SessionOptions& options,
                              const std::string& name, SessionState& state, Clock& clock)
     : call_(std::move(call)),
@@ -87,6 +87,7 @@ SessionStream::SessionStream(std::unique_ptr<ClientCall> call, const std::string
       state_(state),
       clock_(clock),
       reader_({.image = options.encoding != v1::ENCODING_NONE, .state = wants_state(options)}),
+      asked_before_(asked_before),
       open_request_(open_message(std::move(start), name)),
       open_by_(clock.now() + kOpenLimit) {}
 
@@ -110,6 +111,7 @@ absl::Time SessionStream::deadline() const {
 CallEnd SessionStream::end() const {
   CallEnd end = own_.status.ok() ? how_it_ended() : own_;
   end.progress = progress_;
+  end.asked = asked_ && call_->connected();
   return end;
 }
 
@@ -193,8 +195,8 @@ CallEnd SessionStream::how_it_ended() const {
   // previous call, if its open message came late.
   const bool was_open = state_.was_open();
   const bool by_itself = status.error_code() == grpc::ABORTED && was_open && !answered_;
-  return {call_->error(), by_itself || may_resume(status, was_open), retry_delay(status), false,
-          call_->connected()};
+  return {call_->error(), by_itself || may_resume(status, was_open || asked_before_), retry_delay(status),
+          false, call_->connected()};
 }
 
 // Starts the next write if there is something to send.

@@ -22,15 +22,18 @@ struct CallEnd {
   absl::Duration retry_delay = absl::ZeroDuration();  // how long the server wants to be left alone
   bool progress = false;                              // a result came, or none was due
   bool reached = false;                               // the server, or a proxy before it, took the call
+  bool asked = false;                                 // the server may have opened the session
 };
 
 // Sends the session's steps to a server and gives the results to `state`. Used by one thread, and never
 // waits. The references must outlive it.
 class SessionStream {
  public:
-  // `call` has just begun, at the server with this `address`.
-  SessionStream(std::unique_ptr<ClientCall> call, const std::string& address, SessionState::Start start,
-                const SessionOptions& options, const std::string& name, SessionState& state, Clock& clock);
+  // `call` has just begun, at the server with this `address`. `asked_before`: CallEnd.asked of an earlier
+  // call.
+  SessionStream(std::unique_ptr<ClientCall> call, const std::string& address, bool asked_before,
+                SessionState::Start start, const SessionOptions& options, const std::string& name,
+                SessionState& state, Clock& clock);
 
   // Takes the next event, up to kEnded.
   void on_event(CallEvent event);
@@ -56,6 +59,7 @@ class SessionStream {
   SessionState& state_;
   Clock& clock_;
   StreamReader reader_;
+  const bool asked_before_;
   const v1::StreamRequest open_request_;
   const absl::Time open_by_;                     // a server that has not opened the session by then is left
   bool asked_ = false;                           // the open message is out

@@ -7,95 +7,13 @@
 #include <functional>
 #include <vector>
 
-#include "client/call/retry/retry_info.h"
 #include "tests/support/status.h"
-#include "tests/unit/client/fake_calls.h"
+#include "tests/unit/client/session_film.h"
 
 namespace candela {
 namespace {
 
 using testing::VirtualClock;
-
-const grpc::Status kLost{grpc::UNAVAILABLE, "lost"};
-
-v1::Settings at_ev(double ev) {
-  v1::Settings settings;
-  settings.mutable_exposure()->set_manual_ev(ev);
-  return settings;
-}
-
-SessionFrame frame(uint64_t sequence) {
-  static const std::vector<std::byte> pixel(8);
-  return {.width = 1,
-          .height = 1,
-          .pixels = pixel,
-          .sequence = sequence,
-          .media_time_ns = static_cast<int64_t>(sequence) * 1000};
-}
-
-SessionOptions options() {
-  SessionOptions options;
-  options.settings = at_ev(1);
-  options.resume_limit = absl::Seconds(5);
-  options.silence_limit = absl::Minutes(1);
-  return options;
-}
-
-// google.rpc.Status with a google.rpc.RetryInfo of so many seconds, up to 127.
-grpc::Status full(int seconds) {
-  const std::string type = "type.googleapis.com/google.rpc.RetryInfo";
-  const std::string info{'\x0a', '\x02', '\x08', static_cast<char>(seconds)};
-  const std::string any = "\x0a" + std::string(1, static_cast<char>(type.size())) + type + "\x12" +
-                          std::string(1, static_cast<char>(info.size())) + info;
-  return {grpc::UNAVAILABLE, "full", "\x08\x0e\x1a" + std::string(1, static_cast<char>(any.size())) + any};
-}
-
-struct Outcome {
-  absl::Status status = absl::InternalError("it stands still");
-  std::vector<int> values;  // a byte of each result, in the order they came
-  int events = 0;           // that were passed on
-  SessionStats stats;
-};
-
-// Submits `frames` frames, with an EV of 2 from frame `change` on, and takes their results. `before` is
-// called before each event, with its number.
-Outcome run(FakeSession& session, uint64_t frames, uint64_t change = 1000,
-            const std::function<void(int event)>& before = nullptr) {
-  Outcome run;
-  session.driver.start();
-  uint64_t next = 0;
-  for (bool going = true, finished = false; going;) {
-    while (session.state.was_open() && next < frames && session.state.ready()) {
-      if (next == change && !session.state.change_settings(next, at_ev(2)).ok()) break;
-      if (!session.state.submit(frame(next)).ok()) break;
-      ++next;
-    }
-    if (next == frames && !finished) {
-      finished = true;
-      session.state.finish();
-    }
-    if (before) before(run.events);
-    going = session.step();
-    run.events += going;
-    while (session.state.result_ready()) {
-      const absl::StatusOr<std::optional<FrameResult>> result = session.state.next_result();
-      run.status = result.status();
-      if (!result.ok() || !*result) break;
-      EXPECT_EQ((**result).sequence, run.values.size());
-      run.values.push_back(static_cast<int>((**result).image.pixels().back()));
-    }
-  }
-  run.stats = session.state.stats();
-  EXPECT_TRUE(session.driver.ended());
-  EXPECT_EQ(session.servers.call_now, nullptr);
-  return run;
-}
-
-std::vector<int> expected(uint64_t frames, uint64_t change = 1000) {
-  std::vector<int> values;
-  for (uint64_t i = 0; i < frames; ++i) values.push_back(static_cast<int>((i >= change ? 32 : 16) + i));
-  return values;
-}
 
 TEST(SessionDriver, ResultsComeOnceAndInOrder) {
   VirtualClock clock;
@@ -184,86 +102,6 @@ TEST(SessionDriver, ItGivesUpWhenItsLimitIsOver) {
   EXPECT_EQ(clock.now() - begin, absl::Seconds(5));
   EXPECT_EQ(got.stats.time_without_results, absl::Seconds(5));
   EXPECT_GT(session.servers.opens.size(), 4u);
-}
-
-TEST(SessionDriver, AFullServerIsAskedWhenItSaysAndNotBefore) {
-  VirtualClock clock;
-  FakeSession session(1, options(), clock);
-  bool was_full = false;
-  session.servers.on_frame = [&](size_t, uint64_t sequence) {
-    return sequence == 2 && !std::exchange(was_full, true) ? full(3) : grpc::Status::OK;
-  };
-  const Outcome got = run(session, 5);
-  EXPECT_EQ(got.values, expected(5));
-  ASSERT_EQ(session.servers.opens.size(), 2u);
-  const absl::Duration wait = session.servers.opens[1].when - session.servers.opens[0].when;
-  EXPECT_GE(wait, absl::Seconds(3));
-  EXPECT_LE(wait, absl::Seconds(4.5));
-  EXPECT_EQ(got.stats.time_without_results, wait);
-}
-
-TEST(SessionDriver, AServerThatWantsToBeLeftAloneForTooLongIsNotAskedAgain) {
-  VirtualClock clock;
-  FakeSession session(1, options(), clock);
-  const absl::Time begin = clock.now();
-  session.servers.on_frame = [](size_t, uint64_t) { return full(60); };
-  EXPECT_REFUSED(kUnavailable, "for 5s: full", run(session, 5).status);
-  EXPECT_EQ(session.servers.opens.size(), 1u);
-  EXPECT_EQ(clock.now() - begin, absl::Seconds(5));
-}
-
-TEST(SessionDriver, AFullServerIsWaitedForBeforeTheFirstOpen) {
-  VirtualClock clock;
-  SessionOptions wanted = options();
-  std::vector<std::string> waits;  // the servers that failed last
-  wanted.on_open_wait = [&](const std::string& server, const absl::Status& why) {
-    EXPECT_EQ(why.message(), "full");
-    waits.push_back(server);
-  };
-  FakeSession session(2, wanted, clock);
-  session.servers.on_open = [&](size_t) {
-    return session.servers.opens.size() < 5 ? full(1) : grpc::Status::OK;
-  };
-  const Outcome got = run(session, 5);
-  EXPECT_OK(got.status);
-  EXPECT_EQ(got.stats.resumes, 0u);
-  EXPECT_EQ(waits, (std::vector<std::string>{"one", "zero", "one"}));
-  const std::vector<FakeServers::Open>& opens = session.servers.opens;
-  EXPECT_EQ(opens.at(1).when, opens.at(0).when) << "another server is asked at once";
-  for (size_t i = 2; i < opens.size(); ++i) EXPECT_GE(opens[i].when - opens[i - 2].when, absl::Seconds(1));
-}
-
-TEST(SessionDriver, TheFirstOpenHasALimitAndZeroMeansOnce) {
-  for (const absl::Duration limit : {absl::Seconds(2), absl::ZeroDuration()}) {
-    VirtualClock clock;
-    SessionOptions wanted = options();
-    wanted.resume_limit = limit;
-    FakeSession session(1, wanted, clock);
-    const absl::Time begin = clock.now();
-    session.servers.on_open = [](size_t) { return full(1); };
-    const bool once = limit == absl::ZeroDuration();
-    EXPECT_EQ(run(session, 1).status.message(),
-              once ? "full" : "no server opens the session within 2s: full");
-    EXPECT_EQ(session.servers.opens.size() == 1, once);
-    EXPECT_LE(clock.now() - begin, limit);
-  }
-}
-
-TEST(SessionDriver, ServersThatCannotBeReachedAreWaitedForOnlyBesideOneThatIsFull) {
-  for (const bool any : {false, true}) {
-    VirtualClock clock;
-    FakeSession session(2, options(), clock);
-    const absl::Time begin = clock.now();
-    session.servers.unreachable = {1};
-    if (!any) session.servers.unreachable.insert(0);
-    session.servers.on_open = [&](size_t) {
-      return session.servers.opens.size() < 2 ? full(1) : grpc::Status::OK;
-    };
-    const Outcome got = run(session, 3);
-    EXPECT_EQ(got.status, any ? absl::OkStatus() : absl::UnavailableError("cannot reach"));
-    EXPECT_EQ(got.events, any ? got.events : 4) << "a beginning and an end for each";
-    EXPECT_EQ(clock.now() > begin, any);
-  }
 }
 
 TEST(SessionDriver, SilenceIsMeasuredFromTheLastProgress) {

@@ -1,0 +1,127 @@
+#include "tests/simulator/client.h"
+
+#include <utility>
+
+namespace candela::testing {
+
+SimulatedClient::SimulatedClient(Network& network, std::string name, const WrongClock& clock,
+                                 const Film& film, const Habits& habits,
+                                 std::vector<std::unique_ptr<SimulatedServer>>& servers)
+    : Process(network.world, std::move(name)),
+      network_(network),
+      world_(network.world),
+      clock_(clock),
+      film_(film),
+      habits_(habits),
+      servers_(servers),
+      state_(film.options, servers[0]->name(), clock_,
+             [this] {
+               world_.after(absl::ZeroDuration(), [this] { tell([this] { pass_on(CallEvent::kWoken); }); });
+             }),
+      driver_(*this, film.options, this->name(), state_, clock_,
+              static_cast<uint32_t>(world_.chance.next())) {}
+
+void SimulatedClient::start() {
+  tell([this] {
+    started_ = true;
+    driver_.start();
+  });
+}
+
+void SimulatedClient::cancel() {
+  world_.note(name(), "cancels");
+  cancelled_ = true;
+  tell([this] { state_.cancel(); });
+}
+
+std::unique_ptr<ClientCall> SimulatedClient::call(size_t server, const std::string&) {
+  world_.note(name(), "calls %s", servers_[server]->name());
+  return Link::begin(
+      network_, *this, [target = servers_[server].get()] { return target->listener(); },
+      [this](CallEvent event) { pass_on(event); });
+}
+
+void SimulatedClient::put(size_t server, std::shared_ptr<const Panorama> panorama, absl::Time) {
+  const auto answer = [this](const absl::StatusOr<v1::Environment>& put) {
+    world_.after(network_.delay(), [this, put] { tell([this, put] { driver_.on_put(put); }); });
+  };
+  world_.after(network_.delay(), [this, target = servers_[server].get(), panorama, answer] {
+    if (network_.cuts()) return answer(absl::UnavailableError("Connection reset by peer"));
+    answer(target->put(*panorama));
+  });
+}
+
+void SimulatedClient::pass_on(CallEvent event) {
+  if (started_ && !driver_.ended()) driver_.on_event(event);
+}
+
+void SimulatedClient::react() {
+  take();
+  submit();
+  set_timer();
+}
+
+void SimulatedClient::set_clock(absl::Duration by) {
+  world_.note(name(), "has its clock set by %s", absl::FormatDuration(by));
+  clock_.set(by);
+  timer_at_ = absl::InfinitePast();
+  tell([] {});
+}
+
+void SimulatedClient::submit() {
+  while (!finished_ && state_.ready() && world_.passed() >= next_submit_) {
+    if (submitted_ == film_.frames.size()) {
+      finished_ = true;
+      state_.finish();
+      return;
+    }
+    absl::Status status;
+    if (const auto change = film_.changes.find(submitted_); change != film_.changes.end()) {
+      status = state_.change_settings(change->second.from_sequence(), change->second.settings());
+    }
+    if (status.ok()) status = state_.submit(film_.frames[submitted_++]);
+    if (!status.ok()) {  // the session has ended, which take() will be told, too
+      if (absl::IsInvalidArgument(status)) mistake_.Update(status);
+      finished_ = true;
+      return;
+    }
+    if (!world_.chance.one_in(habits_.waits_one_in)) continue;
+    const absl::Duration wait = world_.chance.between(absl::ZeroDuration(), habits_.longest_wait);
+    next_submit_ = world_.passed() + wait;
+    world_.after(wait, [this] { tell([] {}); });
+  }
+}
+
+void SimulatedClient::take() {
+  while (!end_ && state_.result_ready() && world_.passed() >= next_take_) {
+    const absl::StatusOr<std::optional<FrameResult>> result = state_.next_result();
+    if (!result.ok() || !*result) {
+      world_.note(name(), "ends with %s", result.status().ToString());
+      end_ = result.status();
+      return;
+    }
+    world_.note(name(), "has the result of frame %d: %s", (*result)->sequence, (*result)->status.ToString());
+    mistake_.Update(check_result(film_, results_++, **result));
+    if ((*result)->status.ok()) token_ = (*result)->image.header.resume_token();
+    if (!world_.chance.one_in(habits_.rests_one_in)) continue;
+    const absl::Duration rest = world_.chance.between(absl::ZeroDuration(), habits_.longest_rest);
+    next_take_ = world_.passed() + rest;
+    world_.after(rest, [this] { tell([] {}); });
+  }
+}
+
+void SimulatedClient::set_timer() {
+  const absl::Time deadline = driver_.deadline();
+  if (deadline == timer_at_) return;
+  timer_at_ = deadline;
+  timer_.reset();
+  if (deadline == absl::InfiniteFuture()) return;
+  timer_ = world_.call_after(deadline - clock_.now(), [this] {
+    timer_at_ = absl::InfiniteFuture();
+    tell([this] {
+      if (driver_.deadline() <= clock_.now()) pass_on(CallEvent::kTimeout);
+    });
+  });
+}
+
+}  // namespace candela::testing
