@@ -195,8 +195,10 @@ CallEnd SessionStream::how_it_ended() const {
   // previous call, if its open message came late.
   const bool was_open = state_.was_open();
   const bool by_itself = status.error_code() == grpc::ABORTED && was_open && !answered_;
-  return {call_->error(), by_itself || may_resume(status, was_open || asked_before_), retry_delay(status),
-          false, call_->connected()};
+  // The open message took longer than the server's idle timeout.
+  const bool late = status.error_code() == grpc::DEADLINE_EXCEEDED && !open_;
+  return {call_->error(), by_itself || late || may_resume(status, was_open || asked_before_),
+          retry_delay(status), false, call_->connected()};
 }
 
 // Starts the next write if there is something to send.

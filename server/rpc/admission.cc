@@ -80,12 +80,11 @@ void Admission::prepare_environment() {
   };
   work(prepare, [this, stages](const absl::Status& status) {
     for (const StageTime& stage : *stages) add_time(stage, &stages_);
+    if (status.ok()) return proceed();
     // The environment went with its device.
     if (request_.environment->renderer != rendering_.renderer()) return complete(status);
     if (absl::IsUnavailable(status) && environments_.free_one()) return proceed();
-    if (retry_after(status)) return;
-    if (!status.ok()) return complete(status);
-    proceed();
+    if (!retry_after(status)) complete(status);
   });
 }
 

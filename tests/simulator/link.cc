@@ -9,6 +9,7 @@ namespace candela::testing {
 namespace {
 
 constexpr absl::Duration kConnectTimeout = absl::Seconds(20);
+constexpr char kReset[] = "Connection reset by peer";
 
 }  // namespace
 
@@ -148,7 +149,9 @@ std::optional<CallEvent> Link::client_event() {
 void Link::end_client(const grpc::Status& status, absl::Duration learns) {
   world_.after(learns, [self = shared_from_this(), status] {
     if (self->at_client_.status) return;
-    self->at_client_.status = status;
+    const bool lost = status.error_message() == kReset && !self->at_client_.connected;
+    self->at_client_.status =
+        lost ? grpc::Status(grpc::UNAVAILABLE, "failed to connect, by a reset") : status;
     self->at_client_.started = true;
     self->look_at_client();
   });
@@ -256,7 +259,7 @@ void Link::end_of_server() {
 
 void Link::cut(absl::Duration client_learns, absl::Duration server_learns) {
   if (std::exchange(cut_, true)) return;
-  end_client({grpc::UNAVAILABLE, "Connection reset by peer"}, client_learns);
+  end_client({grpc::UNAVAILABLE, kReset}, client_learns);
   cancel_server(server_learns);
 }
 

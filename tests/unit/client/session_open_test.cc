@@ -106,5 +106,16 @@ TEST(SessionOpen, ANameThatItsOwnLostCallMayHoldIsWaitedFor) {
   }
 }
 
+TEST(SessionOpen, AnOpenMessageThatComesTooLateIsSentAgain) {
+  VirtualClock clock;
+  FakeSession session(1, options(), clock);
+  session.servers.on_open = [&](size_t) {
+    const bool late = session.servers.opens.size() < 3;
+    return late ? grpc::Status(grpc::DEADLINE_EXCEEDED, "nothing arrived") : grpc::Status::OK;
+  };
+  EXPECT_OK(run(session, 2).status);
+  EXPECT_EQ(session.servers.opens.size(), 3u);
+}
+
 }  // namespace
 }  // namespace candela
