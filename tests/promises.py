@@ -43,9 +43,9 @@ def cell(figure: dict | None) -> str:
     return f"{number(figure['value'])} {figure['unit']}{against}, {figure['date']}"
 
 
-def kept_by(row: dict) -> str:
-    return ", ".join(f"simulator: `{name.removeprefix(SIMULATED)}`" if name.startswith(SIMULATED) else f"`{name}`"
-                     for name in row["tests"])
+def kept_by(row: dict, not_checked: list[str]) -> str:
+    return ", ".join(("simulator: " if name.startswith(SIMULATED) else "") + f"`{name.removeprefix(SIMULATED)}`"
+                     for name in row["tests"] if name.removeprefix(SIMULATED) not in not_checked)
 
 
 def page(rows: dict, figures: dict) -> str:
@@ -56,7 +56,7 @@ def page(rows: dict, figures: dict) -> str:
         table = ["| Fault | Promise | Kept by |" + " Last figure |" * measured, "|---|---|---|" + "---|" * measured]
         for row in promises:
             last = f" {cell(figures.get(row.get('figure')))} |".replace("  ", " ") if measured else ""
-            table.append(f"| {row['fault']} | {row['promise']} | {kept_by(row)} |{last}")
+            table.append(f"| {row['fault']} | {row['promise']} | {kept_by(row, rows.get('not_checked', []))} |{last}")
         parts.append("\n".join(table))
     machines = sorted({figure["processor"] for figure in figures.values()})
     parts += [f"The figures are of: {'; '.join(machines)}."] if machines else []
@@ -121,7 +121,8 @@ def record(figures: dict, commit: str, files: list[str]) -> None:
     machine = f"{model[1] if model else 'a processor without a name'}, {cores} core{'s' * (cores != 1)}"
     for line in (line for file in files for line in pathlib.Path(file).read_text().splitlines()):
         figure = json.loads(line)
-        figures[figure.pop("figure")] = figure | {"date": time.strftime("%F", time.gmtime()), "commit": commit, "processor": machine}
+        name = figure.pop("figure")
+        figures[name] = figure | {"date": time.strftime("%F", time.gmtime()), "commit": commit, "processor": machine}
     lines = [f"{json.dumps(name)}: {json.dumps(figures[name])}" for name in sorted(figures)]
     FIGURES.write_text("{\n" + ",\n".join(lines) + "\n}\n")
 

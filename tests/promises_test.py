@@ -59,7 +59,7 @@ class Promises(unittest.TestCase):
             self.rows(test)
             self.ends("--write", code=0)
             self.ends(code=0)
-        self.assertIn("| A cut | It goes on | `Loop.Holds`, simulator: `cut` | |\n", self.page())
+        self.assertIn("| A cut | It goes on | `Loop.Holds` | |\n", self.page())
 
     def test_refuses_a_stale_page(self):
         self.rows()
@@ -84,6 +84,7 @@ class Promises(unittest.TestCase):
         self.rows(more="")
         self.assertEqual("the simulator has no fault cut\n", self.ends("--write"))
         self.ends("--write", *simulator, code=0)
+        self.assertIn("| `Cut.Goes*`, simulator: `cut` |", self.page())
         self.rows(simulated="sim:burn", more="")
         self.assertEqual("the simulator has no fault burn\n", self.ends("--write", *simulator))
         self.rows()
@@ -93,6 +94,7 @@ class Promises(unittest.TestCase):
         self.rows()
         lines = '{"figure": "cut", "value": 31.5, "unit": "ms", "against": 8}\n{"figure": "cut", "value": 9.25, "unit": "ms"}\n'
         self.ends("--record", "c0ffee", self.put("first", lines.splitlines()[0]), code=0)
+        self.assertNotIn('"figure"', (self.root / "tests/figures.json").read_text())
         self.assertRegex(self.page(), r"\| 32 ms \(8\.0\), 20\d\d-\d\d-\d\d \|\n")
         self.ends("--record", "c0ffee", self.put("both", lines), code=0)
         self.assertRegex(self.page(), r"\| 9\.2 ms, 20\d\d-\d\d-\d\d \|\n")
