@@ -48,7 +48,7 @@ def report(**figures) -> None:
 
 
 def record(figure: str, value: float, unit: str, **against: float) -> None:
-    """Appends a figure, of a test that has passed, to the file that CANDELA_TEST_FIGURES names. tests/promises.toml has its name.
+    """Appends a figure to the file that CANDELA_TEST_FIGURES names, once a test has passed. tests/promises.toml has its name.
 
     `against` is the same of the control, or from before.
     """
