@@ -15,14 +15,16 @@
 # Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation
 # only. A part in which a test was skipped is "incomplete": asan and tsan need CANDELA_DATA. A part that ran in a tree with
 # uncommitted changes is "uncommitted", and does not count as passed: two such trees have the same commit. build/nightly
-# keeps each part's result and log. The log holds the figures for docs/robustness.md. With fewer CANDELA_FUZZ_SECONDS or
-# CANDELA_SOAK_SECONDS than here, that part is "shortened", and does not count as passed either.
+# keeps each part's result and log. With fewer CANDELA_FUZZ_SECONDS or CANDELA_SOAK_SECONDS than here, that part is "shortened",
+# and does not count as passed either. When soak, attacks or edge has passed, its figures go into tests/figures.json and
+# docs/robustness.md, which are to be committed; changes of these two files do not count.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 all=(files asan tsan device fuzz arm64 soak attacks edge)
 declare -A whole=([fuzz]=1800 [soak]=1200)  # seconds
 declare -A seconds=([fuzz]=${CANDELA_FUZZ_SECONDS:-${whole[fuzz]}} [soak]=${CANDELA_SOAK_SECONDS:-${whole[soak]}})
+measures=(soak attacks edge)  # parts whose tests record figures
 results=build/nightly
 deploy/install-packages.sh ci
 commit=$(git rev-parse --short=12 HEAD)
@@ -60,8 +62,8 @@ build_with_tests() {
   deploy/build.sh "$1" -DCANDELA_TESTS=ON
 }
 
-# The tree is the commit that this script began with, without changes and new files.
-is_commit() { [ "$(git rev-parse --short=12 HEAD)" = "$commit" ] && [ -z "$(git status --porcelain)" ]; }
+# The tree is the commit that this script began with, without changes and new files, but for the figures.
+is_commit() { [ "$(git rev-parse --short=12 HEAD)" = "$commit" ] && [ -z "$(git status --porcelain -- . ':(exclude)tests/figures.json' ':(exclude)docs/robustness.md')" ]; }
 
 # "VERDICT COMMIT DATE SECONDS s" of a part, or nothing. VERDICT is passed, failed, incomplete, shortened or uncommitted.
 result() { cat "$results/$1.txt" 2>/dev/null || true; }
@@ -69,21 +71,23 @@ result() { cat "$results/$1.txt" 2>/dev/null || true; }
 passed() {
   local verdict on rest
   read -r verdict on rest <<<"$(result "$1")"
-  [ "$verdict" = passed ] && is_commit && git diff --quiet "$on" "$commit" -- . ':(exclude)docs' ':(exclude)*.md' 2>/dev/null
+  [ "$verdict" = passed ] && is_commit && git diff --quiet "$on" "$commit" -- . ':(exclude)tests/figures.json' ':(exclude)docs' ':(exclude)*.md' 2>/dev/null
 }
 
 run_part() {
-  local part=$1 start=$SECONDS verdict=failed tree=uncommitted
+  local part=$1 start=$SECONDS verdict=failed tree=uncommitted figures=
   if is_commit; then tree=committed; fi
+  if [[ " ${measures[*]} " == *" $part "* ]]; then figures=$PWD/$results/$part.figures && : >"$figures"; fi
   echo "$part: running (log: $results/$part.log)"
   # A new shell, so that a failure inside the function ends it.
-  if "$BASH" "$0" --inside "$part" >"$results/$part.log" 2>&1 </dev/null; then verdict=passed; fi
+  if CANDELA_TEST_FIGURES=$figures "$BASH" "$0" --inside "$part" >"$results/$part.log" 2>&1 </dev/null; then verdict=passed; fi
   if [ "$verdict" = passed ] && grep -qE '\*\*\*Skipped' "$results/$part.log"; then verdict=incomplete; fi
   if [ "$verdict" = passed ] && [ "${seconds[$part]:-0}" -lt "${whole[$part]:-0}" ]; then verdict=shortened; fi
   is_commit || tree=uncommitted  # it was changed meanwhile
   if [ "$verdict" = passed ] && [ $tree = uncommitted ]; then verdict=uncommitted; fi
   echo "$verdict $commit $(date -u +%F) $((SECONDS - start)) s" >"$results/$part.txt"
   echo "$part: $(result "$part")"
+  if [ "$verdict" = passed ] && [ -n "$figures" ]; then tests/promises.py --record "$commit" "$figures" || true; fi
 }
 
 if [ "${1:-}" = --inside ]; then

@@ -29,6 +29,8 @@ def main() -> None:
             beside = bystander.result()
         harness.report(size=size, arrived=round(arrived(), 1), control=control, beside=beside)
         harness.expect_undisturbed(beside, control, f"a stream of {size}", harness.NIGHTLY_NOISE_MS)
+        if (size, seconds) == (SIZE, SECONDS):
+            harness.record_p99("large_frames", beside, control)
 
 
 main()

@@ -75,6 +75,7 @@ def main() -> None:
         patient = readers_of(daemon, (3 * WIDTH, 3 * HEIGHT))
     harness.expect(not patient.ended, "the control, a server that waits ten minutes, ended them, too")
     harness.expect(patient.mib > LIMIT_MIB, f"the control, readers with large frames, took only {patient.mib:.0f} MiB")
+    harness.record_p99("slow_reader", seen.beside, seen.control)
 
 
 main()

@@ -9,6 +9,7 @@
 #include "tests/service/sessions/neighbours.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/service/sessions/wire_cutter.h"
+#include "tests/support/figures.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -152,6 +153,7 @@ TEST(Fairness, ASlowReaderHoldsNoTimeOfTheDeviceAndRaisesNobodysLatency) {
     conclusive = fast > limit;
     if (conclusive) {
       EXPECT_LE(slow, limit);
+      record_figure("fairness/slow_reader", slow, "ms", alone);
     }
   }
   EXPECT_TRUE(conclusive) << "the bound never saw a session that takes its share";

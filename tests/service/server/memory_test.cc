@@ -13,6 +13,7 @@
 #include "tests/service/sessions/neighbours.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/support/daemon.h"
+#include "tests/support/figures.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 
@@ -111,6 +112,7 @@ TEST_F(Memory, HeadersWithoutAPixelHoldNothingAndDelayNobody) {
   std::cout << "p99 of the bystander: " << fair << " ms beside a fair neighbour, " << attacked
             << " ms beside " << hogs.size() << " headers without a pixel\n";
   EXPECT_LE(attacked, 2 * fair + 20);
+  record_figure("headers_without_a_pixel", attacked, "ms", fair);
 }
 
 TEST_F(Memory, AnUploadThatStallsLosesItsMemoryToAFrameThatWaits) {

@@ -21,6 +21,7 @@
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/service/sessions/wire_cutter.h"
+#include "tests/support/figures.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -279,6 +280,9 @@ TEST(Soak, NothingGrowsAndWhoBehavesIsServed) {
   EXPECT_GT(soaked.served, 0u);
   EXPECT_GT(soaked.cut_short, 0u);
   EXPECT_EQ(grown(soaked.readings, soak_time()), std::vector<std::string>());
+  if (soak_time() >= absl::Minutes(20)) {
+    record_figure("soak", soaked.readings.back().memory_mib, "MiB", soaked.readings.front().memory_mib);
+  }
 }
 
 // Readings of 20 minutes that vary by so much.

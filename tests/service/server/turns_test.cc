@@ -5,9 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/neighbours.h"
+#include "tests/support/figures.h"
 #include "tests/support/passes.h"
 #include "tests/support/status.h"
 
@@ -140,6 +142,7 @@ TEST_P(Turns, DelayNobodyMoreThanAFairNeighbour) {
   EXPECT_LE(bystander.p99_ms(), 2 * fair.p99_ms() + kSlackMs);
   EXPECT_EQ(bystander.unready, 0);
   EXPECT_TRUE(bystander.alive);
+  record_figure(absl::StrCat("turns/", GetParam().name), bystander.p99_ms(), "ms", fair.p99_ms());
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -163,7 +166,9 @@ TEST_F(Turns, WithoutSlicesABystanderWaitsForWholeFrames) {
   const Repeated verifies(long_frames(*server, "standard", true));
   const Watched bystander = watch(*server, "4 MP frames that are verified at one go");
   // It gets only a few frames through, so the longest counts.
-  EXPECT_GT(quantile(bystander.latencies_ms, 1), 2 * fair.p99_ms() + kSlackMs);
+  const double longest_ms = quantile(bystander.latencies_ms, 1);
+  EXPECT_GT(longest_ms, 2 * fair.p99_ms() + kSlackMs);
+  record_figure("turns/without_slices", longest_ms, "ms", fair.p99_ms());
 }
 
 }  // namespace
