@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Keeps docs/robustness.md, which is made from promises.toml and from figures.json, what tests measured last.
 
-    promises.py [--simulator PROGRAM]         # fails if the page is not what these two make, or if a name is wrong
+    promises.py                               # fails if the page is not what these two make, or if a name is wrong
     promises.py --write                       # writes the page
     promises.py --record COMMIT FILE...       # takes figures over into figures.json, and writes the page
 
-A name is wrong if no test and no fault of the simulator has it, if the test is disabled, or if no test records the figure. Tests
+A name is wrong if no test and no fault of the simulator has it (each fault has to be in a row), if the test is disabled, or if no test records the figure. Tests
 are looked for in sources and build files, because no build has all of them: a sanitizer's lacks some, only `fuzz` has its own.
 
 Tests append figures to the file that CANDELA_TEST_FIGURES names, one in a line: {"figure": NAME, "value": 31.5, "unit": "ms",
@@ -16,14 +16,14 @@ import fnmatch
 import json
 import pathlib
 import re
-import subprocess
 import sys
 import time
 import tomllib
 
 HERE = pathlib.Path(__file__).resolve().parent
 PAGE, ROWS, FIGURES = HERE.parent / "docs/robustness.md", HERE / "promises.toml", HERE / "figures.json"
-OWN = {"title", "intro", "end", "text", "not_checked"}  # the keys of promises.toml that are no section
+HISTORY = HERE / "simulator/history.cc"  # has the simulator's faults
+OWN = {"title", "intro", "end", "text"}  # the keys of promises.toml that are no section
 SIMULATED = "sim:"
 
 
@@ -43,9 +43,9 @@ def cell(figure: dict | None) -> str:
     return f"{number(figure['value'])} {figure['unit']}{against}, {figure['date']}"
 
 
-def kept_by(row: dict, not_checked: list[str]) -> str:
+def kept_by(row: dict) -> str:
     return ", ".join(("simulator: " if name.startswith(SIMULATED) else "") + f"`{name.removeprefix(SIMULATED)}`"
-                     for name in row["tests"] if name.removeprefix(SIMULATED) not in not_checked)
+                     for name in row["tests"])
 
 
 def page(rows: dict, figures: dict) -> str:
@@ -56,7 +56,7 @@ def page(rows: dict, figures: dict) -> str:
         table = ["| Fault | Promise | Kept by |" + " Last figure |" * measured, "|---|---|---|" + "---|" * measured]
         for row in promises:
             last = f" {cell(figures.get(row.get('figure')))} |".replace("  ", " ") if measured else ""
-            table.append(f"| {row['fault']} | {row['promise']} | {kept_by(row, rows.get('not_checked', []))} |{last}")
+            table.append(f"| {row['fault']} | {row['promise']} | {kept_by(row)} |{last}")
         parts.append("\n".join(table))
     machines = sorted({figure["processor"] for figure in figures.values()})
     parts += [f"The figures are of: {'; '.join(machines)}."] if machines else []
@@ -94,15 +94,12 @@ def wrong_tests(rows: dict, faults: list[str]) -> None:
                 faults.append(f"no test is called {pattern}")
 
 
-def wrong_faults(rows: dict, simulator: str | None, faults: list[str]) -> None:
+def wrong_faults(rows: dict, faults: list[str]) -> None:
     named = {name.removeprefix(SIMULATED) for promises in sections(rows).values() for row in promises for name in row["tests"]
              if name.startswith(SIMULATED)}
-    if simulator:
-        known = set(subprocess.run([simulator, "--list-faults"], capture_output=True, text=True, check=True).stdout.split())
-        faults += ["there is a simulator: take not_checked off promises.toml"] if "not_checked" in rows else []
-    else:
-        known = set(rows.get("not_checked", []))
+    known = set(re.findall(r'^ *\{"(\w+)", ', HISTORY.read_text(), re.MULTILINE))
     faults += [f"the simulator has no fault {name}" for name in sorted(named - known)]
+    faults += [f"no promise names the simulator's fault {name}" for name in sorted(known - named)]
 
 
 def wrong_figures(rows: dict, figures: dict, faults: list[str]) -> None:
@@ -129,7 +126,6 @@ def record(figures: dict, commit: str, files: list[str]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--simulator", metavar="PROGRAM")
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--record", nargs="+", metavar=("COMMIT", "FILE"))
     options = parser.parse_args()
@@ -140,7 +136,7 @@ def main() -> None:
         PAGE.write_text(page(rows, figures))
     faults: list[str] = []
     wrong_tests(rows, faults)
-    wrong_faults(rows, options.simulator, faults)
+    wrong_faults(rows, faults)
     wrong_figures(rows, figures, faults)
     if PAGE.read_text() != page(rows, figures):
         faults.append("docs/robustness.md is not what promises.toml and figures.json make: tests/promises.py --write")
