@@ -117,6 +117,7 @@ struct SessionStats {
   uint64_t sent_again = 0;              // frames sent a second time after a resume
   absl::Duration time_without_results;  // total, from each loss to the next result or until now
   absl::Status last_loss;               // why the last connection was lost; OK if none was
+  bool mixed_bits = false;              // its servers differ in DeviceInfo.bits, so images may differ in bits
 };
 
 // Any thread may call the members; usually one thread submits while another takes results. The session has a

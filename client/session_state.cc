@@ -124,6 +124,10 @@ bool SessionState::take_open(const v1::StreamOpened& opened) {
     stats_.sent_again += sent_before_;
   }
   was_open_ = true;
+  if (!opened.bits().empty()) {
+    stats_.mixed_bits |= !bits_.empty() && bits_ != opened.bits();
+    bits_ = opened.bits();
+  }
   if (log_.unanswered() > 0) return false;
   found_again();
   return true;

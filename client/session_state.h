@@ -102,6 +102,7 @@ class SessionState {
   uint64_t submitted_ ABSL_GUARDED_BY(mutex_) = 0;
   uint64_t sent_before_ ABSL_GUARDED_BY(mutex_) = 0;  // frames in the log that earlier calls sent
   bool was_open_ ABSL_GUARDED_BY(mutex_) = false;
+  std::string bits_ ABSL_GUARDED_BY(mutex_);  // of the last server that said them
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   bool ended_ ABSL_GUARDED_BY(mutex_) = false;

@@ -3,11 +3,31 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "server/base/digest.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
 #include "server/render/self_test.h"
 
+#ifndef CANDELA_VERSION
+#error "the build sets CANDELA_VERSION"
+#endif
+
 namespace candela {
+
+namespace {
+
+// One frame shows not every bit that a driver's compiler may choose.
+std::string bits_of(const RenderDevice& opened, const std::string& rendered) {
+  std::string all = absl::StrCat(CANDELA_VERSION, "\n", rendered);
+  if (opened.renderer->executor_kind() == ExecutorKind::kDevice) {
+    const DeviceSummary& device = opened.device->summary();
+    absl::StrAppend(&all, "\n", device.name, "\n", device.driver);
+  }
+  return sha256_hex(all).substr(0, 16);
+}
+
+}  // namespace
 
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, Clock& clock,
@@ -15,7 +35,8 @@ absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOpt
   ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(options));
   auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes, clock);
   ASSIGN_OR_RETURN(opened->renderer, Renderer::create(*opened->device, opened->pool, passes));
-  RETURN_IF_ERROR(self_test(*opened->renderer));
+  ASSIGN_OR_RETURN(const std::string rendered, self_test(*opened->renderer));
+  opened->bits = bits_of(*opened, rendered);
   return opened;
 }
 
@@ -64,6 +85,8 @@ void DeviceKeeper::replace(const RenderDevice& lost) {
   if (opened.ok() && (*opened)->device->summary().name != name) {
     opened = absl::UnavailableError("a different device, with other limits, was opened in its place: " +
                                     (*opened)->device->summary().name);
+  } else if (opened.ok() && (*opened)->bits != lost.bits) {
+    opened = absl::UnavailableError("the device that was opened in its place renders other bits");
   }
   if (!opened.ok()) {
     log_event(LogLevel::kError, "cannot reopen the device",

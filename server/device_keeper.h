@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
@@ -23,6 +24,7 @@ struct RenderDevice {
   std::unique_ptr<Device> device;
   TexturePool pool;
   std::unique_ptr<Renderer> renderer;
+  std::string bits;  // see DeviceInfo
 };
 
 // Opens a device, creates its renderer and compares a test frame with the reference. `clock` outlives the

@@ -129,7 +129,8 @@ void Server::Impl::keep_device(std::shared_ptr<RenderDevice> first, DeviceKeeper
 }
 
 void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
-  const DeviceSummary& device = devices->current()->device->summary();
+  const std::shared_ptr<RenderDevice> opened = devices->current();
+  const DeviceSummary& device = opened->device->summary();
   loop = std::make_unique<RenderLoop>(
       [this](const FrameJob& job) { return render(job); },
       1 + config.max_calls + config.max_sessions * (config.max_frames_in_flight + v1::kLookahead.max), clock,
@@ -146,7 +147,8 @@ void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
                           return tier_times;
                         },
                     .encoders = *encoders,
-                    .device = device.name},
+                    .device = device.name,
+                    .bits = opened->bits},
       .limits = {frame_limits(config, device), config.idle_timeout, config.max_frames_in_flight,
                  !config.token_file.empty()},
       .metrics = *metrics,
@@ -157,8 +159,7 @@ void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
                                                             config.idle_timeout / 2)},
       .environments = EnvironmentStore(config.environment_budget_bytes)});
   service = std::make_unique<RenderService>(
-      *state, [d = devices.get()] { return d->current()->pool.counters(); },
-      server_info(config, device, devices->current()->renderer->executor_kind()));
+      *state, [d = devices.get()] { return d->current()->pool.counters(); }, server_info(config, *opened));
 }
 
 void Server::Impl::watch_health() {

@@ -16,8 +16,8 @@ FrameLimits frame_limits(const Config& config, const DeviceSummary& device) {
   return {config.max_dimension, std::min(config.max_frame_bytes, device.max_allocation_bytes)};
 }
 
-v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary& device,
-                                      ExecutorKind passes) {
+v1::GetServerInfoResponse server_info(const Config& config, const RenderDevice& opened) {
+  const DeviceSummary& device = opened.device->summary();
   v1::GetServerInfoResponse info;
   info.set_version(CANDELA_VERSION);
   v1::DeviceInfo& about = *info.mutable_device();
@@ -26,7 +26,8 @@ v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary&
   about.set_driver(device.driver);
   about.set_api_version(device.api_version);
   about.set_unified_memory(device.unified_memory);
-  about.set_passes(executor_word(passes));
+  about.set_passes(executor_word(opened.renderer->executor_kind()));
+  about.set_bits(opened.bits);
   for (int i = 1; v1::PixelFormat_IsValid(i); ++i) info.add_formats(static_cast<v1::PixelFormat>(i));
   for (int i = 1; v1::OutputFormat_IsValid(i); ++i) info.add_output_formats(static_cast<v1::OutputFormat>(i));
   for (int i = 1; v1::ToneCurve_IsValid(i); ++i) info.add_curves(static_cast<v1::ToneCurve>(i));

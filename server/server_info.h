@@ -3,7 +3,7 @@
 
 #include "candela/v1/render.pb.h"
 #include "server/config.h"
-#include "server/render/renderer.h"
+#include "server/device_keeper.h"
 #include "server/vulkan/device.h"
 
 namespace candela {
@@ -12,6 +12,6 @@ namespace candela {
 FrameLimits frame_limits(const Config& config, const DeviceSummary& device);
 
 // The answer to GetServerInfo, without the parts that change while the server runs.
-v1::GetServerInfoResponse server_info(const Config& config, const DeviceSummary& device, ExecutorKind passes);
+v1::GetServerInfoResponse server_info(const Config& config, const RenderDevice& device);
 
 }  // namespace candela

@@ -16,6 +16,9 @@ namespace candela {
 namespace {
 
 constexpr uint64_t kAll = std::numeric_limits<uint64_t>::max();
+constexpr char kMixedBits[] =
+    "the session's servers do not render the same bits, so its images are not those of one server; "
+    "compare \"bits\" of candela info";
 
 }  // namespace
 
@@ -73,6 +76,8 @@ absl::Status SessionRun::exchange(FrameFeeder& feeder, FrameSink& sink) {
   if (status.ok()) status = sink.finish();
   summary_.time = absl::Now() - begin_;
   summary_.session = session->stats();
+  if (summary_.session.mixed_bits && session_.encoding != v1::ENCODING_NONE)
+    summary_.notes.insert(kMixedBits);
   summary_.notes.merge(feeder.take_notes());
   return status;
 }

@@ -29,6 +29,7 @@ struct Rendering {
   std::function<TierTimes()> tier_times;
   WorkerPool& encoders;
   const std::string device;  // name of the Vulkan device
+  const std::string bits;    // see DeviceInfo
   std::atomic<uint64_t> frames_rendered{0};
 };
 

@@ -111,6 +111,7 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
   response.mutable_opened()->set_session(session.start.session);
   response.mutable_opened()->set_max_frames_in_flight(state_.limits.max_frames_in_flight);
   response.mutable_opened()->set_epoch(session.epoch);
+  response.mutable_opened()->set_bits(state_.rendering.bits);
   open_->answers.notify(response);
   reading_ = Reading::kBetween;
   write_on();

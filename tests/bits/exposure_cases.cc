@@ -2,6 +2,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/candela/v1/settings.h"
+#include "server/base/check.h"
+#include "server/session/exposure_track.h"
 #include "tests/bits/bits.h"
 #include "tests/support/settings.h"
 
@@ -52,6 +54,38 @@ Bits sequence(Bench& bench, v1::Adaptation::Domain domain) {
   return bits;
 }
 
+// A session of 2000 frames, whose light wanders and jumps.
+Bits session(v1::Adaptation::Domain domain, uint32_t lookahead) {
+  const Settings settings = Settings::from(adapting(domain)).value();
+  ExposureTrack track(lookahead, /*cut_threshold_ev=*/0.5, {});
+  Bits bits;
+  const auto take = [&] {
+    while (const std::optional<FrameExposure> frame = track.next()) {
+      const ExposurePoint& point = frame->point;
+      for (const double factor : {point.exposed.exposure, point.exposed.target, point.before})
+        bits.numbers.add(factor);
+      bits.numbers.add(point.cut);
+    }
+  };
+  for (uint32_t i = 0; i < 2000; ++i) {
+    CHECK(track.add(i, int64_t{i} * 41'666'667, /*cut=*/i % 97 == 0, settings->exposure()).ok());
+    FrameStats stats;
+    stats.mean_log2_luminance = between(-10, 10, i / 50, 1) + between(-0.2, 0.2, i, 2);
+    stats.metered_weight = 1;
+    for (uint32_t cell = 0; cell < stats.print.size(); ++cell)
+      stats.print[cell] = static_cast<float>(stats.mean_log2_luminance) + noise(i / 20, cell, 3);
+    if (i % 31 == 7) {
+      track.failed(i);
+    } else {
+      track.metered(i, stats);
+    }
+    take();
+  }
+  track.end();
+  take();
+  return bits;
+}
+
 }  // namespace
 
 std::vector<Case> exposure_cases() {
@@ -60,6 +94,10 @@ std::vector<Case> exposure_cases() {
     const std::string word = v1::word_of(domain);
     all.push_back({word + " adaptation, 20000 exposures", [=](Bench&) { return many_exposures(domain); }});
     all.push_back({word + " adaptation, 12 frames", [=](Bench& bench) { return sequence(bench, domain); }});
+    for (const uint32_t lookahead : {0u, 3u, 16u}) {
+      all.push_back({absl::StrCat(word, " adaptation, 2000 frames, look-ahead ", lookahead),
+                     [=](Bench&) { return session(domain, lookahead); }});
+    }
   }
   return all;
 }

@@ -97,6 +97,10 @@ void add_input(Cases& cases) {
                 mixed(kWidth, kHeight, format), settings);
     }
   }
+  v1::Settings dci;
+  *dci.mutable_input_chromaticities() =
+      to_message(Chromaticities{{0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.314, 0.351}});
+  cases.add("chromaticities of DCI-P3", mixed(), dci);
   for (const double kelvin : {2000.0, 3200.0, 5003.5, 25000.0}) {
     for (const double tint : {-1.0, 0.0, 0.37}) {
       v1::Settings settings = at_ev(0.5);
@@ -166,6 +170,28 @@ void add_metering(Cases& cases) {
   }
 }
 
+constexpr Kind kExposures[] = {
+    {"percentiles 1 to 99",
+     [](v1::Settings& s) {
+       v1::Metering& metering = *s.mutable_exposure()->mutable_metering();
+       metering.set_statistic(v1::Metering::STATISTIC_PERCENTILE);
+       metering.set_percentile_low(1);
+       metering.set_percentile_high(99);
+     }},
+    {"compensation 1.5", [](v1::Settings& s) { s.mutable_exposure()->set_compensation_ev(1.5); }},
+    {"key 0.09", [](v1::Settings& s) { s.mutable_exposure()->set_key(0.09); }},
+    {"at least 2", [](v1::Settings& s) { s.mutable_exposure()->set_min_exposure(2); }},
+    {"at most 0.02", [](v1::Settings& s) { s.mutable_exposure()->set_max_exposure(0.02); }},
+};
+
+void add_exposures(Cases& cases) {
+  for (const Kind& change : kExposures) {
+    v1::Settings settings;
+    change.change(settings);
+    cases.add(change.name, mixed(), settings);
+  }
+}
+
 void add_alpha(Cases& cases) {
   for (const v1::Alpha alpha : {v1::ALPHA_ASSOCIATED, v1::ALPHA_STRAIGHT, v1::ALPHA_OVER, v1::ALPHA_IGNORE}) {
     for (const v1::OutputFormat output : kOutputs) {
@@ -224,6 +250,7 @@ std::vector<Case> frame_cases() {
   add_input(cases);
   add_bloom(cases);
   add_metering(cases);
+  add_exposures(cases);
   add_alpha(cases);
   add_sizes(cases);
   return cases.take();

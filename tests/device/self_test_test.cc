@@ -15,9 +15,14 @@ using SelfTest = DeviceTest;
 
 TEST_F(SelfTest, RendersAFrameAndPasses) {
   const PoolCounters before = pool().counters();
-  EXPECT_OK(self_test(renderer()));
+  ASSERT_OK_AND_ASSIGN(const std::string digest, self_test(renderer()));
   const PoolCounters after = pool().counters();
   EXPECT_GT(after.hits + after.misses, before.hits + before.misses);
+  EXPECT_EQ(digest.size(), 64u);
+  // Also where the memory holds another frame.
+  ASSERT_OK_AND_ASSIGN(const auto other, render(natural(131, 37), {}));
+  ASSERT_OK_AND_ASSIGN(const std::string again, self_test(renderer()));
+  EXPECT_EQ(again, digest);
 }
 
 TEST_F(SelfTest, SeesOneWrongPixel) {

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Shows that a change of the code changes no result: renders everything in every way and compares.
 
-    net.py BIN                      compares the programs in the folder BIN with hashes.json, if that holds here
-    net.py BIN --against OTHER      compares them with the programs in OTHER, on any machine
+    net.py BIN --against OTHER      compares the programs in the folder BIN with those in OTHER
     net.py BIN --build REV          builds revision REV in a scratch folder first and compares with that
-    net.py BIN --record             writes hashes.json from BIN
-With --small only the small set runs, as in CI; with --only TEXT the cases with TEXT in their name. Exits with 0 if
-nothing differs, with 1 if something does, and with 77 if it cannot compare here. Real images come from CANDELA_DATA
-(default: ../shared/data).
+    net.py BIN                      makes only what has to be refused, and compares its exits with exits.json
+    net.py BIN --record             writes exits.json from BIN
+With --small only the small set is compared; with --only TEXT the cases with TEXT in their name. Exits with 0 if nothing
+differs, with 1 if something does, and with 77 if it cannot run here. Real images come from CANDELA_DATA (default:
+../shared/data).
 See README.md beside this file.
 """
 import argparse
@@ -26,7 +26,6 @@ sys.dont_write_bytecode = True
 try:
     import cases
     import environments
-    import machine
     import refusals
     import scenes
     import wire
@@ -37,7 +36,7 @@ except ModuleNotFoundError as missing:
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-HASHES = HERE / "hashes.json"
+EXITS = HERE / "exits.json"
 SKIPPED = 77
 SECONDS = 300  # one case at most
 PROGRESS = 100  # cases between two lines that say how far it is
@@ -103,14 +102,18 @@ class Programs:
 
 
 def all_cases(scene_names: list[str], data: pathlib.Path, client: wire.Client, options) -> list[cases.Case]:
+    """Without another build, those that exits.json has; to record it, those that need no real image."""
     out = [*cases.other_cases(), *cases.session_cases(), *wire.token_cases(client.v1),
            *refusals.render_cases(client.v1), *refusals.session_cases(client.v1), *environments.command_cases(),
            *environments.call_cases(client.v1), *environments.refusal_cases(client.v1),
            *cases.scene_cases(scene_names)]
-    if not options.small and data.is_dir():
+    if options.compares and not options.small and data.is_dir():
         out += [*environments.data_cases(), *cases.data_cases(data)]
     names = [case.name for case in out]
     assert len(set(names)) == len(names), sorted({name for name in names if names.count(name) > 1})
+    if not options.compares and not options.record:
+        exits = recorded_exits()
+        out = [case for case in out if case.name in exits]
     return [case for case in out if (case.small or not options.small) and options.only in case.name]
 
 
@@ -134,28 +137,25 @@ def run_all(folder: pathlib.Path, options, scratch: pathlib.Path, scene_folder: 
         programs.close()
 
 
-def write_hashes(results, here: dict, path: pathlib.Path) -> None:
-    shapes: dict[str, list[str]] = {}
-    lines = []
-    for name, (case, outcome) in results.items():
-        record = outcome.record(shapes) | ({"small": True} if case.small else {})
-        lines.append(f"{json.dumps(name)}: {json.dumps(record)}")
-    shape_lines = [f"{json.dumps(shape)}: {json.dumps(paths)}" for shape, paths in sorted(shapes.items())]
-    path.write_text('{"machine": ' + json.dumps(here) + ',\n"shapes": {\n' + ",\n".join(shape_lines) +
-                    '},\n"cases": {\n' + ",\n".join(lines) + "}}\n", encoding="utf-8")
+def recorded_exits() -> dict[str, str]:
+    """The exit code or the gRPC status of each case of which nothing else counts, by its name."""
+    return json.loads(EXITS.read_text(encoding="utf-8"))
 
 
-def compare(results, expected: dict[str, list[str]], missing: list[str]) -> int:
+def write_exits(results) -> int:
+    exits = {name: outcome.exit for name, (case, outcome) in results.items()
+             if case.only_exit or outcome.exit.split()[-1] not in ("0", "OK")}
+    EXITS.write_text(json.dumps(exits, indent=0) + "\n", encoding="utf-8")
+    return len(exits)
+
+
+def compare(expected: dict[str, list[str]]) -> int:
     """Prints what differs; `expected` has the differing parts of each case by its name."""
     different = {name: parts for name, parts in expected.items() if parts}
     for name, parts in different.items():
         print(f"DIFFERS  {name}: {', '.join(parts)}")
-    for name in missing:
-        print(f"NOT RUN  {name}: it was recorded")
-    new = len(results) - len(expected)
-    more = (f", {len(missing)} not run" if missing else "") + (f", {new} new" if new else "")
-    print(f"{len(expected) - len(different)} cases same, {len(different)} differ{more}")
-    return 1 if different or missing or not expected else 0
+    print(f"{len(expected) - len(different)} cases same, {len(different)} differ")
+    return 1 if different or not expected else 0
 
 
 def build(revision: str, scratch: pathlib.Path) -> pathlib.Path:
@@ -176,32 +176,27 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--against", type=pathlib.Path, metavar="OTHER",
                         help="folder of the programs to compare with")
     parser.add_argument("--build", metavar="REV", help="revision to build and compare with")
-    parser.add_argument("--record", action="store_true", help="write the hashes")
+    parser.add_argument("--record", action="store_true", help="write exits.json")
     parser.add_argument("--small", action="store_true", help="only the small set")
     parser.add_argument("--only", default="", metavar="TEXT", help="only the cases with TEXT in their name")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="cases at a time")
-    parser.add_argument("--hashes", type=pathlib.Path, default=HASHES, help="another file of hashes")
-    return parser.parse_args()
+    options = parser.parse_args()
+    options.compares = bool(options.against or options.build)
+    if options.record and (options.small or options.only or options.compares):
+        parser.error("--record goes with no other option")
+    if options.small and not options.compares:
+        parser.error("--small goes with --against and --build")
+    return options
 
 
 def main() -> int:
     options = parse()
     os.environ.pop("OCIO", None)  # it would choose a view for every picture
     data = pathlib.Path(os.environ.get("CANDELA_DATA") or ROOT.parent / "shared/data")
-    here = machine.this_machine(options.bin / "candela")
-    other = options.against or options.build
-    if options.record and (options.small or options.only or other or not data.is_dir()):
-        raise SystemExit("--record writes the whole net: leave out --small, --only, --against and --build, and set "
-                         f"CANDELA_DATA if {data} does not hold the images")
     if lacking := [tool for tool in ("protoc", "grpc_python_plugin") if not shutil.which(tool)]:
         print(f"SKIPPED: {' and '.join(lacking)} not found; install protobuf-compiler and protobuf-compiler-grpc")
         return SKIPPED
-    recorded = {} if options.record or other else json.loads(options.hashes.read_text(encoding="utf-8"))
-    if recorded and (why := machine.difference(recorded["machine"], here)):
-        print(f"SKIPPED: the hashes do not hold on this machine: {why}\nCompare with the commit before: "
-              f"{sys.executable} {__file__} {options.bin} --build HEAD~1{' --small' if options.small else ''}")
-        return SKIPPED
-    if not options.small and not data.is_dir():
+    if options.compares and not options.small and not data.is_dir():
         print(f"no real images: {data} is not there; set CANDELA_DATA")
     with tempfile.TemporaryDirectory(prefix="candela-net-") as folder:
         scratch = pathlib.Path(folder)
@@ -210,26 +205,22 @@ def main() -> int:
         wire.make_stubs(scratch / "stubs")
         before_bin = options.against or (build(options.build, scratch) if options.build else None)
         scene_names = scenes.make(before_bin / "candela" if before_bin else options.bin / "candela",
-                                  scratch / "scenes", options.small)
+                                  scratch / "scenes", options.small or not (options.compares or options.record))
 
         def run(bin_folder: pathlib.Path, name: str):
             return run_all(bin_folder, options, scratch / name, scratch / "scenes", scene_names, data)
 
         results = run(options.bin, "now")
         if options.record:
-            write_hashes(results, here, options.hashes)
-            print(f"{len(results)} cases recorded, {sum(case.small for case, _ in results.values())} of them small")
+            print(f"{write_exits(results)} exits recorded")
             return 0
         if before_bin:
             before = run(before_bin, "then")
-            expected = {name: outcome.differs_from(before[name][1]) for name, (_, outcome) in results.items()}
-            return compare(results, expected, [])
-        records = {name: record for name, record in recorded["cases"].items()
-                   if (record.get("small") or not options.small) and options.only in name}
-        expected = {name: outcome.differs_from_record(records[name], recorded["shapes"])
-                    for name, (_, outcome) in results.items() if name in records}
-        missing = [name for name in records if name not in results] if data.is_dir() or options.small else []
-        return compare(results, expected, missing)
+            return compare({name: outcome.differs_from(before[name][1]) for name, (_, outcome) in results.items()})
+        exits = {name: code for name, code in recorded_exits().items() if options.only in name}
+        now = {name: results[name][1].exit if name in results else "no case any more" for name in exits}
+        return compare({name: [] if now[name] == code else [f"exit was {code}, is {now[name]}"]
+                        for name, code in exits.items()})
 
 
 if __name__ == "__main__":

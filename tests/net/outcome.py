@@ -1,9 +1,7 @@
-"""The recorded outcome of one case, and the comparison of two outcomes."""
+"""The outcome of one case, and the comparison of two."""
 import dataclasses
 import hashlib
 import json
-
-PARTS = ("exit", "image", "exposure", "target", "json")
 
 # Not compared: times, what names the machine or the build, what other cases left on the server, and prose.
 LEFT_OUT = {"times", "stage_ms", "total_ms", "latency_ms", "mean_latency_ms", "seconds", "frames_per_second",
@@ -44,33 +42,6 @@ class Outcome:
         """`text` holds one JSON value a line; several lines are numbered."""
         lines = [json.loads(line, parse_float=str, parse_int=str) for line in text.splitlines()]
         return Outcome(exit_code, image, flatten(lines[0] if len(lines) == 1 else lines))
-
-    def line(self, name: str) -> str:
-        """The exposures or targets of all frames."""
-        return " ".join(text for path, text in self.values.items() if path.split(".")[-1] == name)
-
-    def record(self, shapes: dict[str, list[str]]) -> dict[str, str]:
-        """As hashes.json keeps it. `shapes` collects which paths a case's JSON has."""
-        out = {"exit": self.exit, "image": self.image, "exposure": self.line("exposure"),
-               "target": self.line("target")}
-        if self.values:
-            paths = sorted(self.values)
-            shape = digest("\n".join(paths).encode())[:8]
-            shapes[shape] = paths
-            out["json"] = f"{shape} {self.hash_of(paths)}"
-        return {part: text for part, text in out.items() if text}
-
-    def hash_of(self, paths: list[str]) -> str:
-        return digest("\n".join(f"{path}={self.values.get(path, 'absent')}" for path in paths).encode())
-
-    def differs_from_record(self, record: dict[str, str], shapes: dict[str, list[str]]) -> list[str]:
-        """The parts that differ. Keys that the record lacks do not count."""
-        now = self.record({})
-        parts = [part for part in PARTS[:-1] if now.get(part, "") != record.get(part, "")]
-        shape, _, recorded = record.get("json", "").partition(" ")
-        if recorded and self.hash_of(shapes[shape]) != recorded:
-            parts.append("json")
-        return parts
 
     def differs_from(self, before: "Outcome") -> list[str]:
         parts = [part for part in ("exit", "image") if getattr(self, part) != getattr(before, part)]

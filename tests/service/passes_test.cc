@@ -30,12 +30,11 @@ class PassesMoved : public ::testing::Test {
     host_ = *std::move(host);
   }
 
-  static std::string passes_of(Server& server) {
+  static v1::DeviceInfo device_of(Server& server) {
     return Connection(server.in_process_channel())
         .server_info(absl::Now() + absl::Seconds(10))
         .value()
-        .device()
-        .passes();
+        .device();
   }
 
   TemporaryFolder folder_;
@@ -72,8 +71,9 @@ std::vector<StreamResult> go_on(Server& server, v1::StreamOpen open, const std::
 }
 
 TEST_F(PassesMoved, KeepsItsExposuresAndItsPixelsWithinACode) {
-  EXPECT_EQ(passes_of(*device_), "device");
-  EXPECT_EQ(passes_of(*host_), "host");
+  EXPECT_EQ(device_of(*device_).passes(), "device");
+  EXPECT_EQ(device_of(*host_).passes(), "host");
+  EXPECT_NE(device_of(*device_).bits(), device_of(*host_).bits());
   const std::vector<WireFrame> frames = brightening();
   v1::StreamOpen open;
   open.set_session("moving");

@@ -82,6 +82,7 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
                                  device.unified_memory() ? ", unified memory" : ""));
   line("driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version()));
   if (!device.passes().empty()) line("passes", absl::StrCat("on the ", device.passes()));
+  if (!device.bits().empty()) line("bits", device.bits());
   line("takes", absl::StrJoin(words.formats, ", "));
   line("gives", absl::StrJoin(words.output_formats, ", "));
   line("curves", absl::StrJoin(words.curves, ", "));
@@ -159,7 +160,8 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
         {"driver", info.device().driver()},
         {"api_version", info.device().api_version()},
         {"unified_memory", info.device().unified_memory()},
-        {"passes", info.device().passes()}}},
+        {"passes", info.device().passes()},
+        {"bits", info.device().bits()}}},
       {"formats", words.formats},
       {"output_formats", words.output_formats},
       {"curves", words.curves},

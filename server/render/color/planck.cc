@@ -1,7 +1,8 @@
 #include "server/render/color/planck.h"
 
-#include <cmath>
 #include <iterator>
+
+#include "server/render/color/portable_math.h"
 
 namespace candela {
 
@@ -46,8 +47,9 @@ std::array<double, 3> planckian_xyz(double kelvin) {
   std::array<double, 3> xyz{};
   for (size_t i = 0; i < std::size(kX); ++i) {
     const double wavelength = kFirstMetres + kStepMetres * static_cast<double>(i);
-    const double light =
-        std::pow(wavelength / kFirstMetres, -5.0) / std::expm1(kSecondConstant / (wavelength * kelvin));
+    const double length = wavelength / kFirstMetres;
+    const double light = 1 / (length * length * length * length * length *
+                              portable_expm1(kSecondConstant / (wavelength * kelvin)));
     xyz[0] += light * kX[i];
     xyz[1] += light * kY[i];
     if (i < std::size(kZ)) xyz[2] += light * kZ[i];

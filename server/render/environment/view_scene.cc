@@ -7,6 +7,8 @@
 #include <cstring>
 #include <numbers>
 
+#include "server/render/color/portable_math.h"
+
 namespace candela {
 
 namespace {
@@ -89,7 +91,7 @@ shader::ViewParams view_params(const View& view, uint32_t width, uint32_t height
   params.pitch = pitch;
   params.samples_side = view.samples == 16 ? 4 : view.samples == 4 ? 2 : 1;
   params.pixel = static_cast<float>(p);
-  params.lod = static_cast<float>(std::log2(p * chain_size / 2));
+  params.lod = static_cast<float>(portable_log2(p * chain_size / 2));
   params.chain_size = chain_size;
   params.chain_last = chain_levels(chain_size) - 1;
   const double turn = -view.rotation_deg * std::numbers::pi / 180;

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "server/render/plan/portable_math.h"
+#include "server/render/color/portable_math.h"
 
 namespace candela {
 

@@ -6,8 +6,8 @@
 #include "proto/candela/v1/limits.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
+#include "server/render/color/portable_math.h"
 #include "server/render/plan/metering.h"
-#include "server/render/plan/portable_math.h"
 
 namespace candela {
 

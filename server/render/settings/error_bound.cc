@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/base/words/rounded_up.h"
+#include "server/render/color/portable_math.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 
@@ -93,7 +94,7 @@ double bright_pass_error(const Settings& settings, double threshold, double larg
   const double luminance = kLuminanceRoundings * kRounding;
   if (bloom.kind() == v1::Bloom::KIND_MIP) return kPureBlue * 3 * threshold * luminance;
   // GAUSSIAN: of Q, which shows the bright pass's error up to a luminance of 1 above the threshold.
-  const double mean = std::exp2(mean_error(settings->exposure().metering())) - 1;
+  const double mean = portable_exp2(mean_error(settings->exposure().metering())) - 1;
   return std::min(largest, kPureBlue * (threshold + 1)) *
          (threshold * (mean + 2 * kRounding) + (threshold + 1) * luminance);
 }
@@ -118,13 +119,16 @@ double table_codes(const TableError& error, v1::Transfer transfer) {
                                             : error.linear;
 }
 
+// For x >= 0. A bound decides a frame's tier and is told to the client, so every machine has the same.
+double power(double x, double y) { return x > 0 ? portable_exp2(y * portable_log2(x)) : 0; }
+
 // The encoding of display light. Each is concave and 0 at 0, so no error of light is larger when it is
 // encoded than the encoded error.
 double encoded(v1::Transfer transfer, double light) {
   light = std::min(light, 1.0);  // infinity, too
-  if (transfer == v1::TRANSFER_GAMMA22) return std::pow(light, 1 / 2.2);
+  if (transfer == v1::TRANSFER_GAMMA22) return power(light, 1 / 2.2);
   if (transfer == v1::TRANSFER_LINEAR) return light;
-  return light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;
+  return light <= 0.0031308 ? 12.92 * light : 1.055 * power(light, 1 / 2.4) - 0.055;
 }
 
 std::string words(const Tier& tier, double bound) {

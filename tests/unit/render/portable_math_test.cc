@@ -1,5 +1,5 @@
-// The functions of server/render/plan/portable_math.h against those of long double, and a few of their bits.
-#include "server/render/plan/portable_math.h"
+// The functions of server/render/color/portable_math.h against those of long double, and a few of their bits.
+#include "server/render/color/portable_math.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/render/plan/portable_math.h"
+#include "server/render/color/portable_math.h"
 
 #include <cmath>
 #include <limits>

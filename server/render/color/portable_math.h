@@ -1,5 +1,5 @@
-// Exponentials and logarithms with the same bits on every processor and with every C library, for exposures:
-// they are part of results and of resume tokens, and those of the libraries differ in the last bit. Within
+// Exponentials and logarithms with the same bits on every processor and with every C library, for exposures,
+// which are part of resume tokens, and other results: those of the libraries differ in the last bit. Within
 // 2^-80 of the exact value before they are rounded. About 0.5 us each. Any thread.
 #pragma once
 
