@@ -318,9 +318,12 @@ TEST_F(SessionMetrics, AFrameWhoseSessionMovesToAnotherCallIsAborted) {
               first.send(frame_, 0, 0);
               StreamResult result;
               ASSERT_TRUE(first.read(result));
+              EXPECT_TRUE(wait_until(Connection(channel_), [](const v1::GetServerInfoResponse& info) {
+                return info.pool().bytes_in_use() == 0;
+              }));
               first.send_header(frame_, 1, film_time_ns(1));
               first.send_rows(frame_, 0, 4);
-              absl::SleepFor(absl::Milliseconds(300));  // the first frame may hold memory, too
+              EXPECT_TRUE(wait_until_in_use(Connection(channel_)));
               StreamClient second(channel_);
               second.open("moves", {}, result.token());
               EXPECT_EQ(first.finish().error_code(), grpc::ABORTED);

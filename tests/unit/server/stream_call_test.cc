@@ -9,8 +9,8 @@
 
 #include "proto/candela/v1/message_wire.h"
 #include "server/session/drain.h"
-#include "tests/support/status.h"
 #include "tests/support/clock/virtual_clock.h"
+#include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
@@ -149,7 +149,8 @@ class StreamCallTest : public ::testing::Test {
                     .loop = steps_,
                     .tier_times = nullptr,
                     .encoders = encoders_,
-                    .device = "device"},
+                    .device = "device",
+                    .bits = "bits"},
       .limits = {{.max_dimension = 8, .max_frame_bytes = 4096}, kIdleTimeout, /*max_frames_in_flight=*/2},
       .metrics = metrics_,
       .call_gate = CallGate("calls", 1),
