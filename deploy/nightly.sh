@@ -2,13 +2,13 @@
 # The tests that take hours, in parts: nightly.sh [PART...]. deploy/test.sh nightly runs it.
 #
 #   files    compiles each source file by itself, to find one that lacks an include
-#   asan     the tests of dev, with the address and undefined-behaviour sanitizers
-#   tsan     the tests of dev, with the thread sanitizer
-#   device   the tests of the release build, with the device's passes in place of the host's
+#   asan     the tests of dev and the long ones, with the address and undefined-behaviour sanitizers
+#   tsan     the same with the thread sanitizer
+#   device   the same on the release build, with the device's passes in place of the host's
 #   fuzz     each fuzz target for 30 minutes
 #   arm64    the bits of the host's executor on NEON, cross-built in a root of its own and run under qemu; needs root
 #   soak     20 minutes of mixed traffic with faults
-#   attacks  tests/robustness and the other long tests of the release build
+#   attacks  tests/robustness, and all tests of the release build that are long, or measure latencies or instructions
 #   edge     the attacks on the shipped containers and on processes, two containers behind HAProxy, a container with little
 #            memory, and the image for GPUs; needs root and podman
 #
@@ -38,13 +38,13 @@ run_tsan() { deploy/test.sh tsan; }
 run_device() {
   build_with_tests release
   # The instruction counts are of both kinds of passes, whatever the tests use.
-  CANDELA_TEST_PASSES=device ctest --preset release --parallel "$(($(nproc) + 1))" --exclude-regex '^Bench'
+  ctest --preset device --parallel "$(($(nproc) + 1))" --exclude-regex '^Bench'
 }
 run_fuzz() { CANDELA_FUZZ_SECONDS=${seconds[fuzz]} deploy/test.sh fuzz; }
 run_arm64() { tests/bits/arm64.sh; }
 run_soak() {
   build_with_tests release
-  CANDELA_SOAK_SECONDS=${seconds[soak]} ctest --preset release --tests-regex '^Soak' --verbose
+  CANDELA_SOAK_SECONDS=${seconds[soak]} ctest --preset soak
 }
 run_attacks() {
   deploy/install-packages.sh deploy

@@ -6,6 +6,7 @@ Each claim is a function below. CLAIM is its name in CamelCase: TheImageBuilds r
 for the other tests.
 """
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -28,7 +29,8 @@ FOLDER = pathlib.Path()
 
 def the_image_builds() -> None:
     begin = time.monotonic()
-    podman.build_image(VERSION)
+    # Nightly compiles the programs in the container, as users do.
+    podman.build_image(VERSION, None if "CANDELA_TEST_COMPILES_IN_CONTAINER" in os.environ else pathlib.Path(CANDELA).parent)
     print(f"built in {time.monotonic() - begin:.0f} s")
 
 
@@ -150,7 +152,7 @@ def resume_keys() -> tuple[pathlib.Path, str]:
 
 def a_stop_under_load_loses_no_frame() -> None:
     keys, volume = resume_keys()
-    film, expected = make_film(CANDELA, FOLDER, "320x180", 12, 4)
+    film, expected = make_film(CANDELA, FOLDER, "320x180", 6, 4)
     with (podman.process(CANDELAD, "--listen", "127.0.0.1:0", "--resume-keys", keys, "--log-level", "off") as host,
           containers(Container("--resume-keys=/keys", options=(volume,))) as (candelad,)):
         other = host.stdout.readline().removeprefix("listening on ").strip()

@@ -5,8 +5,8 @@ SHAPE is container (the image, as podman runs it), processes (deploy/candela-fro
 machine), firewalled (the same behind deploy/firewall.nft) or direct (candelad alone, which fails: gRPC 1.51 has no defence).
 Each attack lasts SECONDS. BIN contains candela and candelad. The attacker has an address of its own, and a bystander streams
 small frames meanwhile. Expected:
-- the bystander's p99 is within 2 x of its p99 beside one fair neighbour in the same run, plus noise: 40 ms if SECONDS is 30 or
-  more, otherwise 200 ms. One that is beyond is measured once more, because a busy machine delays frames, too;
+- the bystander's session goes on. If SECONDS is 10 or more, its p99 is within 2 x of its p99 beside one fair neighbour in the
+  same run, plus noise: 40 ms if SECONDS is 30 or more, otherwise 200 ms;
 - new clients are served meanwhile;
 - no process ends or restarts, and health is good afterwards;
 - what must be refused or ended is (attacks.py says what);
@@ -30,7 +30,7 @@ from harness import expect, report  # noqa: E402
 from podman import attempt, wait_until  # noqa: E402
 from shapes import SHAPES  # noqa: E402
 
-LONG = 30  # seconds
+MEASURED, LONG = 10, 30  # seconds: shorter attacks have too few frames for a p99, or for one without much noise
 LIMIT_MIB = 1024  # of the shape's memory
 FRONT_LIMIT_MIB = 256  # of the front's part: what its container in kube.yaml may use
 EVERY = attacks.ATTACKS | attacks.ATTACKS_ON_A_FIREWALL
@@ -117,15 +117,13 @@ def beside_fair_neighbour(shape, seconds: float) -> dict:
     return control
 
 
-def check(shape, name: str, seconds: float, control: dict) -> tuple[dict, dict]:
-    """Attacks, again if the bystander fared badly. Returns what it says, and its control."""
-    noise_ms = harness.NIGHTLY_NOISE_MS if seconds >= LONG else harness.SHORT_NOISE_MS
+def check(shape, name: str, seconds: float, control: dict | None) -> dict:
     fared = check_all_but_latency(shape, name, seconds)
-    if fared["p99_ms"] > harness.limit_ms(control, noise_ms):
-        control = beside_fair_neighbour(shape, seconds)
-        fared = check_all_but_latency(shape, name, seconds)
-    harness.expect_undisturbed(fared, control, name, noise_ms)
-    return fared, control
+    harness.expect_unbroken(fared, name)
+    if control:
+        harness.expect_undisturbed(fared, control, name,
+                                   harness.NIGHTLY_NOISE_MS if seconds >= LONG else harness.SHORT_NOISE_MS)
+    return fared
 
 
 def main() -> None:
@@ -133,15 +131,15 @@ def main() -> None:
     with contextlib.ExitStack() as stack:
         shape = SHAPES[shape_name](stack)
         wait_until(lambda: healthy(shape), "it serves", seconds=60)
-        control = beside_fair_neighbour(shape, seconds)
+        control = beside_fair_neighbour(shape, seconds) if seconds >= MEASURED else None
         start = shape.memory_mib()
         names = sys.argv[4:] or list(attacks.ATTACKS)
         checked = [check(shape, name, seconds, control) for name in names]
         report(mib_at_start=round(start), mib_at_end=round(shape.memory_mib()))
-        if names in (list(attacks.ATTACKS), list(attacks.ATTACKS_ON_A_FIREWALL)):
-            harness.record_p99(f"edge/{shape_name}", *max(checked, key=lambda one: one[0]["p99_ms"]))
+        if control and names in (list(attacks.ATTACKS), list(attacks.ATTACKS_ON_A_FIREWALL)):
+            harness.record_p99(f"edge/{shape_name}", max(checked, key=lambda fared: fared["p99_ms"]), control)
             if shape_name == "container":
-                harness.record("edge/container/front", max(fared["front_mib"] for fared, _ in checked), "MiB")
+                harness.record("edge/container/front", max(fared["front_mib"] for fared in checked), "MiB")
 
 
 if __name__ == "__main__":

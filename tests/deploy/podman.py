@@ -154,12 +154,29 @@ def build_gpu_image(version: str) -> None:
     build(GPU_IMAGE, ROOT / "deploy/Containerfile", ROOT, f"--build-arg=VERSION={version}", "--build-arg=DRIVERS=mesa")
 
 
-def build_image(version: str) -> None:
+# How deploy/Containerfile makes the programs, and how it takes those that are made already.
+COMPILED = """RUN deploy/build.sh release -DCANDELA_TESTS=OFF \\
+ && install -s -D -t /opt/bin build/release/bin/candela build/release/bin/candelad \\
+"""
+COPIED = """COPY --from=programs candela candelad /tmp/programs/
+RUN install -s -D -t /opt/bin /tmp/programs/candela /tmp/programs/candelad \\
+"""
+
+
+def build_image(version: str, programs: pathlib.Path | None) -> None:
+    """As shipped, or with the programs of that folder, which save the time to compile them again."""
     attempt("podman", "untag", IMAGE)  # so that no test uses an image of an older tree
     make_base()
     try_podman()
     expect_package_mirror()
-    build(IMAGE, ROOT / "deploy/Containerfile", ROOT, f"--build-arg=VERSION={version}")
+    file, options = ROOT / "deploy/Containerfile", [f"--build-arg=VERSION={version}"]
+    if programs:
+        text = file.read_text()
+        expect(text.count(COMPILED) == 1, "deploy/Containerfile makes the programs in another way")
+        file = CACHE / "containerfile"
+        file.write_text(text.replace(COMPILED, COPIED))
+        options.append(f"--build-context=programs={programs}")
+    build(IMAGE, file, ROOT, *options)
     podman("image", "prune", "--force", f"--filter=until={BASE_DAYS * 24}h")
 
 

@@ -269,10 +269,14 @@ def limit_ms(control: dict, noise_ms: float) -> float:
     return 2 * control["p99_ms"] + noise_ms
 
 
+def expect_unbroken(attacked: dict, what: str) -> None:
+    expect(attacked["frames"] > 0 and not attacked["errors"], f"{what}: the bystander's session broke: {attacked}")
+
+
 def expect_undisturbed(attacked: dict, control: dict, what: str, noise_ms: float = SHORT_NOISE_MS) -> None:
     """The bystander's p99 under attack is within its limit, and its session goes on."""
     limit = limit_ms(control, noise_ms)
-    expect(attacked["frames"] > 0 and not attacked["errors"], f"{what}: the bystander's session broke: {attacked}")
+    expect_unbroken(attacked, what)
     expect(attacked["p99_ms"] <= limit,
            f"{what}: the bystander's p99 is {attacked['p99_ms']} ms, and {control['p99_ms']} ms beside a fair neighbour; "
            f"{limit:.0f} ms is the limit")

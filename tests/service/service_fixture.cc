@@ -96,7 +96,7 @@ std::shared_ptr<grpc::Channel> own_channel(const std::string& address) {
 
 bool wait_until(const Connection& connection,
                 const std::function<bool(const v1::GetServerInfoResponse&)>& is_so) {
-  const absl::Time limit = absl::Now() + absl::Seconds(10);
+  const absl::Time limit = absl::Now() + absl::Minutes(1);
   while (absl::Now() < limit) {
     const absl::StatusOr<v1::GetServerInfoResponse> info = connection.server_info();
     if (info.ok() && is_so(*info)) return true;

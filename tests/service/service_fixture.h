@@ -54,12 +54,12 @@ struct OpenCall {
 // flow control.
 std::shared_ptr<grpc::Channel> own_channel(const std::string& address);
 
-// Waits until the server's information meets the condition; false after 10 s.
+// Waits until the server's information meets the condition; false after a minute.
 bool wait_until(const Connection& connection,
                 const std::function<bool(const v1::GetServerInfoResponse&)>& is_so);
-// Waits until no frame holds memory and no session is open; false after 10 s.
+// Waits until no frame holds memory and no session is open; false after a minute.
 bool wait_until_idle(const Connection& connection);
-// Waits until a frame holds memory; false after 10 s.
+// Waits until a frame holds memory; false after a minute.
 bool wait_until_in_use(const Connection& connection);
 
 // Every test runs over the in-process channel and over TCP, against one server for the suite.

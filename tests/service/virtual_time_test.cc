@@ -54,6 +54,13 @@ class VirtualTime : public ::testing::Test {
     for (; looks < 10'000 && !ended(); ++looks) clock_.advance(ClientMemory::kLookInterval);
     ASSERT_LT(looks, 10'000);
   }
+  // In steps, between which the server has real time to read what was sent.
+  void pass(absl::Duration time) {
+    for (int i = 0; i < 4; ++i) {
+      clock_.advance(time / 4);
+      (void)in_use();
+    }
+  }
   Connection connection() const { return Connection(channel_); }
   bool in_use() const { return connection().server_info()->pool().bytes_in_use() > 0; }
   grpc::Status finish() {
@@ -110,6 +117,30 @@ TEST_F(VirtualTime, AnUploadThatStopsKeepsItsMemoryUntilTheIdleTimeout) {
   advance_until([&] { return !in_use(); });
   EXPECT_EQ(finish().error_code(), grpc::DEADLINE_EXCEEDED);
   EXPECT_TRUE(wait_until_idle(connection()));
+}
+
+TEST_F(VirtualTime, ACallThatKeepsSendingIsNotIdle) {
+  ASSERT_NO_FATAL_FAILURE(start(long_limits()));
+  begin_upload();
+  for (uint32_t y = 1; y < 16; ++y) {
+    pass(config_.idle_timeout / 2);
+    ASSERT_TRUE(stream_->Write(band_of(frame_, y, 1))) << y;
+  }
+  stream_->WritesDone();
+  EXPECT_TRUE(finish().ok());
+}
+
+TEST_F(VirtualTime, AFrameOfARowNowAndThenEndsAfterTenIdleTimeouts) {
+  ASSERT_NO_FATAL_FAILURE(start(long_limits()));
+  StreamClient client(channel_);
+  const WireFrame large = natural(16, 64);
+  ASSERT_TRUE(client.open("slow") && client.send_header(large, 0, 0));
+  uint32_t rows = 0;
+  for (; rows < 64 && client.send_rows(large, rows, 1); ++rows) pass(config_.idle_timeout / 2);
+  EXPECT_GE(rows, 19u);
+  const grpc::Status status = client.finish();
+  EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED);
+  EXPECT_NE(status.error_message().find("was not complete"), std::string::npos) << status.error_message();
 }
 
 TEST_F(VirtualTime, ASilentSessionIsToldToResumeNotBeforeTheIdleTimeout) {

@@ -89,8 +89,9 @@ std::string words_for(Answer answer, const std::vector<std::string>& options = {
   const TemporaryFolder folder;
   write_small_exr(folder.path("in.exr"));
   const ForeignServer server(std::move(answer));
-  std::vector<std::string> arguments = with(
-      {"render", folder.path("in.exr"), folder.path("out.png"), "--server", server.address(), "-q"}, options);
+  std::vector<std::string> arguments = with({"render", folder.path("in.exr"), folder.path("out.png"),
+                                             "--server", server.address(), "--resume", "0", "-q"},
+                                            options);
   if (!options.empty() && options.back() == "--error-map") arguments.push_back(folder.path("map.png"));
   const Outcome outcome = candela(arguments);
   EXPECT_EQ(outcome.code, outcome.err.empty() ? 0 : 4) << outcome.err;

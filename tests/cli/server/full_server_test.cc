@@ -239,6 +239,7 @@ TEST_F(FullServerTest, ItGivesUpAtTheLimitWithOneLine) {
            {"view", in_, folder_.path("turn/%04d.png"), "--turn", "90", "--frames", "2"},
            {"environment", in_, folder_.path("sky.ktx2")}}) {
     for (const char* seconds : {"0", "4"}) {
+      if (seconds[0] != '0' && command[0] != "meter" && command[0] != "stream") continue;  // they wait alike
       std::vector<std::string> arguments = command;
       arguments.insert(arguments.end(), {"-q", "--server", server.address(), "--resume", seconds});
       const int before = server.calls();

@@ -23,9 +23,9 @@ class BusyDevice {
   }
   ~BusyDevice() { release(); }
 
-  // Returns false if fewer frames than this wait after 10 s.
+  // Returns false if fewer frames than this wait after a minute.
   bool wait_until_waiting(size_t frames) const {
-    const absl::Time until = absl::Now() + absl::Seconds(10);
+    const absl::Time until = absl::Now() + absl::Minutes(1);
     while (server_.frames_waiting() < frames && absl::Now() < until) absl::SleepFor(absl::Milliseconds(5));
     return server_.frames_waiting() >= frames;
   }

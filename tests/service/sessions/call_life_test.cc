@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
 #include "client/call/retry/retry_info.h"
+#include "tests/service/server/busy_device.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/wire_cutter.h"
 #include "tests/support/status.h"
@@ -65,20 +66,9 @@ TEST_P(CallLife, ADeadlineEndsTheCall) {
 }
 
 TEST_P(CallLife, TheClientReportsItsOwnDeadlineInWords) {
+  const BusyDevice device(server());  // so that no answer of the server's comes first
   EXPECT_REFUSED(kDeadlineExceeded, "time given",
-                 connection().render({}, view(frame_), absl::Now() + absl::Microseconds(200)));
-}
-
-TEST_P(CallLife, AClientThatKeepsSendingIsNotIdle) {
-  const WireFrame frame = natural(16, 5);
-  OpenCall call(channel());
-  call.write(start_of(frame));
-  for (uint32_t y = 0; y < 5; ++y) {
-    absl::SleepFor(absl::Milliseconds(400));
-    call.write(band_of(frame, y, 1));
-  }
-  call.stream->WritesDone();
-  EXPECT_OK(call.finish());
+                 connection().render({}, view(frame_), absl::Now() + absl::Milliseconds(50)));
 }
 
 TEST_P(CallLife, AClientThatDoesNotReadItsResultIsCutOffToo) {
@@ -175,7 +165,7 @@ TEST(Drain, CallsThatOutlastTheDrainTimeoutAreCancelled) {
   ASSERT_TRUE(wait_until_in_use(Connection(channel)));
   const absl::Time start = absl::Now();
   server->drain_and_stop();
-  EXPECT_LT(absl::Now() - start, absl::Seconds(5));
+  EXPECT_LT(absl::Now() - start, config.idle_timeout);
   EXPECT_FALSE(call.finish().ok());
 }
 

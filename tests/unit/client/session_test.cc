@@ -38,7 +38,7 @@ SessionOptions options_for(std::vector<std::string> servers) {
   SessionOptions options;
   options.servers = std::move(servers);
   options.settings = at_ev(1);
-  options.resume_limit = absl::Seconds(5);
+  options.resume_limit = absl::Minutes(1);
   return options;
 }
 
@@ -271,7 +271,7 @@ TEST(Session, AServerThatHangsIsLeftForTheNext) {
   });
   FakeServer second;
   SessionOptions options = options_for({first.address(), second.address()});
-  options.silence_limit = absl::Seconds(1);
+  options.silence_limit = absl::Seconds(3);
   const Outcome got = run(options, 9);
   over.Notify();
   EXPECT_OK(got.status);

@@ -4,8 +4,10 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <thread>
+#include <vector>
 
 #include "absl/synchronization/mutex.h"
 #include "server/accept_loop.h"
@@ -23,26 +25,32 @@ constexpr OwnDoor::Options kQuick{.interval = absl::Milliseconds(50),
                                   .limit = absl::Milliseconds(200),
                                   .dead_limit = absl::Milliseconds(400)};
 
-// What an OwnDoor reports last.
+// What an OwnDoor reports.
 class Reports {
  public:
   void add(OwnDoor::State state) {
     const absl::MutexLock lock(&mutex_);
-    last_ = state;
+    all_.push_back(state);
   }
   OwnDoor::State last() {
     const absl::MutexLock lock(&mutex_);
-    return last_;
+    return all_.empty() ? OwnDoor::State() : all_.back();
   }
+  // Passes over what was reported before that, which may have been for a moment.
   bool becomes(bool answers, bool alive) {
     const absl::MutexLock lock(&mutex_);
-    const auto so = [&] { return last_ == OwnDoor::State{answers, alive}; };
-    return mutex_.AwaitWithTimeout(absl::Condition(&so), absl::Seconds(10));
+    const auto so = [&] {
+      const auto found = std::find(all_.begin() + seen_, all_.end(), OwnDoor::State{answers, alive});
+      seen_ = found - all_.begin();
+      return found != all_.end();
+    };
+    return mutex_.AwaitWithTimeout(absl::Condition(&so), absl::Minutes(1));
   }
 
  private:
   absl::Mutex mutex_;
-  OwnDoor::State last_;
+  std::vector<OwnDoor::State> all_;
+  std::ptrdiff_t seen_ = 0;
 };
 
 ListeningSocket listen() { return std::move(ListeningSocket::listen("listen", "127.0.0.1:0")->front()); }
