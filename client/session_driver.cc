@@ -49,10 +49,12 @@ absl::Time SessionDriver::deadline() const {
 }
 
 void SessionDriver::next_call() {
-  const SessionState::Need need = state_.need(phase_ == Phase::kIdle);
-  phase_ = Phase::kIdle;
+  const bool idle = std::exchange(phase_, Phase::kIdle) == Phase::kIdle;
+  const SessionState::Need need = state_.need(idle);
   if (need == SessionState::Need::kNotYet) return;
   if (need == SessionState::Need::kOver) return end(absl::OkStatus());
+  const bool too_early = idle && state_.was_open() && clock_.now() < schedule_.when();
+  if (too_early && !state_.cancelled()) return pause_after_loss();
   server_ = schedule_.next();
   const std::string& address = servers_.address(server_);
   std::optional<SessionState::Start> start = state_.begin_call(address);
@@ -110,10 +112,12 @@ void SessionDriver::call_failed() {
   return state_.was_open() ? pause_after_loss() : pause_before_open();
 }
 
-// An open session has lost its server.
+// An open session has lost its server. The limit counts from when it needs one.
 void SessionDriver::pause_after_loss() {
-  phase_ = Phase::kPausing;
   pause_limit_ = state_.lose(last_.status) + options_.resume_limit;
+  const SessionState::Need need = state_.need(/*idle=*/false);
+  if (need == SessionState::Need::kOver) return end(absl::OkStatus());
+  phase_ = need == SessionState::Need::kCall ? Phase::kPausing : Phase::kIdle;
   pause_until_ = std::min(schedule_.when(), pause_limit_);
 }
 

@@ -36,9 +36,13 @@
 namespace candela {
 namespace {
 
-// Time for calls that are refused at the last moment to receive their status. Only health watchers use all of
-// it.
+// Time for calls that are refused at the last moment to receive their status. Health watchers use all of it,
+// and so do clients that wait for nothing: they may not read for seconds.
 constexpr absl::Duration kRefusalGrace = absl::Milliseconds(500);
+
+// The same if calls were in flight. A call leaves when its answer is written, and its client may need longer
+// to read it, on a slow connection or a busy machine. Without its last part the answer would be torn.
+constexpr absl::Duration kAnswerGrace = absl::Seconds(5);
 
 // The test frame that the heartbeat renders.
 constexpr FrameDesc kBeat = {8, 8, kUsualFormat};
@@ -355,11 +359,12 @@ void Server::drain_and_stop(const std::function<void()>& on_drained) {
       Drain::begin(state.call_gate, state.session_gate, state.sessions.table, [&all_left](bool in_time) {
         if (in_time) all_left.give();
       });
+  const bool idle = all_left.is_given();
   all_left.comes_within(deadline - impl_->clock.now());
   drain->on_time();
   const bool drained = all_left.is_given();
   if (drained && on_drained) on_drained();
-  impl_->stop(drained ? kRefusalGrace : absl::ZeroDuration());
+  impl_->stop(!drained ? absl::ZeroDuration() : idle ? kRefusalGrace : kAnswerGrace);
 }
 
 }  // namespace candela

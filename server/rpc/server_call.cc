@@ -47,8 +47,8 @@ void ServerCall::on_done() {
   {
     absl::MutexLock lock(&mutex_);
     idle_timer_.reset();
+    watch_ = 0;
     inside = inside_;
-    done_ = true;
   }
   if (inside) gate_.leave();
 }
@@ -69,7 +69,8 @@ std::unique_ptr<Timer> ServerCall::call_after(absl::Duration wait, std::function
 }
 
 void ServerCall::watch_idle(absl::Duration wait) {
-  idle_timer_ = call_after(wait, [this] { on_timer(); });
+  ++watch_;
+  idle_timer_ = call_after(wait, [this, watch = watch_] { on_timer(watch); });
 }
 
 absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Duration taken) const {
@@ -79,12 +80,13 @@ absl::Status ServerCall::check_upload_time(absl::string_view frame, absl::Durati
       absl::FormatDuration(absl::Trunc(taken, absl::Milliseconds(1))), kMaxUploadTimeouts));
 }
 
-void ServerCall::on_timer() {
+void ServerCall::on_timer(uint64_t watch) {
   absl::MutexLock lock(&mutex_);
+  // It had fired when it was replaced or the call was done.
+  if (watch != watch_) return;
   if (!finished_) return on_idle();
-  // The peer reads nothing, so gRPC cannot even deliver the status: leave now. After on_done, the call has
-  // already left.
-  if (!done_ && std::exchange(inside_, false)) {
+  // The peer reads nothing, so gRPC cannot even deliver the status: leave now.
+  if (std::exchange(inside_, false)) {
     transport_.cancel();
     gate_.leave();
   }

@@ -1,6 +1,7 @@
 // The life of one call: its ownership, its place in a gate, its idle timer and its one end.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -70,15 +71,16 @@ class ServerCall : public std::enable_shared_from_this<ServerCall> {
 
  private:
   std::unique_ptr<Timer> call_after(absl::Duration wait, std::function<void()> then);
-  void on_timer() ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(uint64_t watch) ABSL_LOCKS_EXCLUDED(mutex_);
 
   Timers& timers_;
   CallGate& gate_;
   const absl::Duration idle_timeout_;
   bool inside_ ABSL_GUARDED_BY(mutex_) = false;  // the gate, and has not left
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
-  bool done_ ABSL_GUARDED_BY(mutex_) = false;
   std::unique_ptr<Timer> idle_timer_ ABSL_GUARDED_BY(mutex_);
+  uint64_t watch_ ABSL_GUARDED_BY(mutex_) =
+      0;  // the number of the timer; 0: none is set, or the call is done
 };
 
 }  // namespace candela

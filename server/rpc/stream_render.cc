@@ -1,5 +1,7 @@
 // A stream's frames once they are received: metered, drawn and encoded.
 #include <cstddef>
+#include <cstdint>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -12,12 +14,14 @@ namespace candela {
 namespace {
 
 PictureView picture_of(const FrameMemory& memory, bool wide) {
-  const std::byte* rows = memory.output_row(0).data();
+  const std::span<const std::byte> first = memory.output_row(0);
+  const uint32_t height = memory.desc().height;
   return {.width = memory.desc().width,
-          .height = memory.desc().height,
+          .height = height,
           .wide = wide,
-          .rows = rows,
-          .row_stride_bytes = static_cast<size_t>(memory.output_row(1).data() - rows)};
+          .rows = first.data(),
+          .row_stride_bytes =
+              height == 1 ? first.size() : static_cast<size_t>(memory.output_row(1).data() - first.data())};
 }
 
 }  // namespace

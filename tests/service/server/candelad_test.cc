@@ -8,6 +8,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
@@ -30,6 +31,25 @@ namespace {
 FrameView view(const WireFrame& frame) {
   return {frame.desc.width, frame.desc.height, static_cast<v1::PixelFormat>(frame.desc.format), frame.pixels,
           0};
+}
+
+// A call of Render that has memory, and of whose frame a half is missing.
+std::unique_ptr<RawCall> half_a_call(const std::string& address) {
+  auto call = std::make_unique<RawCall>(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()),
+                                        "/candela.v1.RenderService/Render", absl::InfiniteFuture());
+  v1::RenderRequest start;
+  start.mutable_start()->mutable_frame()->set_width(1);
+  start.mutable_start()->mutable_frame()->set_height(2);
+  start.mutable_start()->mutable_frame()->set_format(v1::PIXEL_FORMAT_RGBA16F);
+  v1::RenderRequest half;
+  half.mutable_band()->set_pixels(std::string(8, '\0'));
+  for (const v1::RenderRequest* message : {&start, &half}) {
+    const grpc::Slice bytes(message->SerializeAsString());
+    EXPECT_TRUE(call->write(grpc::ByteBuffer(&bytes, 1)));
+  }
+  const Connection connection = *Connection::open(address);
+  while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(5));
+  return call;
 }
 
 TEST(Candelad, RendersOverTcpAndEndsWithZeroOnSigterm) {
@@ -58,6 +78,7 @@ TEST(Candelad, SigtermUnderLoadEndsWithZeroAndTearsNoFrame) {
   Daemon daemon({"--listen", "127.0.0.1:0"});
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
+  std::unique_ptr<RawCall> in_flight = half_a_call(address);  // at the signal, however the others are timed
   std::atomic<int> rendered = 0;
   std::vector<std::thread> clients;
   for (uint32_t c = 0; c < 4; ++c) {
@@ -75,6 +96,8 @@ TEST(Candelad, SigtermUnderLoadEndsWithZeroAndTearsNoFrame) {
   }
   while (rendered < 8) absl::SleepFor(absl::Milliseconds(5));
   daemon.signal(SIGTERM);
+  while (Connection::open(address)->health().ok()) absl::SleepFor(absl::Milliseconds(1));
+  in_flight.reset();
   EXPECT_EQ(daemon.wait(), 0) << daemon.errors();
   for (std::thread& client : clients) client.join();
 }
@@ -83,21 +106,8 @@ TEST(Candelad, ASecondSignalEndsItAtOnce) {
   Daemon daemon({"--listen", "127.0.0.1:0", "--drain-timeout", "1h", "--idle-timeout", "1h"});
   const std::string address = daemon.wait_until_listening();
   ASSERT_NE(address, "") << daemon.errors();
-  // A call that never ends keeps it draining.
-  RawCall stuck(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()),
-                "/candela.v1.RenderService/Render", absl::InfiniteFuture());
-  v1::RenderRequest start;
-  start.mutable_start()->mutable_frame()->set_width(1);
-  start.mutable_start()->mutable_frame()->set_height(2);
-  start.mutable_start()->mutable_frame()->set_format(v1::PIXEL_FORMAT_RGBA16F);
-  v1::RenderRequest half;
-  half.mutable_band()->set_pixels(std::string(8, '\0'));
-  for (const v1::RenderRequest* message : {&start, &half}) {
-    const grpc::Slice bytes(message->SerializeAsString());
-    ASSERT_TRUE(stuck.write(grpc::ByteBuffer(&bytes, 1)));
-  }
+  const std::unique_ptr<RawCall> stuck = half_a_call(address);  // keeps it draining
   const Connection connection = *Connection::open(address);
-  while (connection.server_info()->pool().bytes_in_use() == 0) absl::SleepFor(absl::Milliseconds(5));
   daemon.signal(SIGTERM);
   while (connection.health().ok()) absl::SleepFor(absl::Milliseconds(5));
   daemon.signal(SIGTERM);

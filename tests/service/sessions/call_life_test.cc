@@ -169,6 +169,31 @@ TEST(Drain, CallsThatOutlastTheDrainTimeoutAreCancelled) {
   EXPECT_FALSE(call.finish().ok());
 }
 
+// gRPC calls an answer done once it is written, and this one is on its way for a second longer.
+TEST(Drain, AClientOnASlowConnectionGetsAllOfItsAnswer) {
+  Config config = test_config();
+  config.idle_timeout = absl::Minutes(1);
+  const std::unique_ptr<Server> server = start_server(config);
+  const Connection witness(server->in_process_channel());
+  WireCutter wire(server->addresses().at(0));
+  wire.slow_to_client(60e3);
+  const WireFrame frame = natural(160, 160);
+  OpenCall call(own_channel(wire.address()));
+  call.write(start_of(frame));
+  call.write(band_of(frame, 0, 1));
+  ASSERT_TRUE(wait_until_in_use(witness));
+  std::thread drain([&] {
+    server->drain_and_stop();
+    EXPECT_GE(wire.bytes_to_client(), 160u * 160 * 4);
+  });
+  while (witness.render({}, view(natural(1, 1))).ok()) {
+  }
+  call.write(band_of(frame, 1, 159));
+  call.stream->WritesDone();
+  EXPECT_OK(call.finish());
+  drain.join();
+}
+
 // In the same process, a band is the server's memory. It stays valid while anybody holds it.
 TEST(Drain, ABandOutlivesTheServerThatSentIt) {
   std::unique_ptr<Server> server = start_server(test_config());

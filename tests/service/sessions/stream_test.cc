@@ -264,6 +264,14 @@ TEST_P(Stream, EncodedResultsHoldTheSamePixels) {
   EXPECT_EQ(jpeg.at(0).pixels.substr(0, 2), "\xff\xd8");
 }
 
+TEST_P(Stream, AFrameOfOneRowIsEncodedToo) {
+  for (const v1::Encoding encoding : {v1::ENCODING_PNG, v1::ENCODING_JPEG}) {
+    v1::StreamOpen open = open_of("row");
+    open.set_encoding(encoding);
+    EXPECT_EQ(stream_all(channel(), open, {natural(5, 1)}).size(), 1u);
+  }
+}
+
 TEST_P(Stream, ResumesFromAnyResultWithTheSameBits) {
   const std::vector<WireFrame> frames = step(6);
   for (const uint32_t lookahead : {0u, 2u}) {

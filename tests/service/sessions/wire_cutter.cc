@@ -44,13 +44,13 @@ class Lane {
     return {may_pass_ >= 1 ? from_ : -1, POLLIN, 0};
   }
 
-  // False when either end has ended.
-  bool pass() {
+  // Returns how many bytes passed, or 0 when either end has ended.
+  size_t pass() {
     const size_t most = std::min(bytes_.size(), static_cast<size_t>(may_pass_));
     const ssize_t size = recv(from_, bytes_.data(), most, 0);
-    if (size <= 0 || send(to_, bytes_.data(), static_cast<size_t>(size), MSG_NOSIGNAL) != size) return false;
+    if (size <= 0 || send(to_, bytes_.data(), static_cast<size_t>(size), MSG_NOSIGNAL) != size) return 0;
     may_pass_ -= static_cast<double>(size);
-    return true;
+    return static_cast<size_t>(size);
   }
 
  private:
@@ -102,8 +102,11 @@ void WireCutter::run(int server_port) {
   while (!cut_) {
     std::array<pollfd, 2> ends{to_server.awaited(), to_client.awaited()};
     if (poll(ends.data(), ends.size(), 10) <= 0) continue;
-    if (ends[0].revents != 0 && !to_server.pass()) break;
-    if (ends[1].revents != 0 && !to_client.pass()) break;
+    if (ends[0].revents != 0 && to_server.pass() == 0) break;
+    if (ends[1].revents == 0) continue;
+    const size_t passed = to_client.pass();
+    if (passed == 0) break;
+    bytes_to_client_ += passed;
   }
   reset(client);
   reset(server);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <string>
 #include <thread>
 
@@ -18,6 +19,8 @@ class WireCutter {
   // for TCP's buffers.
   void slow_to_server(double bytes_per_second) { to_server_ = bytes_per_second; }
   void slow_to_client(double bytes_per_second) { to_client_ = bytes_per_second; }
+  // That it has relayed.
+  uint64_t bytes_to_client() const { return bytes_to_client_; }
   // Ends both connections at once with a reset.
   void cut();
 
@@ -31,6 +34,7 @@ class WireCutter {
   std::atomic<bool> cut_ = false;
   std::atomic<double> to_server_ = kUnlimited;
   std::atomic<double> to_client_ = kUnlimited;
+  std::atomic<uint64_t> bytes_to_client_ = 0;
   std::thread thread_;
 };
 

@@ -148,24 +148,26 @@ TEST(SessionDriver, AServerThatOwesNothingMayBeSilent) {
   EXPECT_EQ(session.driver.deadline(), clock.now() + absl::Minutes(1));
 }
 
-// One that has nothing to send is not resumed, and the time does not count.
+// One that has nothing to send is not resumed, and the time does not count. It waits for nothing else.
 TEST(SessionDriver, WithoutAFrameItNeedsNoServer) {
-  VirtualClock clock;
-  FakeSession session(1, options(), clock);
-  session.driver.start();
-  session.settle();
-  session.servers.call_now->lose(kLost);
-  while (session.step()) continue;
-  EXPECT_FALSE(session.driver.ended());
-  EXPECT_EQ(session.servers.opens.size(), 1u);
-  clock.advance(absl::Hours(1));
-  ASSERT_OK(session.state.submit(frame(0)));
-  session.state.finish();
-  while (session.step()) continue;
-  ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.state.next_result());
-  EXPECT_EQ(result->sequence, 0u);
-  EXPECT_EQ(session.state.stats().resumes, 1u);
-  EXPECT_EQ(session.state.stats().time_without_results, absl::ZeroDuration());
+  for (const grpc::Status& loss : {kLost, full(60)}) {
+    VirtualClock clock;
+    FakeSession session(1, options(), clock);
+    session.driver.start();
+    session.settle();
+    session.servers.call_now->lose(loss);
+    while (session.step()) continue;
+    ASSERT_FALSE(session.driver.ended());
+    EXPECT_EQ(session.servers.opens.size(), 1u);
+    clock.advance(absl::Hours(1));
+    ASSERT_OK(session.state.submit(frame(0)));
+    session.state.finish();
+    while (session.step()) continue;
+    ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.state.next_result());
+    EXPECT_EQ(result->sequence, 0u);
+    EXPECT_EQ(session.state.stats().resumes, 1u);
+    EXPECT_EQ(session.state.stats().time_without_results, absl::ZeroDuration());
+  }
 }
 
 constexpr absl::string_view kCancelled = "the session was cancelled";
@@ -216,7 +218,7 @@ TEST(SessionDriver, CancelEndsEveryWait) {
     session.driver.start();
     session.settle();
     if (idle) {
-      session.servers.call_now->lose(kLost);
+      session.servers.call_now->lose(full(3));
       while (session.step()) continue;
     } else if (session.state.was_open()) {
       ASSERT_OK(session.state.submit(frame(0)));

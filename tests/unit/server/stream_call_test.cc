@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <deque>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -44,6 +46,7 @@ class FakeTransport final : public CallTransport {
   bool reads = true;
   std::vector<v1::StreamResponse> answers;
   std::optional<grpc::Status> status;  // once the call is done
+  std::function<void()> before_done;
 
   void run() {
     while (happen()) {
@@ -68,6 +71,7 @@ class FakeTransport final : public CallTransport {
       }
       call_->on_write_done(!over());
     } else if (end_ && reading_ == nullptr && writing_ == nullptr && call_ != nullptr) {
+      if (before_done) before_done();
       status = end_;
       call_->on_done();
       call_.reset();
@@ -91,6 +95,20 @@ class FakeTransport final : public CallTransport {
 class NoEncoders final : public WorkerPool {
  public:
   void run(std::function<void()>) override { ADD_FAILURE() << "nothing is rendered here"; }
+};
+
+// Keeps the callback of the newest timer.
+class KeepingTimers final : public Timers {
+ public:
+  explicit KeepingTimers(Timers& timers) : timers_(timers) {}
+  std::unique_ptr<Timer> call_after(absl::Duration wait, std::function<void()> then) override {
+    newest = then;
+    return timers_.call_after(wait, std::move(then));
+  }
+  std::function<void()> newest;
+
+ private:
+  Timers& timers_;
 };
 
 v1::StreamRequest open_message() {
@@ -139,12 +157,13 @@ class StreamCallTest : public ::testing::Test {
   }
 
   VirtualClock clock_;
+  KeepingTimers timers_{clock_};
   Metrics metrics_{"version", "device", "driver", "passes"};
   RenderSteps steps_{run_job, 8, clock_};
   NoEncoders encoders_;
   ServiceState state_{
       .clock = clock_,
-      .timers = clock_,
+      .timers = timers_,
       .rendering = {.renderer = nullptr,
                     .loop = steps_,
                     .tier_times = nullptr,
@@ -248,6 +267,26 @@ TEST_F(StreamCallTest, AClientThatReadsNothingIsCutOff) {
   EXPECT_TRUE(transport.is_cancelled());
   EXPECT_TRUE(transport.answers.empty());
   EXPECT_EQ(state_.session_gate.places_taken(), 0u);
+}
+
+// Nobody waits for a callback that runs when its timer is destroyed, and this one gets the mutex last.
+TEST_F(StreamCallTest, ATimerThatFiresAtTheEndOfACallDoesNotCutItOff) {
+  FakeTransport transport;
+  transport.begin(state_);
+  transport.send(open_message());
+  const std::function<void()> late = timers_.newest;
+  std::optional<bool> drained;
+  const auto drain = Drain::begin(state_.call_gate, state_.session_gate, state_.sessions.table,
+                                  [&](bool all_left) { drained = all_left; });
+  transport.before_done = [&] {
+    late();
+    EXPECT_EQ(drained, std::nullopt) << "the client has not got its status";
+  };
+  transport.run();
+  EXPECT_FALSE(transport.is_cancelled());
+  EXPECT_EQ(drained, true);
+  late();
+  EXPECT_REFUSED(kUnavailable, "server is draining", *transport.status);
 }
 
 TEST_F(StreamCallTest, AFullServerRefusesAtOnce) {
