@@ -28,9 +28,11 @@ SessionFrames::SessionFrames(uint32_t lookahead, double cut_threshold_ev, const 
       resumed_at_(resumed_at) {}
 
 bool SessionFrames::busy() const {
-  return std::any_of(frames_.begin(), frames_.end(), [](const EntryPtr& entry) {
-    return entry->stage != Stage::kReceiving && entry->stage != Stage::kWaiting;
-  });
+  // A failed frame behind one that waits is neither: its answer has to wait, too.
+  return due() != nullptr || std::any_of(frames_.begin(), frames_.end(), [](const EntryPtr& entry) {
+           return entry->stage == Stage::kQueued || entry->stage == Stage::kDrawing ||
+                  entry->stage == Stage::kEncoding;
+         });
 }
 
 absl::Status SessionFrames::add(const v1::FrameHeader& header, const WireLayout& layout,

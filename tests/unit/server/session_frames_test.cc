@@ -311,6 +311,17 @@ TEST(SessionFrames, FramesThatArriveOrWaitForOthersAreNotBusy) {
   EXPECT_TRUE(line.frames.busy());
 }
 
+TEST(SessionFrames, AFailedFrameBehindOneThatWaitsIsNotBusy) {
+  Line line(2);
+  line.frames.metered(*line.queue(0), rendered_frame());
+  EXPECT_TRUE(line.frames.fail(*line.queue(1), absl::InvalidArgumentError("bad")));
+  EXPECT_EQ(line.draw(), std::vector<uint64_t>{});
+  EXPECT_FALSE(line.frames.busy());
+  line.frames.close();
+  EXPECT_EQ(line.draw(), std::vector<uint64_t>{0});
+  EXPECT_TRUE(line.frames.busy());
+}
+
 TEST(SessionFrames, AResumedSessionContinuesItsExposure) {
   const ExposurePoint point{
       .begun = true, .sequence = 4, .media_time_ns = 4'000'000'000, .exposed = {8.0, 8.0}, .print = {}};
