@@ -2,6 +2,9 @@
 
 #include <utility>
 
+#include "absl/strings/str_format.h"
+#include "proto/candela/v1/message_wire.h"
+
 namespace candela::testing {
 
 SimulatedClient::SimulatedClient(Network& network, std::string name, const WrongClock& clock,
@@ -24,6 +27,7 @@ SimulatedClient::SimulatedClient(Network& network, std::string name, const Wrong
 void SimulatedClient::start() {
   tell([this] {
     started_ = true;
+    newest_ = world_.passed();
     driver_.start();
   });
 }
@@ -36,12 +40,22 @@ void SimulatedClient::cancel() {
 
 std::unique_ptr<ClientCall> SimulatedClient::call(size_t server, const std::string&) {
   world_.note(name(), "calls %s", servers_[server]->name());
-  return Link::begin(
+  // Pauses between rounds soon take a second.
+  if (++calls_ > 2 * puts_ + count() * (12 + absl::ToInt64Seconds(waited()))) {
+    mistake_.Update(absl::InternalError("it calls servers without pause"));
+  }
+  std::unique_ptr<ClientCall> call = Link::begin(
       network_, *this, [target = servers_[server].get()] { return target->listener(); },
-      [this](CallEvent event) { pass_on(event); });
+      [this](CallEvent event) {
+        if (event == CallEvent::kMessage) look_at(call_->message());
+        pass_on(event);
+      });
+  call_ = call.get();
+  return call;
 }
 
 void SimulatedClient::put(size_t server, std::shared_ptr<const Panorama> panorama, absl::Time) {
+  ++puts_;
   const auto answer = [this](const absl::StatusOr<v1::Environment>& put) {
     world_.after(network_.delay(), [this, put] { tell([this, put] { driver_.on_put(put); }); });
   };
@@ -55,7 +69,41 @@ void SimulatedClient::pass_on(CallEvent event) {
   if (started_ && !driver_.ended()) driver_.on_event(event);
 }
 
+void SimulatedClient::look_at(const grpc::ByteBuffer& message) {
+  v1::StreamResponse response;
+  grpc::ByteBuffer copy = message;
+  if (!v1::unpack(copy, response)) return;
+  if (response.has_opened()) {
+    epoch_ = response.opened().epoch();
+    const uint64_t expected = answered_epoch_ ? *answered_epoch_ + 1 : 0;
+    if (epoch_ != expected) {
+      mistake_.Update(
+          absl::InternalError(absl::StrFormat("a call has epoch %d instead of %d", epoch_, expected)));
+    }
+  }
+  const std::string& token =
+      response.has_header() ? response.header().resume_token() : response.failure().resume_token();
+  if (!token.empty() && answered_ < film_.settings.size()) {
+    tokens_[epoch_] = {token, film_.settings[answered_]};
+  }
+}
+
+const SimulatedClient::Token* SimulatedClient::outdated_token() const {
+  if (tokens_.empty() || answered_epoch_.value_or(0) < tokens_.begin()->first + 2) return nullptr;
+  return &tokens_.begin()->second;
+}
+
+void SimulatedClient::count_answers() {
+  if (const uint64_t answered = state_.stats().answered; answered != answered_) {
+    answered_ = answered;
+    answered_epoch_ = epoch_;
+    newest_ = world_.passed();
+    calls_ = 0;
+  }
+}
+
 void SimulatedClient::react() {
+  count_answers();
   take();
   submit();
   set_timer();
@@ -102,7 +150,6 @@ void SimulatedClient::take() {
     }
     world_.note(name(), "has the result of frame %d: %s", (*result)->sequence, (*result)->status.ToString());
     mistake_.Update(check_result(film_, results_++, **result));
-    if ((*result)->status.ok()) token_ = (*result)->image.header.resume_token();
     if (!world_.chance.one_in(habits_.rests_one_in)) continue;
     const absl::Duration rest = world_.chance.between(absl::ZeroDuration(), habits_.longest_rest);
     next_take_ = world_.passed() + rest;

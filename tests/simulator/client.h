@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -40,8 +41,17 @@ class SimulatedClient final : public Process, private SessionServers {
   size_t results() const { return results_; }
   bool was_open() const { return state_.was_open(); }
   SessionStats stats() const { return state_.stats(); }
-  // The newest token that the program has seen.
-  const std::string& token() const { return token_; }
+  size_t puts() const { return puts_; }  // panoramas that it gave to servers
+  // Since its session had a result, or began.
+  absl::Duration waited() const { return world_.passed() - newest_; }
+  // The newest token that came, and one that any server with the session open has to refuse; null if there is
+  // none.
+  struct Token {
+    std::string token;
+    v1::Settings settings;  // of its frame
+  };
+  const Token* token() const { return tokens_.empty() ? nullptr : &tokens_.rbegin()->second; }
+  const Token* outdated_token() const;
   const Film& film() const { return film_; }
 
  private:
@@ -55,6 +65,8 @@ class SimulatedClient final : public Process, private SessionServers {
   void submit();
   void take();
   void set_timer();
+  void look_at(const grpc::ByteBuffer& message);
+  void count_answers();
 
   Network& network_;
   World& world_;
@@ -73,7 +85,14 @@ class SimulatedClient final : public Process, private SessionServers {
   bool started_ = false;
   bool finished_ = false;
   bool cancelled_ = false;
-  std::string token_;
+  ClientCall* call_ = nullptr;        // the last one
+  uint64_t epoch_ = 0;                // of that call
+  std::map<uint64_t, Token> tokens_;  // the newest of each epoch
+  uint64_t answered_ = 0;
+  std::optional<uint64_t> answered_epoch_;  // of the call that brought the last result
+  absl::Duration newest_;                   // when it came
+  size_t calls_ = 0;                        // since then
+  size_t puts_ = 0;
   std::optional<absl::Status> end_;
   absl::Status mistake_;
 };

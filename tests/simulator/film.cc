@@ -140,6 +140,7 @@ Film make_film(Chance& chance, const FilmPlan& plan) {
     frame.width = desc.width;
     frame.height = desc.height;
     const v1::Settings& now = std::prev(settings.upper_bound(sequence))->second;
+    film.settings.push_back(now);
     film.model.push_back(
         {desc, std::move(pixels), Settings::from(now).value(), sequence, time_ns, frame.cut, frame.exposure});
     film.frames.push_back(std::move(frame));
@@ -173,6 +174,10 @@ absl::Status check_result(const Film& film, size_t index, const FrameResult& res
   if (header.target() != expected.exposed.target) {
     return differs("target", header.target(), expected.exposed.target);
   }
+  if (header.exposure_before() != expected.before) {
+    return differs("an exposure before it of", header.exposure_before(), expected.before);
+  }
+  if (header.cut() != expected.cut) return differs("a cut", header.cut(), expected.cut);
   if (film.options.return_state && header.state().exposure() != expected.exposed.exposure) {
     return differs("a state of exposure", header.state().exposure(), expected.exposed.exposure);
   }

@@ -16,6 +16,7 @@ struct Film {
   SessionOptions options;
   std::vector<SessionFrame> frames;
   std::map<size_t, v1::SettingsChange> changes;  // before the frame of this index
+  std::vector<v1::Settings> settings;            // that count for each frame
   std::vector<SimulatedFrame> model;             // the frames, as the model of a session wants them
   std::vector<SimulatedAnswer> answers;          // of a run that nothing disturbs, one a frame
   bool has_views = false;

@@ -63,8 +63,10 @@ class History {
   void cancel_client();
   void set_clocks();
   void take_session();
+  void take_session_late();
   void use_name();
   void restart_all();
+  void intrude(const SimulatedClient& client, const v1::Settings& settings, const std::string& token);
 
   World world_;
   Network network_{world_};
@@ -98,7 +100,8 @@ const std::vector<History::Fault>& History::faults() {
       {"full", "servers take one session at a time", &History::few_places, nullptr},
       {"little_memory", "servers have memory for few frames", &History::little_memory, nullptr},
       {"lost_device", "a device is lost, with its panoramas", nullptr, &History::lose_device},
-      {"hanging_device", "a device hangs for up to 40 s", nullptr, &History::hang_device},
+      {"hanging_device", "a device hangs for up to 40 s, or for ever if there is another server", nullptr,
+       &History::hang_device},
       {"stop_client", "a client is stopped for up to 40 s", nullptr, &History::stop_client},
       {"cancel", "a client cancels", nullptr, &History::cancel_client},
       {"slow_reader", "clients take results late", &History::slow_readers, nullptr},
@@ -108,6 +111,8 @@ const std::vector<History::Fault>& History::faults() {
       {"expired_token", "tokens are valid for 15 s", &History::short_tokens, nullptr},
       {"duplicate_resume", "another call resumes the session with its token", nullptr,
        &History::take_session},
+      {"outdated_resume", "another call resumes the session with a token from before its last resume",
+       nullptr, &History::take_session_late},
       {"duplicate_name", "another call opens the session's name", nullptr, &History::use_name},
   };
   return all;
@@ -171,9 +176,11 @@ HistoryReport History::run() {
   }
   schedule_strikes();
   // The bound: what the clients themselves wait, and a few of the longest limits one after another.
-  absl::Duration bound = faults_last_ + absl::Minutes(10);
+  absl::Duration bound = faults_last_ + (chosen_.empty() ? absl::Seconds(10) : absl::Minutes(10));
   for (const Film& film : films_) {
     bound += static_cast<double>(film.frames.size()) * (habits_.longest_wait + habits_.longest_rest);
+    // Each frame may meet two devices that hang for ever.
+    if (has("hanging_device")) bound += static_cast<double>(film.frames.size()) * absl::Minutes(3);
   }
   while (!settled() && verdict_.ok() && world_.step()) {
     if (++events_ > kMostEvents) fail("history", absl::InternalError("it takes too many events"));
@@ -196,6 +203,13 @@ HistoryReport History::run() {
     report.frames += client->results();
     report.resumes += client->stats().resumes;
     if (client->end()) ++report.ends[absl::StatusCodeToString(client->end()->code())];
+  }
+  if (network_.longest_idle > 2 * server_plan_.idle_timeout + absl::Seconds(5) && !has("hanging_device") &&
+      !has("stop_server") && !has("set_clock")) {
+    fail("network",
+         absl::InternalError(absl::StrFormat(
+             "a server with an idle timeout of %s keeps a call for %s in which nothing happens",
+             absl::FormatDuration(server_plan_.idle_timeout), absl::FormatDuration(network_.longest_idle))));
   }
   for (const auto& server : servers_) {
     fail(server->name(), server->left_behind());
@@ -250,6 +264,9 @@ bool History::settled() const {
 
 void History::judge(SimulatedClient& client) {
   fail(client.name(), client.mistake());
+  if (chosen_.empty() && client.stats().resumes > client.puts()) {
+    fail(client.name(), absl::InternalError("it resumes, and nothing has happened"));
+  }
   if (!client.end()) return;
   const absl::Status& end = *client.end();
   if (end.ok()) {
@@ -268,8 +285,9 @@ bool History::may_end(SimulatedClient& client, const absl::Status& end) const {
     case absl::StatusCode::kCancelled:
       return client.cancelled();
     case absl::StatusCode::kUnavailable: {
-      if (impatient_ && (says("no server has taken the session on") || says("no server opens the session"))) {
-        return true;
+      if (impatient_ && says("no server opens the session")) return true;
+      if (impatient_ && says("no server has taken the session on")) {
+        return has("set_clock") || client.waited() > 0.98 * client.film().options.resume_limit;
       }
       // Not one of the servers was reached at the first open.
       return !client.was_open() && (says("failed to connect") || says("it hangs"));
@@ -343,7 +361,11 @@ void History::drain_server() {
 }
 
 void History::lose_device() { some_server().lose_device(up_to(absl::Seconds(2))); }
-void History::hang_device() { some_server().hang_device(up_to(absl::Seconds(40))); }
+void History::hang_device() {
+  SimulatedServer& server = some_server();
+  const bool for_ever = &server != servers_.front().get() && chance().one_in(3);
+  server.hang_device(for_ever ? absl::InfiniteDuration() : up_to(absl::Seconds(40)));
+}
 
 void History::stop_client() {
   SimulatedClient& client = some_client();
@@ -362,19 +384,23 @@ void History::set_clocks() {
   }
 }
 
-void History::take_session() {
-  SimulatedClient& client = some_client();
-  if (client.token().empty()) return;
-  intruders_.push_back(std::make_unique<Intruder>(network_, some_server(), client.name(),
-                                                  client.film().options.settings, client.token(),
+void History::intrude(const SimulatedClient& client, const v1::Settings& settings, const std::string& token) {
+  intruders_.push_back(std::make_unique<Intruder>(network_, some_server(), client.name(), settings, token,
                                                   up_to(absl::Seconds(5))));
 }
 
-void History::use_name() {
+void History::take_session() {
   SimulatedClient& client = some_client();
-  intruders_.push_back(std::make_unique<Intruder>(network_, some_server(), client.name(), v1::Settings(), "",
-                                                  up_to(absl::Seconds(5))));
+  if (const SimulatedClient::Token* token = client.token()) intrude(client, token->settings, token->token);
 }
+
+void History::take_session_late() {
+  SimulatedClient& client = some_client();
+  if (const SimulatedClient::Token* token = client.outdated_token())
+    intrude(client, token->settings, token->token);
+}
+
+void History::use_name() { intrude(some_client(), v1::Settings(), ""); }
 
 }  // namespace
 

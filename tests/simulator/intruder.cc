@@ -21,7 +21,10 @@ Intruder::Intruder(Network& network, SimulatedServer& server, const std::string&
 
 void Intruder::on_event(CallEvent event) {
   if (event == CallEvent::kMessage) call_->read();
-  if (event == CallEvent::kEnded) return call_.reset();
+  if (event == CallEvent::kEnded) {
+    world().note(name(), "ends with %s", call_->error().ToString());
+    return call_.reset();
+  }
   if (call_->can_write() && !std::exchange(asked_, true)) call_->write(v1::pack(open_));
 }
 

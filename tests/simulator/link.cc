@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "absl/strings/str_format.h"
+#include "candela/v1/render.pb.h"
+#include "proto/candela/v1/message_wire.h"
 #include "server/base/check.h"
 
 namespace candela::testing {
@@ -10,6 +12,13 @@ namespace {
 
 constexpr absl::Duration kConnectTimeout = absl::Seconds(20);
 constexpr char kReset[] = "Connection reset by peer";
+
+bool tells_to_leave(const grpc::ByteBuffer& message) {
+  constexpr size_t kLongest = 100;  // bytes
+  v1::StreamResponse response;
+  grpc::ByteBuffer copy = message;
+  return message.Length() < kLongest && v1::unpack(copy, response) && response.has_go_away();
+}
 
 }  // namespace
 
@@ -77,6 +86,7 @@ void Link::arrive(const std::function<Listener()>& listener) {
   }
   server_ = found.process;
   network_.links.push_back(this);
+  at_server_.newest = world_.passed();
   at_client_.started = true;
   look_at_client();
   server_->tell([self = shared_from_this(), accept = std::move(found.accept)] {
@@ -197,6 +207,18 @@ void Link::look_at_server() {
                });
 }
 
+void Link::something_happens() {
+  network_.longest_idle =
+      std::max(network_.longest_idle, world_.passed() - std::exchange(at_server_.newest, world_.passed()));
+}
+
+bool Link::outstays(absl::Duration time) const {
+  constexpr absl::Duration kSoon = absl::Seconds(5);  // the frames that it has get their results
+  const ServerEnd& end = at_server_;
+  if (!end.opened || end.cancelled || end.end || cut_ || end.writing != nullptr) return false;
+  return time >= absl::Seconds(1) && (!end.leaves || world_.passed() - *end.leaves > kSoon);
+}
+
 // One of those that are possible.
 bool Link::server_event() {
   auto& end = at_server_;
@@ -214,6 +236,7 @@ bool Link::server_event() {
       to_server_.arrived.pop_front();
       --to_server_.unread;
       client_sends();
+      something_happens();
       call_->on_read_done(true);
     });
   } else if (end.reading != nullptr && (over || !to_server_.arrived.empty())) {
@@ -228,6 +251,9 @@ bool Link::server_event() {
       const grpc::ByteBuffer message = *std::exchange(at_server_.writing, nullptr);
       if (ok) {
         ++to_client_.unread;
+        something_happens();
+        at_server_.opened = true;
+        if (tells_to_leave(message)) at_server_.leaves = world_.passed();
         send(to_client_, message);
       }
       call_->on_write_done(ok);
@@ -242,6 +268,7 @@ bool Link::server_event() {
 }
 
 void Link::end_of_server() {
+  something_happens();
   if (!at_server_.cancelled && !cut_) {
     if (network_.cuts()) {
       cut(kConnectTimeout, absl::ZeroDuration());

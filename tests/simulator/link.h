@@ -29,6 +29,8 @@ struct Network {
   size_t cut_one_in = 0;   // messages that are the last of their connection, and lost
   absl::Duration slowest = absl::Seconds(3);
   std::vector<Link*> links{};  // that a server still has, the oldest first
+  absl::Duration longest_idle =
+      absl::ZeroDuration();  // that a server has kept a call with which nothing happened
 
   absl::Duration delay();
   bool cuts() { return cut_one_in > 0 && world.chance.one_in(cut_one_in); }
@@ -56,6 +58,8 @@ class Link final : public CallTransport, public std::enable_shared_from_this<Lin
   // The server's process ends, and with it everything of the call there.
   void end_server();
   const Process* server() const { return server_.get(); }
+  // The session has an open client that reads, and still does not leave the server, which drains for `time`.
+  bool outstays(absl::Duration time) const;
 
   // The server's end.
   void start_read(grpc::ByteBuffer* message) override;
@@ -94,6 +98,7 @@ class Link final : public CallTransport, public std::enable_shared_from_this<Lin
   void end_client(const grpc::Status& status, absl::Duration learns);
   void cancel_server(absl::Duration learns);
   void end_of_server();
+  void something_happens();
 
   Network& network_;
   World& world_;
@@ -125,6 +130,9 @@ class Link final : public CallTransport, public std::enable_shared_from_this<Lin
     const grpc::ByteBuffer* writing = nullptr;
     bool cancelled = false;
     bool told_cancelled = false;
+    bool opened = false;                                  // the session
+    std::optional<absl::Duration> leaves = std::nullopt;  // when it was told to
+    absl::Duration newest = absl::ZeroDuration();         // when something happened last
     std::optional<grpc::Status> end;
     bool looking = false;
   };

@@ -59,7 +59,7 @@ def planted(fault: dict) -> dict[pathlib.Path, bytes]:
 
 def verdict() -> tuple[str | None, str]:
     """After how many histories one was wrong, and how; None if all were right."""
-    program = BUILD / "tests" / "simulator" / "candela_simulator"
+    program = BUILD / "bin" / "candela_simulator"
     try:
         ran = subprocess.run([program, "--histories", HISTORIES, "--seed", SEED], text=True, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, timeout=LIMIT)

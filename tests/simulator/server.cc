@@ -49,6 +49,7 @@ class SimulatedServer::Life final : public Process,
         clock_(world, plan.clock_offset, plan.clock_drift),
         timers_(*this),
         memory_bytes_(plan.memory_bytes),
+        places_(plan.max_sessions),
         maker_(std::make_shared<SimulatedFrameMaker>(memory_bytes_, clock_)),
         steps_(run_job, kQueue, clock_),
         state_{.clock = clock_,
@@ -86,7 +87,11 @@ class SimulatedServer::Life final : public Process,
   }
 
   // The render loop stands still.
-  void hang_device(absl::Duration time) { hangs_until_ = world().passed() + time; }
+  void hang_device(absl::Duration time) {
+    hung_ = true;
+    hangs_until_ = world().passed() + time;
+  }
+  bool hung() const { return hung_; }
   void lose_device() { maker_->lose(); }
   void new_device() {
     maker_ = std::make_shared<SimulatedFrameMaker>(memory_bytes_, clock_);
@@ -103,6 +108,7 @@ class SimulatedServer::Life final : public Process,
   absl::Status holds_nothing() {
     while (steps_.step() || encode()) {
     }
+    if (too_many_) return absl::InternalError("a gate let more in than it has places");
     const auto held = [](bool any, const std::string& what) {
       return any ? absl::InternalError("an ended process still holds " + what) : absl::OkStatus();
     };
@@ -114,6 +120,7 @@ class SimulatedServer::Life final : public Process,
           held(state_.session_gate.places_taken() > 0, "a place in its gate"),
           held(!state_.sessions.table.all().empty(), "a session"),
           held(state_.sessions.memory->frames_bytes() > 0, "a claim for a frame"),
+          held(!nothing_promised(), "a promise for look-ahead"),
           held(maker_->counters().bytes_in_use > 0, "a texture")}) {
       if (!status.ok()) return status;
     }
@@ -121,13 +128,21 @@ class SimulatedServer::Life final : public Process,
   }
 
  private:
+  // All of it can be promised.
+  bool nothing_promised() {
+    ClientMemory& memory = *state_.sessions.memory;
+    return memory.promise_lookahead(0, 0, memory.budget_bytes()).ok();
+  }
+
   void react() override {
+    too_many_ |= state_.session_gate.places_taken() > places_;
     if (step_due_ || steps_.waiting() == 0) return;
     step_due_ = true;
     later(absl::Microseconds(100), absl::Milliseconds(20), [this] { step(); });
   }
 
   void step() {
+    if (hangs_until_ == absl::InfiniteDuration()) return;
     if (world().passed() < hangs_until_)
       return world().after(hangs_until_ - world().passed(), told([this] { step(); }));
     step_due_ = false;
@@ -148,6 +163,9 @@ class SimulatedServer::Life final : public Process,
   WrongClock clock_;
   ProcessTimers timers_;
   const uint64_t memory_bytes_;
+  const uint32_t places_;
+  bool too_many_ = false;
+  bool hung_ = false;
   std::shared_ptr<SimulatedFrameMaker> maker_;
   Metrics metrics_{"version", "simulated", "driver", "passes"};
   RenderSteps steps_;
@@ -199,7 +217,22 @@ void SimulatedServer::drain(absl::Duration timeout) {
   life_->told([this, end, life = life_.get()] {
     life->drain([this, end](bool) { world_.after(absl::ZeroDuration(), end); });
   })();
-  world_.after(timeout, life_->told([life = life_.get()] { life->end_drain(); }));
+  world_.after(timeout, life_->told([this, timeout, life = life_.get()] {
+    left_behind_.Update(check_drain(timeout));
+    life->end_drain();
+  }));
+}
+
+// At the end of the time that it may take.
+absl::Status SimulatedServer::check_drain(absl::Duration time) const {
+  if (life_ == nullptr || life_->hung()) return absl::OkStatus();
+  bool any = false;
+  for (const Link* link : network_.links) {
+    if (link->server() != life_.get()) continue;
+    any = true;
+    if (link->outstays(time)) return absl::InternalError("a session does not leave a server that drains");
+  }
+  return any ? absl::OkStatus() : absl::InternalError("a drain that has no call left does not end");
 }
 
 void SimulatedServer::lose_device(absl::Duration until_next) {

@@ -52,6 +52,8 @@ class SimulatedServer {
   class ProcessTimers;
   class Life;
 
+  absl::Status check_drain(absl::Duration time) const;
+
   Network& network_;
   World& world_;
   const std::string name_;

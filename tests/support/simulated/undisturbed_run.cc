@@ -60,6 +60,8 @@ std::vector<SimulatedAnswer> undisturbed_run(const std::vector<SimulatedFrame>& 
   std::optional<Exposed> exposed;  // of the last frame
   int64_t time_ns = 0;             // of that frame
   bool begins_next = false;        // a frame that was to begin a scene could not
+  double before = 0.0;
+  bool cut = false;
   for (size_t i = 0; i < frames.size(); ++i) {
     const SimulatedFrame& frame = frames[i];
     if (!seen[i].status.ok()) {
@@ -71,15 +73,18 @@ std::vector<SimulatedAnswer> undisturbed_run(const std::vector<SimulatedFrame>& 
       std::optional<double> mean = seen[i].scene.stats().metered_mean();
       if (mean && !frame.given) mean = mean_from(seen, i, lookahead);
       std::optional<PreviousExposure> previous;
-      if (exposed && !(mean && (begins_next || seen[i].begins))) {
+      cut = mean && (begins_next || seen[i].begins);
+      if (exposed && !cut) {
         previous = {exposed->exposure, static_cast<double>(frame.media_time_ns - time_ns) * 1e-9};
       }
+      cut |= frame.cut;
       exposed = expose(frame.settings->exposure(), previous, mean, frame.given);
+      before = previous && !cut ? previous->exposure : exposed->exposure;
       time_ns = frame.media_time_ns;
       begins_next = !mean && (begins_next || frame.cut);
     }
-    answers.push_back(
-        {absl::OkStatus(), *exposed, seen[i].scene.image(frame.settings, frame.sequence, exposed->exposure)});
+    answers.push_back({absl::OkStatus(), *exposed,
+                       seen[i].scene.image(frame.settings, frame.sequence, exposed->exposure), before, cut});
   }
   return answers;
 }

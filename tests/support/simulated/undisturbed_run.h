@@ -26,6 +26,8 @@ struct SimulatedAnswer {
   absl::Status status;
   Exposed exposed;
   std::vector<std::byte> image;
+  double before = 0.0;  // the exposure that it adapted from
+  bool cut = false;     // it began a scene
 };
 
 // docs/pipeline.md sections 3 and 7, apart from what a server does: nothing here knows when a frame comes,
