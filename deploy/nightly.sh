@@ -1,16 +1,18 @@
 #!/usr/bin/env bash
 # The tests that take hours, in parts: nightly.sh [PART...]. deploy/test.sh nightly runs it.
 #
-#   files    compiles each source file by itself, to find one that lacks an include
-#   asan     the tests of dev and the long ones, with the address and undefined-behaviour sanitizers
-#   tsan     the same with the thread sanitizer
-#   device   the same on the release build, with the device's passes in place of the host's
-#   fuzz     each fuzz target for 30 minutes
-#   arm64    the bits of the host's executor on NEON, cross-built in a root of its own and run under qemu; needs root
-#   soak     20 minutes of mixed traffic with faults
-#   attacks  tests/robustness, and all tests of the release build that are long, or measure latencies or instructions
-#   edge     the attacks on the shipped containers and on processes, two containers behind HAProxy, a container with little
-#            memory, and the image for GPUs; needs root and podman
+#   files      compiles each source file by itself, to find one that lacks an include
+#   asan       the tests of dev and the long ones, with the address and undefined-behaviour sanitizers
+#   tsan       the same with the thread sanitizer
+#   device     the same on the release build, with the device's passes in place of the host's
+#   fuzz       each fuzz target for 30 minutes
+#   arm64      the bits of the host's executor on NEON, cross-built in a root of its own and run under qemu; needs root
+#   simulator  a million simulated histories of sessions, of other seeds each night (tests/simulator)
+#   planted    shows that the simulator finds planted mistakes
+#   soak       20 minutes of mixed traffic with faults
+#   attacks    tests/robustness, and all tests of the release build that are long, or measure latencies or instructions
+#   edge       the attacks on the shipped containers and on processes, two containers behind HAProxy, a container with little
+#              memory, and the image for GPUs; needs root and podman
 #
 # Without PART it runs the parts that have not passed yet on this commit, or on one from which it differs in documentation
 # only. A part in which a test was skipped is "incomplete": asan and tsan need CANDELA_DATA. A part that ran in a tree with
@@ -21,7 +23,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-all=(files asan tsan device fuzz arm64 soak attacks edge)
+all=(files asan tsan device fuzz arm64 simulator planted soak attacks edge)
 declare -A whole=([fuzz]=1800 [soak]=1200)  # seconds
 declare -A seconds=([fuzz]=${CANDELA_FUZZ_SECONDS:-${whole[fuzz]}} [soak]=${CANDELA_SOAK_SECONDS:-${whole[soak]}})
 measures=(soak attacks edge)  # parts whose tests record figures
@@ -42,6 +44,17 @@ run_device() {
 }
 run_fuzz() { CANDELA_FUZZ_SECONDS=${seconds[fuzz]} deploy/test.sh fuzz; }
 run_arm64() { tests/bits/arm64.sh; }
+run_simulator() {
+  build_with_tests release
+  local first
+  first=$(date -u +%Y%m%d)000000
+  echo "seeds from $first on"
+  build/release/bin/candela_simulator --histories 1000000 --seed "$first"
+}
+run_planted() {
+  deploy/install-packages.sh build run test
+  tests/simulator/planted.py
+}
 run_soak() {
   build_with_tests release
   CANDELA_SOAK_SECONDS=${seconds[soak]} ctest --preset soak
@@ -105,7 +118,7 @@ for part in "${@:-${all[@]}}"; do
 done
 missing=0
 for part in "${@:-${all[@]}}"; do
-  printf '%-8s %s\n' "$part" "$(result "$part")"
+  printf '%-9s %s\n' "$part" "$(result "$part")"
   passed "$part" || missing=1
 done
 exit "$missing"

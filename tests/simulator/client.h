@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -91,7 +92,7 @@ class SimulatedClient final : public Process, private SessionServers {
   uint64_t answered_ = 0;
   std::optional<uint64_t> answered_epoch_;  // of the call that brought the last result
   absl::Duration newest_;                   // when it came
-  size_t calls_ = 0;                        // since then
+  std::deque<absl::Duration> calls_;        // since then: when
   size_t puts_ = 0;
   std::optional<absl::Status> end_;
   absl::Status mistake_;

@@ -4,10 +4,10 @@
 #include <memory>
 #include <utility>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "tests/simulator/client.h"
 #include "tests/simulator/intruder.h"
+#include "tests/simulator/judge.h"
 
 namespace candela::testing {
 namespace {
@@ -41,8 +41,6 @@ class History {
   void schedule_strikes();
   void stop_faults();
   bool settled() const;
-  void judge(SimulatedClient& client);
-  bool may_end(SimulatedClient& client, const absl::Status& end) const;
 
   void slow_network();
   void cutting_network();
@@ -76,6 +74,7 @@ class History {
   bool short_lived_ = false;  // tokens
   bool impatient_ = false;    // the sessions give up soon
   bool clocks_are_wrong_ = false;
+  size_t sound_ = 0;  // the server whose device never hangs for ever
   absl::Duration faults_last_;
   std::vector<const Fault*> chosen_;
   std::map<std::string, uint64_t> struck_;
@@ -155,6 +154,7 @@ void History::plan() {
                                                          token_keys(short_lived_)));
     servers_.back()->start();
   }
+  sound_ = chance().below(servers);
   const size_t clients = 1 + chance().below(3);
   for (size_t i = 0; i < clients; ++i) {
     films_.push_back(make_film(chance(), film_plan_));
@@ -199,7 +199,7 @@ HistoryReport History::run() {
   }
   HistoryReport report;
   for (const auto& client : clients_) {
-    judge(*client);
+    fail(client->name(), judge(*client, {struck_, !chosen_.empty(), impatient_}));
     report.frames += client->results();
     report.resumes += client->stats().resumes;
     if (client->end()) ++report.ends[absl::StatusCodeToString(client->end()->code())];
@@ -262,48 +262,6 @@ bool History::settled() const {
                      [](const auto& intruder) { return intruder->ended(); });
 }
 
-void History::judge(SimulatedClient& client) {
-  fail(client.name(), client.mistake());
-  if (chosen_.empty() && client.stats().resumes > client.puts()) {
-    fail(client.name(), absl::InternalError("it resumes, and nothing has happened"));
-  }
-  if (!client.end()) return;
-  const absl::Status& end = *client.end();
-  if (end.ok()) {
-    if (client.results() == client.film().frames.size()) return;
-    return fail(client.name(),
-                absl::InternalError(absl::StrFormat("the session ends with OK and %d of %d results",
-                                                    client.results(), client.film().frames.size())));
-  }
-  if (!may_end(client, end)) fail(client.name(), absl::InternalError("it ends with " + end.ToString()));
-}
-
-// docs/robustness.md: what a session may end with, and by what fault.
-bool History::may_end(SimulatedClient& client, const absl::Status& end) const {
-  const auto says = [&end](const char* words) { return absl::StrContains(end.message(), words); };
-  switch (end.code()) {
-    case absl::StatusCode::kCancelled:
-      return client.cancelled();
-    case absl::StatusCode::kUnavailable: {
-      if (impatient_ && says("no server opens the session")) return true;
-      if (impatient_ && says("no server has taken the session on")) {
-        return has("set_clock") || client.waited() > 0.98 * client.film().options.resume_limit;
-      }
-      // Not one of the servers was reached at the first open.
-      return !client.was_open() && (says("failed to connect") || says("it hangs"));
-    }
-    case absl::StatusCode::kFailedPrecondition:
-      return (has("expired_token") && says("expired")) ||
-             (has("duplicate_resume") && says("was resumed after this token"));
-    case absl::StatusCode::kAborted:
-      return has("duplicate_resume") && says("another call resumed this session");
-    case absl::StatusCode::kAlreadyExists:
-      return has("duplicate_name") && says("is open on another call");
-    default:
-      return false;
-  }
-}
-
 Link* History::some_link() {
   return network_.links.empty() ? nullptr : network_.links[chance().below(network_.links.size())];
 }
@@ -363,7 +321,7 @@ void History::drain_server() {
 void History::lose_device() { some_server().lose_device(up_to(absl::Seconds(2))); }
 void History::hang_device() {
   SimulatedServer& server = some_server();
-  const bool for_ever = &server != servers_.front().get() && chance().one_in(3);
+  const bool for_ever = &server != servers_[sound_].get() && chance().one_in(3);
   server.hang_device(for_ever ? absl::InfiniteDuration() : up_to(absl::Seconds(40)));
 }
 
