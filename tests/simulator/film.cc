@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/encode/image_file.h"
 #include "server/render/environment/environment.h"
@@ -160,7 +161,7 @@ absl::Status check_result(const Film& film, size_t index, const FrameResult& res
     return wrong(absl::StrFormat("a result of frame %d instead of %d", result.sequence, frame.sequence));
   }
   const auto differs = [&](const std::string& what, const auto& is, const auto& should) {
-    return wrong(absl::StrFormat("frame %d has %s %v instead of %v", frame.sequence, what, is, should));
+    return wrong(absl::StrCat("frame ", frame.sequence, " has ", what, " ", is, " instead of ", should));
   };
   if (result.status.code() != expected.status.code()) {
     return wrong(absl::StrFormat("frame %d ends with '%s' instead of '%s'", frame.sequence,

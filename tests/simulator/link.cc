@@ -104,7 +104,8 @@ void Link::send(Way& way, Letter letter) {
   }
   way.newest = std::max(way.newest, world_.passed() + network_.delay());
   world_.after(way.newest - world_.passed(), [self = shared_from_this(), &way, letter = std::move(letter)] {
-    if (self->cut_) return;
+    // What the client sent before may still come.
+    if (self->cut_ && &way == &self->to_client_) return;
     way.arrived.push_back(letter);
     self->look_at_client();
     self->look_at_server();

@@ -58,7 +58,7 @@ int run(uint64_t first, uint64_t count) {
       std::printf("history %llu of %llu is wrong: %s\n", static_cast<unsigned long long>(i + 1),
                   static_cast<unsigned long long>(count), std::string(report.verdict.message()).c_str());
       say_how_to_see_it();
-      std::_Exit(1);  // what it leaves cannot be destroyed in order
+      return 1;
     }
     sum.lasted += report.lasted;
     sum.events += report.events;

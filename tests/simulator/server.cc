@@ -211,7 +211,9 @@ void SimulatedServer::drain(absl::Duration timeout) {
   if (life_ == nullptr || life_->drains() || life_->stopped()) return;
   world_.note(name_, "drains");
   const auto end = [this, life = std::weak_ptr<Life>(life_)] {
-    if (life.lock() == life_ && life_ != nullptr) left_behind_.Update(kill());
+    if (life.lock() != life_ || life_ == nullptr) return;
+    left_behind_.Update(kill());
+    world_.after(world_.chance.between(absl::ZeroDuration(), absl::Seconds(5)), [this] { start(); });
   };
   // Not from inside the drain, which the last call to leave may end.
   life_->told([this, end, life = life_.get()] {

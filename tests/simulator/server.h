@@ -38,7 +38,7 @@ class SimulatedServer {
   // Faults of the process that runs; nothing happens without one.
   void stop();
   void go_on();
-  void drain(absl::Duration timeout);  // then it ends
+  void drain(absl::Duration timeout);  // then it ends and starts again
   void lose_device(absl::Duration until_next);
   void hang_device(absl::Duration time);
   void set_clock(absl::Duration by);
