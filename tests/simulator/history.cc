@@ -1,6 +1,7 @@
 #include "tests/simulator/history.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <utility>
 
@@ -89,7 +90,8 @@ class History {
 const std::vector<History::Fault>& History::faults() {
   static const std::vector<Fault> all = {
       {"delay", "messages take up to 3 s", &History::slow_network, nullptr},
-      {"lost_message", "a connection is cut at a message, which is lost", &History::cutting_network, nullptr},
+      {"lost_message", "a connection is cut at a message, which may be lost", &History::cutting_network,
+       nullptr},
       {"cut", "a connection is cut, and each end learns of it within 20 s", nullptr, &History::cut_link},
       {"proxy_end", "a proxy ends a call with OK", nullptr, &History::end_by_proxy},
       {"kill", "a server is killed, and starts again within 10 s", nullptr, &History::kill_server},
@@ -127,7 +129,8 @@ const TokenKeys& token_keys(bool short_lived) {
 History::History(uint64_t seed, bool log) : world_(seed, log) { plan(); }
 
 void History::plan() {
-  server_plan_.idle_timeout = chance().one_in(2) ? absl::Seconds(10) : absl::Seconds(60);
+  server_plan_.idle_timeout =
+      std::array{absl::Seconds(5), absl::Seconds(10), absl::Seconds(60)}[chance().below(3)];
   server_plan_.max_frames_in_flight = static_cast<uint32_t>(1 + chance().below(4));
   if (!chance().one_in(16)) {
     const size_t rarity = 2 + chance().below(6);

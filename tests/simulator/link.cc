@@ -98,11 +98,15 @@ void Link::arrive(const std::function<Listener()>& listener) {
 void Link::send(Way& way, Letter letter) {
   if (cut_) return;
   if (network_.cuts()) {
-    world_.note(client_.name(), "loses its connection, and a message");
-    return cut(world_.chance.between(absl::ZeroDuration(), kConnectTimeout),
-               world_.chance.between(absl::ZeroDuration(), kConnectTimeout));
+    const bool lost = &way == &to_client_ || world_.chance.one_in(2);
+    world_.note(client_.name(), "loses its connection%s", lost ? ", and a message" : "");
+    cut(world_.chance.between(absl::ZeroDuration(), kConnectTimeout),
+        world_.chance.between(absl::ZeroDuration(), kConnectTimeout));
+    if (lost) return;
   }
-  way.newest = std::max(way.newest, world_.passed() + network_.delay());
+  const absl::Duration takes =
+      cut_ ? world_.chance.between(absl::ZeroDuration(), network_.slowest) : network_.delay();
+  way.newest = std::max(way.newest, world_.passed() + takes);
   world_.after(way.newest - world_.passed(), [self = shared_from_this(), &way, letter = std::move(letter)] {
     // What the client sent before may still come.
     if (self->cut_ && &way == &self->to_client_) return;
@@ -216,7 +220,7 @@ void Link::something_happens() {
 bool Link::outstays(absl::Duration time) const {
   constexpr absl::Duration kSoon = absl::Seconds(5);  // the frames that it has get their results
   const ServerEnd& end = at_server_;
-  if (!end.opened || end.cancelled || end.end || cut_ || end.writing != nullptr) return false;
+  if (!is_open() || cut_ || end.writing != nullptr) return false;
   return time >= absl::Seconds(1) && (!end.leaves || world_.passed() - *end.leaves > kSoon);
 }
 

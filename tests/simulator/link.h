@@ -58,6 +58,8 @@ class Link final : public CallTransport, public std::enable_shared_from_this<Lin
   // The server's process ends, and with it everything of the call there.
   void end_server();
   const Process* server() const { return server_.get(); }
+  // The server has opened the session, and neither ended it nor learned that the client is gone.
+  bool is_open() const { return at_server_.opened && !at_server_.cancelled && !at_server_.end; }
   // The session has an open client that reads, and still does not leave the server, which drains for `time`.
   bool outstays(absl::Duration time) const;
 

@@ -1,5 +1,6 @@
 #include "tests/simulator/server.h"
 
+#include <algorithm>
 #include <deque>
 #include <utility>
 
@@ -44,9 +45,10 @@ class SimulatedServer::Life final : public Process,
                                     public WorkerPool,
                                     public std::enable_shared_from_this<Life> {
  public:
-  Life(World& world, const std::string& name, const ServerPlan& plan, const TokenKeys& keys)
-      : Process(world, name),
-        clock_(world, plan.clock_offset, plan.clock_drift),
+  Life(Network& network, const std::string& name, const ServerPlan& plan, const TokenKeys& keys)
+      : Process(network.world, name),
+        network_(network),
+        clock_(network.world, plan.clock_offset, plan.clock_drift),
         timers_(*this),
         memory_bytes_(plan.memory_bytes),
         places_(plan.max_sessions),
@@ -109,6 +111,7 @@ class SimulatedServer::Life final : public Process,
     while (steps_.step() || encode()) {
     }
     if (too_many_) return absl::InternalError("a gate let more in than it has places");
+    if (unlisted_) return absl::InternalError("the table lacked a session that was open");
     const auto held = [](bool any, const std::string& what) {
       return any ? absl::InternalError("an ended process still holds " + what) : absl::OkStatus();
     };
@@ -136,6 +139,10 @@ class SimulatedServer::Life final : public Process,
 
   void react() override {
     too_many_ |= state_.session_gate.places_taken() > places_;
+    const auto open = std::count_if(network_.links.begin(), network_.links.end(), [this](const Link* link) {
+      return link->server() == this && link->is_open();
+    });
+    unlisted_ |= state_.sessions.table.all().size() < static_cast<size_t>(open);
     if (step_due_ || steps_.waiting() == 0) return;
     step_due_ = true;
     later(absl::Microseconds(100), absl::Milliseconds(20), [this] { step(); });
@@ -160,11 +167,13 @@ class SimulatedServer::Life final : public Process,
   void later(absl::Duration least, absl::Duration most, std::function<void()> then) {
     world().after(world().chance.between(least, most), told(std::move(then)));
   }
+  Network& network_;
   WrongClock clock_;
   ProcessTimers timers_;
   const uint64_t memory_bytes_;
   const uint32_t places_;
   bool too_many_ = false;
+  bool unlisted_ = false;
   bool hung_ = false;
   std::shared_ptr<SimulatedFrameMaker> maker_;
   Metrics metrics_{"version", "simulated", "driver", "passes"};
@@ -185,7 +194,7 @@ SimulatedServer::~SimulatedServer() = default;
 void SimulatedServer::start() {
   if (life_ != nullptr) return;
   world_.note(name_, "starts");
-  life_ = std::make_shared<Life>(world_, name_, plan_, keys_);
+  life_ = std::make_shared<Life>(network_, name_, plan_, keys_);
 }
 
 absl::Status SimulatedServer::kill() {
