@@ -207,6 +207,9 @@ HistoryReport History::run() {
     report.resumes += client->stats().resumes;
     if (client->end()) ++report.ends[absl::StatusCodeToString(client->end()->code())];
   }
+  if (network_.shortest_idle < 0.99 * server_plan_.idle_timeout && !has("set_clock")) {
+    fail("network", absl::InternalError("a server ends a call as idle that is not"));
+  }
   if (network_.longest_idle > 2 * server_plan_.idle_timeout + absl::Seconds(5) && !has("hanging_device") &&
       !has("stop_server") && !has("set_clock")) {
     fail("network",

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "candela/v1/render.pb.h"
 #include "proto/candela/v1/message_wire.h"
@@ -100,7 +101,8 @@ void Link::send(Way& way, Letter letter) {
   if (network_.cuts()) {
     const bool lost = &way == &to_client_ || world_.chance.one_in(2);
     world_.note(client_.name(), "loses its connection%s", lost ? ", and a message" : "");
-    cut(world_.chance.between(absl::ZeroDuration(), kConnectTimeout),
+    // One that is not lost comes late: the client may be back before it.
+    cut(world_.chance.between(absl::ZeroDuration(), lost ? kConnectTimeout : absl::Seconds(1)),
         world_.chance.between(absl::ZeroDuration(), kConnectTimeout));
     if (lost) return;
   }
@@ -184,6 +186,9 @@ void Link::start_write(const grpc::ByteBuffer* message) {
 
 void Link::finish(const grpc::Status& status) {
   CHECK(!at_server_.end);
+  if (absl::StrContains(status.error_message(), "nothing arrived for")) {
+    network_.shortest_idle = std::min(network_.shortest_idle, world_.passed() - at_server_.newest);
+  }
   at_server_.end = status;
   look_at_server();
 }

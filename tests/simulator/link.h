@@ -29,8 +29,9 @@ struct Network {
   size_t cut_one_in = 0;   // messages that are the last of their connection, and lost
   absl::Duration slowest = absl::Seconds(3);
   std::vector<Link*> links{};  // that a server still has, the oldest first
-  absl::Duration longest_idle =
-      absl::ZeroDuration();  // that a server has kept a call with which nothing happened
+  // How long nothing happened with a call that a server kept, and with one before it was ended for that.
+  absl::Duration longest_idle = absl::ZeroDuration();
+  absl::Duration shortest_idle = absl::InfiniteDuration();
 
   absl::Duration delay();
   bool cuts() { return cut_one_in > 0 && world.chance.one_in(cut_one_in); }

@@ -57,11 +57,11 @@ def planted(fault: dict) -> dict[pathlib.Path, bytes]:
     return files
 
 
-def verdict() -> tuple[str | None, str]:
+def verdict(histories: str) -> tuple[str | None, str]:
     """After how many histories one was wrong, and how; None if all were right."""
     program = BUILD / "bin" / "candela_simulator"
     try:
-        ran = subprocess.run([program, "--histories", HISTORIES, "--seed", SEED], text=True, stdout=subprocess.PIPE,
+        ran = subprocess.run([program, "--histories", histories, "--seed", SEED], text=True, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, timeout=LIMIT)
     except subprocess.TimeoutExpired:
         return None, f"it took longer than {LIMIT} s"
@@ -94,7 +94,7 @@ def main() -> int:
             for path, text in files.items():
                 path.write_bytes(text)
             build()
-            taken, words = verdict()
+            taken, words = verdict(str(max(int(HISTORIES), fault.get("histories", 0))))
         finally:
             for path, text in before.items():
                 path.write_bytes(text)
