@@ -28,8 +28,7 @@ constexpr double kMaxEv = 2e-5;
 constexpr uint32_t kAcesPoints = 17;  // an axis
 constexpr float kAcesEnd = 32.0f;
 
-// Of exact arithmetic: the C libraries' functions differ in the last bit, and the digest is of what is
-// rendered.
+// Its numbers are exact: functions of the C libraries differ in the last bit, and the digest must not.
 std::vector<std::byte> test_frame() {
   std::vector<std::array<half, 4>> texels(size_t{kDesc.width} * kDesc.height);
   for (uint32_t y = 0; y < kDesc.height; ++y) {
@@ -87,7 +86,7 @@ absl::StatusOr<TestFrame> render_test_frame(Renderer& renderer, const Settings& 
   return TestFrame{std::move(memory), std::move(report)};
 }
 
-// What differs most from the default settings.
+// These differ most from the default settings.
 absl::StatusOr<Settings> other_settings() {
   v1::Settings settings;
   settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);

@@ -70,7 +70,7 @@ const KnownPanorama& known_panorama(size_t which) {
 // The server's pixels of the frame's view.
 std::vector<std::byte> view_pixels(const SessionFrame& frame) {
   Environment environment;
-  environment.radiance.emplace()[0][0] = static_cast<double>(frame.panorama->pixels.size());
+  identify(environment, *frame.panorama);
   return simulated_view(environment, view_from(*frame.view).value(), kSmall);
 }
 
@@ -95,6 +95,10 @@ bool is_image(const Film& film, size_t index, const RenderResult& image) {
 }
 
 }  // namespace
+
+void identify(Environment& environment, const Panorama& panorama) {
+  environment.radiance.emplace()[0][0] = static_cast<double>(panorama.pixels.size());
+}
 
 Film make_film(Chance& chance, const FilmPlan& plan) {
   Film film;

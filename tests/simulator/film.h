@@ -7,8 +7,12 @@
 #include <vector>
 
 #include "client/session.h"
-#include "tests/simulator/chance.h"
+#include "tests/support/simulated/chance.h"
 #include "tests/support/simulated/undisturbed_run.h"
+
+namespace candela {
+struct Environment;
+}
 
 namespace candela::testing {
 
@@ -28,6 +32,9 @@ struct FilmPlan {
   bool large_frames = true;  // some take two bands; the others have 3 x 3 pixels
 };
 Film make_film(Chance& chance, const FilmPlan& plan);
+
+// Makes the environment the one of that panorama: its views depend on nothing else.
+void identify(Environment& environment, const Panorama& panorama);
 
 // Why the result is not that of frame `index`; OK if it is.
 absl::Status check_result(const Film& film, size_t index, const FrameResult& result);

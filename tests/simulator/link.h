@@ -92,7 +92,6 @@ class Link final : public CallTransport, public std::enable_shared_from_this<Lin
   void arrive(const std::function<Listener()>& listener);
   void send(Way& way, Letter letter);
   void client_sends();
-  void server_sends();
   // One of the ends may have an event.
   void look_at_client();
   void look_at_server();

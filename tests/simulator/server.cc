@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "server/rpc/stream_call.h"
 #include "server/session/drain.h"
+#include "tests/simulator/film.h"
 #include "tests/support/simulated/frame_maker.h"
 
 namespace candela::testing {
@@ -89,11 +90,8 @@ class SimulatedServer::Life final : public Process,
   }
 
   // The render loop stands still.
-  void hang_device(absl::Duration time) {
-    hung_ = true;
-    hangs_until_ = world().passed() + time;
-  }
-  bool hung() const { return hung_; }
+  void hang_device(absl::Duration time) { hangs_until_ = world().passed() + time; }
+  bool hung() const { return hangs_until_ > absl::ZeroDuration(); }  // at any time
   void lose_device() { maker_->lose(); }
   void new_device() {
     maker_ = std::make_shared<SimulatedFrameMaker>(memory_bytes_, clock_);
@@ -174,7 +172,6 @@ class SimulatedServer::Life final : public Process,
   const uint32_t places_;
   bool too_many_ = false;
   bool unlisted_ = false;
-  bool hung_ = false;
   std::shared_ptr<SimulatedFrameMaker> maker_;
   Metrics metrics_{"version", "simulated", "driver", "passes"};
   RenderSteps steps_;
@@ -285,7 +282,7 @@ absl::StatusOr<v1::Environment> SimulatedServer::put(const Panorama& panorama) {
   kept->facts.set_id(environment_id(panorama));
   kept->room = *std::move(room);
   kept->renderer = life_->state().rendering.renderer();
-  kept->environment.radiance.emplace()[0][0] = static_cast<double>(panorama.pixels.size());
+  identify(kept->environment, panorama);
   world_.note(name_, "is given a panorama");
   return store.keep(std::move(kept))->facts;
 }

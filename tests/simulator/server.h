@@ -32,7 +32,6 @@ class SimulatedServer {
   void start();
   // As by SIGKILL. Fails if the process still holds anything when all of its calls have ended.
   absl::Status kill();
-  bool is_up() const { return life_ != nullptr; }
   const std::string& name() const { return name_; }
 
   // Faults of the process that runs; nothing happens without one.

@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/base/clock.h"
-#include "tests/simulator/chance.h"
+#include "tests/support/simulated/chance.h"
 
 namespace candela::testing {
 

@@ -14,18 +14,10 @@
 #include "server/render/environment/view.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/plan/texture_layout.h"
+#include "tests/support/simulated/chance.h"
 
 namespace candela::testing {
 namespace {
-
-// The step of SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom number generators",
-// 2014): the same on every machine, and every bit depends on every other.
-uint64_t mixed(uint64_t word) {
-  word += 0x9e3779b97f4a7c15u;
-  word = (word ^ (word >> 30)) * 0xbf58476d1ce4e5b9u;
-  word = (word ^ (word >> 27)) * 0x94d049bb133111ebu;
-  return word ^ (word >> 31);
-}
 
 // From -8 to 8, in steps that a float holds.
 double ev_of(uint64_t hash) { return std::ldexp(static_cast<double>(hash >> 40), -20) - 8.0; }

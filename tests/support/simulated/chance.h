@@ -8,17 +8,24 @@
 
 namespace candela::testing {
 
-// SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom number generators", 2014).
+// The step of SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom number generators",
+// 2014): the same on every machine, and every bit depends on every other.
+constexpr uint64_t kMixStep = 0x9e3779b97f4a7c15u;
+constexpr uint64_t mixed(uint64_t word) {
+  word += kMixStep;
+  word = (word ^ (word >> 30)) * 0xbf58476d1ce4e5b9u;
+  word = (word ^ (word >> 27)) * 0x94d049bb133111ebu;
+  return word ^ (word >> 31);
+}
+
 class Chance {
  public:
   explicit Chance(uint64_t seed) : state_(seed) {}
 
   uint64_t next() {
-    state_ += 0x9e3779b97f4a7c15u;
-    uint64_t word = state_;
-    word = (word ^ (word >> 30)) * 0xbf58476d1ce4e5b9u;
-    word = (word ^ (word >> 27)) * 0x94d049bb133111ebu;
-    return word ^ (word >> 31);
+    const uint64_t number = mixed(state_);
+    state_ += kMixStep;
+    return number;
   }
   // 0 .. count - 1.
   size_t below(size_t count) { return next() % count; }
