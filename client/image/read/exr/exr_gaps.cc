@@ -37,8 +37,8 @@ class GapReader {
     gaps_.pixels = pixels_in(overlap_of(data_, display_));
   }
 
-  // Reads a chunk, which covers `box`: `read` fills the frame buffer that it gets.
-  void read_chunk(const Window& box, const std::function<void(const Imf::FrameBuffer&)>& read) {
+  // Reads a chunk, which covers `box`: `read` writes it as ReadRows do.
+  void read_chunk(const Window& box, const std::function<void(char* origin, size_t row_bytes)>& read) {
     const size_t pixel_bytes = bytes_per_pixel(format_);
     const size_t row_bytes = static_cast<size_t>(box.width()) * pixel_bytes;
     const size_t bytes = row_bytes * static_cast<size_t>(box.height());
@@ -48,8 +48,7 @@ class GapReader {
     }
     const Window shown = overlap_of(box, display_);
     try {
-      read(frame_of(channels_, format_, origin_of(chunk_.data(), pixel_bytes, row_bytes, box.x0, box.y0),
-                    row_bytes));
+      read(origin_of(chunk_.data(), pixel_bytes, row_bytes, box.x0, box.y0), row_bytes);
     } catch (const std::bad_alloc&) {
       throw;
     } catch (const std::exception&) {
@@ -66,6 +65,8 @@ class GapReader {
     }
   }
 
+  const ExrChannels& channels() const { return channels_; }
+  ImageFormat format() const { return format_; }
   const Window& data() const { return data_; }
   Gaps gaps() const { return gaps_; }
 
@@ -82,8 +83,8 @@ void read_tiles(Imf::MultiPartInputFile& file, int part, GapReader& reader) {
   Imf::TiledInputPart input(file, part);
   for (int y = 0; y < input.numYTiles(); ++y) {
     for (int x = 0; x < input.numXTiles(); ++x) {
-      reader.read_chunk(Window(input.dataWindowForTile(x, y)), [&](const Imf::FrameBuffer& frame) {
-        input.setFrameBuffer(frame);
+      reader.read_chunk(Window(input.dataWindowForTile(x, y)), [&](char* origin, size_t row_bytes) {
+        input.setFrameBuffer(frame_of(reader.channels(), reader.format(), origin, row_bytes));
         input.readTile(x, y);
       });
     }
@@ -93,15 +94,14 @@ void read_tiles(Imf::MultiPartInputFile& file, int part, GapReader& reader) {
 void read_scan_lines(Imf::MultiPartInputFile& file, int part, GapReader& reader) {
   Imf::InputPart input(file, part);
   const Window& data = reader.data();
+  const ReadRows read_rows = rows_of(input, reader.channels(), reader.format(), 0);
   const int64_t rows = rows_of_chunk(input.header().compression());
   for (int64_t y = data.y0; y <= data.y1; y += rows) {
     Window box = data;
     box.y0 = y;
     box.y1 = std::min(data.y1, y + rows - 1);
-    reader.read_chunk(box, [&](const Imf::FrameBuffer& frame) {
-      input.setFrameBuffer(frame);
-      input.readPixels(static_cast<int>(box.y0), static_cast<int>(box.y1));
-    });
+    reader.read_chunk(box,
+                      [&](char* origin, size_t row_bytes) { read_rows(origin, row_bytes, box.y0, box.y1); });
   }
 }
 

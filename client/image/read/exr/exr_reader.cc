@@ -39,13 +39,6 @@ namespace {
 
 constexpr uint64_t kMostSideBySide = 32u << 20;  // bytes of a chunk of which several are decoded at once
 
-ReadRows rgb_rows(Imf::InputPart& input, const ExrChannels& channels, ImageFormat format) {
-  return [&input, &channels, format](char* origin, size_t row_bytes, int64_t y0, int64_t y1) {
-    input.setFrameBuffer(frame_of(channels, format, origin, row_bytes));
-    input.readPixels(static_cast<int>(y0), static_cast<int>(y1));
-  };
-}
-
 void read_attributes(const Imf::Header& header, Image& image) {
   image.is_cube_map = Imf::hasEnvmap(header) && Imf::envmap(header) == Imf::ENVMAP_CUBE;
   set_pixel_aspect(header.pixelAspectRatio(), image);
@@ -66,8 +59,8 @@ class PictureReader {
     absl::StatusOr<Image> image = begin(file);
     if (!image.ok()) return image;
     const Imf::Header& header = file.header(picture_.part);
-    wants_one_thread_ =
-        !wants_one_thread_ && Imf::globalThreadCount() > 0 && chunk_bytes(header) > kMostSideBySide;
+    const int threads = chunk_bytes(header) > kMostSideBySide ? 0 : Imf::globalThreadCount();
+    wants_one_thread_ = !wants_one_thread_ && threads < Imf::globalThreadCount();
     if (wants_one_thread_) return absl::CancelledError();
     at_pixels_ = true;
     const Window data(header.dataWindow()), display(header.displayWindow());
@@ -77,7 +70,7 @@ class PictureReader {
     } else {
       Imf::InputPart input(file, picture_.part);
       const bool grey = picture_.channels.kind == ExrChannels::Kind::kGrey;
-      read_windows(data, display, grey, rgb_rows(input, picture_.channels, image->format), *image);
+      read_windows(data, display, grey, rows_of(input, picture_.channels, image->format, threads), *image);
     }
     return with_colour(*std::move(image));
   }

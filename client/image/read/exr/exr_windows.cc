@@ -4,6 +4,7 @@
 #include <new>
 
 #include "absl/strings/str_cat.h"
+#include "client/image/read/exr/zip/zip_rows.h"
 
 namespace candela {
 namespace {
@@ -34,6 +35,14 @@ Imf::FrameBuffer frame_of(const ExrChannels& channels, ImageFormat format, char*
     frame.insert(name, Imf::Slice(type, origin + c * pixel_bytes / 4, pixel_bytes, row_bytes, 1, 1, fill));
   }
   return frame;
+}
+
+ReadRows rows_of(Imf::InputPart& input, const ExrChannels& channels, ImageFormat format, int threads) {
+  if (has_zip_rows(input.header())) return zip_rows(input, channels, format, threads);
+  return [&input, &channels, format](char* origin, size_t row_bytes, int64_t y0, int64_t y1) {
+    input.setFrameBuffer(frame_of(channels, format, origin, row_bytes));
+    input.readPixels(static_cast<int>(y0), static_cast<int>(y1));
+  };
 }
 
 void spread_grey(ImageFormat format, std::byte* row, int64_t pixels) {

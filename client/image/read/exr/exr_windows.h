@@ -4,6 +4,7 @@
 
 #include <ImathBox.h>
 #include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfInputPart.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -36,6 +37,11 @@ void spread_grey(ImageFormat format, std::byte* row, int64_t pixels);
 // Reads rows y0 to y1 of the data window. `origin` is the address that pixel (0, 0) of the file's coordinates
 // would have. Throws like OpenEXR.
 using ReadRows = std::function<void(char* origin, size_t row_bytes, int64_t y0, int64_t y1)>;
+
+// Reads a part that is not luminance-chroma. A channel that the file lacks reads as 0, and alpha as 1.
+// `input` and `channels` must outlive what this returns. `threads` are for zip/zip_rows.h; for what OpenEXR
+// decodes they are those that the file was opened with.
+ReadRows rows_of(Imf::InputPart& input, const ExrChannels& channels, ImageFormat format, int threads);
 
 // Fills the part of `image` that `data` covers; `image` shows `display`. If rows of the data window fit into
 // rows of the image, it reads them into place, otherwise through a band of rows. `grey` copies red to green
