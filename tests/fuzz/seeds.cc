@@ -64,6 +64,8 @@ void write_open_exr(const std::string& folder) {
     const auto value = [](int x, int y) { return x + y; };
     write_scan_lines(absl::StrCat(folder, "/grey_", type, ".exr"), Imf::Header(9, 5), {{"Y", type, value}});
   }
+  write_scan_lines(folder + "/mixed.exr", Imf::Header(9, 20),
+                   {{"R", Imf::HALF, one}, {"G", Imf::FLOAT, one}, {"B", Imf::UINT, one}});
   for (const auto mode : {Imf::MIPMAP_LEVELS, Imf::RIPMAP_LEVELS}) {
     write_tiles(absl::StrCat(folder, "/levels_", mode, ".exr"), Imf::Header(20, 12),
                 Imf::TileDescription(8, 4, mode), rgb_channels(), 0);
