@@ -177,7 +177,12 @@ TEST_F(ExrZip, AChunkIsAsLongAsItsRows) {
       return std::string{static_cast<char>(n), static_cast<char>(n >> 8), 0, 0};
     };
     write_file(path_, head + little_endian(packed.size()) + packed);
-    EXPECT_EQ(error() == "read", size == 480) << size << ": " << error();
+    if (size == 480) {
+      EXPECT_EQ(error(), "read");
+    } else {
+      EXPECT_TRUE(
+          says(error(), "damaged OpenEXR file: rows 16 to 19 do not decompress to their pixels; 80 of"));
+    }
     const absl::StatusOr<Image> filled = read_image(path_, {}, {.fills_gaps = true});
     ASSERT_OK(filled);
     EXPECT_EQ(filled->missing_pixels, size == 480 ? 0u : 80u) << size;

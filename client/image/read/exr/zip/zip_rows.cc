@@ -19,6 +19,7 @@
 #include <optional>
 #include <string>
 
+#include "absl/strings/str_format.h"
 #include "client/image/read/exr/exr_checks.h"
 #include "client/image/read/exr/zip/zip_kernels.h"
 
@@ -89,7 +90,8 @@ class ChunkDecoder {
     if (is_split_) {
       if (libdeflate_zlib_decompress(inflate_.get(), stored_.get(), stored_bytes_, inflated_.get(), bytes_,
                                      nullptr) != LIBDEFLATE_SUCCESS) {
-        throw Iex::InputExc("Data decompression failed.");
+        throw Iex::InputExc(
+            absl::StrFormat("rows %d to %d do not decompress to their pixels", y_, y_ + rows - 1));
       }
       undo_predictor({inflated_.get(), bytes_});
     }
