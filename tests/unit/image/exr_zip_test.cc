@@ -45,6 +45,19 @@ class ExrZip : public ExrReader {
     return read();
   }
 
+  static uint64_t entry(const std::string& bytes, size_t at) {
+    uint64_t value = 0;
+    std::memcpy(&value, bytes.data() + at, sizeof value);
+    return value;
+  }
+
+  // Where the table of chunks is; the first chunk follows it.
+  static size_t table_of(const std::string& bytes, size_t chunks) {
+    size_t table = 0;
+    while (entry(bytes, table) != table + 8 * chunks) ++table;
+    return table;
+  }
+
   // Whether both kinds are read as the picture without compression is.
   void expect_same(const Imf::Header& header, const std::vector<ExrChannel>& channels) {
     const Image expected = read_as(Imf::NO_COMPRESSION, header, channels);
@@ -123,13 +136,7 @@ TEST_F(ExrZip, ADamagedTableOfChunksGivesTheSameForAnyThreads) {
   Imf::Header header(20, 100);
   const Image expected = read_as(Imf::ZIPS_COMPRESSION, header, rgb_channels());
   std::string bytes = read_file(path_);
-  const auto entry = [&](size_t at) {
-    uint64_t value = 0;
-    std::memcpy(&value, bytes.data() + at, sizeof value);
-    return value;
-  };
-  size_t table = 0;
-  while (entry(table) != table + 8 * 100) ++table;  // the first chunk follows the table
+  const size_t table = table_of(bytes, 100);
   for (size_t i = 1; i < 100; ++i) bytes[table + 8 * i] ^= 0x55;
   write_file(path_, bytes);
   for (const int threads : {0, 1, 3}) {
@@ -155,6 +162,22 @@ TEST_F(ExrZip, AFlippedBitIsFound) {
       EXPECT_EQ(error().find('\n'), std::string::npos);
     }
     EXPECT_GT(refused, 190);
+  }
+}
+
+TEST_F(ExrZip, OnlyDamagedChunksAreLost) {
+  read_as(Imf::ZIP_COMPRESSION, Imf::Header(20, 70), rgb_channels());
+  std::string bytes = read_file(path_);
+  const size_t second = entry(bytes, table_of(bytes, 5) + 8);
+  for (const size_t at : {second, second + 8}) {  // its first row, and what it holds
+    std::string damaged = bytes;
+    damaged[at] ^= 0x55;
+    write_file(path_, damaged);
+    EXPECT_FALSE(read_image(path_).ok());
+    ASSERT_OK_AND_ASSIGN(const Image image, read_image(path_, {}, {.fills_gaps = true}));
+    EXPECT_EQ(image.missing_pixels, 20u * 16);
+    EXPECT_EQ(component(image, 3, 31, 3), 0);
+    EXPECT_EQ(component(image, 3, 32, 1), rgb_value(3, 32, 1));
   }
 }
 

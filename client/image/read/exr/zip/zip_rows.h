@@ -2,7 +2,8 @@
 // they are stored; libdeflate and vector kernels make them pixels.
 //
 // Damage is refused as OpenEXR refuses it, and two kinds more: a chunk of no bytes, and one that does not
-// inflate to exactly its rows.
+// inflate to exactly its rows. Of a picture that is read in chunks, OpenEXR also loses the one after a chunk
+// whose header is damaged; this does not.
 #pragma once
 
 #include <OpenEXR/ImfHeader.h>
