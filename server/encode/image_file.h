@@ -18,8 +18,9 @@ EncodedTransfer encoded_transfer(const v1::Settings& settings);
 // Encodes a picture that was rendered with `settings`, which are complete. `opaque` says that every alpha of
 // the frame was 1. `encoding` is PNG or JPEG. A PNG has 8 or 16 bits, chunks for its transfer function, and
 // alpha unless the frame was opaque or the settings make the image so: its codes never decide, because those
-// of a faint frame may all be 0. A JPEG has 8 bits, 4:4:4 and no alpha; `quality` is 1 .. 100. Any thread.
-// Takes tens of milliseconds for a large frame.
+// of a faint frame may all be 0. A JPEG has 8 bits, 4:4:4 and no alpha; `quality` is 1 .. 100. Any thread; it
+// takes no other, because those that encode have frames of their own. Takes tens of milliseconds for a large
+// frame.
 absl::StatusOr<std::string> encode_image(const PictureView& picture, const v1::Settings& settings,
                                          bool opaque, v1::Encoding encoding, int quality);
 

@@ -36,9 +36,15 @@ struct PngOptions {
   bool alpha = false;  // else the fourth component is dropped
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   std::vector<std::pair<std::string, std::string>> text{};  // keyword and text, Latin-1
+  // That encode stripes of the picture at the same time. 0: one for each CPU of this process that no other
+  // picture is being encoded on, and one at least.
+  uint32_t threads = 0;
 };
 
-// Writes colour and alpha as they are. INTERNAL with libpng's reason, or if the sink returned false.
+// Writes colour and alpha as they are. The same picture and options give the same bytes on any number of
+// threads, and on any x86-64 processor with SSE4.2 (without, isa-l looks for runs in another way). INTERNAL
+// with the reason, or if the sink returned false. The sink is called from any of the threads, but never from
+// two at the same time.
 absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink);
 
 struct JpegOptions {
