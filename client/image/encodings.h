@@ -30,7 +30,9 @@ struct OutputEncoding {
 
   const std::string& extension() const { return extensions.front(); }
   bool has_alpha() const { return alpha != v1::ALPHA_UNSPECIFIED; }
-  bool holds_codes() const { return formats.front() == ImageFormat::kRgba8; }
+  // It is made from 16 bits, whatever it holds.
+  bool is_film() const { return formats.front() == ImageFormat::kRgba16; }
+  bool holds_codes() const { return is_film() || formats.front() == ImageFormat::kRgba8; }
   bool holds_light() const { return !holds_codes(); }
   bool has_quality() const { return lossy; }
   bool has_straight_alpha() const { return alpha == v1::ALPHA_STRAIGHT; }

@@ -63,19 +63,18 @@ absl::StatusOr<Image> to_floats(Image image) {
 
 namespace {
 
-absl::StatusOr<Image> read_any_image(const std::string& path, const ImageLimits& limits,
+absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const ImageLimits& limits,
                                      const PictureChoice& choice) {
-  absl::StatusOr<FileReader> file = FileReader::open(path);
   if (!file.ok()) return file.status();
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
   if (kind == FileKind::kExr) return read_exr(*file, limits, choice);
   if (!choice.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture", path,
-        kind == FileKind::kRadiance ? "Radiance" : "PFM"));
+        "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture",
+        file->path(), kind == FileKind::kRadiance ? "Radiance" : "PFM"));
   }
   absl::StatusOr<Image> image = kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
-                                                            : read_pfm(*file, limits, choice.fills_gaps);
+                                                            : read_pfm(*file, limits, choice);
   if (image.ok() && choice.own_values) {
     image->chromaticities.reset();
     image->names_primaries = false;
@@ -89,7 +88,7 @@ absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const Imag
   if (kind == FileKind::kExr) return describe_exr(file, limits);
 
   const bool radiance = kind == FileKind::kRadiance;
-  ASSIGN_OR_RETURN(const Image image, radiance ? read_radiance(file, limits) : read_pfm(file, limits));
+  ASSIGN_OR_RETURN(const Image image, radiance ? read_radiance(file, limits) : read_pfm(file, limits, {}));
   const WindowFacts window{0, 0, int64_t{image.width} - 1, int64_t{image.height} - 1};
   PartFacts part{.storage = "scan lines",
                  .display = window,
@@ -108,9 +107,16 @@ absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const Imag
 
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits,
                                  const PictureChoice& choice) {
-  absl::StatusOr<Image> image = read_any_image(path, limits, choice);
+  absl::StatusOr<Image> image = read_any_image(FileReader::open(path), limits, choice);
   if (image.ok()) return image;
   return input_failure(image.status(), path);
+}
+
+absl::StatusOr<Image> read_image_bytes(const std::string& name, std::string bytes, const ImageLimits& limits,
+                                       const PictureChoice& choice) {
+  absl::StatusOr<Image> image = read_any_image(FileReader::of(name, std::move(bytes)), limits, choice);
+  if (image.ok()) return image;
+  return input_failure(image.status(), name);
 }
 
 absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits) {

@@ -73,6 +73,10 @@ struct ImageLimits {
   uint64_t max_chunk_bytes = 256u << 20;
 };
 
+// Which row of a PFM or PHM file comes first. By kind: the lowest of a PFM file, as that format says, and the
+// top one of a PHM file, as ffmpeg writes it. ffmpeg writes PFM files from the top, too.
+enum class RowOrder { kByKind, kTop, kBottom };
+
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the
 // picture whose name says best that it is the one to show.
 struct PictureChoice {
@@ -85,13 +89,14 @@ struct PictureChoice {
   bool fills_gaps = false;
   // The values as they stand in the file, of any kind: what it says about its colours is not used.
   bool own_values = false;
-  bool as_floats = false;  // halves become floats
+  bool as_floats = false;             // halves become floats
+  RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
 
   // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };
 
-// Reads an OpenEXR, Radiance or PFM file; its first bytes tell the kind, not its name. Half-float files
+// Reads an OpenEXR, Radiance, PFM or PHM file; its first bytes tell the kind, not its name. Half-float files
 // become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and radiance_reader.cc say
 // what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND (also for a
 // part, layer or view, with a list of those that exist), PERMISSION_DENIED, INVALID_ARGUMENT (not an image,
@@ -100,6 +105,10 @@ struct PictureChoice {
 // kInput, or kOther if this machine lacks memory (client/base/failure.h).
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
+
+// The same of a file that is in memory. `name` stands for its path.
+absl::StatusOr<Image> read_image_bytes(const std::string& name, std::string bytes,
+                                       const ImageLimits& limits = {}, const PictureChoice& choice = {});
 
 // Like output_encoding() in client/image/encodings.h, but also fails, without writing, if the folder is
 // missing or not writable or the path is a folder, a FIFO or a device. Call it before minutes of rendering.
@@ -122,5 +131,10 @@ struct WriteOptions {
 // kOutput (client/base/failure.h).
 absl::StatusOr<std::vector<std::string>> write_image(const std::string& path, const Image& image,
                                                      const WriteOptions& options = {});
+
+// The same to standard output, where the image comes whole or not at all, and a reader that has gone is no
+// error. `name` tells the encoding by its extension.
+absl::StatusOr<std::vector<std::string>> write_image_to_stdout(const std::string& name, const Image& image,
+                                                               const WriteOptions& options = {});
 
 }  // namespace candela

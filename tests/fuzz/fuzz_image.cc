@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <optional>
 #include <string>
 
 #include "absl/strings/ascii.h"
@@ -15,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/image/describe.h"
 #include "client/image/image.h"
+#include "client/image/read/image_stream.h"
 #include "tests/fuzz/expect.h"
 
 namespace candela {
@@ -35,6 +37,10 @@ class MemoryFile {
            "the file holds the input");
   }
   const std::string& path() const { return path_; }
+  int descriptor() const {
+    lseek(descriptor_, 0, SEEK_SET);
+    return descriptor_;
+  }
 
  private:
   const int descriptor_;
@@ -83,6 +89,18 @@ void check_error(const absl::Status& status, const std::string& path) {
   expect(is_plain(status.message()), "the error is plain text", status.ToString());
 }
 
+// The same bytes, as if they came through a pipe.
+void check_stream(int descriptor) {
+  ImageStream stream(descriptor, "pipe", kLimits, {});
+  while (const std::optional<absl::StatusOr<Image>> image = stream.next()) {
+    if (image->ok()) {
+      check_image(**image);
+    } else {
+      check_error(image->status(), stream.name());
+    }
+  }
+}
+
 }  // namespace
 }  // namespace candela
 
@@ -104,6 +122,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   } else {
     check_error(filled.status(), file.path());
   }
+  check_stream(file.descriptor());
   const absl::StatusOr<FileFacts> facts = describe_image(file.path(), kLimits);
   if (facts.ok()) {
     check_description(*facts);

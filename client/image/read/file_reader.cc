@@ -27,6 +27,16 @@ absl::StatusOr<FileReader> FileReader::open(const std::string& path) {
   return FileReader(path, file, static_cast<uint64_t>(info.st_size));
 }
 
+absl::StatusOr<FileReader> FileReader::of(std::string name, std::string bytes) {
+  if (bytes.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", name));
+  auto held = std::make_unique<std::string>(std::move(bytes));
+  std::FILE* file = fmemopen(held->data(), held->size(), "rb");
+  if (file == nullptr) return absl::ErrnoToStatus(errno, absl::StrFormat("%s: cannot read", name));
+  FileReader reader(std::move(name), file, held->size());
+  reader.bytes_ = std::move(held);
+  return reader;
+}
+
 absl::StatusOr<std::string> FileReader::peek(size_t count) {
   std::string bytes(count, '\0');
   bytes.resize(std::fread(bytes.data(), 1, count, file_.get()));

@@ -1,4 +1,4 @@
-// Reads a regular file from front to back, buffered.
+// Reads a regular file, or bytes in memory, from front to back, buffered.
 #pragma once
 
 #include <cstddef>
@@ -20,6 +20,9 @@ class FileReader {
   // Fails with NOT_FOUND, PERMISSION_DENIED or INVALID_ARGUMENT (for a folder or a pipe); the message names
   // the path.
   static absl::StatusOr<FileReader> open(const std::string& path);
+
+  // Reads `bytes` as the file `name`, which messages name.
+  static absl::StatusOr<FileReader> of(std::string name, std::string bytes);
 
   const std::string& path() const { return path_; }
   uint64_t size() const { return size_; }
@@ -56,6 +59,7 @@ class FileReader {
       : path_(std::move(path)), file_(file), size_(size) {}
 
   std::string path_;
+  std::unique_ptr<std::string> bytes_;  // null for a regular file
   std::unique_ptr<std::FILE, Close> file_;
   uint64_t size_ = 0;
   uint64_t position_ = 0;

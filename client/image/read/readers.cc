@@ -69,7 +69,9 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
   ASSIGN_OR_RETURN(const std::string magic, file.peek(4));
   if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
   if (magic.starts_with("#?")) return FileKind::kRadiance;
-  if (magic.starts_with("PF") || magic.starts_with("Pf")) return FileKind::kPfm;
+  for (const char* pfm : {"PF", "Pf", "PH", "Ph"}) {
+    if (magic.starts_with(pfm)) return FileKind::kPfm;
+  }
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
   return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
 }

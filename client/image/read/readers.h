@@ -23,9 +23,9 @@ absl::StatusOr<FileKind> file_kind(FileReader& file);
 
 absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<FileFacts> describe_exr(FileReader& file, const ImageLimits& limits);
-// Of a file that ends too early or is damaged, `fills_gaps` reads what comes before.
+// Of a file that ends too early or is damaged, `fills_gaps` reads what comes before. PFM is PHM, too.
 absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits, bool fills_gaps = false);
-absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits, bool fills_gaps = false);
+absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 
 // Checks a size against the limits. `what` names the thing in the user's words, such as "image" or "data
 // window"; `format` is the format that its pixels will be read to. Accepts any numbers that a header may

@@ -1,5 +1,6 @@
 #include "client/image/write/atomic_file.h"
 
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,6 +12,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/image/write/standard_output.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 
@@ -80,6 +82,17 @@ absl::StatusOr<AtomicFile> AtomicFile::create(const std::string& path) {
   return cannot_write(path, EEXIST);
 }
 
+absl::StatusOr<AtomicFile> AtomicFile::for_stdout() {
+  const int descriptor = memfd_create("candela", MFD_CLOEXEC);
+  std::FILE* file = descriptor < 0 ? nullptr : fdopen(descriptor, "w+b");
+  if (file == nullptr) {
+    const int error = errno;
+    if (descriptor >= 0) close(descriptor);
+    return cannot_write(kStdoutName, error);
+  }
+  return AtomicFile(kStdoutName, "", std::nullopt, file);
+}
+
 bool AtomicFile::write(const void* bytes, size_t count) {
   CHECK(file_ != nullptr);  // not after commit()
   if (error_ == 0 && std::fwrite(bytes, 1, count, file_.get()) != count) error_ = errno;
@@ -95,11 +108,17 @@ bool AtomicFile::seek(uint64_t position) {
 absl::Status AtomicFile::commit() {
   CHECK(file_ != nullptr);
   if (error_ == 0 && std::fflush(file_.get()) != 0) error_ = errno;
+  if (!temporary_) {
+    if (error_ == 0) error_ = copy_to_stdout(fileno(file_.get()));
+    file_.reset();
+    // Nobody wants to read it.
+    return error_ == 0 || error_ == EPIPE ? absl::OkStatus() : cannot_write(path_, error_);
+  }
   // EINVAL: the file is not on a disk.
   if (error_ == 0 && fsync(fileno(file_.get())) != 0 && errno != EINVAL) error_ = errno;
   if (std::fclose(file_.release()) != 0 && error_ == 0) error_ = errno;
   if (error_ != 0) return cannot_write(path_, error_);
-  if (!temporary_.rename_to(target_)) return cannot_write(path_, errno);
+  if (!temporary_->rename_to(target_)) return cannot_write(path_, errno);
   return absl::OkStatus();
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -21,6 +22,9 @@ class AtomicFile {
  public:
   // Fails like writable_destination(), or with the path and the system's reason.
   static absl::StatusOr<AtomicFile> create(const std::string& path);
+
+  // The file for standard output. It is in memory until commit() writes it there.
+  static absl::StatusOr<AtomicFile> for_stdout();
 
   AtomicFile(AtomicFile&& other) noexcept
       : path_(std::move(other.path_)),
@@ -45,12 +49,12 @@ class AtomicFile {
   struct Close {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
-  AtomicFile(std::string path, std::string target, TemporaryPath temporary, std::FILE* file)
+  AtomicFile(std::string path, std::string target, std::optional<TemporaryPath> temporary, std::FILE* file)
       : path_(std::move(path)), target_(std::move(target)), temporary_(std::move(temporary)), file_(file) {}
 
-  std::string path_;    // as given
-  std::string target_;  // with links followed
-  TemporaryPath temporary_;
+  std::string path_;                        // as given
+  std::string target_;                      // with links followed
+  std::optional<TemporaryPath> temporary_;  // nothing for standard output
   std::unique_ptr<std::FILE, Close> file_;
   int error_ = 0;  // errno of the first failure
 };

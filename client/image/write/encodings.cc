@@ -4,10 +4,12 @@
 #include <cmath>
 #include <filesystem>
 
+#include "absl/functional/function_ref.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
+#include "client/image/write/standard_output.h"
 #include "client/image/write/writers.h"
 #include "server/base/status_macros.h"
 
@@ -158,21 +160,37 @@ AspectRatio aspect_ratio(double pixel_aspect) {
   return {};
 }
 
-absl::StatusOr<Notes> write_image(const std::string& path, const Image& image, const WriteOptions& options) {
-  ASSIGN_OR_RETURN(const OutputEncoding* found, check_output_path(path));
-  const OutputEncoding& encoding = *found;
+namespace {
+
+// Creates the file by `create`.
+absl::StatusOr<Notes> write_by(const OutputEncoding& encoding, const std::string& path, const Image& image,
+                               const WriteOptions& options,
+                               absl::FunctionRef<absl::StatusOr<AtomicFile>()> create) {
   const auto fails = [&path](const absl::Status& status) {
     return failure_of(FailureKind::kOutput,
                       absl::Status(status.code(), absl::StrCat(path, ": ", status.message())));
   };
   if (absl::Status status = check_image(encoding, image); !status.ok()) return fails(status);
-  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
+  ASSIGN_OR_RETURN(AtomicFile file, create());
   Notes notes;
   note_lost_alpha(encoding, image.has_alpha, notes);
   const absl::Status status = encoding.write(file, image, options, notes);
   if (!status.ok() && !file.failed()) return fails(status);
   RETURN_IF_ERROR(file.commit());
   return notes;
+}
+
+}  // namespace
+
+absl::StatusOr<Notes> write_image(const std::string& path, const Image& image, const WriteOptions& options) {
+  ASSIGN_OR_RETURN(const OutputEncoding* encoding, check_output_path(path));
+  return write_by(*encoding, path, image, options, [&path] { return AtomicFile::create(path); });
+}
+
+absl::StatusOr<Notes> write_image_to_stdout(const std::string& name, const Image& image,
+                                            const WriteOptions& options) {
+  ASSIGN_OR_RETURN(const OutputEncoding* encoding, output_encoding(name));
+  return write_by(*encoding, kStdoutName, image, options, [] { return AtomicFile::for_stdout(); });
 }
 
 absl::StatusOr<Notes> write_encoded(const std::string& path, std::span<const std::byte> bytes,

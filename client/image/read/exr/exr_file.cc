@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <exception>
+#include <memory>
 #include <new>
 #include <span>
 #include <stdexcept>
@@ -194,6 +195,8 @@ absl::Status check_exr_header(FileReader& file) {
 }
 
 }  // namespace
+
+std::unique_ptr<Imf::IStream> stream_of(FileReader& opened) { return std::make_unique<FileStream>(opened); }
 
 absl::Status with_exr_file(FileReader& opened,
                            absl::FunctionRef<absl::Status(Imf::MultiPartInputFile& file)> use, int threads) {

@@ -1,8 +1,11 @@
 // Opens an OpenEXR file.
 #pragma once
 
+#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfThreading.h>
+
+#include <memory>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
@@ -20,5 +23,8 @@ inline constexpr char kFileEnds[] = "the file ends too early";
 absl::Status with_exr_file(FileReader& opened,
                            absl::FunctionRef<absl::Status(Imf::MultiPartInputFile& file)> use,
                            int threads = Imf::globalThreadCount());
+
+// A stream of the file for another of OpenEXR's readers, which may read while none other does.
+std::unique_ptr<Imf::IStream> stream_of(FileReader& opened);
 
 }  // namespace candela

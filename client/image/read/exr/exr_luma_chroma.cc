@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "absl/strings/str_format.h"
+#include "client/image/read/exr/exr_file.h"
 
 namespace candela {
 namespace {
@@ -86,12 +87,13 @@ class LumaChromaRows::Copy {
   std::string bytes_;
 };
 
-LumaChromaRows::LumaChromaRows(const std::string& path, Imf::MultiPartInputFile& file, int part,
+LumaChromaRows::LumaChromaRows(FileReader& opened, Imf::MultiPartInputFile& file, int part,
                                const std::string& prefix, uint64_t max_bytes) {
   check_weights(file.header(part));
   const std::string layer = prefix.substr(0, prefix.empty() ? 0 : prefix.size() - 1);
   if (part == 0) {
-    input_ = std::make_unique<Imf::RgbaInputFile>(path.c_str(), layer);
+    stream_ = stream_of(opened);
+    input_ = std::make_unique<Imf::RgbaInputFile>(*stream_, layer);
   } else {
     copy_ = std::make_unique<Copy>(file, part, max_bytes);
     input_ = std::make_unique<Imf::RgbaInputFile>(copy_->stream(), layer);

@@ -1,6 +1,7 @@
 // Reads a luminance-chroma part of an OpenEXR file, with the chroma filters of OpenEXR's RGBA interface.
 #pragma once
 
+#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfRgbaFile.h>
 
@@ -9,6 +10,7 @@
 #include <string>
 
 #include "client/image/read/exr/exr_windows.h"
+#include "client/image/read/file_reader.h"
 
 namespace candela {
 
@@ -17,7 +19,7 @@ namespace candela {
 class LumaChromaRows {
  public:
   // `prefix` is that of the channels' names, with its dot. The copy takes at most `max_bytes`.
-  LumaChromaRows(const std::string& path, Imf::MultiPartInputFile& file, int part, const std::string& prefix,
+  LumaChromaRows(FileReader& opened, Imf::MultiPartInputFile& file, int part, const std::string& prefix,
                  uint64_t max_bytes);
   ~LumaChromaRows();
 
@@ -26,7 +28,8 @@ class LumaChromaRows {
 
  private:
   class Copy;
-  std::unique_ptr<Copy> copy_;  // null for the first part
+  std::unique_ptr<Copy> copy_;            // null for the first part
+  std::unique_ptr<Imf::IStream> stream_;  // of the file, if its first part is read
   std::unique_ptr<Imf::RgbaInputFile> input_;
 };
 

@@ -52,8 +52,8 @@ bool covers(const Window& data, const Window& display) {
 // Reads a picture of an open file. OpenEXR's exceptions are thrown on.
 class PictureReader {
  public:
-  PictureReader(const std::string& path, const ImageLimits& limits, const PictureChoice& choice)
-      : path_(path), limits_(limits), choice_(choice) {}
+  PictureReader(FileReader& opened, const ImageLimits& limits, const PictureChoice& choice)
+      : opened_(opened), path_(opened.path()), limits_(limits), choice_(choice) {}
 
   absl::StatusOr<Image> read(Imf::MultiPartInputFile& file) {
     absl::StatusOr<Image> image = begin(file);
@@ -65,7 +65,7 @@ class PictureReader {
     at_pixels_ = true;
     const Window data(header.dataWindow()), display(header.displayWindow());
     if (is_luma_chroma()) {
-      LumaChromaRows rows(path_, file, picture_.part, picture_.channels.prefix, limits_.max_bytes);
+      LumaChromaRows rows(opened_, file, picture_.part, picture_.channels.prefix, limits_.max_bytes);
       read_windows(data, display, false, rows.reader(), *image);
     } else {
       Imf::InputPart input(file, picture_.part);
@@ -148,6 +148,7 @@ class PictureReader {
     return image;
   }
 
+  FileReader& opened_;
   const std::string& path_;
   const ImageLimits& limits_;
   const PictureChoice& choice_;
@@ -160,7 +161,7 @@ class PictureReader {
 }  // namespace
 
 absl::StatusOr<Image> read_exr(FileReader& opened, const ImageLimits& limits, const PictureChoice& choice) {
-  PictureReader reader(opened.path(), limits, choice);
+  PictureReader reader(opened, limits, choice);
   absl::StatusOr<Image> image;
   const auto read = [&](Imf::MultiPartInputFile& file) {
     image = reader.read(file);

@@ -1,0 +1,19 @@
+// Takes an OpenEXR file from a pipe.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "client/image/image.h"
+#include "client/image/read/byte_source.h"
+
+namespace candela {
+
+// Appends the rest of a file of one part, of which the first four bytes are in `bytes`. It is as long as its
+// header and its chunks say, in whichever order they come. OK, too, if the stream ends within it. Fails, with
+// `name`, if it does not say how long it is, or if a limit does not let it be taken.
+absl::Status take_exr(ByteSource& source, const std::string& name, const ImageLimits& limits,
+                      std::string& bytes);
+
+}  // namespace candela

@@ -1,0 +1,60 @@
+// Images that come one after another through a pipe.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/image/image.h"
+#include "client/image/read/byte_source.h"
+
+namespace candela {
+
+inline constexpr char kStdinName[] = "standard input";
+
+// The most bytes that one file in a pipe may have.
+uint64_t most_piped_bytes(const ImageLimits& limits);
+
+// Reads PFM, PHM and OpenEXR files of one part. These say themselves how long they are, so nothing has to be
+// between them. Each is taken whole, and then read as a file is. Used by one thread, but for stop().
+class ImageStream {
+ public:
+  // `descriptor` is read until its end, and stays open. `name` names it in messages.
+  ImageStream(int descriptor, std::string name, const ImageLimits& limits, PictureChoice choice)
+      : source_(descriptor), name_(std::move(name)), limits_(limits), choice_(std::move(choice)) {}
+
+  // The next image, or why it is none; nothing at the end. After an image of which it is not known where it
+  // ends, there is nothing more, and lost() says why.
+  std::optional<absl::StatusOr<Image>> next();
+
+  // Why the rest of the stream cannot be read.
+  const absl::Status& lost() const { return lost_; }
+
+  // "NAME, frame 3": the image that next() returned last.
+  std::string name() const;
+
+  // Makes next() return nothing, also while it waits. Any thread.
+  void stop() { source_.stop(); }
+
+ private:
+  // Takes all bytes of a file of which the first have come. OK, too, if the stream ends within it.
+  absl::Status take_file(std::string& bytes);
+  absl::Status take_pfm(std::string& bytes);
+
+  ByteSource source_;
+  const std::string name_;
+  const ImageLimits limits_;
+  const PictureChoice choice_;
+  uint64_t count_ = 0;  // images so far
+  absl::Status lost_;
+};
+
+// Reads the image of any kind that the whole stream is. Errors name it as `name`.
+absl::StatusOr<Image> read_piped_image(int descriptor, const std::string& name, const ImageLimits& limits,
+                                       const PictureChoice& choice);
+
+}  // namespace candela
