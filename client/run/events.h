@@ -14,7 +14,7 @@ namespace candela {
 // The progress of a run of many frames.
 struct RunProgress {
   uint64_t done = 0;    // frames, with those that have no image
-  uint64_t frames = 0;  // all
+  uint64_t frames = 0;  // all; 0: not known
   absl::Duration time;  // since the first frame
   double exposure = 1;  // of the last image
 };

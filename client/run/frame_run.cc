@@ -1,5 +1,7 @@
 #include "client/run/frame_run.h"
 
+#include <unistd.h>
+
 #include <cstddef>
 #include <span>
 #include <utility>
@@ -10,6 +12,7 @@
 #include "client/base/failure.h"
 #include "client/color/view_error.h"
 #include "client/image/image.h"
+#include "client/image/read/image_stream.h"
 #include "client/run/picture/frame_alpha.h"
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
@@ -47,8 +50,10 @@ class FrameRun {
  private:
   absl::StatusOr<Image> read_input() {
     ASSIGN_OR_RETURN(const v1::Limits limits, run_.limits());
+    const ImageLimits most = image_limits(limits, options_);
     absl::StatusOr<Image> image =
-        read_image(job_.input, image_limits(limits, options_), choice_of(options_, view()));
+        is_piped() ? read_piped_image(STDIN_FILENO, kStdinName, most, choice_of(options_, view()))
+                   : read_image(job_.input, most, choice_of(options_, view()));
     if (!image.ok()) return image;
     if (verifies_view() && view()->view.to_scene) {
       const std::span<const std::byte> values = image->pixels.span();
@@ -58,6 +63,7 @@ class FrameRun {
     return image;
   }
 
+  bool is_piped() const { return job_.input == "-"; }
   const BakedView* view() const { return run_.view().get(); }
   bool verifies_view() const { return options_.verify.verify && view() != nullptr; }
 
@@ -84,8 +90,8 @@ class FrameRun {
     view.exposure = run_.locked();
     view.verify = options_.verify.verify;
     view.error_map = !options_.verify.error_map.empty();
-    // The picture will need the memory.
-    if (only_ && !verifies_view()) view.on_sent = [&frame] { frame.pixels = {}; };
+    // The picture will need the memory. What came through a pipe cannot be read again.
+    if (only_ && !verifies_view() && !is_piped()) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.ignore_empty_alpha) picture_.add_note(ignore_empty_alpha(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);

@@ -13,6 +13,7 @@
 #include "client/color/view_table.h"
 #include "client/environment/baked_environment.h"
 #include "client/image/image.h"
+#include "client/image/write/piped_frames.h"
 #include "client/run/sequence/sequence.h"
 #include "client/security.h"
 #include "proto/candela/v1/limits.h"
@@ -52,6 +53,7 @@ struct PictureOptions {
   // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
   bool ignore_empty_alpha = false;
   PictureDefaults defaults;  // as they are in `settings`
+  std::string stdout_kind;   // the extension of an image that goes to standard output
 };
 
 // Whether an image is compared with the reference.
@@ -80,8 +82,8 @@ struct SessionRunOptions : RunOptions {
 };
 
 struct RenderOptions : RunOptions {
-  std::vector<std::string> inputs;  // files, and quoted patterns and folders
-  std::string output;               // a file, or a folder
+  std::vector<std::string> inputs;  // files, and quoted patterns and folders; or "-", standard input
+  std::string output;               // a file, a folder, or "-", standard output
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none
   VerifyChoice verify;
@@ -90,13 +92,16 @@ struct RenderOptions : RunOptions {
 
 struct StreamOptions : SessionRunOptions {
   SequenceChoice sequence;
-  std::string output;  // a pattern with a number, or a folder
+  std::string output;              // a pattern with a number, or a folder; "-" if `pipe` is set
+  std::optional<PipeFormat> pipe;  // of standard output
   // The number of the first image, from which the images are counted; nothing: each has its frame's number.
   std::optional<int64_t> first;
   // Exposure files, "" for none; at most one of the first two and locked_exposure.
   std::string exposures;       // gives each frame its exposure
   std::string state;           // exposure continues after its last frame
   std::string save_exposures;  // is written
+
+  bool from_stdin() const { return sequence.inputs == std::vector<std::string>{"-"}; }
 };
 
 // A sequence that is metered without images, or a single image. Only options of metering are used.

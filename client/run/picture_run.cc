@@ -57,7 +57,10 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings) {
 absl::Status PictureRun::write(const Image& picture) {
   events_.begins("writing " + report_.output);
   const absl::Time begin = absl::Now();
-  ASSIGN_OR_RETURN(std::vector<std::string> notes, write_image(report_.output, picture, options_.write));
+  ASSIGN_OR_RETURN(std::vector<std::string> notes,
+                   report_.output == "-"
+                       ? write_image_to_stdout(report_.output + options_.stdout_kind, picture, options_.write)
+                       : write_image(report_.output, picture, options_.write));
   add_stage("write", ms_since(begin));
   add_notes(std::move(notes));
   return absl::OkStatus();

@@ -79,7 +79,7 @@ struct RunFrame {
 };
 
 struct RunSummary {
-  uint64_t frames = 0;  // files
+  uint64_t frames = 0;  // files, or those of a pipe
   int64_t first = 0;    // the number of the first one
   int64_t last = 0;     // and of the last one
   std::string missing;  // numbers without a file, as --range takes them
@@ -99,6 +99,20 @@ struct RunSummary {
   std::string view;                 // view_words() of --ocio, "" without it
   std::set<std::string> notes;      // notes about the files
   std::set<std::string> primaries;  // words_of() of those that frames had
+  bool reader_left = false;         // of standard output, so that the rest of the frames has no image
+
+  // Counts a frame that is where it belongs, or that has no image.
+  void count(const RunFrame& frame) {
+    if (frame.held) {
+      ++held;
+    } else if (frame.status.ok()) {
+      ++written;
+      latency += frame.latency;
+    }
+    if (frame.status.ok() || frame.missing) return;
+    ++skipped;
+    add_failure(skipped_for, frame.status);
+  }
 };
 
 }  // namespace candela

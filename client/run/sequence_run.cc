@@ -1,5 +1,6 @@
 #include "client/run/sequence_run.h"
 
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "client/base/failure.h"
 #include "client/run/frames/file_frames.h"
 #include "client/run/frames/frame_reader.h"
+#include "client/run/images/frame_pipe.h"
 #include "client/run/images/held_frames.h"
 #include "client/run/images/image_files.h"
 #include "client/run/picture/frame_files.h"
@@ -25,12 +27,6 @@ std::vector<std::string> inputs_of(const Sequence& sequence) {
   return inputs;
 }
 
-std::vector<std::string> outputs_of(const StreamPlan& plan) {
-  std::vector<std::string> outputs;
-  for (const NamedImage& image : plan.images) outputs.push_back(image.output);
-  return outputs;
-}
-
 // The frames' own settings. The table is the session's, and too large to copy for each of them.
 v1::Settings without_table(v1::Settings settings) {
   settings.clear_table();
@@ -44,14 +40,43 @@ void describe(const Sequence& sequence, RunSummary& summary) {
   summary.missing = to_text(sequence.missing);
 }
 
+// `stream` becomes the reader if it reads standard input.
+std::unique_ptr<FrameReader> make_reader(const StreamOptions& options, StreamPlan& plan,
+                                         const HeldFrameOptions& alone, PipedFrameReader*& stream) {
+  PictureChoice choice = choice_of(options, alone.files.view.get());
+  if (!options.from_stdin()) {
+    return std::make_unique<FileFrameReader>(inputs_of(plan.sequence), alone.limits, kReadAhead,
+                                             std::move(choice));
+  }
+  auto reader = std::make_unique<PipedFrameReader>(plan.sequence, plan.first, options.sequence.cuts,
+                                                   alone.limits, std::move(choice));
+  stream = reader.get();
+  return reader;
+}
+
+std::unique_ptr<FrameSink> make_sink(const StreamOptions& options, const StreamPlan& plan, RunEvents& events,
+                                     RunSummary& summary) {
+  if (options.pipe) return std::make_unique<FramePipe>(*options.pipe, summary.rate.rate, events, summary);
+  return std::make_unique<ImageFiles>(
+      [&options, &plan](const FrameFacts& frame) { return output_of(options, plan, frame); }, options.write,
+      events, summary);
+}
+
+absl::Status no_frame_came() {
+  return input_failure(
+      absl::InvalidArgumentError(absl::StrFormat(
+          "%s: it ended before a frame came; look at what the program before it said", kStdinName)),
+      kStdinName);
+}
+
 }  // namespace
 
 absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const ShotExposures& shot,
-                                           const StreamPlan& plan, RunEvents& events) {
-  const Sequence& sequence = plan.sequence;
+                                           StreamPlan& plan, RunEvents& events) {
+  Sequence& sequence = plan.sequence;
+  const bool piped = options.from_stdin();
   SessionRun run(options, events);
   RunSummary& summary = run.summary();
-  describe(sequence, summary);
   RETURN_IF_ERROR(run.prepare(options.settings));
   ASSIGN_OR_RETURN(const v1::Limits limits, run.run().limits());
   HeldFrameOptions alone;
@@ -63,27 +88,31 @@ absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const S
                  .view = run.run().view(),
                  .ignore_empty_alpha = options.ignore_empty_alpha,
                  .exposures = shot.given()};
-  events.begins("reading " + plan.images.front().input);
-  FrameReader reader(inputs_of(sequence), alone.limits, kReadAhead,
-                     choice_of(options, alone.files.view.get()));
-  FileFrames frames(sequence, alone.files, reader);
+  events.begins("reading " + (piped ? kStdinName : plan.images.front().input));
+  PipedFrameReader* stream = nullptr;
+  const std::unique_ptr<FrameReader> reader = make_reader(options, plan, alone, stream);
+  FileFrames frames(sequence, alone.files, *reader);
   if (absl::Status status = frames.open(); !status.ok()) return failure_of(FailureKind::kInput, status);
+  if (piped && sequence.frames.empty()) return no_frame_came();
   summary.rate = frames.rate();
   if (shot.fixes_rate()) summary.rate.from = "exposures";
   run.session().state = shot.state();
   run.session().return_state = shot.saved();
   alone.session = run.session();
   alone.said_rate = frames.said_rate();
-  ImageFiles images(outputs_of(plan), options.write, events, summary);
-  HeldFrames held(options, shot, plan, std::move(alone), run.run().link(), images, summary);
+  const std::unique_ptr<FrameSink> images = make_sink(options, plan, events, summary);
+  HeldFrames held(options, shot, plan, std::move(alone), run.run().link(), *images, summary);
   absl::Status status = held.begin();
-  if (!status.ok()) {
+  if (status.ok()) {
+    status = run.render(frames, piped ? *images : held);
+  } else {
     status.Update(held.finish());
-    return status;
   }
-  RETURN_IF_ERROR(run.render(frames, held));
+  if (status.ok() && stream != nullptr) status = stream->lost();
+  describe(sequence, summary);
+  if (!status.ok() && !summary.reader_left) return status;
   if (sequence.cut_after) summary.state.set_cut_pending(true);
-  if (summary.written + summary.held == 0) {
+  if (summary.written + summary.held == 0 && !summary.reader_left) {
     return failure_of(
         summary.skipped_for.value_or(FailureKind::kOther),
         absl::InvalidArgumentError(absl::StrFormat(

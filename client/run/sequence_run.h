@@ -10,8 +10,8 @@
 
 namespace candela {
 
-// Renders the frames of the plan and writes its images.
+// Renders the frames of the plan and writes its images. Frames from standard input join plan.sequence.
 absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const ShotExposures& shot,
-                                           const StreamPlan& plan, RunEvents& events);
+                                           StreamPlan& plan, RunEvents& events);
 
 }  // namespace candela

@@ -67,10 +67,14 @@ absl::Status SessionRun::exchange(FrameFeeder& feeder, FrameSink& sink) {
   // The feeder uses the session until its end, which may also come by an exception.
   const absl::Cleanup stop_feeding = [&] {
     session->cancel();
+    feeder.stop();
     feeder.join();
   };
   absl::Status status = take_results(*session, feeder, sink);
-  if (!status.ok()) session->cancel();
+  if (!status.ok()) {
+    session->cancel();
+    feeder.stop();
+  }
   // The feeder ends after the last frame, or when submit() fails.
   feeder.join();
   if (status.ok()) status = sink.finish();

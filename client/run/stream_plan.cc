@@ -48,6 +48,8 @@ absl::Status check_outputs(const StreamOptions& options, const Sequence& sequenc
       {options.json, "the JSON"}, {options.plot, "the plot"}, {options.save_exposures, "the exposures"}};
   // Any of the files may be read, because missing frames may repeat it.
   for (const auto& [number, path] : sequence.files) inputs.push_back(path);
+  if (options.from_stdin()) inputs.emplace_back("/dev/stdin");
+  if (options.pipe) outputs.push_back({"-", "the frames"});
   for (const auto& [number, input, output] : images) {
     if (!names) continue;
     const auto [other, fresh] = sources.emplace(output, input);
@@ -74,11 +76,17 @@ std::string sign_note(const OutputNames& names, const NamedImage& first) {
 
 absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot) {
   StreamPlan plan;
-  if (options.encoding != v1::ENCODING_NONE) {
+  if (options.encoding != v1::ENCODING_NONE && !options.pipe) {
     ASSIGN_OR_RETURN(plan.names,
                      OutputNames::parse(options.output, output_encoding(options.encoding).extension()));
   }
   ASSIGN_OR_RETURN(const SequenceChoice choice, shot.choice());
+  if (options.from_stdin()) {
+    if (choice.after) plan.first = *choice.after + 1;
+    plan.sequence.zero = choice.zero.value_or(plan.first);
+    RETURN_IF_ERROR(check_outputs(options, plan.sequence, plan.images, plan.names));
+    return plan;
+  }
   absl::StatusOr<Sequence> sequence = find_sequence(choice);
   if (!sequence.ok()) {
     const std::vector<std::string>& inputs = options.sequence.inputs;
@@ -88,7 +96,7 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
   absl::StatusOr<std::vector<std::string>> notes = shot.check(plan.sequence);
   if (!notes.ok()) return failure_of(FailureKind::kInput, notes.status());
   std::move(notes->begin(), notes->end(), std::back_inserter(plan.sequence.notes));
-  if (plan.sequence.frames.empty() && !plan.names) {
+  if (plan.sequence.frames.empty() && options.encoding == v1::ENCODING_NONE) {
     return failure_of(
         FailureKind::kInput,
         absl::NotFoundError(absl::StrFormat(
@@ -100,6 +108,13 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
   }
   RETURN_IF_ERROR(check_outputs(options, plan.sequence, plan.images, plan.names));
   return plan;
+}
+
+std::string output_of(const StreamOptions& options, const StreamPlan& plan, const FrameFacts& frame) {
+  if (!plan.images.empty()) return plan.images.at(frame.place).output;
+  if (!plan.names) return "";
+  const int64_t place = static_cast<int64_t>(frame.place);
+  return plan.names->path(options.first ? *options.first + place : frame.number, "");
 }
 
 }  // namespace candela

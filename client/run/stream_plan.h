@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/run/exposure/shot_exposures.h"
+#include "client/run/frames/frame_source.h"
 #include "client/run/options.h"
 #include "client/run/sequence/sequence.h"
 #include "client/run/sequence/sequence_files.h"
@@ -22,13 +23,19 @@ struct NamedImage {
 };
 
 struct StreamPlan {
-  std::optional<OutputNames> names;  // absent: no images are made
-  Sequence sequence;
-  std::vector<NamedImage> images;  // at least one, in order, with those of missing frames
+  std::optional<OutputNames> names;  // absent: no images are made, or they go to standard output
+  Sequence sequence;                 // from standard input it has no frame until they come
+  std::vector<NamedImage> images;    // in order, with those of missing frames; none from standard input
+  // The number of the first frame from standard input. They are counted from 1, as ffmpeg counts images, or
+  // go on after the state of --state.
+  int64_t first = 1;
 };
 
 // Finds the frames and names the images. Reads and writes no image. Refuses sequences in which two frames
 // would become the same image, or an output would replace an input.
 absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotExposures& shot);
+
+// The file of a frame's image; "" if there is none.
+std::string output_of(const StreamOptions& options, const StreamPlan& plan, const FrameFacts& frame);
 
 }  // namespace candela

@@ -168,7 +168,8 @@ absl::StatusOr<RunSummary> render_views(const PanoramaViewOptions& options, cons
   ASSIGN_OR_RETURN(const v1::Environment environment, put(options, *file.panorama, views.run(), events));
   if (const std::string bad = bad_values_note(environment); !bad.empty()) summary.notes.insert(bad);
   ViewFrames frames(options, scene, file, environment.id(), views.run().locked());
-  ImageFiles images(std::move(outputs), options.write, events, summary);
+  ImageFiles images([&outputs](const FrameFacts& frame) { return outputs.at(frame.place); }, options.write,
+                    events, summary);
   RETURN_IF_ERROR(views.render(frames, images));
   summary.locked = locked_exposure(options.settings.exposure(), summary.curve);
   return std::move(summary);

@@ -131,6 +131,22 @@ absl::Status JsonOutput::write(const std::string& text) {
   return status;
 }
 
+absl::Status check_stdout(const JsonOutput& json) {
+  if (json.to_stdout()) {
+    return usage_error(
+        absl::StrFormat("%s - and OUT \"-\": images and JSON would be one stream; write the JSON to a file, "
+                        "or to /dev/stderr",
+                        kOption));
+  }
+  if (isatty(STDOUT_FILENO) == 1) {
+    return usage_error(
+        "OUT is \"-\", and standard output is a terminal; send it to a program or a file, such as | ffmpeg "
+        "-i - "
+        "out.mp4");
+  }
+  return absl::OkStatus();
+}
+
 void JsonOutput::fail(const absl::Status& failure, const std::vector<std::string>& words) {
   if (closed_ || path_.empty()) return;
   if (!open_ && (!may_be_replaced(path_, words) || !open().ok())) return;

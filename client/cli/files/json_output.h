@@ -55,4 +55,7 @@ class JsonOutput {
   absl::Status status_;
 };
 
+// Refuses images for stdout if the JSON goes there, too, or if it is a terminal. Call it after json.open().
+absl::Status check_stdout(const JsonOutput& json);
+
 }  // namespace candela

@@ -120,7 +120,9 @@ const Row kRows[] = {
     {{"--transfer"}, is_light, "changes nothing: .exr and .pfm files hold display-linear light"},
     {{"--dither"}, is_float, "changes nothing: .exr and .pfm files hold floats, which need none"},
     {{"--bits"},
-     [](const Request& r) { return r.encoding == nullptr || !r.encoding->has_16_bits(); },
+     [](const Request& r) {
+       return r.encoding == nullptr || (!r.encoding->has_16_bits() && !r.encoding->is_film());
+     },
      "changes nothing: the output has no choice of bits"},
     {{"--tls", "--tls-ca", "--tls-name", "--tls-cert", "--tls-key", "--token-file"},
      [](const Request& r) { return r.servers.empty(); },

@@ -66,6 +66,15 @@ std::vector<std::string> folder_kinds() {
   return kinds;
 }
 
+// The extension of images whose names do not say it.
+absl::Status choose_kind(RenderArguments& arguments, std::string& extension) {
+  const std::vector<std::string> kinds = folder_kinds();
+  if (arguments.kind.empty()) arguments.kind = kinds.front();
+  if (!absl::c_linear_search(kinds, arguments.kind)) return unknown_word("kind", arguments.kind, kinds);
+  extension = "." + arguments.kind;
+  return absl::OkStatus();
+}
+
 // Splits the files into inputs and output.
 absl::Status set_files(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
@@ -74,14 +83,20 @@ absl::Status set_files(RenderArguments& arguments) {
   }
   options.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
-  RETURN_IF_ERROR(check_input_names(options.inputs));
-  RETURN_IF_ERROR(check_output_name(options.output));
+  RETURN_IF_ERROR(check_input_names(options.inputs, /*stdin_too=*/true));
+  RETURN_IF_ERROR(check_output_name(options.output, /*stdout_too=*/true));
   if (const std::string name = name_with_space(arguments.files); !name.empty()) {
     return usage_error(absl::StrFormat("%s has a space in its name; write it in quotes, '%s'", name, name));
   }
   if (options.inputs.size() == 1 && are_swapped(options.inputs.front(), options.output)) {
     return usage_error(absl::StrFormat("the input comes first: candela render %s %s", options.output,
                                        options.inputs.front()));
+  }
+  if (options.output == "-") {
+    if (options.inputs.size() == 1 && !is_pattern(options.inputs.front())) {
+      return choose_kind(arguments, options.stdout_kind);
+    }
+    return usage_error("OUT is \"-\", which takes one image; several images need a folder, such as out/");
   }
   const bool several = options.inputs.size() > 1 || is_pattern(options.inputs.front());
   const bool named = std::filesystem::path(options.output).has_extension();
@@ -96,6 +111,10 @@ absl::Status set_files(RenderArguments& arguments) {
                                        arguments.kind, options.output));
   }
   for (const std::string& input : options.inputs) {
+    if (input == "-") {
+      return usage_error(absl::StrFormat(
+          "IN is \"-\", which has no name for a file in %s; give a file as OUT", options.output));
+    }
     if (const auto encoding = output_encoding(input); encoding.ok() && (*encoding)->holds_codes()) {
       return usage_error(
           absl::StrFormat("%s is no image that candela reads (OpenEXR, Radiance .hdr, PFM), and the last "
@@ -103,11 +122,7 @@ absl::Status set_files(RenderArguments& arguments) {
                           input, options.output));
     }
   }
-  const std::vector<std::string> kinds = folder_kinds();
-  if (arguments.kind.empty()) arguments.kind = kinds.front();
-  if (!absl::c_linear_search(kinds, arguments.kind)) return unknown_word("kind", arguments.kind, kinds);
-  options.extension = "." + arguments.kind;
-  return absl::OkStatus();
+  return choose_kind(arguments, options.extension);
 }
 
 }  // namespace
@@ -118,7 +133,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
                  absl::StrFormat(
                      "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: %s. Several "
                      "images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
-                     "for itself and keeps its name",
+                     "for itself and keeps its name. Either may be -, standard input or output",
                      extensions_with()))
       ->required()
       ->option_text(" ");
@@ -129,10 +144,11 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_previous_options(app, options.previous);
   add_locked_exposure_option(app, options.locked_exposure);
   add_verify_options(app, options.verify);
-  add_text(app, kOutputSection, "--as", "KIND",
-           absl::StrFormat("Kind of the images in a folder: %s (default %s)",
-                           absl::StrJoin(folder_kinds(), ", "), folder_kinds().front()),
-           arguments.kind);
+  add_text(
+      app, kOutputSection, "--as", "KIND",
+      absl::StrFormat("Kind of the images in a folder, or of the one on standard output: %s (default %s)",
+                      absl::StrJoin(folder_kinds(), ", "), folder_kinds().front()),
+      arguments.kind);
   add_image_options(app, arguments.picture);
   add_json_option(app, kOutputSection,
                   "Write the result's numbers as one line of JSON an image; for a folder also one for all",
@@ -147,7 +163,8 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
   RETURN_IF_ERROR(set_files(arguments));
   const std::string output =
-      options.extension.empty()
+      !options.stdout_kind.empty() ? options.output + options.stdout_kind
+      : options.extension.empty()
           ? options.output
           : (std::filesystem::path(options.output) / ("*" + options.extension)).string();
   absl::Status status = finish_picture_options(options, arguments.picture, output);

@@ -1,6 +1,7 @@
 #include "client/cli/results/render_report.h"
 
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <nlohmann/json.hpp>
 
@@ -200,7 +201,9 @@ std::vector<std::string> notes_for_user(const RenderReport& report) {
 absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutput& json) {
   if (!quiet) {
     for (const std::string& note : notes_for_user(report)) print_note(note);
-    if (!json.to_stdout()) {
+    if (report.output == "-") {
+      std::fputs(to_text(report, verbose).c_str(), stderr);
+    } else if (!json.to_stdout()) {
       RETURN_IF_ERROR(print(to_text(report, verbose)));
     }
   }

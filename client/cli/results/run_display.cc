@@ -9,6 +9,11 @@ namespace candela {
 void RunDisplay::progress(const RunProgress& progress) {
   const auto done = static_cast<double>(progress.done), all = static_cast<double>(progress.frames);
   const double seconds = absl::ToDoubleSeconds(progress.time);
+  if (progress.frames == 0) {
+    progress_.show(absl::StrFormat("%d frames, %.1f fps, exposure %s", progress.done, done / seconds,
+                                   exposure_words(progress.exposure)));
+    return;
+  }
   progress_.show_bar(
       done / all,
       absl::StrFormat("%d/%d, %.1f fps, exposure %s, %.0f s left", progress.done, progress.frames,

@@ -1,4 +1,4 @@
-// The frames of a sequence of files.
+// The frames of a sequence of files, or of a pipe.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ struct FileFrameOptions {
 
 class FileFrames : public FrameSource {
  public:
-  // `reader` reads the sequence's files. It and the sequence must outlive this.
+  // `reader` reads the sequence's frames. It and the sequence must outlive this.
   FileFrames(const Sequence& sequence, FileFrameOptions options, FrameReader& reader)
       : sequence_(sequence),
         options_(std::move(options)),
@@ -50,8 +50,9 @@ class FileFrames : public FrameSource {
   // The same; nothing if it is only the default.
   const std::optional<FrameRate>& said_rate() const { return said_rate_; }
 
-  uint64_t frames() const override { return sequence_.frames.size(); }
+  uint64_t frames() const override { return reader_.frames(); }
   std::optional<SourceFrame> next() override;
+  void stop() override { reader_.stop(); }
 
  private:
   void decide_rate(const FrameReader::Read* first);

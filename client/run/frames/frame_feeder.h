@@ -38,6 +38,8 @@ class FrameFeeder {
   // thread.
   void start(Session& session, const v1::Settings& settings);
   void join();
+  // The source gives no more frames. Any thread.
+  void stop() { source_.stop(); }
 
   // Why the feeder stopped before the last frame. Valid once the session has no more results.
   absl::Status status() const;

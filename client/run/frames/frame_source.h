@@ -44,11 +44,14 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
 
-  // The number of frames.
+  // The number of frames; 0 if it is not known.
   virtual uint64_t frames() const = 0;
 
   // The next frame, in the order of their sequence numbers; nothing after the last.
   virtual std::optional<SourceFrame> next() = 0;
+
+  // next() returns nothing more, also if it waits. Any thread.
+  virtual void stop() {}
 };
 
 }  // namespace candela

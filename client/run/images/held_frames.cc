@@ -118,7 +118,7 @@ absl::StatusOr<HeldFrames::Rendered> HeldFrames::render_alone(int64_t number, co
   Sequence alone;
   alone.frames = {{.number = number, .path = path}};
   alone.zero = sequence_.zero;
-  FrameReader reader({path}, alone_.limits, 1, choice_of(options_, alone_.files.view.get()));
+  FileFrameReader reader({path}, alone_.limits, 1, choice_of(options_, alone_.files.view.get()));
   FileFrameOptions files = alone_.files;
   files.rate = summary_.rate.rate;
   files.exposures = exposures_of(number);

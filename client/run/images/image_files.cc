@@ -59,8 +59,8 @@ absl::Status copy_file(const std::string& from, const std::string& to) {
 }  // namespace
 
 absl::Status ImageFiles::image(RunFrame frame, RenderResult image) {
-  return add({frame, std::async(std::launch::async, [this, path = output_of(frame), facts = frame.facts,
-                                                     image = std::move(image)] {
+  return add({frame, std::async(std::launch::async, [this, path = output_of_(frame.facts),
+                                                     facts = frame.facts, image = std::move(image)] {
                 return write_result(path, image, facts, options_);
               })});
 }
@@ -72,7 +72,7 @@ absl::Status ImageFiles::finish() {
 }
 
 absl::Status ImageFiles::add(Entry entry) {
-  entry.frame.output = output_of(entry.frame);
+  entry.frame.output = output_of_(entry.frame.facts);
   entries_.push_back(std::move(entry));
   const size_t most = std::max<size_t>(2, std::thread::hardware_concurrency());
   absl::Status status;
@@ -93,20 +93,8 @@ absl::Status ImageFiles::finish_oldest() {
     RETURN_IF_ERROR(copy_file(last_, frame.output));
     last_ = frame.output;
   }
-  count(frame);
+  summary_.count(frame);
   return events_.finished(frame);
-}
-
-void ImageFiles::count(const RunFrame& frame) {
-  if (frame.held) {
-    ++summary_.held;
-  } else if (frame.status.ok()) {
-    ++summary_.written;
-    summary_.latency += frame.latency;
-  }
-  if (frame.status.ok() || frame.missing) return;
-  ++summary_.skipped;
-  add_failure(summary_.skipped_for, frame.status);
 }
 
 }  // namespace candela

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <future>
 #include <string>
 #include <vector>
@@ -18,11 +19,12 @@ namespace candela {
 
 class ImageFiles : public FrameSink {
  public:
-  // `outputs` are the files by the frames' places; "" for frames that are only metered. It counts the frames
-  // in `summary`. All of them must outlive this.
-  ImageFiles(std::vector<std::string> outputs, const WriteOptions& options, RunEvents& events,
-             RunSummary& summary)
-      : outputs_(std::move(outputs)), options_(options), events_(events), summary_(summary) {}
+  // Names a frame's file; "" for frames that are only metered.
+  using OutputOf = std::function<std::string(const FrameFacts&)>;
+
+  // It counts the frames in `summary`. All references must outlive this.
+  ImageFiles(OutputOf output_of, const WriteOptions& options, RunEvents& events, RunSummary& summary)
+      : output_of_(std::move(output_of)), options_(options), events_(events), summary_(summary) {}
 
   // Begins to write the image. Waits while too many images are being written. Returns an error if writing one
   // of them failed.
@@ -36,12 +38,10 @@ class ImageFiles : public FrameSink {
     std::future<absl::StatusOr<std::vector<std::string>>> written;  // invalid if no image was rendered
   };
 
-  const std::string& output_of(const RunFrame& frame) const { return outputs_.at(frame.facts.place); }
   absl::Status add(Entry entry);
   absl::Status finish_oldest();
-  void count(const RunFrame& frame);
 
-  const std::vector<std::string> outputs_;
+  const OutputOf output_of_;
   const WriteOptions& options_;
   RunEvents& events_;
   RunSummary& summary_;

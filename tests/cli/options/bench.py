@@ -123,6 +123,7 @@ class Bench:
         write_pfm(self.folder / "nan.pfm", 4, 4, [NAN] + [0.25 * i for i in range(47)])
         write_pfm(self.folder / "whole.pfm", 4, 4, [0.25 * i for i in range(48)])
         (self.folder / "cut.pfm").write_bytes((self.folder / "whole.pfm").read_bytes()[:-60])
+        write_pfm(self.folder / "rows.0001.pfm", 8, 4, [0.1 * (1 + i // 24) ** 3 for i in range(96)])
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}
         red = {"R": lambda x, y: 2.0, "G": lambda x, y: 0.1, "B": lambda x, y: 0.1}
         half = {"A": lambda x, y: 0.25 * (x % 5)}
@@ -171,7 +172,7 @@ class Bench:
         for name in ("plain", "guarded", "public", "told", "full"):
             line = re.sub(rf"\b{name.upper()}\b", lambda _, name=name: getattr(self, name).address, line)
         done = subprocess.run([binary("candela"), *shlex.split(line)], cwd=self.folder, stdin=subprocess.DEVNULL,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=seconds,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace", timeout=seconds,
                               env=self.environment)
         return Run(done.returncode, done.stdout, done.stderr.replace(out.name, "OUT"), out)
 

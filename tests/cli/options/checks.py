@@ -186,6 +186,14 @@ def encodings(bench: Bench, _: str) -> None:
         hold(len(run.files) == 6, f"--encoding {word} wrote {sorted(run.files)}")
 
 
+def pipes(bench: Bench, _: str) -> None:
+    """Each kind of frames on standard output begins as it should."""
+    for word, begin in (("y4m", "YUV4MPEG2 W48 H32 F24:1 Ip A1:1 C420mpeg2 "), ("y4m444", "YUV4MPEG2 W48 H32 F24:1 Ip A1:1 C444 "),
+                        ("pam", "P7\nWIDTH 48\n")):
+        line = f"stream film - -q --server PLAIN --pipe {word}"
+        hold(ok(bench(line), line).out.startswith(begin), f"--pipe {word} does not begin as {begin}")
+
+
 def bench_encodings(bench: Bench, _: str) -> None:
     """The server sends fewer bytes for each frame of JPEG than of PNG, and fewer for PNG than raw."""
     bytes_of_frame = []

@@ -2,7 +2,7 @@
 import json
 
 from checks import (GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, each_word, elsewhere,
-                    encodings, executor, guarded, json_of, late, named, needs, one_file, plural, public, quick_report, quiet, refuses,
+                    encodings, executor, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
                     shows, waits)
 
 INPUT = {  # of render, stream, meter, view and environment
@@ -10,6 +10,8 @@ INPUT = {  # of render, stream, meter, view and environment
                                     f"{c} nan.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "NaN"),
     "--primaries": lambda c: each_word("--primaries"),
     "--layer": lambda c: changes("--layer key", line=one_file(c, "layers")),
+    "--rows": lambda c: changes("--rows top", "--spot 0,0,8,1" if c == "meter" else "",
+                                f"{c} rows.0001.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
     "--incomplete": lambda c: needs("--incomplete fill", "--incomplete error",
                                     f"{c} cut.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "--incomplete fill"),
@@ -141,6 +143,7 @@ BAKED = {  # of environment alone
 STREAMED = {  # of stream alone
     "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
     "--encoding": lambda c: encodings,
+    "--pipe": lambda c: pipes,
     "--first": lambda c: shows(LINES["stream"].format("--first 100"), lambda run: "0100.png" in run.files, "no 0100.png"),
 }
 OTHERS = {

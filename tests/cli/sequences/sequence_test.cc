@@ -191,7 +191,7 @@ TEST_F(SequenceOfFrames, AnOutputThatIsAPipeOrLooksLikeAnOptionIsRefused) {
   make_frames(2);
   const std::string frame = in() + "/0000.exr";
   for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-           {"stream", in(), "-"}, {"render", frame, "-"}, {"sample", "-"}, {"sample", "--sequence", "-"}}) {
+           {"view", frame, "-"}, {"sample", "-"}, {"sample", "--sequence", "-"}}) {
     const Outcome outcome = candela(arguments);
     EXPECT_EQ(outcome.code, 2);
     EXPECT_TRUE(says(outcome.err, "cannot be written to a pipe"));

@@ -31,14 +31,14 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
   inputs.insert(inputs.end(), {options.view.config, options.locked_exposure});
   std::vector<OutputFile> outputs;
   for (const RenderJob& job : jobs) {
-    inputs.push_back(job.input);
+    inputs.push_back(job.input == "-" ? "/dev/stdin" : job.input);
     outputs.push_back({job.output, "the image"});
   }
   outputs.push_back({options.verify.error_map, "the error map"});
   outputs.push_back({options.json, "the JSON"});
   RETURN_IF_ERROR(check_outputs_apart(inputs, outputs));
   for (const std::string& path : {jobs.front().output, options.verify.error_map}) {
-    if (path.empty()) continue;
+    if (path.empty() || path == "-") continue;
     RETURN_IF_ERROR(make_folder_of(path));
     if (const auto kind = check_output_path(path); !kind.ok()) return kind.status();
   }
@@ -68,6 +68,9 @@ absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
   const std::vector<RenderJob>& jobs = plan.jobs;
   RETURN_IF_ERROR(prepare_outputs(options, jobs));
   RETURN_IF_ERROR(json.open());
+  if (!options.stdout_kind.empty()) {
+    RETURN_IF_ERROR(check_stdout(json));
+  }
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   if (!plan.hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(plan.hidden));
@@ -84,7 +87,8 @@ constexpr char kRenderExamples[] =
     "  candela render in.exr out.png\n"
     "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
     "  candela render a.exr b.hdr 'more/*.exr' out/ --as jpg\n"
-    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -";
+    "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -\n"
+    "  curl -s https://example.com/in.exr | candela render - - --as jpg | convert - -resize 25% out.jpg";
 
 Finish define_render(CLI::App& app) {
   const auto arguments = std::make_shared<RenderArguments>();
@@ -92,12 +96,13 @@ Finish define_render(CLI::App& app) {
   return [arguments](const GivenOptions& given) -> absl::StatusOr<ParsedCommand> {
     RETURN_IF_ERROR(finish_render_options(*arguments));
     RenderOptions& options = arguments->options;
-    add_idle_notes(options, {.given = given,
-                             .encoding = encoding_of(options.extension.empty() ? options.output
-                                                                               : "*" + options.extension),
-                             .view = !options.view.config.empty(),
-                             .adapts = options.previous.exposure() > 0,
-                             .elapsed_seconds = options.previous.elapsed_seconds()});
+    add_idle_notes(options,
+                   {.given = given,
+                    .encoding = encoding_of(options.extension.empty() ? options.output + options.stdout_kind
+                                                                      : "*" + options.extension),
+                    .view = !options.view.config.empty(),
+                    .adapts = options.previous.exposure() > 0,
+                    .elapsed_seconds = options.previous.elapsed_seconds()});
     return parsed_command(options, run_render);
   };
 }

@@ -1,6 +1,7 @@
 #include <OpenEXR/ImfThreading.h>
 
 #include <CLI/App.hpp>
+#include <cstdio>
 #include <limits>
 #include <memory>
 #include <set>
@@ -19,6 +20,7 @@
 #include "client/cli/results/run_display.h"
 #include "client/cli/results/stream_report.h"
 #include "client/image/encodings.h"
+#include "client/image/write/standard_output.h"
 #include "client/run/exposure/shot_exposures.h"
 #include "client/run/output_files.h"
 #include "client/run/sequence_run.h"
@@ -30,7 +32,21 @@ namespace {
 
 constexpr size_t kMostNotes = 5;
 
-// Prints the notes and the summary.
+// Where the images are; "": there are none.
+std::string places_of(const StreamOptions& options, const StreamPlan& plan, const RunSummary& summary) {
+  if (options.pipe) return kStdoutName;
+  if (!plan.names) return "";
+  const auto at = [&](int64_t number, uint64_t place) {
+    FrameFacts frame;
+    frame.number = number;
+    frame.place = place;
+    return output_of(options, plan, frame);
+  };
+  const size_t images = plan.images.empty() ? plan.sequence.frames.size() : plan.images.size();
+  return absl::StrFormat("%s .. %s", at(summary.first, 0), at(summary.last, images - 1));
+}
+
+// Prints the notes and the summary: on stderr, if frames go to stdout.
 absl::Status tell(const StreamOptions& options, const RunSummary& summary, const std::string& where,
                   bool json_to_stdout) {
   if (options.quiet) return absl::OkStatus();
@@ -41,14 +57,21 @@ absl::Status tell(const StreamOptions& options, const RunSummary& summary, const
     if (told++ < kMostNotes) print_note(note);
   }
   if (told > kMostNotes) print_note(absl::StrFormat("and %d more notes", told - kMostNotes));
-  return json_to_stdout ? absl::OkStatus() : print(to_text(summary, where));
+  if (summary.reader_left) {
+    const uint64_t frames = summary.written + summary.held;
+    print_note(absl::StrFormat("whoever read standard output stopped after %d frame%s, and so did this",
+                               frames, frames == 1 ? "" : "s"));
+  }
+  if (options.pipe) std::fputs(to_text(summary, where).c_str(), stderr);
+  return json_to_stdout || options.pipe ? absl::OkStatus() : print(to_text(summary, where));
 }
 
 constexpr char kStreamExamples[] =
     "Examples:\n"
     "  candela stream 'in/*.exr' out/%04d.png --fps 24\n"
     "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
-    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json";
+    "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json\n"
+    "  ffmpeg -i in.mov -f image2pipe -c:v phm - | candela stream - - --fps 24 | ffmpeg -i - out.mp4";
 
 Finish define_stream(CLI::App& app) {
   const auto arguments = std::make_shared<StreamArguments>();
@@ -57,7 +80,8 @@ Finish define_stream(CLI::App& app) {
     RETURN_IF_ERROR(finish_stream_options(*arguments));
     StreamOptions& options = arguments->options;
     add_idle_notes(options, {.given = given,
-                             .encoding = encoding_of(options.output, options.encoding),
+                             .encoding = options.pipe ? &piped_encoding(options.pipe->kind)
+                                                      : encoding_of(options.output, options.encoding),
                              .view = !options.view.config.empty(),
                              .adapts = true,
                              .elapsed_seconds = std::numeric_limits<double>::infinity()});
@@ -69,10 +93,10 @@ Finish define_stream(CLI::App& app) {
 
 absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
   ASSIGN_OR_RETURN(const ShotExposures shot, ShotExposures::open(options));
-  ASSIGN_OR_RETURN(const StreamPlan plan, plan_stream(options, shot));
-  const auto& [names, sequence, images] = plan;
+  ASSIGN_OR_RETURN(StreamPlan plan, plan_stream(options, shot));
+  const Sequence& sequence = plan.sequence;
   const bool wants_exposures = shot.saved() || !options.plot.empty();
-  if (sequence.frames.empty() && wants_exposures) {
+  if (sequence.frames.empty() && !options.from_stdin() && wants_exposures) {
     return usage_error(
         "every image repeats a frame before --range, so there are no exposures to save or to draw; leave out "
         "--save-exposures and --exposure-plot, or give another --range");
@@ -82,8 +106,11 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
     RETURN_IF_ERROR(check_plot(options.plot));
   }
   RETURN_IF_ERROR(json.open());
-  if (names) {
-    RETURN_IF_ERROR(make_folder_of(names->path(0, "")));
+  if (options.pipe) {
+    RETURN_IF_ERROR(check_stdout(json));
+  }
+  if (plan.names) {
+    RETURN_IF_ERROR(make_folder_of(plan.names->path(0, "")));
   }
   if (!options.quiet) {
     for (const std::string& note : sequence.notes) print_note(note);
@@ -94,6 +121,11 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
   const absl::StatusOr<RunSummary> summary = render_sequence(options, shot, plan, display);
   progress.clear();
   if (!summary.ok()) return summary.status();
+  if (summary->reader_left && wants_exposures) {
+    return failure_of(FailureKind::kOutput,
+                      absl::AbortedError("whoever read standard output stopped before the last frame, so "
+                                         "there are no exposures of all frames to save or to draw"));
+  }
   if (summary->curve.empty() && wants_exposures) {
     return failure_of(
         FailureKind::kInput,
@@ -106,9 +138,7 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
   if (!options.plot.empty()) {
     RETURN_IF_ERROR(plot_exposure(summary->curve, options.plot));
   }
-  const std::string where =
-      names ? absl::StrFormat("%s .. %s", images.front().output, images.back().output) : "";
-  RETURN_IF_ERROR(tell(options, *summary, where, json.to_stdout()));
+  RETURN_IF_ERROR(tell(options, *summary, places_of(options, plan, *summary), json.to_stdout()));
   RETURN_IF_ERROR(json.add(to_json(*summary)));
   return json.close();
 }

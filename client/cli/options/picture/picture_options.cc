@@ -62,6 +62,15 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
              shown.fills_gaps = word == "fill";
              return absl::OkStatus();
            });
+  add_text(app, kInputSection, "--rows", "top|bottom",
+           "Which row of a PFM or PHM image comes first (default: the lowest of a PFM, the top one of a PHM; "
+           "ffmpeg writes both from the top)",
+           [&shown](const std::string& word) {
+             if (word != "top" && word != "bottom")
+               return unknown_word("--rows word", word, {"top", "bottom"});
+             shown.rows = word == "top" ? RowOrder::kTop : RowOrder::kBottom;
+             return absl::OkStatus();
+           });
   add_text(
       app, kInputSection, "--max-chunk-mib", "N",
       absl::StrFormat("Most MiB that one chunk of an OpenEXR file, some rows or a tile of all channels, may "
@@ -86,38 +95,48 @@ void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
            });
 }
 
-void add_image_options(CLI::App& app, PictureArguments& arguments) {
-  const std::string bits = absl::StrFormat("Bits per component of a %s (default 8)",
-                                           extensions_with(&OutputEncoding::has_16_bits));
-  add_text(app, kOutputSection, "--bits", "8|16", bits, [&arguments](const std::string& text) {
-    if (text != "8" && text != "16") {
-      return usage_error(absl::StrFormat("--bits is \"%s\"; it must be 8 or 16", text));
-    }
-    arguments.bits = text == "8" ? 8 : 16;
-    return absl::OkStatus();
-  });
+void add_image_options(CLI::App& app, PictureArguments& arguments, bool with_film) {
+  const std::string bits = absl::StrFormat("Bits per component of a %s%s (default 8)",
+                                           extensions_with(&OutputEncoding::has_16_bits),
+                                           with_film ? "; 8 or 10 of y4m, 8 or 16 of PAM" : "");
+  add_text(app, kOutputSection, "--bits", with_film ? "8|10|16" : "8|16", bits,
+           [&arguments, with_film](const std::string& text) {
+             if (text != "8" && text != "16" && !(with_film && text == "10")) {
+               return usage_error(absl::StrFormat("--bits is \"%s\"; it must be %s", text,
+                                                  with_film ? "8, 10 or 16" : "8 or 16"));
+             }
+             arguments.bits = text == "8" ? 8 : text == "10" ? 10 : 16;
+             return absl::OkStatus();
+           });
   add_number(
       app, kOutputSection, "--quality", "N", kJpegQuality, WriteOptions().jpeg_quality,
       "Quality of a " + extensions_with(&OutputEncoding::has_quality),
       [&arguments](double n) { arguments.quality = static_cast<int>(n); }, true);
 }
 
-absl::Status check_input_names(const std::vector<std::string>& inputs) {
+absl::Status check_input_names(const std::vector<std::string>& inputs, bool stdin_too) {
   for (const std::string& input : inputs) {
-    if (input != "-") continue;
+    if (input != "-" || (stdin_too && inputs.size() == 1)) continue;
+    if (stdin_too) {
+      return usage_error(
+          "IN is \"-\" beside others; standard input comes alone, and ./- is a file of that name");
+    }
     return usage_error(
         "IN is \"-\", but images cannot be read from a pipe; give a file, or ./- for a file of that name");
   }
   return absl::OkStatus();
 }
 
-absl::Status check_output_name(const std::string& output) {
+absl::Status check_output_name(const std::string& output, bool stdout_too) {
   if (output.empty()) return usage_error("OUT is empty; give a file");
+  if (stdout_too && output == "-") return absl::OkStatus();
   for (const absl::string_view pipe : {"-", "/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/"}) {
     if (output != pipe && !(absl::EndsWith(pipe, "fd/") && absl::StartsWith(output, pipe))) continue;
     return usage_error(absl::StrFormat("OUT is \"%s\", but images cannot be written to a pipe; give a file%s",
                                        output,
-                                       output == "-" ? ", or ./- for a file or folder of that name" : ""));
+                                       output == "-" ? ", or ./- for a file or folder of that name"
+                                       : stdout_too  ? ", or - for standard output"
+                                                     : ""));
   }
   const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
   for (const char* video : {".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mxf", ".mpg"}) {
@@ -136,7 +155,14 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
                                     const std::string& output) {
   const absl::StatusOr<const OutputEncoding*> found = output_encoding(output);
   if (!found.ok()) return usage_error(std::string(found.status().message()));
-  const OutputEncoding& encoding = **found;
+  return finish_picture_options(options, arguments, output, **found);
+}
+
+absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
+                                    const std::string& output, const OutputEncoding& encoding) {
+  if (arguments.bits == 10 && !encoding.is_film()) {
+    return usage_error(absl::StrFormat("--bits 10 is for y4m; %s has another depth", output));
+  }
   if (arguments.bits == 16 && !encoding.has_16_bits()) {
     return usage_error(absl::StrFormat("--bits 16 is for %s; %s has its own depth",
                                        extensions_with(&OutputEncoding::has_16_bits), output));
@@ -145,9 +171,9 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
     return usage_error(absl::StrFormat("--quality is for %s; %s loses nothing",
                                        extensions_with(&OutputEncoding::has_quality), output));
   }
-  options.settings.set_output_format(encoding.holds_light() ? v1::OUTPUT_FORMAT_RGBA16F
-                                     : arguments.bits == 16 ? v1::OUTPUT_FORMAT_RGBA16
-                                                            : v1::OUTPUT_FORMAT_RGBA8);
+  options.settings.set_output_format(encoding.holds_light()                       ? v1::OUTPUT_FORMAT_RGBA16F
+                                     : arguments.bits == 16 || encoding.is_film() ? v1::OUTPUT_FORMAT_RGBA16
+                                                                                  : v1::OUTPUT_FORMAT_RGBA8);
   choose_alpha(options, encoding, output);
   options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
   options.write.transfer = encoded_transfer(options.settings);

@@ -12,7 +12,7 @@ namespace candela {
 
 // The options as parsed, before they are combined and checked.
 struct PictureArguments {
-  int bits = 0;     // 0: not given
+  int bits = 0;     // 8, 10 or 16; 0: not given
   int quality = 0;  // 0: not given
 };
 
@@ -23,18 +23,23 @@ void add_choice_options(CLI::App& app, PictureOptions& options);
 // Defines --max-pixels, for a command that reads images.
 void add_max_pixels_option(CLI::App& app, PictureOptions& options);
 
-// Defines --bits and --quality; parsing fills `arguments`, which outlives the app.
-void add_image_options(CLI::App& app, PictureArguments& arguments);
+// Defines --bits and --quality; parsing fills `arguments`, which outlives the app. `with_film`: films of 10
+// bits are made, too.
+void add_image_options(CLI::App& app, PictureArguments& arguments, bool with_film = false);
 
 // After parsing: chooses the output's format by the extension of `output`, and refuses options that conflict.
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output);
+// The same for an output of this encoding. `output` names it in messages.
+absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
+                                    const std::string& output, const OutputEncoding& encoding);
 
-// A usage error for "-": images are not read from a pipe.
-absl::Status check_input_names(const std::vector<std::string>& inputs);
+// A usage error for "-": images are not read from a pipe, or with `stdin_too` only from standard input alone.
+absl::Status check_input_names(const std::vector<std::string>& inputs, bool stdin_too = false);
 
-// A usage error for an output that is a pipe or a video, or that looks like an option.
-absl::Status check_output_name(const std::string& output);
+// A usage error for an output that is a pipe or a video, or that looks like an option. With `stdout_too` "-"
+// is good: it is standard output.
+absl::Status check_output_name(const std::string& output, bool stdout_too = false);
 
 // A usage error if a server makes files of this encoding and `file`, by its extension, is of another one.
 // `output` is what the user named.

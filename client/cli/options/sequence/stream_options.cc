@@ -1,5 +1,8 @@
 #include "client/cli/options/sequence/stream_options.h"
 
+#include <algorithm>
+#include <iterator>
+
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
@@ -21,6 +24,68 @@ namespace {
 
 constexpr v1::Range<double> kFirst{-1e9, 1e9};
 
+struct PipeWord {
+  const char* word;
+  PipeKind kind;
+};
+constexpr PipeWord kPipes[] = {
+    {"y4m", PipeKind::kY4m420}, {"y4m444", PipeKind::kY4m444}, {"pam", PipeKind::kPam}};
+
+// What goes to standard output.
+absl::Status finish_pipe(StreamArguments& arguments) {
+  StreamOptions& options = arguments.options;
+  if (options.output != "-") {
+    if (arguments.pipe.empty()) return absl::OkStatus();
+    return usage_error(absl::StrFormat("--pipe %s is for standard output; %s is none: write - as OUT",
+                                       arguments.pipe, options.output));
+  }
+  if (options.encoding != v1::ENCODING_RAW) {
+    return usage_error("--encoding is for files; OUT is \"-\", where --pipe chooses");
+  }
+  if (options.first) options.notes.emplace_back("--first changes nothing: frames in a pipe have no numbers");
+  options.pipe = PipeFormat{};
+  if (!arguments.pipe.empty()) {
+    std::vector<std::string> words;
+    for (const PipeWord& known : kPipes) words.emplace_back(known.word);
+    const auto* const found = std::ranges::find(kPipes, arguments.pipe, &PipeWord::word);
+    if (found == std::end(kPipes)) return unknown_word("--pipe word", arguments.pipe, words);
+    options.pipe->kind = found->kind;
+  }
+  if (arguments.picture.bits != 0) options.pipe->bits = arguments.picture.bits;
+  const OutputEncoding& encoding = piped_encoding(options.pipe->kind);
+  return finish_picture_options(options, arguments.picture, encoding.name, encoding);
+}
+
+// What goes to files.
+absl::Status finish_files(StreamArguments& arguments) {
+  StreamOptions& options = arguments.options;
+  const absl::StatusOr<OutputNames> names =
+      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
+  if (!names.ok()) return names.status();
+  if (names->is_folder() && options.first && !options.from_stdin()) {
+    options.notes.push_back(
+        "--first changes nothing: the images in a folder have the names of their frames; "
+        "give a pattern such as out/%04d.png to number them");
+  }
+  const std::string sample = names->is_folder() ? options.output + "/*" + names->extension() : options.output;
+  if (absl::Status status = finish_picture_options(options, arguments.picture, sample); !status.ok()) {
+    return status;
+  }
+  return check_server_encoding(options.encoding, sample, options.output);
+}
+
+// The options that choose among files.
+absl::Status check_stdin_options(const StreamOptions& options) {
+  if (!options.from_stdin()) return absl::OkStatus();
+  if (!options.sequence.range.empty()) {
+    return usage_error("--range chooses among files; IN is \"-\", of which every frame is taken");
+  }
+  if (options.sequence.missing != MissingFrames::kError) {
+    return usage_error("--missing is about numbers of files; IN is \"-\", where no frame is missing");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void add_stream_options(CLI::App& app, StreamArguments& arguments) {
@@ -30,7 +95,8 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
          absl::StrFormat(
              "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%%04d.exr or "
              "in/####.exr. OUT: a pattern for the frame's number, out/%%04d.png (%s), or a folder for .png, "
-             "which keeps the names",
+             "which keeps the names. Either may be -: standard input takes PFM, PHM or OpenEXR files one "
+             "after another, standard output gets y4m or PAM",
              extensions_with()))
       ->required()
       ->option_text(" ");
@@ -40,7 +106,11 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_settings_options(app, options.settings);
   add_given_exposure_options(app, options);
   add_view_options(app, options);
-  add_image_options(app, arguments.picture);
+  add_image_options(app, arguments.picture, /*with_film=*/true);
+  add_text(app, kOutputSection, "--pipe", "y4m|y4m444|pam",
+           "What standard output gets: y4m of limited range and the matrix of BT.709, with chroma of 4:2:0 "
+           "(y4m, the default) or 4:4:4; or PAM (ffmpeg -f pam_pipe -i -)",
+           arguments.pipe);
   add_encoding_option(app, kOutputSection, options.encoding,
                       "Who encodes the files: this command (raw) or the server (png, jpeg)");
   add_text(
@@ -67,22 +137,12 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   }
   options.sequence.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
-  RETURN_IF_ERROR(check_input_names(options.sequence.inputs));
-  RETURN_IF_ERROR(check_output_name(options.output));
-  const absl::StatusOr<OutputNames> names =
-      OutputNames::parse(options.output, output_encoding(options.encoding).extension());
-  if (!names.ok()) return names.status();
-  if (names->is_folder() && options.first) {
-    options.notes.push_back(
-        "--first changes nothing: the images in a folder have the names of their frames; "
-        "give a pattern such as out/%04d.png to number them");
-  }
-  const std::string sample = names->is_folder() ? options.output + "/*" + names->extension() : options.output;
-  if (absl::Status status = finish_picture_options(options, arguments.picture, sample); !status.ok()) {
-    return status;
-  }
-  if (absl::Status status = check_server_encoding(options.encoding, sample, options.output); !status.ok()) {
-    return status;
+  RETURN_IF_ERROR(check_input_names(options.sequence.inputs, /*stdin_too=*/true));
+  RETURN_IF_ERROR(check_output_name(options.output, /*stdout_too=*/true));
+  RETURN_IF_ERROR(check_stdin_options(options));
+  RETURN_IF_ERROR(finish_pipe(arguments));
+  if (!options.pipe) {
+    RETURN_IF_ERROR(finish_files(arguments));
   }
   RETURN_IF_ERROR(finish_exposure_options(options));
   choose_view_defaults(

@@ -16,6 +16,7 @@ struct StreamArguments {
   std::vector<std::string> files;  // inputs, then the output
   StreamOptions options;
   PictureArguments picture;
+  std::string pipe;  // --pipe, "" if not given
 };
 
 // Defines the options; parsing fills `arguments`, which outlives the app.

@@ -1,0 +1,44 @@
+// Writes the frames of a run to standard output, one after another.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "client/image/frame_rate.h"
+#include "client/image/write/piped_frames.h"
+#include "client/render_result.h"
+#include "client/run/events.h"
+#include "client/run/images/frame_sink.h"
+#include "client/run/report.h"
+
+namespace candela {
+
+class FramePipe : public FrameSink {
+ public:
+  // It counts the frames in `summary`. All references must outlive this.
+  FramePipe(PipeFormat format, FrameRate rate, RunEvents& events, RunSummary& summary)
+      : format_(format), rate_(rate), events_(events), summary_(summary) {}
+
+  // Returns when the frame is written. Fails, with summary.reader_left set, if nobody reads any more. A
+  // film's frames must have the size of the first.
+  absl::Status image(RunFrame frame, RenderResult image) override;
+  // A frame that is not held is left out.
+  absl::Status none(RunFrame frame) override;
+  absl::Status finish() override { return absl::OkStatus(); }
+
+ private:
+  absl::Status begin_film(const RunFrame& frame);
+  absl::Status write(const void* bytes, size_t count);
+  absl::Status tell(RunFrame frame);
+
+  const PipeFormat format_;
+  const FrameRate rate_;
+  RunEvents& events_;
+  RunSummary& summary_;
+  uint32_t width_ = 0, height_ = 0;  // of the first frame; 0: there was none
+  std::vector<std::byte> bytes_;     // the last frame's
+};
+
+}  // namespace candela
