@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "tests/unit/image/exr_reader_fixture.h"
+#include "tests/unit/image/exr/exr_reader_fixture.h"
 
 namespace candela {
 

@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "tests/support/status.h"
-#include "tests/unit/image/exr_reader_fixture.h"
+#include "tests/unit/image/exr/exr_reader_fixture.h"
 
 namespace candela {
 namespace {

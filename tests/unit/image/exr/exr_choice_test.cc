@@ -14,7 +14,7 @@
 #include "client/image/describe.h"
 #include "client/image/primaries.h"
 #include "tests/support/status.h"
-#include "tests/unit/image/exr_choice_fixture.h"
+#include "tests/unit/image/exr/exr_choice_fixture.h"
 
 namespace candela {
 namespace {

@@ -13,7 +13,7 @@
 #include <random>
 
 #include "tests/support/status.h"
-#include "tests/unit/image/exr_reader_fixture.h"
+#include "tests/unit/image/exr/exr_reader_fixture.h"
 
 namespace candela {
 namespace {
