@@ -8,60 +8,18 @@ import hashlib
 import json
 import pathlib
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
-import zlib
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "net"))
+from png import png_parts  # noqa: E402
 
 FPS = "24"
 
 
 def run(*command: str) -> str:
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, timeout=600).stdout
-
-
-def png_pixels(path: pathlib.Path) -> bytes:
-    """The bytes of an 8-bit RGB PNG that is not interlaced."""
-    data, at, packed = path.read_bytes(), 8, b""
-    while at < len(data):
-        length, kind = struct.unpack_from(">I4s", data, at)
-        body = data[at + 8:at + 8 + length]
-        at += 12 + length
-        if kind == b"IHDR":
-            width, height, *rest = struct.unpack(">IIBBBBB", body)
-            if rest != [8, 2, 0, 0, 0]:
-                raise SystemExit(f"{path}: not 8-bit RGB")
-        elif kind == b"IDAT":
-            packed += body
-    raw, stride = zlib.decompress(packed), 3 * width
-    before, out = bytearray(stride), bytearray()
-    for y in range(height):
-        start = y * (stride + 1)
-        row = bytearray(raw[start + 1:start + 1 + stride])
-        unfilter(raw[start], row, before)
-        out += row
-        before = row
-    return bytes(out)
-
-
-def unfilter(kind: int, row: bytearray, above: bytearray) -> None:
-    size = len(row)
-    if kind == 1:
-        for x in range(3, size):
-            row[x] = (row[x] + row[x - 3]) & 255
-    elif kind == 2:
-        row[:] = bytes((value + up) & 255 for value, up in zip(row, above))
-    elif kind == 3:
-        for x in range(size):
-            row[x] = (row[x] + ((row[x - 3] if x >= 3 else 0) + above[x]) // 2) & 255
-    elif kind == 4:
-        left, corner = [0, 0, 0], [0, 0, 0]
-        for x in range(size):
-            a, b, c = left[x % 3], above[x], corner[x % 3]
-            pa, pb, pc = abs(b - c), abs(a - c), abs(a + b - 2 * c)
-            row[x] = (row[x] + (a if pa <= pb and pa <= pc else b if pb <= pc else c)) & 255
-            left[x % 3], corner[x % 3] = row[x], b
 
 
 def main() -> None:
@@ -90,7 +48,7 @@ def main() -> None:
         passed = 0
         for line, frame in zip(ours.splitlines(), theirs, strict=True):
             sequence, digest, exposure = line.split()
-            png = hashlib.sha256(png_pixels(pathlib.Path(frame["output"]))).hexdigest()
+            png = hashlib.sha256(png_parts(pathlib.Path(frame["output"]).read_bytes())[1]).hexdigest()
             if digest != png or float(exposure) != frame["exposure"]:
                 raise SystemExit(f"frame {sequence} differs: {digest} at {exposure}, the command {png} at "
                                  f"{frame['exposure']}")

@@ -30,6 +30,7 @@ try:
     import scenes
     import wire
     from outcome import Outcome, digest
+    from png import comparable
 except ModuleNotFoundError as missing:
     print(f"SKIPPED: this Python has no {missing.name}; install python3-grpcio and run it with /usr/bin/python3")
     sys.exit(77)
@@ -42,10 +43,12 @@ SECONDS = 300  # one case at most
 PROGRESS = 100  # cases between two lines that say how far it is
 
 
-def without_version(path: pathlib.Path) -> bytes:
-    """The bytes of a file. A KTX2 file names the version that wrote it, which does not count."""
+def content(path: pathlib.Path) -> bytes:
+    """What counts of a file: not the version that wrote a KTX2 file, nor how a PNG is filtered and deflated."""
     data = path.read_bytes()
-    return re.sub(rb"KTXwriter\0candela [^\0]*", b"KTXwriter", data, count=1) if path.suffix == ".ktx2" else data
+    if path.suffix == ".ktx2":
+        return re.sub(rb"KTXwriter\0candela [^\0]*", b"KTXwriter", data, count=1)
+    return comparable(data)
 
 
 class Programs:
@@ -96,7 +99,7 @@ class Programs:
             if case.only_exit:
                 return Outcome(str(done.returncode))
             files = sorted(path for path in pathlib.Path(out).rglob("*") if path.is_file())
-            whole = "".join(f"{path.relative_to(out)} {digest(without_version(path))}\n" for path in files)
+            whole = "".join(f"{path.relative_to(out)} {digest(content(path))}\n" for path in files)
             json_text = done.stdout.decode() if "--json" in arguments else ""
             return Outcome.of_json(str(done.returncode), digest(whole.encode()) if files else "", json_text)
 

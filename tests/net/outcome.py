@@ -3,11 +3,12 @@ import dataclasses
 import hashlib
 import json
 
-# Not compared: times, what names the machine or the build, what other cases left on the server, and prose.
+# Not compared: times, what names the machine or the build, what other cases left on the server, the
+# sizes of files, and prose.
 LEFT_OUT = {"times", "stage_ms", "total_ms", "latency_ms", "mean_latency_ms", "seconds", "frames_per_second",
             "seconds_without_results", "uptime_seconds", "frames_rendered", "sessions", "pool", "device", "driver",
-            "version", "had_it",
-            "address", "server", "input", "output", "error", "plan", "tier_reason", "notes", "memory_budget_bytes"}
+            "version", "had_it", "encoded_bytes", "address", "server", "input", "output", "error", "plan", "tier_reason",
+            "notes", "memory_budget_bytes"}
 LONGEST_LIST = 64
 
 

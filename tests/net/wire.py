@@ -15,6 +15,7 @@ import grpc
 
 from cases import Case
 from outcome import Outcome, digest
+from png import comparable
 
 KEY = bytes(range(32))
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -124,13 +125,13 @@ class Client:
                     image += getattr(response, part).pixels
         except grpc.RpcError as error:
             return Outcome(error.code().name)
-        return Outcome("OK", digest(image), values)
+        return Outcome("OK", digest(comparable(image)), values)
 
     @staticmethod
     def header_values(header) -> dict[str, str]:
         values = {name: repr(getattr(header, name)) for name in
                   ("sequence", "width", "height", "format", "exposure", "target", "prescale", "tier",
-                   "exposure_before", "cut", "encoded_bytes", "encoding")}
+                   "exposure_before", "cut", "encoding")}
         for name in ("mean_log2_luminance", "min_luminance", "max_luminance", "nan_components"):
             values[name] = repr(getattr(header.statistics, name))
         if header.resume_token:
@@ -154,7 +155,7 @@ class Client:
 
         def close_image():
             if values is not None:
-                results.append((values, digest(image), token))
+                results.append((values, digest(comparable(image)), token))
 
         try:
             for response in self.stub.Stream(requests(), metadata=[("x-session-id", opening["session"])],
