@@ -3,12 +3,14 @@ include(CMakePackageConfigHelpers)
 
 # The public headers. Here their includes name files from the top of the tree; installed, from include/.
 set(public ${CMAKE_BINARY_DIR}/install/candela)
-foreach(header client/connection.h client/environment.h client/render_result.h client/retry.h client/security.h client/session.h proto/candela/v1/limits.h)
+foreach(header client/connection.h client/environment.h client/render_result.h client/retry.h client/security.h client/session.h proto/candela/v1/limits.h
+        server/base/process/pixel_memory.h)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/${header})
   file(READ ${CMAKE_SOURCE_DIR}/${header} text)
   string(REPLACE "#include \"client/" "#include \"candela/" text "${text}")
   string(REPLACE "#include \"proto/candela/" "#include \"candela/" text "${text}")
-  string(REGEX REPLACE "^(client|proto/candela)/" "" name ${header})
+  string(REPLACE "#include \"server/base/process/" "#include \"candela/" text "${text}")
+  string(REGEX REPLACE "^(client|proto/candela|server/base/process)/" "" name ${header})
   file(CONFIGURE OUTPUT ${public}/${name} CONTENT "${text}" @ONLY)
 endforeach()
 install(DIRECTORY ${public} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})

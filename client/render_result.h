@@ -3,11 +3,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "candela/v1/render.pb.h"
+#include "server/base/process/pixel_memory.h"
 
 namespace candela {
 
@@ -16,7 +16,7 @@ struct RenderResult {
   v1::ResultHeader header;  // size, format, exposure, statistics and times
   // header.height rows of header.width pixels in header.format, from top to bottom without padding. If
   // header.encoded_bytes is above 0, a PNG or JPEG file instead.
-  std::unique_ptr<std::byte[]> data;
+  PixelMemory data;
   size_t bytes = 0;  // size of `data`
   // The error map, if the request asked for one: one half per pixel, rows from top to bottom, the largest
   // error of R, G and B in codes.

@@ -1,5 +1,6 @@
 #include "client/call/result_reader.h"
 
+#include <new>
 #include <span>
 #include <utility>
 
@@ -36,7 +37,8 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
         "the server ignores the exposures of frames, because it is older than this client; update it");
   }
   result_.bytes = uint64_t{width} * height * pixel_bytes;
-  result_.data = std::make_unique_for_overwrite<std::byte[]>(result_.bytes);
+  result_.data = pixels_to_overwrite(result_.bytes);
+  if (result_.data == nullptr) throw std::bad_alloc();
   image_.begin({result_.data.get(), result_.bytes}, width * pixel_bytes);
   if (error_map) {
     result_.error_map.resize(size_t{width} * height);

@@ -3,7 +3,6 @@
 #include <google/protobuf/wire_format_lite.h>
 
 #include <cstring>
-#include <new>
 #include <utility>
 #include <vector>
 
@@ -100,7 +99,7 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   inside_ = true;
   result_ = {};
   result_.bytes = header.encoded_bytes() > 0 ? header.encoded_bytes() : raw_bytes;
-  result_.data.reset(new (std::nothrow) std::byte[result_.bytes]);
+  result_.data = pixels_to_overwrite(result_.bytes);
   if (result_.data == nullptr) {
     // This process lacks it, and not the server.
     return failure_of(FailureKind::kOther,

@@ -29,12 +29,15 @@ const char* name(ImageFormat format) {
   return "?";
 }
 
-absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format) {
+namespace {
+
+absl::StatusOr<Image> image_in(PixelMemory (*memory)(size_t), uint32_t width, uint32_t height,
+                               ImageFormat format) {
   Image image;
   image.width = width;
   image.height = height;
   image.format = format;
-  image.pixels = PixelBuffer(image.bytes());
+  image.pixels = PixelBuffer(memory(image.bytes()), image.bytes());
   if (image.pixels.size() != image.bytes() || image.pixels.empty()) {
     return failure_of(FailureKind::kOther,
                       absl::ResourceExhaustedError(absl::StrFormat(
@@ -45,9 +48,19 @@ absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat fo
   return image;
 }
 
+}  // namespace
+
+absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format) {
+  return image_in(new_pixels, width, height, format);
+}
+
+absl::StatusOr<Image> image_to_overwrite(uint32_t width, uint32_t height, ImageFormat format) {
+  return image_in(pixels_to_overwrite, width, height, format);
+}
+
 absl::StatusOr<Image> to_floats(Image image) {
   if (image.format != ImageFormat::kRgba16f) return image;
-  absl::StatusOr<Image> floats = make_image(image.width, image.height, ImageFormat::kRgba32f);
+  absl::StatusOr<Image> floats = image_to_overwrite(image.width, image.height, ImageFormat::kRgba32f);
   if (!floats.ok()) return floats;
   const size_t components = image.bytes() / sizeof(uint16_t);
   for (size_t i = 0; i < components; ++i) {

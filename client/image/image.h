@@ -58,6 +58,9 @@ struct Image {
 // An image of zeros. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<Image> make_image(uint32_t width, uint32_t height, ImageFormat format);
 
+// The same with any pixels. The caller writes every one before any is read.
+absl::StatusOr<Image> image_to_overwrite(uint32_t width, uint32_t height, ImageFormat format);
+
 // The image with its halves as floats. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<Image> to_floats(Image image);
 

@@ -1,12 +1,11 @@
-// The bytes of an image. New memory is zero, and pages that are never written take no memory, because
-// calloc() gets big blocks as zero pages from the system. So a reader needs to fill only what the file holds.
+// The bytes of an image.
 #pragma once
 
 #include <cstddef>
-#include <cstdlib>
-#include <memory>
 #include <span>
 #include <utility>
+
+#include "server/base/process/pixel_memory.h"
 
 namespace candela {
 
@@ -14,8 +13,9 @@ namespace candela {
 class PixelBuffer {
  public:
   PixelBuffer() = default;
-  explicit PixelBuffer(size_t bytes)
-      : bytes_(static_cast<std::byte*>(std::calloc(bytes, 1))), size_(bytes_ ? bytes : 0) {}
+  // Zeros, and what is never written takes no memory. So a reader needs to fill only what the file holds.
+  explicit PixelBuffer(size_t bytes) : PixelBuffer(new_pixels(bytes), bytes) {}
+  PixelBuffer(PixelMemory memory, size_t bytes) : bytes_(std::move(memory)), size_(bytes_ ? bytes : 0) {}
   PixelBuffer(PixelBuffer&& other) noexcept
       : bytes_(std::move(other.bytes_)), size_(std::exchange(other.size_, 0)) {}
   PixelBuffer& operator=(PixelBuffer&& other) noexcept {
@@ -32,10 +32,7 @@ class PixelBuffer {
   std::span<std::byte> span() { return {data(), size_}; }
 
  private:
-  struct Free {
-    void operator()(std::byte* p) const { std::free(p); }
-  };
-  std::unique_ptr<std::byte[], Free> bytes_;
+  PixelMemory bytes_;
   size_t size_ = 0;
 };
 

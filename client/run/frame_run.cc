@@ -111,11 +111,9 @@ class FrameRun {
       frame.pixels = {};
     }
     add_stages(call_ms, result->header);
-    absl::StatusOr<Image> picture = picture_of(*result, alpha, frame.pixel_aspect);
-    if (picture.ok()) {
-      picture->frame_rate = frame.frame_rate;
-      picture->kept = frame.kept;
-    }
+    Image picture = picture_of(*std::move(result), alpha, frame.pixel_aspect);
+    picture.frame_rate = frame.frame_rate;
+    picture.kept = frame.kept;
     return picture;
   }
 

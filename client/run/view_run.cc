@@ -84,7 +84,7 @@ class ViewRun {
     run_.close();
     picture_.add_note(bad_values_);
     picture_.take(*result, settings_);
-    return picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1);
+    return picture_of(*std::move(result), /*has_alpha=*/false, /*pixel_aspect=*/1);
   }
 
   // Both calls go to the same server, because another one may not have the panorama.

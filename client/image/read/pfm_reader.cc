@@ -143,7 +143,8 @@ absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits, cons
   if (!cut.ok() && file.remaining() < row_bytes) return cut;
   if (!cut.ok() && !choice.fills_gaps) return or_fill(cut);
 
-  absl::StatusOr<Image> image = make_image(header.width, header.height, header.format());
+  absl::StatusOr<Image> image =
+      (cut.ok() ? image_to_overwrite : make_image)(header.width, header.height, header.format());
   if (!image.ok()) return image;
   image->has_alpha = header.components == 4;
   if (header.factor != 1) {

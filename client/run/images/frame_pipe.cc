@@ -14,7 +14,7 @@
 namespace candela {
 
 absl::Status FramePipe::image(RunFrame frame, RenderResult image) {
-  ASSIGN_OR_RETURN(const Image picture, picture_of(image, frame.facts.has_alpha, frame.facts.pixel_aspect));
+  const Image picture = picture_of(std::move(image), frame.facts.has_alpha, frame.facts.pixel_aspect);
   RETURN_IF_ERROR(begin_film(frame));
   make_piped_frame(format_, picture, bytes_);
   RETURN_IF_ERROR(write(bytes_.data(), bytes_.size()));

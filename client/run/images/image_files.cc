@@ -18,7 +18,7 @@ namespace {
 
 constexpr size_t kCopiedAtOnce = 1u << 20;  // bytes
 
-absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, const RenderResult& result,
+absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, RenderResult result,
                                                       const FrameFacts& facts,
                                                       const WriteOptions& options) try {
   if (result.header.encoding() == v1::ENCODING_NONE) return std::vector<std::string>();
@@ -26,7 +26,7 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, c
     return write_encoded(path, result.pixels(), result.header.encoding(), facts.has_alpha,
                          facts.pixel_aspect);
   }
-  ASSIGN_OR_RETURN(Image picture, picture_of(result, facts.has_alpha, facts.pixel_aspect));
+  Image picture = picture_of(std::move(result), facts.has_alpha, facts.pixel_aspect);
   picture.frame_rate = facts.frame_rate;
   picture.kept = facts.kept;
   return write_image(path, picture, options);
@@ -59,10 +59,11 @@ absl::Status copy_file(const std::string& from, const std::string& to) {
 }  // namespace
 
 absl::Status ImageFiles::image(RunFrame frame, RenderResult image) {
-  return add({frame, std::async(std::launch::async, [this, path = output_of_(frame.facts),
-                                                     facts = frame.facts, image = std::move(image)] {
-                return write_result(path, image, facts, options_);
-              })});
+  return add(
+      {frame, std::async(std::launch::async, [this, path = output_of_(frame.facts), facts = frame.facts,
+                                              image = std::move(image)]() mutable {
+         return write_result(path, std::move(image), facts, options_);
+       })});
 }
 
 absl::Status ImageFiles::finish() {

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -67,13 +66,14 @@ v1::Settings settings_for(const Image& image, v1::Settings settings) {
   return settings;
 }
 
-absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect) {
-  const v1::ResultHeader& header = result.header;
-  absl::StatusOr<Image> picture = make_image(header.width(), header.height(), image_format(header.format()));
-  if (!picture.ok()) return picture;
-  std::memcpy(picture->pixels.data(), result.data.get(), result.bytes);
-  picture->has_alpha = has_alpha;
-  picture->pixel_aspect = pixel_aspect;
+Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect) {
+  Image picture;
+  picture.width = result.header.width();
+  picture.height = result.header.height();
+  picture.format = image_format(result.header.format());
+  picture.pixels = PixelBuffer(std::move(result.data), result.bytes);
+  picture.has_alpha = has_alpha;
+  picture.pixel_aspect = pixel_aspect;
   return picture;
 }
 

@@ -39,7 +39,7 @@ v1::Chromaticities to_message(const std::array<float, 8>& xy);
 v1::Settings settings_for(const Image& image, v1::Settings settings);
 
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
-absl::StatusOr<Image> picture_of(const RenderResult& result, bool has_alpha, double pixel_aspect);
+Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect);
 
 // Says which input failed, and puts its path before a server's refusal, which does not know it.
 absl::Status name_file(const absl::Status& status, const std::string& path);

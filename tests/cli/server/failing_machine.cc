@@ -1,6 +1,6 @@
 // A library that is preloaded into the command and makes memory, the disk or its timing fail, as the
 // environment says.
-//   CANDELA_TEST_MOST_NEW_BYTES=N  operator new throws for more than N bytes
+//   CANDELA_TEST_MAPPINGS=N        N mappings of 4 MB and more succeed, which only pixels take, and no more
 //   CANDELA_TEST_FSYNC_FAILS=1     fsync fails
 //   CANDELA_TEST_SIGNAL=N          the process gets signal N twice while it makes its first hidden file. Such
 //                                  files are made slowly, and raise() is slow, too
@@ -11,6 +11,7 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <pthread.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -21,7 +22,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <new>
 
 namespace {
 
@@ -35,17 +35,15 @@ Function* next(const char* name) {
 
 }  // namespace
 
-void* operator new(std::size_t bytes) {
-  const char* most = std::getenv("CANDELA_TEST_MOST_NEW_BYTES");
-  void* memory = most != nullptr && bytes > std::strtoull(most, nullptr, 10) ? nullptr : std::malloc(bytes);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
+extern "C" void* mmap(void* at, std::size_t bytes, int protection, int flags, int descriptor, off_t offset) {
+  static std::atomic<int> large{0};
+  const char* most = std::getenv("CANDELA_TEST_MAPPINGS");
+  if (most != nullptr && bytes >= (4u << 20) && large++ >= std::atoi(most)) {
+    errno = ENOMEM;
+    return MAP_FAILED;
+  }
+  return next<decltype(mmap)>("mmap")(at, bytes, protection, flags, descriptor, offset);
 }
-void* operator new[](std::size_t bytes) { return operator new(bytes); }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete[](void* memory) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
 
 extern "C" int fsync(int) {
   if (std::getenv("CANDELA_TEST_FSYNC_FAILS") == nullptr) return 0;

@@ -67,18 +67,17 @@ TEST_F(WithServer, ItsLimitsHoldForTheFileBeforeItIsRead) {
   EXPECT_EQ(png_facts(out_).width, 0u);
 }
 
-#ifndef CANDELA_SANITIZED  // a sanitizer replaces operator new
+#ifndef CANDELA_SANITIZED  // a sanitizer has mappings of its own
 TEST_F(WithServer, MemoryThatRunsOutIsAnErrorInOneLine) {
   const ListeningDaemon daemon;
   const std::string scene = folder_.path("scene.pfm");
   ASSERT_EQ(candela({"sample", scene, "--size", "1024x600", "-q"}).code, 0);
-  const Outcome outcome = candela_on_failing_machine("CANDELA_TEST_MOST_NEW_BYTES", "2000000",
+  const Outcome outcome = candela_on_failing_machine("CANDELA_TEST_MAPPINGS", "1",
                                                      {"render", scene, out_, "--server", daemon.address()});
   EXPECT_EQ(outcome.code, 1);
   EXPECT_EQ(outcome.err.find("candela: error: out of memory"), 0u) << outcome.err;
-  const Outcome stream =
-      candela_on_failing_machine("CANDELA_TEST_MOST_NEW_BYTES", "2000000",
-                                 {"stream", scene, folder_.path("out"), "--server", daemon.address()});
+  const Outcome stream = candela_on_failing_machine(
+      "CANDELA_TEST_MAPPINGS", "1", {"stream", scene, folder_.path("out"), "--server", daemon.address()});
   EXPECT_EQ(stream.code, 1);
   EXPECT_TRUE(says(stream.err, "out of memory"));
 }

@@ -201,7 +201,7 @@ class EnvironmentJob {
       return result.status();
     });
     if (!status.ok()) return reworded(status, absl::StrFormat("%s: %s", options_.preview, status.message()));
-    ASSIGN_OR_RETURN(const Image picture, picture_of(*result, /*has_alpha=*/false, /*pixel_aspect=*/1));
+    const Image picture = picture_of(*std::move(result), /*has_alpha=*/false, /*pixel_aspect=*/1);
     if (const auto notes = write_image(options_.preview, picture); !notes.ok()) return notes.status();
     report_.files.push_back(options_.preview);
     add_stage("preview", ms_since(begin));

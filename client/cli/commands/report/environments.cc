@@ -153,9 +153,9 @@ class EnvironmentWork {
   }
 
   absl::StatusOr<Image> picture(const v1::Settings& settings, const FrameView& frame) const {
-    ASSIGN_OR_RETURN(const RenderResult result,
+    ASSIGN_OR_RETURN(RenderResult result,
                      session_.server().render(settings, frame, absl::Now() + kBakeTimeout));
-    return picture_of(result, /*has_alpha=*/false, /*pixel_aspect=*/1);
+    return picture_of(std::move(result), /*has_alpha=*/false, /*pixel_aspect=*/1);
   }
 
   // Names the file at `key`, or says why there is none. Fails only if it cannot be written.

@@ -128,11 +128,12 @@ class PictureReader {
           check_image_size(path_, "image", display.width(), display.height(), ImageFormat::kRgba32f, limits_);
       if (!status.ok()) return status;
     }
-    absl::StatusOr<Image> image =
-        make_image(static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),
-                   exr_format(header, channels));
+    const bool covered = covers(data, display);
+    absl::StatusOr<Image> image = (covered && !choice_.fills_gaps ? image_to_overwrite : make_image)(
+        static_cast<uint32_t>(display.width()), static_cast<uint32_t>(display.height()),
+        exr_format(header, channels));
     if (!image.ok()) return image;
-    image->has_alpha = !channels.alpha.empty() || !covers(data, display);
+    image->has_alpha = !channels.alpha.empty() || !covered;
     read_attributes(header, *image);
     image->kept = std::make_shared<const KeptAttributes>(header);
     absl::c_move(picture_.notes, std::back_inserter(image->notes));

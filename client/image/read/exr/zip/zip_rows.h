@@ -3,7 +3,8 @@
 //
 // Damage is refused as OpenEXR refuses it, and two kinds more: a chunk of no bytes, and one that does not
 // inflate to exactly its rows. Of a picture that is read in chunks, OpenEXR also loses the one after a chunk
-// whose header is damaged; this does not.
+// whose header is damaged; this does not. Of streams that no compressor writes, libdeflate reads some that
+// zlib refuses (length codes 286 and 287, distance codes 30 and 31), if their checksum is right.
 #pragma once
 
 #include <OpenEXR/ImfHeader.h>
