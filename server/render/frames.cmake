@@ -8,7 +8,7 @@ set(candela_frames_sources
     frame/executor.cc frame/frame_memory.cc frame/table_points.cc frame/texture_pool.cc frame/tile_sums.cc
     ${candela_host_kernels} host/bloom/run_bloom.cc host/resolve/run_resolve.cc host/host_executor.cc
     environment/cube_levels.cc environment/harmonics.cc environment/view.cc environment/view_scene.cc
-    environment/view_tiles.cc environment/host_views.cc)
+    environment/view_tiles.cc environment/host_views.cc settings/output_size.cc)
 
 # The kernels are nothing but calls that have to be inlined, in a debug build, too. Highway's NEON comes with AES, and what the
 # compiler writes by itself, such as constructors, has to be for the same target.

@@ -125,7 +125,7 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   SettingsTrack& settings = open_->settings;
   settings.advance(header.sequence());
   const SessionSettings& asked = settings.now();
-  RETURN_IF_ERROR(check_settings_for(asked.settings, layout.desc));
+  RETURN_IF_ERROR(check_settings_for(asked.settings, layout.desc, state_.limits.frame.max_dimension));
   const StreamStart& start = open_->session.start;
   const bool draws = start.draws();
   // A frame that is not drawn gives its memory back before it waits for later ones.

@@ -105,7 +105,7 @@ absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, 
 
   ASSIGN_OR_RETURN(const WireLayout layout, wire_layout_from(start.frame(), limits));
   ASSIGN_OR_RETURN(Settings settings, Settings::from(start.settings()));
-  RETURN_IF_ERROR(check_settings_for(settings, layout.desc));
+  RETURN_IF_ERROR(check_settings_for(settings, layout.desc, limits.max_dimension));
   ASSIGN_OR_RETURN(std::optional<PreviousExposure> previous, previous_from(start));
   ASSIGN_OR_RETURN(const std::optional<double> given, given_from(start));
   ASSIGN_OR_RETURN(const Verify verify, verify_from(start));

@@ -212,9 +212,10 @@ TEST_F(Metering, ASpotBesideTheFrameIsRefused) {
   settings.mutable_exposure()->mutable_metering()->set_weights(v1::Metering::WEIGHTS_SPOT);
   *settings.mutable_exposure()->mutable_metering()->mutable_spot() = rectangle(64, 0, 65, 1);
   EXPECT_OK(Settings::from(settings));
-  EXPECT_OK(check_settings_for(checked(settings), {65, 1, v1::PIXEL_FORMAT_RGBA16F}));
-  EXPECT_EQ(check_settings_for(checked(settings), {64, 64, v1::PIXEL_FORMAT_RGBA16F}).message(),
-            "exposure.metering.spot begins at x 64, y 0, beside the frame of 64x64 pixels");
+  EXPECT_OK(check_settings_for(checked(settings), {65, 1, v1::PIXEL_FORMAT_RGBA16F}, v1::kMaxDimension));
+  EXPECT_EQ(
+      check_settings_for(checked(settings), {64, 64, v1::PIXEL_FORMAT_RGBA16F}, v1::kMaxDimension).message(),
+      "exposure.metering.spot begins at x 64, y 0, beside the frame of 64x64 pixels");
   *settings.mutable_exposure()->mutable_metering()->mutable_spot() = rectangle(3, 3, 3, 9);
   EXPECT_EQ(Settings::from(settings).status().code(), absl::StatusCode::kInvalidArgument);
 }

@@ -157,7 +157,7 @@ void check_start(const RenderStart& start) {
   expect(start.row_stride_bytes >= desc.row_bytes() && start.row_stride_bytes <= desc.row_bytes() + 4096,
          "the row stride is within its range");
   check_settings(start.settings);
-  expect(check_settings_for(start.settings, desc).ok(), "the settings suit the frame");
+  expect(check_settings_for(start.settings, desc, kLimits.max_dimension).ok(), "the settings suit the frame");
   if (start.given) expect(check_factor("given", *start.given).ok() && !start.previous, "it is a factor");
   if (start.previous) expect(check_previous(*start.previous).ok(), "the previous exposure is good");
   check_exposure(start.settings->exposure(), start.previous);

@@ -24,8 +24,8 @@ struct Range {
   T max;
 };
 
-// Ranges that cannot be declared at a field: those that involve two settings, those of tables, and those of a
-// frame's previous exposure.
+// Ranges that cannot be declared at a field: those that involve two settings, those of tables and of image
+// sizes, and those of a frame's previous exposure.
 inline constexpr double kLeastPercentileRange = 1e-6;            // percent; from low to high
 inline constexpr Range<double> kExposureLimit{0x1p-40, 0x1p40};  // factor
 inline constexpr double kNothingMetered = -2.4739311883324124;   // EV; log2 0.18, the mean of nothing
@@ -33,6 +33,8 @@ inline constexpr Range<double> kElapsedSeconds{0.0, 1e9};        // media time
 inline constexpr Range<uint32_t> kTableSize{2, 65};              // points a side
 inline constexpr Range<double> kTableEnd{1.0, 65504.0};          // exposed light
 inline constexpr float kDefaultTableEnd = 32.0f;
+inline constexpr double kMaxOutputPercent = 1000.0;           // of the frame's sides; above 0
+inline constexpr Range<double> kPixelAspect{1.0 / 16, 16.0};  // width of a pixel over its height
 
 // Environments and views; docs/environments.md.
 inline constexpr uint32_t kMaxPanoramaWidth = 8192;   // pixels

@@ -123,7 +123,8 @@ SettingInfo::Kind kind_of(const SettingField& field) {
     case FieldDescriptor::CPPTYPE_STRING:
       return SettingInfo::KIND_TEXT;
     case FieldDescriptor::CPPTYPE_MESSAGE:
-      return SettingInfo::KIND_RECTANGLE;
+      return field.field->message_type() == OutputSize::descriptor() ? SettingInfo::KIND_SIZE
+                                                                     : SettingInfo::KIND_RECTANGLE;
     default:
       return SettingInfo::KIND_NUMBER;
   }

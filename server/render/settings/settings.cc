@@ -13,6 +13,7 @@
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
+#include "server/render/settings/output_size.h"
 #include "shaders/params.h"
 
 namespace candela {
@@ -138,6 +139,7 @@ absl::StatusOr<Settings> Settings::from(v1::Settings message) {
   }
   RETURN_IF_ERROR(v1::complete_settings(message));
   RETURN_IF_ERROR(check_exposure(message.exposure()));
+  RETURN_IF_ERROR(check_output_size(message.output_size()));
   auto state = std::make_shared<State>();
   ASSIGN_OR_RETURN(state->tier, find_known_tier(message));
   ASSIGN_OR_RETURN(state->table, table_from(message));
@@ -161,6 +163,7 @@ Settings Settings::for_metering(bool histogram) const {
   auto state = std::make_shared<State>(*state_);
   state->message.clear_max_error_codes();
   state->message.mutable_bloom()->set_intensity(0);
+  state->message.clear_output_size();
   state->wants_histogram = histogram;
   return Settings(std::move(state));
 }
@@ -181,13 +184,20 @@ v1::Transfer output_transfer(const v1::Settings& settings) {
   return settings.output_format() == v1::OUTPUT_FORMAT_RGBA16F ? v1::TRANSFER_LINEAR : settings.transfer();
 }
 
-absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc) {
+absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc, uint32_t max_dimension) {
   const v1::Metering& metering = settings->exposure().metering();
   if (metering.weights() == v1::Metering::WEIGHTS_SPOT &&
       (metering.spot().x0() >= desc.width || metering.spot().y0() >= desc.height)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("exposure.metering.spot begins at x %d, y %d, beside the frame of %dx%d pixels",
                         metering.spot().x0(), metering.spot().y0(), desc.width, desc.height));
+  }
+  if (const ImageSize image = image_size(*settings, desc);
+      image.width > max_dimension || image.height > max_dimension) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "output_size makes an image of %dx%d pixels of a frame of %dx%d, and this server makes at "
+        "most %d a side; ask for a smaller one",
+        image.width, image.height, desc.width, desc.height, max_dimension));
   }
   return absl::OkStatus();
 }

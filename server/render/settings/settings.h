@@ -45,8 +45,8 @@ class Settings {
 
   // A copy with another tier, which was chosen if there is max_error_codes. `name` must be a tier.
   Settings with_tier(const std::string& name) const;
-  // A copy for a frame that is only metered: without bloom and promises, and with a histogram if it is
-  // wanted.
+  // A copy for a frame that is only metered: without bloom, promises and another size, and with a histogram if
+  // it is wanted.
   Settings for_metering(bool histogram) const;
 
   // A copy that keeps `owner` as long as anyone uses the client's table, which there must be.
@@ -71,7 +71,8 @@ class Settings {
 // transfer from which the table's values were decoded.
 v1::Transfer output_transfer(const v1::Settings& settings);
 
-// INVALID_ARGUMENT if the metering spot begins outside the frame.
-absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc);
+// INVALID_ARGUMENT if the metering spot begins outside the frame; RESOURCE_EXHAUSTED if a side of the image has
+// more than `max_dimension` pixels.
+absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc, uint32_t max_dimension);
 
 }  // namespace candela

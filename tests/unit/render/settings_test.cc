@@ -273,6 +273,7 @@ TEST(Settings, AClientThatKnowsNoSettingLearnsWhatThereIs) {
   EXPECT_EQ(known["dither"].kind(), SettingInfo::KIND_SWITCH);
   EXPECT_EQ(known["tier"].kind(), SettingInfo::KIND_TEXT);
   EXPECT_EQ(known["exposure.metering.spot"].kind(), SettingInfo::KIND_RECTANGLE);
+  EXPECT_EQ(known["output_size"].kind(), SettingInfo::KIND_SIZE);
   const SettingInfo& transfer = known["transfer"];
   EXPECT_EQ(transfer.kind(), SettingInfo::KIND_CHOICE);
   EXPECT_EQ(transfer.declaration().default_word(), "srgb");
