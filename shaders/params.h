@@ -15,6 +15,8 @@ using uint = uint32_t;
 CANDELA_CONST(uint) PIXELS_RGBA16F = 1u;
 CANDELA_CONST(uint) PIXELS_RGBA32F = 2u;
 CANDELA_CONST(uint) PIXELS_RGB9E5 = 3u;
+// Not on the wire: the resized scene, four floats a texel, which are scene light already. Only for resolve.
+CANDELA_CONST(uint) PIXELS_SCENE = 4u;
 CANDELA_CONST(uint) OUTPUT_RGBA8 = 1u;
 CANDELA_CONST(uint) OUTPUT_RGBA16 = 2u;
 CANDELA_CONST(uint) OUTPUT_RGBA16F = 3u;
@@ -70,6 +72,7 @@ CANDELA_CONST(uint) BRIGHT_GROUP_Y = 4u;
 CANDELA_CONST(uint) BLOOM_ROWS = 8u;
 CANDELA_CONST(uint) BLOOM_GROUP_X = 32u;
 CANDELA_CONST(uint) BLOOM_GROUP_Y = 1u;
+CANDELA_CONST(uint) RESIZE_GROUP_X = 32u;
 CANDELA_CONST(uint) RESOLVE_ROWS = 4u;
 CANDELA_CONST(uint) RESOLVE_STEPS = 16u;
 CANDELA_CONST(uint) RESOLVE_GROUP_X = 8u;
@@ -192,6 +195,16 @@ struct ResolveConstants {
   uint alpha;           // ALPHA_*; ALPHA_ASSOCIATED if every alpha is 1
 };
 
+struct ResizeConstants {
+  uint pixels;
+  uint matrix;
+  uint scrub;
+  uint bloom;
+  uint level_size;
+  uint wide;
+  uint down;  // along y, from the frame; else along x, from the block that was made so
+};
+
 #endif
 
 // Input texels to scene texels; shared by the passes that read the frame.
@@ -246,6 +259,21 @@ struct ResolveParams {
   uint tiles_lo,
       tiles_hi;  // the first TileRecord counts gamut_cut_components; only if the constant `wide` is set
   float background_r, background_g, background_b;  // scene light; only for ALPHA_OVER
+};
+
+struct ResizeParams {
+  InputParams frame;
+  uint first_row;  // the output's first row in the range bound for writing
+  uint level_width, level_height;
+  float bloom_scale;  // as in ResolveParams, and the next one
+  float scene_scale;
+  uint from, to;    // texels of the axis before and after
+  uint mean;        // an output is the mean of this many texels; 0: it is weighted
+  uint taps;        // weights of an output
+  uint weights;     // the first of the axis
+  uint block_row;   // the image's row that is the block's first
+  uint from_pitch;  // texels from row to row of the block; only along x
+  uint to_pitch;    // texels from row to row of the output
 };
 
 // The statistics of one tile of the frame. All zeros is the empty record: a minimum is stored as the maximum

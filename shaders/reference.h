@@ -154,6 +154,15 @@ std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& 
 std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& bloom, uint32_t level_count,
                                                const ResolveParams& params, uint32_t y);
 
+// Texels of scene light with bloom, before exposure and background, and their alpha.
+using Light = std::array<double, 4>;
+Light light_at(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
+               uint32_t x, uint32_t y);
+
+// The scene of a width x height image of the frame's light, bloom included: resolve it with BLOOM_NONE.
+Scene resize(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
+             uint32_t width, uint32_t height);
+
 // How many components of row y the curve cuts because they lie outside its gamut: those that are negative in
 // its primaries by more than GAMUT_TOLERANCE of the colour's largest component. Computed in float32, so that
 // both twins count the same.

@@ -1,6 +1,6 @@
 // The image, the last pass of phase B: reads the frame a second time and writes the rendered image.
 //
-// In: the wire's pixels, B_0 (unless BLOOM is BLOOM_NONE), and the table if the curve has one. Out: the image
+// In: the wire's pixels or the resized scene, B_0 (unless BLOOM is BLOOM_NONE), and the table if the curve has one. Out: the image
 // in the format OUTPUT.
 // Method: docs/pipeline.md sections 4 and 5: scene plus bloom, times E and prescale, tone curve, transfer,
 // dither, quantisation. Only a frame with negative components (WIDE) has something that the curve can cut; it
@@ -33,6 +33,7 @@ layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(set = 0, binding = 2) uniform utextureBuffer table_points;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "glsl/input.glsl"
+#include "glsl/bloom_row.glsl"
 #include "glsl/transfer.glsl"
 #include "glsl/table.glsl"
 #include "glsl/curves.glsl"
@@ -82,8 +83,14 @@ vec4 straight(vec3 exposed, float a, uint counted) {
   return vec4(pixel.colour, pixel.alpha);
 }
 
+// The resized scene is read as it is.
+vec4 scene_texel(vec4 wire) {
+  if (PIXELS == PIXELS_SCENE) return wire;
+  return WIDE ? ingest_wide(p.frame, wire) : ingest(p.frame, wire);
+}
+
 vec4 image_texel(vec4 wire, vec3 light, uint counted) {
-  vec4 scene = WIDE ? ingest_wide(p.frame, wire) : ingest(p.frame, wire);
+  vec4 scene = scene_texel(wire);
   if (COUNT) note_negative(scene.rgb, counted);
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
   if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
@@ -125,36 +132,6 @@ void write(uint x, uint y, Group g) {
     written[at / 2u] = u64vec2(pack_texel(g.texel[0], x, y), pack_texel(g.texel[1], x + 1u, y));
     written[at / 2u + 1u] = u64vec2(pack_texel(g.texel[2], x + 2u, y), pack_texel(g.texel[3], x + 3u, y));
   }
-}
-
-// A row of B_0, interpolated along x at the four columns of a group.
-struct BloomRow {
-  vec3 c[GROUP_TEXELS];
-};
-
-BloomRow bloom_row(uint x, int y) {
-  BloomRow row;
-  if (BLOOM == BLOOM_NONE) return row;
-  int at = clamp(y, 0, int(p.level_height) - 1) * int(p.level_width);
-  vec3 t[4];
-  if (LEVEL_SIZE == 4u) {
-    int first = int(x / 4u) - 1;
-    [[unroll]] for (int i = 0; i < 3; ++i)
-      t[i] = fetch_rgb(bloom, at + clamp(first + i, 0, int(p.level_width) - 1));
-    row.c[0] = 0.375 * t[0] + 0.625 * t[1];
-    row.c[1] = 0.125 * t[0] + 0.875 * t[1];
-    row.c[2] = 0.875 * t[1] + 0.125 * t[2];
-    row.c[3] = 0.625 * t[1] + 0.375 * t[2];
-  } else {
-    int first = int(x / 2u) - 1;
-    [[unroll]] for (int i = 0; i < 4; ++i)
-      t[i] = fetch_rgb(bloom, at + clamp(first + i, 0, int(p.level_width) - 1));
-    row.c[0] = 0.25 * t[0] + 0.75 * t[1];
-    row.c[1] = 0.75 * t[1] + 0.25 * t[2];
-    row.c[2] = 0.25 * t[1] + 0.75 * t[2];
-    row.c[3] = 0.75 * t[2] + 0.25 * t[3];
-  }
-  return row;
 }
 
 // One row of a group. `near_weight` is the weight of the nearer of the two bloom rows around it.

@@ -16,19 +16,13 @@ Rgb multiply(const double (&m)[3][3], const Rgb& v) {
   return out;
 }
 
-// The scene's light with bloom, before exposure.
+// The scene's light with bloom and background, before exposure.
 Rgb composite(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
               uint32_t x, uint32_t y) {
-  const auto& s = scene.at(x, y);
-  Rgb c = {s[0], s[1], s[2]};
-  if (params.bloom != shader::BLOOM_NONE) {
-    const double size = params.level_size;
-    const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
-    const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
-    for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
-  }
+  const Light light = light_at(scene, bloom, level_count, params, x, y);
+  Rgb c = {light[0], light[1], light[2]};
   if (params.alpha == shader::ALPHA_OVER) {
-    const double rest = 1.0 - std::clamp<double>(s[3], 0.0, 1.0);
+    const double rest = 1.0 - std::clamp<double>(light[3], 0.0, 1.0);
     for (int n = 0; n < 3; ++n) c[n] += rest * params.background[n];
   }
   return c;
@@ -134,6 +128,18 @@ std::array<double, 4> straight(const ResolveParams& params, const Rgb& c, double
 }
 
 }  // namespace
+
+Light light_at(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
+               uint32_t x, uint32_t y) {
+  const auto& s = scene.at(x, y);
+  Light c = {s[0], s[1], s[2], s[3]};
+  if (params.bloom == shader::BLOOM_NONE) return c;
+  const double size = params.level_size;
+  const Rgb b = bilinear(bloom, (x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5);
+  const double kept = params.bloom == shader::BLOOM_CONSERVE ? 1.0 - params.bloom_intensity : 1.0;
+  for (int n = 0; n < 3; ++n) c[n] = kept * c[n] + params.bloom_intensity * b[n] / level_count;
+  return c;
+}
 
 Rgb tone_curve(uint curve, const Rgb& light, double white) {
   const Rgb x = {std::max(light[0], 0.0), std::max(light[1], 0.0), std::max(light[2], 0.0)};

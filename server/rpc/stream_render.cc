@@ -15,8 +15,8 @@ namespace {
 
 PictureView picture_of(const FrameMemory& memory, bool wide) {
   const std::span<const std::byte> first = memory.output_row(0);
-  const uint32_t height = memory.desc().height;
-  return {.width = memory.desc().width,
+  const uint32_t height = memory.image().height;
+  return {.width = memory.image().width,
           .height = height,
           .wide = wide,
           .rows = first.data(),

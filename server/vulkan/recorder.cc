@@ -126,8 +126,12 @@ void Recorder::fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes) 
 }
 
 void Recorder::update(const Buffer& buffer, const void* data, uint64_t bytes) {
-  CHECK(bytes % 4 == 0 && bytes <= 65536 && bytes <= buffer.bytes());
-  vkCmdUpdateBuffer(commands_, buffer.handle(), 0, bytes, data);
+  CHECK(bytes % 4 == 0 && bytes <= buffer.bytes());
+  constexpr uint64_t kMost = 65536;  // of one command
+  const auto* const from = static_cast<const std::byte*>(data);
+  for (uint64_t first = 0; first < bytes; first += kMost) {
+    vkCmdUpdateBuffer(commands_, buffer.handle(), first, std::min(kMost, bytes - first), from + first);
+  }
 }
 
 void Recorder::copy(const Buffer& from, const Buffer& to, uint64_t bytes) { copy_part(from, to, 0, bytes); }

@@ -46,8 +46,7 @@ class Recorder {
   void fill_zero(const Buffer& buffer);
   // The same for `bytes` from `offset` on; multiples of 4.
   void fill_zero(const Buffer& buffer, uint64_t offset, uint64_t bytes);
-  // Copies `bytes` from `data` now, and into the buffer when the commands run. A multiple of 4, at most
-  // 65536.
+  // Copies `bytes` from `data` now, and into the buffer when the commands run. A multiple of 4.
   void update(const Buffer& buffer, const void* data, uint64_t bytes);
   void copy(const Buffer& from, const Buffer& to, uint64_t bytes);
   // The same from the byte `offset` on, in both.

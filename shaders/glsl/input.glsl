@@ -32,7 +32,7 @@ WireGroup load_wire(InputParams frame, uint x, uint y) {
   if (PIXELS == PIXELS_RGBA16F) {
     g.words[0] = texelFetch(wire_words, int(at / 2u));
     g.words[1] = texelFetch(wire_words, int(at / 2u + 1u));
-  } else if (PIXELS == PIXELS_RGBA32F) {
+  } else if (PIXELS == PIXELS_RGBA32F || PIXELS == PIXELS_SCENE) {
     [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) g.words[i] = texelFetch(wire_words, int(at + i));
   } else {
     g.words[0] = texelFetch(wire_words, int(at / 4u));
@@ -45,7 +45,7 @@ uvec2 half_words(WireGroup g, uint i) { return (i & 1u) == 0u ? g.words[i / 2u].
 
 vec4 wire_texel(WireGroup g, uint i) {
   if (PIXELS == PIXELS_RGBA16F) return unpack_half4(half_words(g, i));
-  if (PIXELS == PIXELS_RGBA32F) return uintBitsToFloat(g.words[i]);
+  if (PIXELS == PIXELS_RGBA32F || PIXELS == PIXELS_SCENE) return uintBitsToFloat(g.words[i]);
   return unpack_rgb9e5(g.words[0][i]);
 }
 

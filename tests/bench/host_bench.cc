@@ -3,8 +3,9 @@
 //
 //   build/release/bin/host_bench [SECONDS [KIND]]    for each kind of frame, or only one; 5 by default
 //
-// "views" is all kinds of views. Prints ms, median and least, at 1920x1080 or a view's own size with the
-// device, with one thread of the host and with two; "cpu" is the processor time of the whole frame.
+// "views" is all kinds of views, "sizes" all images of another size. Prints ms, median and least, at
+// 1920x1080 or a view's own size with the device, with one thread of the host and with two; "cpu" is the
+// processor time of the whole frame.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -41,8 +42,11 @@ absl::StatusOr<std::vector<Maker>> makers_on(const Workbench& bench) {
   makers.push_back({"device", *std::move(executor), nullptr, nullptr, {}});
   makers.push_back(
       {"host, 1 thread", std::make_unique<HostExecutor>(&device, 1), std::make_unique<Crew>(1), nullptr, {}});
-  makers.push_back(
-      {"host, 2 threads", std::make_unique<HostExecutor>(&device, 2), std::make_unique<Crew>(2), nullptr, {}});
+  makers.push_back({"host, 2 threads",
+                    std::make_unique<HostExecutor>(&device, 2),
+                    std::make_unique<Crew>(2),
+                    nullptr,
+                    {}});
   for (Maker& maker : makers) {
     auto baker = EnvironmentBaker::create(device, *bench.pool, maker.crew.get());
     if (!baker.ok()) return baker.status();
@@ -89,8 +93,8 @@ absl::Status render(Maker& maker, FrameMemory& memory, const Source& source, con
 
 void print(const Maker& maker) {
   std::printf("  %-16s", maker.name.c_str());
-  for (const char* pass :
-       {"view", "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "all", "cpu"}) {
+  for (const char* pass : {"view", "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resize",
+                           "resolve", "all", "cpu"}) {
     const auto found = maker.ms.find(pass);
     if (found == maker.ms.end()) continue;
     std::vector<double> ms = found->second;
@@ -188,6 +192,23 @@ absl::Status compare_all(double seconds, const std::string& only) {
   for (const auto format : {v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5}) {
     const testing::WireFrame other = natural_frame(1920, 1080, format);
     status.Update(run(std::string("bright, ") + v1::word_of(format), other, {}));
+  }
+  struct Resized {
+    const char* what;
+    uint32_t width, height, to_width, to_height;
+  };
+  for (const Resized& r : {Resized{"4K", 3840, 2160, 0, 0},
+                           {"4K to 480x270", 3840, 2160, 480, 270},
+                           {"4K to 500x281", 3840, 2160, 500, 281},
+                           {"to 1000x563", 1920, 1080, 1000, 563},
+                           {"to 480x270", 1920, 1080, 480, 270},
+                           {"to 3840x2160", 1920, 1080, 3840, 2160}}) {
+    if (!only.empty() && only != r.what && only != "sizes") continue;
+    v1::Settings sized;
+    sized.mutable_output_size()->set_width(r.to_width);
+    sized.mutable_output_size()->set_height(r.to_height);
+    status.Update(
+        compare_frame(*bench, r.what, natural_frame(r.width, r.height), testing::checked(sized), seconds));
   }
   status.Update(compare_views(*bench, seconds, only));
   return status;

@@ -242,6 +242,32 @@ void add_sizes(Cases& cases) {
   }
 }
 
+// Other sizes of the image: a whole factor, Lanczos up and down, one axis alone, and a factor whose rows are
+// too many to keep.
+void add_resized(Cases& cases) {
+  constexpr Size kImages[] = {{131, 67}, {40, 33}, {40, 67}, {80, 134},
+                              {131, 20}, {300, 1}, {7, 150}, {1, 1}};
+  constexpr Size kFrames[] = {{131, 67}, {280, 99}, {700, 402}, {2, 600}};
+  size_t i = 0;
+  for (const Size& frame : kFrames) {
+    for (const Size& image : kImages) {
+      v1::Settings settings;
+      kPictures[i % 4].change(settings);
+      settings.set_output_format(kOutputs[i % 3]);
+      settings.mutable_output_size()->set_width(image.width);
+      settings.mutable_output_size()->set_height(image.height);
+      const std::string name = absl::StrCat(frame.width, "x", frame.height, " to ", image.width, "x",
+                                            image.height, ", ", kPictures[i % 4].name);
+      const bool opaque = i % 5 == 0;
+      const TexelFunction picture = mixed_picture(frame.width, frame.height);
+      cases.add(opaque ? name + ", opaque" : name,
+                make_frame(frame.width, frame.height, kFormats[i % 3], opaque ? ordinary(picture) : picture),
+                settings);
+      ++i;
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<Case> frame_cases() {
@@ -253,6 +279,7 @@ std::vector<Case> frame_cases() {
   add_exposures(cases);
   add_alpha(cases);
   add_sizes(cases);
+  add_resized(cases);
   return cases.take();
 }
 

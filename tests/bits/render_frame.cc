@@ -13,9 +13,9 @@ void add_image(const FrameMemory& memory, Hash& hash) {
   const TextureLayout& layout = memory.textures().layout;
   const auto* exact = memory.textures().exact.buffer().mapped();
   const size_t texel = 4 * sizeof(float);
-  for (uint32_t y = 0; y < layout.desc.height; ++y) {
+  for (uint32_t y = 0; y < layout.image.height; ++y) {
     hash.add(memory.output_row(y));
-    hash.add(std::span(exact + size_t{y} * layout.pitch * texel, layout.desc.width * texel));
+    hash.add(std::span(exact + size_t{y} * layout.image_pitch * texel, layout.image.width * texel));
   }
 }
 

@@ -81,7 +81,7 @@ TEST_F(Slices, TheReferenceCanPauseAtEveryRowAndItsResultsAreTheSame) {
 // What the passes of a large frame have to get through: bloom, a colour table, a histogram, dither, long
 // rows.
 std::vector<Case> large_frames() {
-  std::vector<Case> all(5);
+  std::vector<Case> all(6);
   all[0] = {"bright", 2304, 1024, {}};
   all[1] = {"aces-1", 2304, 1024, {}};
   all[1].settings.set_curve(v1::TONE_CURVE_ACES_1);
@@ -92,6 +92,8 @@ std::vector<Case> large_frames() {
   all[3].settings.set_dither(true);
   all[3].settings.mutable_exposure()->mutable_metering()->set_statistic(v1::Metering::STATISTIC_PERCENTILE);
   all[4] = {"rows of 16384", 16384, 130, {}};
+  all[5] = {"resized", 2304, 1024, {}};
+  all[5].settings.mutable_output_size()->set_percent(70);
   return all;
 }
 

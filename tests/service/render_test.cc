@@ -59,9 +59,8 @@ Plain render_plainly(const std::shared_ptr<grpc::Channel>& channel, const WireFr
     EXPECT_TRUE(response.has_band());
     EXPECT_EQ(response.band().first_row(), rows);
     EXPECT_LE(response.band().pixels().size(), v1::kMaxBandBytes);
-    rows += response.band().pixels().size() * frame.desc.height /
-            (uint64_t{frame.desc.width} * frame.desc.height *
-             (plain.header.format() == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
+    rows += response.band().pixels().size() /
+            (uint64_t{plain.header.width()} * (plain.header.format() == v1::OUTPUT_FORMAT_RGBA8 ? 4 : 8));
     plain.pixels += response.band().pixels();
   }
   plain.status = stream->Finish();
@@ -148,6 +147,35 @@ TEST_P(Render, RowPaddingChangesNothing) {
   const Plain padded = render_plainly(channel(), frame, 4, {}, 12);
   ASSERT_TRUE(tight.status.ok() && padded.status.ok()) << padded.status.error_message();
   EXPECT_EQ(tight.pixels, padded.pixels);
+}
+
+TEST_P(Render, AnImageOfAnotherSizeComesBackWhole) {
+  const WireFrame frame = natural(1201, 900);
+  v1::Settings settings;
+  for (const uint32_t longer : {64u, 1203u}) {  // the second needs several bands
+    settings.mutable_output_size()->set_max_side(longer);
+    if (longer > 1201) {
+      settings.mutable_output_size()->clear_max_side();
+      settings.mutable_output_size()->set_width(longer);
+    }
+    const Plain plain = render_plainly(channel(), frame, 13, settings);
+    ASSERT_OK(plain.status);
+    EXPECT_EQ(plain.header.width(), longer);
+    EXPECT_EQ(plain.header.height(), longer == 64 ? 48u : 901u);
+    EXPECT_EQ(plain.pixels.size(), uint64_t{plain.header.width()} * plain.header.height() * 4);
+  }
+}
+
+TEST_P(Render, AnImageBeyondTheLimitsIsRefusedBeforeAPixelIsRead) {
+  const auto refused = [](uint32_t width) {
+    OpenCall call(channel());
+    v1::RenderRequest start = start_of(flat(8, 8, {1, 1, 1, 1}));
+    start.mutable_start()->mutable_settings()->mutable_output_size()->set_width(width);
+    call.write(start);
+    return call.finish();
+  };
+  EXPECT_REFUSED(kResourceExhausted, "at most 16384 a side", refused(16385));
+  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 268435456", refused(16384));
 }
 
 TEST_P(Render, TheHeaderSaysWhatWasDone) {

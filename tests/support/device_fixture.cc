@@ -65,7 +65,7 @@ absl::StatusOr<DeviceTest::Rendered> DeviceTest::render(const WireFrame& frame, 
 
 std::vector<std::byte> DeviceTest::image(const FrameMemory& memory) {
   std::vector<std::byte> bytes;
-  for (uint32_t y = 0; y < memory.desc().height; ++y) {
+  for (uint32_t y = 0; y < memory.image().height; ++y) {
     const auto row = memory.output_row(y);
     bytes.insert(bytes.end(), row.begin(), row.end());
   }

@@ -123,6 +123,7 @@ absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const 
     RETURN_IF_ERROR(record_bloom_step(step, textures, submissions));
     recorder_.barrier();
   }
+  if (plan.resize) RETURN_IF_ERROR(record_resized(*plan.resize, textures, submissions));
   const auto record = [&](uint64_t first, uint64_t last) {
     return record_resolve(plan.resolve, table, textures, pipelines_, recorder_, rows_of(first, last));
   };
@@ -138,6 +139,29 @@ absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const 
   });
   if (plan.resolve.inputs.constants.wide != 0) read_back(textures.tiles, textures.tiles_readback, recorder_);
   return status;
+}
+
+absl::Status DeviceExecutor::record_resized(const ResizeStep& step, const FrameTextures& textures,
+                                            Submissions& submissions) {
+  std::vector<float> weights = step.down.weights;
+  weights.insert(weights.end(), step.across.weights.begin(), step.across.weights.end());
+  if (!weights.empty()) {
+    recorder_.update(textures.resize_weights.buffer(), weights.data(), weights.size() * sizeof weights[0]);
+    recorder_.barrier();
+  }
+  const TextureLayout& layout = textures.layout;
+  for (uint32_t block = 0; block < layout.image.height; block += layout.resize_rows) {
+    for (const bool down : {true, false}) {
+      const Box groups = resize_groups(step, down, block, layout);
+      const auto record = [&](uint64_t first, uint64_t last) {
+        return record_resize(step, down, block, textures, pipelines_, recorder_, rows_of(first, last));
+      };
+      RETURN_IF_ERROR(
+          submissions.pass(name(Pass::kResize), {&groups, 1}, resize_group_texels(step, down), record));
+      recorder_.barrier();
+    }
+  }
+  return absl::OkStatus();
 }
 
 absl::Status DeviceExecutor::record_bloom_step(const BloomStep& step, const FrameTextures& textures,

@@ -32,6 +32,9 @@ class DeviceExecutor final : public Executor {
                              Submissions& submissions);
   absl::Status record_bloom_step(const BloomStep& step, const FrameTextures& textures,
                                  Submissions& submissions);
+  // Makes the resized scene, block by block. The frame's bloom is recorded before.
+  absl::Status record_resized(const ResizeStep& step, const FrameTextures& textures,
+                              Submissions& submissions);
   // Records the unquantised image, and copies of what verification reads.
   absl::Status record_verification(const FrameTextures& textures, const Plan& plan, const Buffer* table,
                                    Submissions& submissions);

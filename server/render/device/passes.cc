@@ -13,6 +13,7 @@
 #include "shaders/bright_pass.spv.h"
 #include "shaders/gaussian.spv.h"
 #include "shaders/ingest.spv.h"
+#include "shaders/resize.spv.h"
 #include "shaders/resolve.spv.h"
 
 namespace candela {
@@ -25,6 +26,7 @@ static_assert(sizeof(shader::IngestParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::BrightPassParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::GaussianParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::BloomLevelParams) <= PipelineCache::kPushBytes);
+static_assert(sizeof(shader::ResizeParams) <= PipelineCache::kPushBytes);
 static_assert(sizeof(shader::ResolveParams) <= PipelineCache::kPushBytes);
 
 // A struct of specialisation constants as the words of ids 0, 1, 2 ...
@@ -112,10 +114,11 @@ absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const 
                             PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows,
                             const Buffer& output, uint32_t format, uint64_t texel_bytes) {
   const TextureLayout& layout = textures.layout;
-  const VkBufferView frame = textures.input.buffer().view();
+  const bool resized = step.inputs.constants.pixels == shader::PIXELS_SCENE;
+  const VkBufferView frame = (resized ? textures.scene : textures.input).buffer().view();
   // A binding that the shader does not use still has to hold something.
   const VkBufferView table_view = table == nullptr ? frame : table->view();
-  const Target target = {output, layout.pitch * texel_bytes, layout.desc.height, kResolveGroupRows};
+  const Target target = {output, layout.image_pitch * texel_bytes, layout.image.height, kResolveGroupRows};
   auto inputs = step.inputs;
   inputs.constants.output_format = format;
   inputs.params.tiles_lo = low(textures.tiles.buffer().address());
@@ -174,6 +177,58 @@ absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, 
                         step.groups, rows);
       },
       step.inputs);
+}
+
+Box resize_groups(const ResizeStep& step, bool down, uint32_t block, const TextureLayout& layout) {
+  const uint32_t columns = down ? groups(step.across.from, shader::GROUP_TEXELS) : step.across.to;
+  const uint32_t rows = std::min(layout.resize_rows, layout.image.height - block);
+  const uint32_t first = down ? 0 : block;  // of what is written
+  return {0, first, groups(columns, shader::RESIZE_GROUP_X), first + rows};
+}
+
+double resize_group_texels(const ResizeStep& step, bool down) {
+  const double texels = shader::RESIZE_GROUP_X;
+  return down ? texels * shader::GROUP_TEXELS * step.down.taps : texels * step.across.taps;
+}
+
+absl::Status record_resize(const ResizeStep& step, bool down, uint32_t block, const FrameTextures& textures,
+                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows) {
+  const TextureLayout& layout = textures.layout;
+  const shader::ResolveConstants& frame = step.frame.inputs.constants;
+  const shader::ResolveParams& params = step.frame.inputs.params;
+  const bool blooms = !step.frame.bloom_groups.empty();
+  const AxisFilter& filter = down ? step.down : step.across;
+  const ShaderInputs<shader::ResizeConstants, shader::ResizeParams> inputs = {
+      .constants = {.pixels = frame.pixels,
+                    .matrix = frame.matrix,
+                    .scrub = frame.scrub,
+                    .bloom = blooms ? frame.bloom : shader::BLOOM_NONE,
+                    .level_size = frame.level_size,
+                    .wide = frame.wide,
+                    .down = down},
+      .params = {.frame = params.frame,
+                 .first_row = 0,
+                 .level_width = params.level_width,
+                 .level_height = params.level_height,
+                 .bloom_scale = params.bloom_scale,
+                 .scene_scale = params.scene_scale,
+                 .from = filter.from,
+                 .to = filter.to,
+                 .mean = filter.mean,
+                 .taps = filter.taps,
+                 .weights = down ? 0 : static_cast<uint32_t>(step.down.weights.size()),
+                 .block_row = block,
+                 .from_pitch = layout.resize_pitch,
+                 .to_pitch = down ? layout.resize_pitch : layout.image_pitch}};
+  const Buffer& from = (down ? textures.input : textures.resize_block).buffer();
+  const Buffer& level = blooms ? textures.levels[0].buffer() : from;
+  const Target target = {(down ? textures.resize_block : textures.scene).buffer(),
+                         inputs.params.to_pitch * 4 * sizeof(float),
+                         down ? layout.resize_rows : layout.image.height, 1};
+  const Box work = resize_groups(step, down, block, layout);
+  return dispatch(pipelines, recorder, k_resize_spirv, inputs,
+                  {from.view(), level.view(), textures.resize_weights.buffer().view()}, target, {&work, 1},
+                  rows);
 }
 
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,

@@ -37,6 +37,14 @@ absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, 
 absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
                             PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
 
+// Along y from the frame to the block of rows that begins at row `block` of the image, or along x from the
+// block to the scene. The weights are on the device.
+absl::Status record_resize(const ResizeStep& step, bool down, uint32_t block, const FrameTextures& textures,
+                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
+// The work groups of either, and the texels that each reads.
+Box resize_groups(const ResizeStep& step, bool down, uint32_t block, const TextureLayout& layout);
+double resize_group_texels(const ResizeStep& step, bool down);
+
 // Records resolve once more, unquantised, into the `exact` texture.
 absl::Status record_exact(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});

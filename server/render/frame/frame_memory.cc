@@ -9,6 +9,7 @@
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/frame/frame_textures.h"
+#include "server/render/plan/resize_plan.h"
 #include "server/vulkan/device.h"
 #include "shaders/params.h"
 
@@ -45,8 +46,8 @@ void want_for_rendering(const DeviceSummary& device, FrameTextures& t, std::vect
   const FrameDesc& desc = layout.desc;
   want({layout.pitch, desc.height, bytes_per_pixel(desc.format)}, &t.input, &t.upload, MemoryUse::kUpload,
        device, wanted);
-  want({layout.pitch, desc.height, bytes_per_pixel(layout.output_format)}, &t.output, &t.readback,
-       MemoryUse::kReadback, device, wanted);
+  want({layout.image_pitch, layout.image.height, bytes_per_pixel(layout.output_format)}, &t.output,
+       &t.readback, MemoryUse::kReadback, device, wanted);
   want({layout.tiles_x, layout.tiles_y, sizeof(shader::TileRecord)}, &t.tiles, &t.tiles_readback,
        MemoryUse::kReadback, device, wanted);
   if (layout.center_weights) {
@@ -60,46 +61,59 @@ void want_for_rendering(const DeviceSummary& device, FrameTextures& t, std::vect
   for (size_t i = 0; i < t.levels.size(); ++i) {
     wanted->push_back({&t.levels[i], level_key(layout.level_sizes[i], MemoryUse::kDevice)});
   }
+  if (!layout.resizes()) return;
+  wanted->push_back({&t.resize_block, {layout.resize_pitch, layout.resize_rows, kLevelTexelBytes}});
+  wanted->push_back({&t.scene, {layout.image_pitch, layout.image.height, kLevelTexelBytes}});
+  const uint32_t weights = layout.image.height * most_taps(desc.height, layout.image.height) +
+                           layout.image.width * most_taps(desc.width, layout.image.width);
+  wanted->push_back({&t.resize_weights, {groups(weights, 4), 1, 4 * sizeof(float)}});
 }
 
 void want_for_verification(const DeviceSummary& device, Verify verify, FrameTextures& t,
                            std::vector<Wanted>* wanted) {
   if (verify == Verify::kNo) return;
   const TextureLayout& layout = t.layout;
-  want({layout.pitch, layout.desc.height, 4 * sizeof(float)}, &t.exact, &t.exact_readback,
+  want({layout.image_pitch, layout.image.height, 4 * sizeof(float)}, &t.exact, &t.exact_readback,
        MemoryUse::kReadback, device, wanted);
   if (!device.unified_memory && !t.levels.empty()) {
     wanted->push_back({&t.level_readback, level_key(layout.level_sizes[0], MemoryUse::kReadback)});
   }
   if (verify == Verify::kWithMap) {
     wanted->push_back(
-        {&t.error_map, {layout.desc.width, layout.desc.height, sizeof(uint16_t), MemoryUse::kReadback}});
+        {&t.error_map, {layout.image.width, layout.image.height, sizeof(uint16_t), MemoryUse::kReadback}});
   }
 }
 
+// "1920x1080 rgba16f frame", with its image if that has another size.
+std::string words_of(const TextureLayout& layout) {
+  const FrameDesc& desc = layout.desc;
+  const std::string frame =
+      absl::StrFormat("%dx%d %s frame", desc.width, desc.height, v1::word_of(desc.format));
+  if (!layout.resizes()) return frame;
+  return absl::StrFormat("%s with an image of %dx%d pixels", frame, layout.image.width, layout.image.height);
+}
+
 // Refuses what can never fit, before anything is taken or given up for it.
-absl::Status check_sizes(const FrameDesc& desc, const std::vector<Wanted>& wanted, uint64_t bytes,
+absl::Status check_sizes(const TextureLayout& layout, const std::vector<Wanted>& wanted, uint64_t bytes,
                          bool by_reference, uint64_t max_allocation_bytes, uint64_t budget_bytes) {
   for (const Wanted& w : wanted) {
     if (w.key.bytes() > max_allocation_bytes) {
       return absl::ResourceExhaustedError(absl::StrFormat(
-          "a %dx%d %s frame needs a texture of %d bytes and this device allocates at most %d "
-          "at once; send fewer pixels",
-          desc.width, desc.height, v1::word_of(desc.format), w.key.bytes(), max_allocation_bytes));
+          "a %s needs a texture of %d bytes and this device allocates at most %d at once; send fewer pixels",
+          words_of(layout), w.key.bytes(), max_allocation_bytes));
     }
   }
   if (bytes <= budget_bytes) return absl::OkStatus();
   if (by_reference) {
     return absl::ResourceExhaustedError(absl::StrFormat(
-        "a %dx%d %s frame needs %d bytes with those of the float64 reference and the memory budget is %d; "
-        "send fewer pixels, do without verification, max_error_codes and the tier reference, or raise "
-        "--memory-budget",
-        desc.width, desc.height, v1::word_of(desc.format), bytes, budget_bytes));
+        "a %s needs %d bytes with those of the float64 reference and the memory budget is %d; send fewer "
+        "pixels, do without verification, max_error_codes and the tier reference, or raise --memory-budget",
+        words_of(layout), bytes, budget_bytes));
   }
   return absl::ResourceExhaustedError(absl::StrFormat(
-      "a %dx%d %s frame needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
+      "a %s needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
       "--memory-budget",
-      desc.width, desc.height, v1::word_of(desc.format), bytes, budget_bytes));
+      words_of(layout), bytes, budget_bytes));
 }
 
 absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint64_t reference_bytes,
@@ -131,7 +145,7 @@ absl::Status plan_memory(const TexturePool& pool, const DeviceSummary& device, c
   want_for_verification(device, verify, textures, wanted);
   textures.bytes = reference_bytes_of(layout, verify);
   for (const Wanted& w : *wanted) textures.bytes += w.key.bytes();
-  return check_sizes(layout.desc, *wanted, textures.bytes, may_use_reference(layout, verify),
+  return check_sizes(layout, *wanted, textures.bytes, may_use_reference(layout, verify),
                      device.max_allocation_bytes, pool.budget_bytes());
 }
 
@@ -166,10 +180,14 @@ FrameMemory::~FrameMemory() = default;
 
 const FrameDesc& FrameMemory::desc() const { return textures_->layout.desc; }
 
+const ImageSize& FrameMemory::image() const { return textures_->layout.image; }
+
 bool FrameMemory::takes_long() const {
   if (textures_ == nullptr) return false;
   const FrameDesc& desc = textures_->layout.desc;
-  return textures_->reference || textures_->exact || uint64_t{desc.width} * desc.height > kPixelsOfSlice;
+  const ImageSize& image = textures_->layout.image;
+  return textures_->reference || textures_->exact || uint64_t{desc.width} * desc.height > kPixelsOfSlice ||
+         uint64_t{image.width} * image.height > kPixelsOfSlice;
 }
 
 uint64_t FrameMemory::bytes() const { return textures_->bytes; }
@@ -183,21 +201,21 @@ std::span<std::byte> FrameMemory::input_row(uint32_t y) {
 
 std::span<const std::byte> FrameMemory::output_row(uint32_t y) const {
   const TextureLayout& layout = textures_->layout;
-  CHECK(y < layout.desc.height);
+  CHECK(y < layout.image.height);
   const uint64_t texel_bytes = bytes_per_pixel(layout.output_format);
-  return {textures_->host_output().mapped() + y * layout.pitch * texel_bytes,
-          layout.desc.width * texel_bytes};
+  return {textures_->host_output().mapped() + y * layout.image_pitch * texel_bytes,
+          layout.image.width * texel_bytes};
 }
 
 bool FrameMemory::output_contiguous() const {
-  return textures_->layout.pitch == textures_->layout.desc.width;
+  return textures_->layout.image_pitch == textures_->layout.image.width;
 }
 
 std::span<const uint16_t> FrameMemory::error_map_row(uint32_t y) const {
   if (!textures_->error_map) return {};
-  CHECK(y < textures_->layout.desc.height);
+  CHECK(y < textures_->layout.image.height);
   const auto* halves = reinterpret_cast<const uint16_t*>(textures_->error_map.buffer().mapped());
-  const uint32_t width = textures_->layout.desc.width;
+  const uint32_t width = textures_->layout.image.width;
   return {halves + size_t{y} * width, width};
 }
 

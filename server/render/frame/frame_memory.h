@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/render/settings/frame.h"
+#include "server/render/settings/output_size.h"
 
 namespace candela {
 
@@ -43,10 +44,12 @@ class FrameMemory {
   ~FrameMemory();
 
   const FrameDesc& desc() const;
+  // The size of the finished image and of its error map.
+  const ImageSize& image() const;
   // The memory for row y of the wire pixels: desc().row_bytes() bytes. Write each byte once and do not read
   // it, because the memory may be uncached.
   std::span<std::byte> input_row(uint32_t y);
-  // Row y of the finished image, tight: width * bytes_per_pixel(output). Valid from the success of render()
+  // Row y of the finished image, tight: image().width * bytes_per_pixel(output). Valid from the success of render()
   // until destruction. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
   std::span<const std::byte> output_row(uint32_t y) const;
   bool output_contiguous() const;

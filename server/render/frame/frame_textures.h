@@ -35,6 +35,11 @@ struct FrameTextures {
   TexturePool::Lease histogram;
   TexturePool::Lease center_weights;
   std::vector<TexturePool::Lease> levels;
+  // Only if the image has another size: a block of rows that are resized along y, the resized scene, and the
+  // weights of both axes for the device.
+  TexturePool::Lease resize_block;
+  TexturePool::Lease scene;
+  TexturePool::Lease resize_weights;
   bool planar_levels = false;  // the host has drawn them: see level_planes.h
   // Only on a device without unified memory.
   TexturePool::Lease upload;
@@ -42,8 +47,8 @@ struct FrameTextures {
   TexturePool::Lease tiles_readback;
   TexturePool::Lease histogram_readback;
 
-  // Only for verification: the unquantised image, four floats a texel and `layout.pitch` texels from row to
-  // row, and the error map if it is wanted.
+  // Only for verification: the unquantised image, four floats a texel and `layout.image_pitch` texels from row
+  // to row, and the error map if it is wanted.
   TexturePool::Lease exact;
   TexturePool::Lease error_map;
   // Only for verification on a device without unified memory; the second is bloom level 0.

@@ -13,6 +13,7 @@
 #include "server/render/frame/tile_sums.h"
 #include "server/render/host/bloom/run_bloom.h"
 #include "server/render/host/ingest/ingest_tiles.h"
+#include "server/render/host/resize/run_resize.h"
 #include "server/render/plan/metering.h"
 
 namespace candela {
@@ -82,6 +83,10 @@ absl::StatusOr<Drawn> HostExecutor::run_draw(FrameMemory& memory, const Plan& pl
   for (const BloomStep& step : plan.bloom_steps) {
     const HostStage stage(name(step.pass), stages);
     host::run_bloom(step, textures, crew_);
+  }
+  if (plan.resize) {
+    const HostStage stage(name(Pass::kResize), stages);
+    host::run_resize(*plan.resize, textures, crew_);
   }
   const std::shared_ptr<const host::TablePoints> points = points_of(plan);
   Drawn drawn;

@@ -129,6 +129,7 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
   plan.resolve.background = {settings->background().red(), settings->background().green(),
                              settings->background().blue()};
   if (dithers(settings)) plan.dither_frame = static_cast<uint32_t>(decisions.sequence);
+  plan.image = layout.image;
   return plan;
 }
 
@@ -153,7 +154,7 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
                                      const std::optional<reference::Matrix>& matrix) {
   shader::ResolveParams params{};
   params.frame = input_params(layout, matrix);
-  params.output_pitch = layout.pitch;
+  params.output_pitch = layout.image_pitch;
   params.exposure = static_cast<float>(exposure_factor(settings, decisions.exposure));
   params.curve_white = settings->curve_white();
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
@@ -176,23 +177,47 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   return params;
 }
 
-// Splits the frame into the rows of groups that bloom reaches and the rest. Whole rows: a shorter walk along
-// them costs more than it saves.
-Cover resolve_groups(const TextureLayout& layout, const Area& reached) {
+// Splits the step's frame into the rows of groups that bloom reaches and the rest. Whole rows: a shorter walk
+// along them costs more than it saves.
+void set_groups(const Area& reached, ResolveStep& step) {
   constexpr uint32_t kWidth = shader::GROUP_TEXELS * shader::RESOLVE_GROUP_X * shader::RESOLVE_STEPS;
-  const FrameDesc& desc = layout.desc;
-  Cover rows = cover(reached, desc.width, kResolveGroupRows, 1, groups(desc.height, kResolveGroupRows));
+  const shader::InputParams& frame = step.inputs.params.frame;
+  Cover rows = cover(reached, frame.width, kResolveGroupRows, 1, groups(frame.height, kResolveGroupRows));
   for (std::vector<Box>* part : {&rows.groups, &rows.rest}) {
-    for (Box& box : *part) box.x1 = groups(desc.width, kWidth);
+    for (Box& box : *part) box.x1 = groups(frame.width, kWidth);
   }
-  return rows;
+  step.bloom_groups = std::move(rows.groups);
+  step.plain_groups = std::move(rows.rest);
+}
+
+// Puts the resized scene between the frame and the plan's resolve.
+void plan_resize(const TextureLayout& layout, Plan& plan) {
+  const FrameDesc& desc = layout.desc;
+  ResizeStep& step = plan.resize.emplace();
+  step.frame = plan.resolve;
+  step.frame.inputs.constants.alpha = shader::ALPHA_ASSOCIATED;
+  step.frame.inputs.params.exposure = 1.0f;
+  step.down = axis_filter(desc.height, layout.image.height);
+  step.across = axis_filter(desc.width, layout.image.width);
+  shader::ResolveConstants& constants = plan.resolve.inputs.constants;
+  constants.pixels = shader::PIXELS_SCENE;
+  constants.matrix = constants.scrub = 0;
+  constants.bloom = shader::BLOOM_NONE;
+  shader::InputParams& frame = plan.resolve.inputs.params.frame;
+  frame.width = layout.image.width;
+  frame.height = layout.image.height;
+  frame.input_pitch = layout.image_pitch;
+  set_groups({}, plan.resolve);
+  plan.words.push_back(absl::StrFormat("resize%s to %dx%d: %s along y, %s along x",
+                                       plan.bloom() ? " with bloom" : "", layout.image.width,
+                                       layout.image.height, step.down.words(), step.across.words()));
 }
 
 }  // namespace
 
 const char* name(Pass pass) {
-  static constexpr const char* kNames[] = {"ingest",   "bright_pass", "bloom_down",
-                                           "bloom_up", "gaussian",    "resolve"};
+  static constexpr const char* kNames[] = {"ingest",   "bright_pass", "bloom_down", "bloom_up",
+                                           "gaussian", "resolve",     "resize"};
   return kNames[static_cast<size_t>(pass)];
 }
 
@@ -250,16 +275,15 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
       resolve_constants(layout, metered, settings, plan.table.get(), matrix.has_value());
   plan.resolve.inputs.params = resolve_params(layout, settings, decisions, bloom, matrix);
   plan.resolve.opaque = !metered.alpha;
-  Cover work = resolve_groups(layout, bloom_reach(layout, plan));
-  plan.resolve.bloom_groups = std::move(work.groups);
-  plan.resolve.plain_groups = std::move(work.rest);
+  set_groups(bloom_reach(layout, plan), plan.resolve);
+  if (layout.resizes()) plan_resize(layout, plan);
   if (wide(metered)) {
     plan.words.push_back(
         absl::StrFormat("resolve counts what the curve cuts: %d components are negative in Rec.709",
                         metered.stats.negative_scene_components));
   }
   plan.words.push_back(absl::StrFormat(
-      "resolve%s%s: %s, %s, %s, tier %s", bloom ? " with bloom" : "",
+      "resolve%s%s: %s, %s, %s, tier %s", bloom && !layout.resizes() ? " with bloom" : "",
       metered.alpha ? alpha_words(settings) : "", v1::word_of(settings->curve()),
       settings->output_format() == v1::OUTPUT_FORMAT_RGBA16F ? "display-linear"
                                                              : v1::word_of(settings->transfer()),
@@ -278,6 +302,7 @@ BoundFacts frame_facts(const Metered& metered, const Settings& settings, double 
   facts.wide = wide(metered);
   facts.translucent = metered.alpha && settings->alpha() == v1::ALPHA_STRAIGHT;
   facts.exposure = exposure_factor(settings, exposure);
+  facts.resized = resizes(*settings, desc);
   if (metered.scrubbed) facts.largest = largest_light(metered.stats);
   return facts;
 }

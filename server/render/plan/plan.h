@@ -16,6 +16,7 @@
 #include "server/render/plan/box.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
+#include "server/render/plan/resize_plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/settings/error_bound.h"
 #include "server/render/settings/settings.h"
@@ -25,8 +26,8 @@
 
 namespace candela {
 
-enum class Pass : uint32_t { kIngest, kBrightPass, kBloomDown, kBloomUp, kGaussian, kResolve };
-// "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve"
+enum class Pass : uint32_t { kIngest, kBrightPass, kBloomDown, kBloomUp, kGaussian, kResolve, kResize };
+// "ingest", "bright_pass", "bloom_down", "bloom_up", "gaussian", "resolve", "resize"
 const char* name(Pass pass);
 
 // A shader's specialisation constants and push constants. The executor fills in addresses and `first_row`.
@@ -82,6 +83,15 @@ struct ResolveStep {
   std::vector<Box> plain_groups;
 };
 
+// Before resolve, if the image has another size: the frame's light with its bloom becomes the scene that
+// resolve reads, of the image's size. First along y, then along x.
+struct ResizeStep {
+  // How resolve would read the frame: it makes the light at an exposure of 1. Its groups are of the frame.
+  ResolveStep frame;
+  AxisFilter down;
+  AxisFilter across;
+};
+
 // The same picture for the float64 reference, which works on whole images.
 struct ReferencePlan {
   std::optional<reference::Matrix> matrix;
@@ -89,10 +99,12 @@ struct ReferencePlan {
   std::optional<reference::BloomSpec> bloom;  // absent if the settings ask for none
   reference::ResolveParams resolve;           // without `look`
   std::optional<uint32_t> dither_frame;       // absent: no dither
+  ImageSize image;
 };
 
 struct Plan {
   std::vector<BloomStep> bloom_steps;  // in order; empty if no light passes the threshold
+  std::optional<ResizeStep> resize;    // absent: the image has the frame's size
   ResolveStep resolve;
   std::shared_ptr<const ColorTable> table;  // of the curves that have one
   ReferencePlan reference;

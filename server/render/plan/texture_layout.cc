@@ -1,7 +1,9 @@
 #include "server/render/plan/texture_layout.h"
 
 #include <algorithm>
+#include <array>
 
+#include "server/render/plan/resize_plan.h"
 #include "server/render/settings/error_bound.h"
 #include "server/render/settings/tiers.h"
 #include "shaders/params.h"
@@ -42,6 +44,22 @@ uint64_t reference_bytes(const FrameDesc& desc, const v1::Bloom& bloom) {
   return pixels * (4 * sizeof(float) + 2) + texels * sizeof(reference::Rgb) + kSmall;
 }
 
+// The light of the rows under the filter, in double, and the resized scene.
+uint64_t reference_resize_bytes(const TextureLayout& layout) {
+  if (!layout.resizes()) return 0;
+  const uint64_t rows = std::min(layout.desc.height, most_taps(layout.desc.height, layout.image.height));
+  return (rows + 1) * layout.desc.width * sizeof(std::array<double, 4>) +
+         uint64_t{layout.image.width} * layout.image.height * sizeof(std::array<float, 4>);
+}
+
+// Texels of a row in whole groups.
+uint32_t pitch_of(uint32_t width, uint32_t group) { return groups(width, group) * group; }
+
+// Of a block of the resized frame: 8 MiB, which stay in a cache, or a row. A row is padded to whole
+// registers.
+constexpr uint32_t kResizeTexels = 1 << 19;
+constexpr uint32_t kResizeColumns = 16;
+
 }  // namespace
 
 std::vector<LevelSize> bloom_level_sizes(uint32_t width, uint32_t height, uint32_t levels,
@@ -69,7 +87,13 @@ TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings) {
   TextureLayout layout;
   layout.desc = desc;
   layout.output_format = settings->output_format();
-  layout.pitch = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
+  layout.pitch = pitch_of(desc.width, shader::GROUP_TEXELS);
+  layout.image = image_size(*settings, desc);
+  layout.image_pitch = pitch_of(layout.image.width, shader::GROUP_TEXELS);
+  if (layout.image != ImageSize{desc.width, desc.height}) {
+    layout.resize_pitch = pitch_of(desc.width, kResizeColumns);
+    layout.resize_rows = std::clamp<uint32_t>(kResizeTexels / layout.resize_pitch, 1, layout.image.height);
+  }
   layout.tiles_x = groups(desc.width, shader::TILE_TEXELS);
   layout.tiles_y = groups(desc.height, shader::TILE_TEXELS);
   if (metering.statistic() == v1::Metering::STATISTIC_PERCENTILE || settings.wants_histogram()) {
@@ -84,7 +108,7 @@ TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings) {
   layout.summed_levels =
       gaussian ? 1 : static_cast<uint32_t>(layout.level_sizes.size()) + layout.first_level_twice;
   layout.by_reference = tier.host_reference;
-  layout.reference_bytes = reference_bytes(desc, bloom);
+  layout.reference_bytes = reference_bytes(desc, bloom) + reference_resize_bytes(layout);
   return layout;
 }
 

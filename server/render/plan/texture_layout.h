@@ -6,6 +6,7 @@
 
 #include "server/render/plan/metering.h"
 #include "server/render/settings/frame.h"
+#include "server/render/settings/output_size.h"
 #include "server/render/settings/settings.h"
 
 namespace candela {
@@ -31,7 +32,13 @@ std::vector<LevelSize> gaussian_level_sizes(uint32_t width, uint32_t height);
 struct TextureLayout {
   FrameDesc desc;
   v1::OutputFormat output_format = v1::OUTPUT_FORMAT_RGBA8;
-  uint32_t pitch = 0;  // texels from row to row of input and output: the width in whole groups
+  uint32_t pitch = 0;        // texels from row to row of the input: the width in whole groups
+  ImageSize image;           // the output's size
+  uint32_t image_pitch = 0;  // as `pitch`, of the output and the resized scene
+  // The frame is resized in blocks of this many rows of the image, each filtered along y and then along x.
+  // The first result is `resize_pitch` texels wide.
+  uint32_t resize_rows = 0;  // 0: the image has the frame's size
+  uint32_t resize_pitch = 0;
   uint32_t tiles_x = 0;
   uint32_t tiles_y = 0;
   uint32_t histogram_copies = 0;       // see shader::HISTOGRAM_TILES; 0 if no histogram is needed
@@ -44,6 +51,8 @@ struct TextureLayout {
 
   bool first_level_twice = false;  // level 0 also stands for a finer level that was left out
   uint32_t summed_levels = 0;      // in the end, level 0 holds the sum of this many levels' light
+
+  bool resizes() const { return resize_rows > 0; }
 
   // The part of the histogram that a read uses; with the scrub all of it.
   uint64_t histogram_bytes(bool scrub) const {

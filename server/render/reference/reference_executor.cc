@@ -26,7 +26,7 @@ void store_output(const FrameTextures& textures, const ReferenceFrame& frame, do
                   uint32_t y, size_t k) {
   const TextureLayout& layout = textures.layout;
   const Buffer& output = textures.host_output();
-  const size_t index = (size_t{y} * layout.pitch + x) * 4 + k;
+  const size_t index = (size_t{y} * layout.image_pitch + x) * 4 + k;
   const double largest = largest_code(static_cast<uint32_t>(layout.output_format));
   if (largest == 0.0) {
     store(output, index, imath_float_to_half(static_cast<float>(value)));
@@ -47,7 +47,7 @@ void render_span(const FrameTextures& textures, const ReferenceFrame& frame, con
     for (size_t k = 0; k < 4; ++k) {
       const double value = row[x - span.first][k];
       if (textures.exact) {
-        const size_t index = (size_t{span.y} * textures.layout.pitch + x) * 4 + k;
+        const size_t index = (size_t{span.y} * textures.layout.image_pitch + x) * 4 + k;
         store(textures.host_exact(), index, static_cast<float>(value));
       }
       store_output(textures, frame, value, x, span.y, k);

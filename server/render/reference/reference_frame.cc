@@ -75,6 +75,7 @@ double largest_code(uint32_t format) {
 ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size)
     : metered_(std::move(scene)),
       resolve_(plan.reference.resolve),
+      image_(plan.reference.image),
       dither_frame_(plan.reference.dither_frame) {
   if (plan.reference.bloom) {
     const TwinCheckpoints checkpoints;
@@ -84,11 +85,24 @@ ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t le
     bloom_ = reference::bloom(metered_.scene, bloom, metered_.meter.mean_log2_luminance, &levels_);
   }
   resolve_.look = look_of(plan);
+  light_ = resolve_;
+  resize();
+}
+
+void ReferenceFrame::resize() {
+  const reference::Scene& frame = metered_.scene;
+  if (image_ == ImageSize{frame.width, frame.height}) return;
+  const TwinCheckpoints checkpoints;
+  resized_ = reference::resize(frame, bloom_, levels_, light_, image_.width, image_.height);
+  resolve_.bloom = shader::BLOOM_NONE;
 }
 
 void ReferenceFrame::unround(const FrameTextures& textures, const Plan& plan) {
   metered_.scene = {};  // its memory is needed
-  metered_.scene = ingest_scene(textures, plan.reference.matrix, reference::Rounding::kHalfUnlessNegative, nullptr);
+  resized_.reset();
+  metered_.scene =
+      ingest_scene(textures, plan.reference.matrix, reference::Rounding::kHalfUnlessNegative, nullptr);
+  resize();
 }
 
 reference::Rgb ReferenceFrame::bloom_light(uint32_t x, uint32_t y) const {
@@ -98,13 +112,13 @@ reference::Rgb ReferenceFrame::bloom_light(uint32_t x, uint32_t y) const {
 }
 
 std::vector<std::array<double, 4>> ReferenceFrame::row(const RowSpan& span) const {
-  return reference::resolve_row(metered_.scene, bloom_, levels_, resolve_, span.y, span.first, span.last);
+  return reference::resolve_row(scene(), bloom_, levels_, resolve_, span.y, span.first, span.last);
 }
 
 uint64_t ReferenceFrame::cut_components() const {
   uint64_t cut = 0;
   for (uint32_t y = 0; y < height(); ++y) {
-    cut += reference::cut_components(metered_.scene, bloom_, levels_, resolve_, y);
+    cut += reference::cut_components(scene(), bloom_, levels_, resolve_, y);
     checkpoint();
   }
   return cut;

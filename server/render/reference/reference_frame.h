@@ -27,8 +27,9 @@ class ReferenceFrame {
   void unround(const FrameTextures& textures, const Plan& plan);
 
   const MeteredScene& metered() const { return metered_; }
-  uint32_t width() const { return metered_.scene.width; }
-  uint32_t height() const { return metered_.scene.height; }
+  // The image's size.
+  uint32_t width() const { return scene().width; }
+  uint32_t height() const { return scene().height; }
   // The light that the bloom adds at an intensity of 1, at one texel of level 0; `bloom` may be empty.
   const reference::Level& bloom() const { return bloom_; }
   reference::Rgb bloom_light(uint32_t x, uint32_t y) const;
@@ -39,7 +40,7 @@ class ReferenceFrame {
   // The display values of these texels, before dither and quantising. Any thread.
   std::vector<std::array<double, 4>> row(const RowSpan& span) const;
 
-  // Of the whole frame: see reference::cut_components().
+  // Of the whole image: see reference::cut_components().
   uint64_t cut_components() const;
 
   // Component k (0 .. 2) of texel (x, y) in codes of an output that has codes 0 to `largest`, dithered but
@@ -47,10 +48,16 @@ class ReferenceFrame {
   double code(double value, double largest, uint32_t x, uint32_t y, size_t k) const;
 
  private:
+  void resize();
+  const reference::Scene& scene() const { return resized_ ? *resized_ : metered_.scene; }
+
   MeteredScene metered_;
   reference::Level bloom_;
-  uint32_t levels_ = 1;  // the number of levels that `bloom_` sums
-  reference::ResolveParams resolve_;
+  uint32_t levels_ = 1;               // the number of levels that `bloom_` sums
+  reference::ResolveParams light_;    // how bloom joins the scene
+  reference::ResolveParams resolve_;  // how the image is made of scene()
+  ImageSize image_;
+  std::optional<reference::Scene> resized_;  // if the image has another size
   std::optional<uint32_t> dither_frame_;
 };
 

@@ -33,10 +33,11 @@ Verification compare_with(reference::Rounding rounding, const FrameTextures& tex
   ReferenceFrame reference(meter_scene(textures, p.matrix, p.meter, rounding), plan, level_size);
   const bool wide = plan.resolve.inputs.constants.wide != 0;
   if (wide && rounding == reference::Rounding::kHalf) reference.unround(textures, plan);
-  const Picture image = {textures.host_output().mapped(), layout.pitch,
+  const Picture image = {textures.host_output().mapped(), layout.image_pitch,
                          static_cast<uint32_t>(layout.output_format)};
   const Picture codes =
-      textures.exact ? Picture{textures.host_exact().mapped(), layout.pitch, shader::OUTPUT_FLOAT} : image;
+      textures.exact ? Picture{textures.host_exact().mapped(), layout.image_pitch, shader::OUTPUT_FLOAT}
+                     : image;
   const MeteredScene& metered = reference.metered();
   Verification v = compare(reference, codes, image, map);
   v.meter_error_ev = std::abs(stats.mean_log2_luminance - metered.meter.mean_log2_luminance);

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "server/base/words/rounded_up.h"
 #include "server/render/color/portable_math.h"
+#include "server/render/settings/output_size.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 
@@ -153,6 +154,7 @@ double mean_error(const v1::Metering& metering) {
 
 double error_bound(const Tier& tier, const Settings& settings, const BoundFacts& facts) {
   if (tier.host_reference) return 0;
+  if (facts.resized) return kNoBound;
   const bool sized_bloom = settings->bloom().kind() != v1::Bloom::KIND_GAUSSIAN;
   if (facts.blooms && sized_bloom && tier.bloom_level_size != kWholeBloom) return kNoBound;
   const bool has_table = settings->curve() == v1::TONE_CURVE_ACES_1;
@@ -187,6 +189,7 @@ BoundFacts hardest_facts(const FrameDesc& desc, const Settings& settings) {
   facts.exposure = shader::MAX_EXPOSURE;
   facts.threshold = shader::MAX_HALF;  // beyond it components may be negative, too
   facts.negative_light = std::numeric_limits<double>::infinity();
+  facts.resized = resizes(*settings, desc);
   return facts;
 }
 
@@ -194,8 +197,10 @@ std::span<const Tier> tiers_in_question(const FrameDesc& desc, const Settings& s
   const BoundFacts hardest = hardest_facts(desc, settings);
   const double most = settings->max_error_codes();
   const std::span<const Tier> all = tiers();
+  BoundFacts easiest = easiest_facts();
+  easiest.resized = hardest.resized;
   size_t first = 0;
-  while (error_bound(all[first], settings, easiest_facts()) > most) ++first;
+  while (error_bound(all[first], settings, easiest) > most) ++first;
   size_t last = first;
   while (error_bound(all[last], settings, hardest) > most) ++last;
   return all.subspan(first, last - first + 1);

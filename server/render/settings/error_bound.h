@@ -22,6 +22,7 @@ struct BoundFacts {
   double exposure = 0.0;              // the factor E * prescale
   double threshold = 0.0;             // of the bright pass, in scene luminance
   double largest = shader::MAX_HALF;  // no component of the scene is above
+  bool resized = false;               // the image has another size than the frame
   // Of wide frames, known after they are drawn: see Drawn::negative_light.
   double negative_light = 0.0;
 };

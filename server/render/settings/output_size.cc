@@ -56,4 +56,8 @@ ImageSize image_size(const v1::Settings& settings, const FrameDesc& desc) {
   return {side(width * size.max_side() / longer), side(height * size.max_side() / longer)};
 }
 
+bool resizes(const v1::Settings& settings, const FrameDesc& desc) {
+  return image_size(settings, desc) != ImageSize{desc.width, desc.height};
+}
+
 }  // namespace candela

@@ -24,4 +24,6 @@ absl::Status check_output_size(const v1::OutputSize& size);
 // settings have passed check_output_size. A side of more than UINT32_MAX is UINT32_MAX. Pure.
 ImageSize image_size(const v1::Settings& settings, const FrameDesc& desc);
 
+bool resizes(const v1::Settings& settings, const FrameDesc& desc);
+
 }  // namespace candela

@@ -87,8 +87,9 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
   const FrameReport& report = rendered.report;
   v1::ResultHeader header;
   header.set_sequence(frame.sequence);
-  header.set_width(desc.width);
-  header.set_height(desc.height);
+  const ImageSize image = image_size(*frame.settings, desc);
+  header.set_width(image.width);
+  header.set_height(image.height);
   header.set_format(frame.settings->output_format());
   *header.mutable_statistics() = statistics(report.stats);
   header.set_exposure(report.exposure);
@@ -111,7 +112,7 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
 
 ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header)
     : frame_(std::move(frame)),
-      row_bytes_(uint64_t{frame_->memory.desc().width} * bytes_per_pixel(frame_->settings->output_format())),
+      row_bytes_(uint64_t{frame_->memory.image().width} * bytes_per_pixel(frame_->settings->output_format())),
       header_(std::move(header)) {}
 
 ResultWriter::ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header)
@@ -134,7 +135,7 @@ bool ResultWriter::next(grpc::ByteBuffer& message) {
     return true;
   }
   if (file_) return next_part(message);
-  const uint32_t height = frame_->memory.desc().height;
+  const uint32_t height = frame_->memory.image().height;
   if (next_row_ < height) {
     const uint32_t count = rows_of_a_band(height - next_row_, row_bytes_);
     message = v1::make_band(v1::kImageBand, next_row_, rows(next_row_, count));

@@ -15,7 +15,7 @@
 
 namespace candela {
 
-// `desc` is the frame's size and format, and `device` the name of the Vulkan device. The frame's memory may
+// `desc` is the frame's size and format on the wire, and `device` the name of the Vulkan device. The frame's memory may
 // be gone.
 v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const RenderedFrame& rendered,
                                const std::string& device);

@@ -91,8 +91,8 @@ std::vector<std::byte> SimulatedScene::image(const Settings& settings, uint64_t 
   const std::array<uint64_t, 4> words = {std::bit_cast<uint64_t>(exposure), sequence, hash_,
                                          hash_of(settings)};
   const auto bytes = std::as_bytes(std::span(words));
-  std::vector<std::byte> image(size_t{desc_.width} * desc_.height *
-                               bytes_per_pixel(settings->output_format()));
+  const ImageSize size = image_size(*settings, desc_);
+  std::vector<std::byte> image(size_t{size.width} * size.height * bytes_per_pixel(settings->output_format()));
   for (size_t i = 0; i < image.size(); ++i) image[i] = bytes[i % bytes.size()];
   return image;
 }
@@ -144,9 +144,10 @@ absl::StatusOr<FrameReport> SimulatedFrameMaker::draw(FrameMemory& memory, const
   FrameReport report = report_of(metered, exposed);
   if (lost_) return lost_error();
   const std::vector<std::byte> image = scene_in(memory).image(settings, sequence, exposed.exposure);
-  const uint64_t pitch = uint64_t{textures.layout.pitch} * bytes_per_pixel(textures.layout.output_format);
+  const uint64_t pitch =
+      uint64_t{textures.layout.image_pitch} * bytes_per_pixel(textures.layout.output_format);
   const uint64_t row = memory.output_row(0).size();
-  for (uint32_t y = 0; y < memory.desc().height; ++y) {
+  for (uint32_t y = 0; y < memory.image().height; ++y) {
     std::memcpy(textures.host_output().mapped() + y * pitch, &image[y * row], row);
   }
   textures.stage = FrameStage::kDrawn;

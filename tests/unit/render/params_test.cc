@@ -15,6 +15,7 @@
 #include "shaders/bright_pass.spv.h"
 #include "shaders/gaussian.spv.h"
 #include "shaders/ingest.spv.h"
+#include "shaders/resize.spv.h"
 #include "shaders/resolve.spv.h"
 
 namespace candela {
@@ -112,6 +113,14 @@ TEST(Params, OffsetsAreThoseOfTheSpirv) {
   EXPECT_OFFSET(gaussian, GaussianParams, first_row);
   EXPECT_OFFSET(gaussian, GaussianParams, height);
 
+  auto resize = structs(k_resize_spirv);
+  EXPECT_EQ((resize["InputParams"].size() + resize["ResizeParams"].size() - 1) * 4,
+            sizeof(shader::ResizeParams));
+  EXPECT_OFFSET(resize, ResizeParams, frame);
+  EXPECT_OFFSET(resize, ResizeParams, first_row);
+  EXPECT_OFFSET(resize, ResizeParams, scene_scale);
+  EXPECT_OFFSET(resize, ResizeParams, to_pitch);
+
   auto resolve = structs(k_resolve_spirv);
   EXPECT_OFFSET(resolve, ResolveParams, frame);
   EXPECT_OFFSET(resolve, ResolveParams, first_row);
@@ -154,6 +163,16 @@ TEST(Params, ConstantsHaveTheIdsOfTheirPlaces) {
   auto gaussian = constant_ids(k_gaussian_spirv);
   EXPECT_EQ(gaussian.size() * 4, sizeof(shader::GaussianConstants));
   EXPECT_CONSTANT(gaussian, GaussianConstants, vertical, "VERTICAL");
+
+  auto resize = constant_ids(k_resize_spirv);
+  EXPECT_EQ(resize.size() * 4, sizeof(shader::ResizeConstants));
+  EXPECT_CONSTANT(resize, ResizeConstants, pixels, "PIXELS");
+  EXPECT_CONSTANT(resize, ResizeConstants, matrix, "MATRIX");
+  EXPECT_CONSTANT(resize, ResizeConstants, scrub, "SCRUB");
+  EXPECT_CONSTANT(resize, ResizeConstants, bloom, "BLOOM");
+  EXPECT_CONSTANT(resize, ResizeConstants, level_size, "LEVEL_SIZE");
+  EXPECT_CONSTANT(resize, ResizeConstants, wide, "WIDE");
+  EXPECT_CONSTANT(resize, ResizeConstants, down, "DOWN");
 
   auto resolve = constant_ids(k_resolve_spirv);
   EXPECT_EQ(resolve.size() * 4, sizeof(shader::ResolveConstants));

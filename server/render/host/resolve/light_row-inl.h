@@ -29,9 +29,9 @@ class LightRow {
     for (size_t k = 0; k < 3; ++k) rows_[k] = floats_.get() + k * pitch_ + kPad;
   }
 
-  // Makes that of row y of the frame, scaled, so that pixels still have to be interpolated along x. Without
-  // bloom it stays null.
-  const std::array<float*, 3>& make(uint32_t y) {
+  // Makes that of row y of the frame, for the pixels first <= x < last, scaled, so that pixels still have to
+  // be interpolated along x. Without bloom it stays null.
+  const std::array<float*, 3>& make(uint32_t y, uint32_t first, uint32_t last) {
     if (!floats_) return rows_;
     const uint32_t size = job_.constants.level_size;
     const int64_t nearer = y / size;
@@ -41,7 +41,9 @@ class LightRow {
     const float part = away / static_cast<float>(size);
     const float scale = job_.params.bloom_scale * job_.params.exposure / static_cast<float>(2 * size);
     for (size_t k = 0; k < 3; ++k) {
-      blend(row(nearer, k), row(further, k), scale * (1.0f - part), scale * part, rows_[k]);
+      blend(row(nearer, k), row(further, k), scale * (1.0f - part), scale * part,
+            first / size - std::min<uint32_t>(kPad, first / size),
+            std::min<uint32_t>(last / size + 2 * kPad, job_.level.width), rows_[k]);
     }
     return rows_;
   }
@@ -54,19 +56,20 @@ class LightRow {
     return job_.level.row(static_cast<size_t>(std::clamp<int64_t>(y, 0, last)), component);
   }
 
+  // Texels first <= x < last.
   HWY_NOINLINE void blend(const float* nearer, const float* further, float near_scale, float far_scale,
-                          float* to) const {
+                          uint32_t first, uint32_t last, float* to) const {
     const VF a = set(near_scale);
     const VF b = set(far_scale);
     const uint32_t width = job_.level.width;
     const auto blended = [&](VF near_light, VF far_light)
                              HWY_ATTR { return hn::MulAdd(near_light, a, hn::Mul(far_light, b)); };
-    uint32_t x = 0;
-    for (; x + kLanes <= width; x += kLanes) {
+    uint32_t x = first;
+    for (; x + kLanes <= last; x += kLanes) {
       hn::StoreU(blended(hn::LoadU(kFloats, nearer + x), hn::LoadU(kFloats, further + x)), kFloats, to + x);
     }
-    if (x < width) {
-      const size_t rest = width - x;
+    if (x < last) {
+      const size_t rest = last - x;
       hn::StoreU(blended(load_some(nearer + x, rest), load_some(further + x, rest)), kFloats, to + x);
     }
     to[-1] = to[0];

@@ -78,7 +78,7 @@ ResolveFound resolve_band(const ResolveJob& job, uint32_t first, uint32_t last) 
   LightRow light(job);
   const uint32_t width = job.params.frame.width;
   for (uint32_t y = first; y < last; ++y) {
-    const std::array<float*, 3>& row = light.make(y);
+    const std::array<float*, 3>& row = light.make(y, 0, width);
     for (uint32_t x = 0; x < width; x += kChunk) {
       RowPart part = {job, x, y, std::min(kChunk, width - x), {}};
       for (uint32_t k = 0; k < 3 && row[k] != nullptr; ++k)

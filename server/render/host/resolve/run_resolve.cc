@@ -23,7 +23,8 @@ struct Band {
 };
 
 // The rows of `groups`, which are rows of work groups, in bands for `threads` threads.
-std::vector<Band> bands_of(const std::vector<Box>& groups, const FrameDesc& frame, uint32_t threads) {
+std::vector<Band> bands_of(const std::vector<Box>& groups, const shader::InputParams& frame,
+                           uint32_t threads) {
   uint32_t rows = 0;
   for (const Box& box : groups) rows += box.y1 - box.y0;
   const uint32_t most = std::max<uint32_t>(1, kMostTexelsOfBand / (frame.width * kResolveGroupRows));
@@ -40,9 +41,8 @@ std::vector<Band> bands_of(const std::vector<Box>& groups, const FrameDesc& fram
 }
 
 // Makes the rows of `groups`.
-void run_groups(const ResolveJob& job, const FrameDesc& frame, const std::vector<Box>& groups, Crew& crew,
-                Drawn* drawn) {
-  const std::vector<Band> bands = bands_of(groups, frame, crew.threads());
+void run_groups(const ResolveJob& job, const std::vector<Box>& groups, Crew& crew, Drawn* drawn) {
+  const std::vector<Band> bands = bands_of(groups, job.params.frame, crew.threads());
   absl::Mutex mutex;
   crew.run(static_cast<uint32_t>(bands.size()), [&](uint32_t i) {
     const ResolveFound found = resolve_rows(job, bands[i].first, bands[i].last);
@@ -56,7 +56,8 @@ Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTexture
           const Buffer& output, uint32_t format, Crew& crew) {
   ResolveJob job = {.constants = step.inputs.constants, .params = step.inputs.params, .opaque = step.opaque};
   job.constants.output_format = format;
-  job.wire = textures.input.buffer().mapped();
+  const bool resized = job.constants.pixels == shader::PIXELS_SCENE;
+  job.wire = (resized ? textures.scene : textures.input).buffer().mapped();
   job.output = output.mapped();
   if (points != nullptr) {
     job.table = points->data()->data();
@@ -65,10 +66,10 @@ Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTexture
   Drawn drawn;
   if (!step.bloom_groups.empty()) {
     job.level = level_planes(textures, 0);
-    run_groups(job, textures.layout.desc, step.bloom_groups, crew, &drawn);
+    run_groups(job, step.bloom_groups, crew, &drawn);
   }
   job.constants.bloom = shader::BLOOM_NONE;
-  run_groups(job, textures.layout.desc, step.plain_groups, crew, &drawn);
+  run_groups(job, step.plain_groups, crew, &drawn);
   return drawn;
 }
 

@@ -25,7 +25,7 @@ HWY_INLINE void load_each(const RowPart& part, const Use& use) {
   if (i < count) use(i, load_pixels<kPixels>(PartOfRow<kPixels>(wire, i, count).bytes));
 }
 
-// Scene pixels from those of the wire. kExact: they need neither scrub nor matrix, and are halves already.
+// Scene pixels from those of the wire. kExact: they need neither scrub nor matrix nor rounding.
 template <uint32_t kPixels, bool kExact>
 HWY_NOINLINE void load_scene(const RowPart& part, Chunk& chunk) {
   const shader::ResolveConstants& constants = part.job.constants;
@@ -119,6 +119,8 @@ inline Stage load_stage(const shader::ResolveConstants& constants) {
   switch (constants.pixels) {
     case shader::PIXELS_RGBA32F:
       return load_scene<shader::PIXELS_RGBA32F, false>;
+    case shader::PIXELS_SCENE:
+      return load_scene<shader::PIXELS_RGBA32F, true>;
     case shader::PIXELS_RGB9E5:
       return exact ? load_scene<shader::PIXELS_RGB9E5, true> : load_scene<shader::PIXELS_RGB9E5, false>;
     default:

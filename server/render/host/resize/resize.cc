@@ -1,0 +1,282 @@
+#include "server/render/host/lanes/targets.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "server/render/host/resize/resize.cc"
+#include <hwy/foreach_target.h>
+// Only after foreach_target.h.
+#include <hwy/highway.h>
+
+#include "server/render/host/resize/resize.h"
+
+#if CANDELA_HOST_TARGET
+#include "server/render/host/resolve/scene-inl.h"
+#include "server/render/plan/plan.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace candela::host::HWY_NAMESPACE {
+
+static_assert(kResizeChunk == kChunk);
+
+// Rows of the frame's light, for some of its columns, chunk by chunk.
+class FrameLight {
+ public:
+  FrameLight(const ResizeJob& job, TexelRange columns)
+      : job_(job), columns_(columns), light_(job.lit), usual_(is_usual(job.plain)) {}
+
+  uint32_t chunks() const { return (columns_.last - columns_.first + kChunk - 1) / kChunk; }
+  uint32_t x_of(uint32_t chunk) const { return columns_.first + chunk * kChunk; }
+  uint32_t count(uint32_t chunk) const { return std::min(kChunk, columns_.last - x_of(chunk)); }
+
+  void begin(uint32_t y) {
+    y_ = y;
+    lit_ = job_.lit_groups[y / kResolveGroupRows];
+    if (lit_) light_rows_ = light_.make(y, columns_.first, columns_.last);
+  }
+  void make(uint32_t index, Chunk& chunk) const {
+    const ResolveJob& job = lit_ ? job_.lit : job_.plain;
+    const uint32_t x = x_of(index);
+    RowPart part = {job, x, y_, count(index), {}};
+    if (lit_) {
+      for (size_t k = 0; k < 3; ++k) part.light[k] = light_rows_[k] + x / job.constants.level_size;
+    }
+    if (usual_) return load_exposed_stage(job.constants)(part, chunk);
+    load_stage(job.constants)(part, chunk);
+    if (lit_) expose_stage(job.constants)(part, chunk);
+  }
+
+ private:
+  const ResizeJob& job_;
+  const TexelRange columns_;
+  LightRow light_;
+  const bool usual_;
+  uint32_t y_ = 0;
+  bool lit_ = false;
+  std::array<float*, 3> light_rows_ = {};
+};
+
+// The weighted sum of rows of a chunk, and the smallest and largest of those under the main lobe.
+struct Sums {
+  Chunk sum;
+  Chunk low;
+  Chunk high;
+};
+
+// A row of the sum: the first one, one under the main lobe, or another.
+HWY_NOINLINE inline void begin_sums(const Chunk& row, float weight, uint32_t components, uint32_t count,
+                                    Sums& to) {
+  for (uint32_t k = 0; k < components; ++k) {
+    for (uint32_t i = 0; i < count; i += kLanes) {
+      hn::Store(hn::Mul(set(weight), hn::Load(kFloats, row.c[k] + i)), kFloats, to.sum.c[k] + i);
+      hn::Store(hn::Inf(kFloats), kFloats, to.low.c[k] + i);
+      hn::Store(hn::Neg(hn::Inf(kFloats)), kFloats, to.high.c[k] + i);
+    }
+  }
+}
+HWY_NOINLINE inline void add_row(const Chunk& row, float weight, uint32_t components, uint32_t count,
+                                 Sums& to) {
+  for (uint32_t k = 0; k < components; ++k) {
+    for (uint32_t i = 0; i < count; i += kLanes) {
+      const VF sum = hn::Load(kFloats, to.sum.c[k] + i);
+      hn::Store(hn::MulAdd(set(weight), hn::Load(kFloats, row.c[k] + i), sum), kFloats, to.sum.c[k] + i);
+    }
+  }
+}
+HWY_NOINLINE inline void widen(const Chunk& row, uint32_t components, uint32_t count, Sums& to) {
+  for (uint32_t k = 0; k < components; ++k) {
+    for (uint32_t i = 0; i < count; i += kLanes) {
+      const VF x = hn::Load(kFloats, row.c[k] + i);
+      hn::Store(hn::Min(x, hn::Load(kFloats, to.low.c[k] + i)), kFloats, to.low.c[k] + i);
+      hn::Store(hn::Max(x, hn::Load(kFloats, to.high.c[k] + i)), kFloats, to.high.c[k] + i);
+    }
+  }
+}
+
+HWY_INLINE void store_rgba(VF r, VF g, VF b, VF a, float* to) {
+  hn::StoreInterleaved4(natural(r), natural(g), natural(b), natural(a), kFloats, to);
+}
+
+// The rows and columns of resize_down(). Alpha is left out if every one is 1.
+class Down {
+ public:
+  Down(const ResizeJob& job, TexelRange columns)
+      : job_(job), filter_(*job.down), light_(job, columns), components_(job.lit.opaque ? 3 : 4) {}
+
+  void make(TexelRange rows) {
+    if (filter_.mean > 0 || filter_.taps > kKeptRows) return make_by_adding(rows);
+    const size_t chunks = light_.chunks();
+    const auto kept = hwy::AllocateAligned<Chunk>(filter_.taps * chunks);
+    std::array<const Chunk*, kKeptRows> under;
+    uint32_t next = filter_.texels(rows.first).first;
+    for (uint32_t y = rows.first; y < rows.last; ++y) {
+      const TexelRange range = filter_.texels(y);
+      for (; next < range.last; ++next) {
+        light_.begin(next);
+        for (uint32_t i = 0; i < chunks; ++i) light_.make(i, kept[next % filter_.taps * chunks + i]);
+      }
+      for (uint32_t i = 0; i < chunks; ++i) {
+        for (uint32_t k = range.first; k < range.last; ++k) {
+          under[k - range.first] = &kept[k % filter_.taps * chunks + i];
+        }
+        weigh(under.data(), range, y, i);
+      }
+    }
+  }
+
+ private:
+  // Where the chunk's texels of row y of the image are.
+  float* to(uint32_t y, uint32_t chunk) const {
+    return job_.block + 4 * ((y - job_.block_rows.first) * job_.block_pitch + light_.x_of(chunk));
+  }
+
+  // From all rows of the frame under the filter, in one loop.
+  HWY_NOINLINE void weigh(const Chunk* const* rows, TexelRange range, uint32_t y, uint32_t chunk) const {
+    const float* const weights = filter_.weights_of(y);
+    const TexelRange lobe = filter_.main_lobe(y);
+    const uint32_t lobe_first = lobe.first - range.first;
+    const uint32_t lobe_last = lobe.last - range.first;
+    const uint32_t taps = range.last - range.first;
+    float* const out = to(y, chunk);
+    const uint32_t count = light_.count(chunk);
+    const bool opaque = components_ == 3;
+    for (uint32_t i = 0; i < count; i += kLanes) {
+      VF r = hn::Zero(kFloats), g = r, b = r, a = r;
+      const auto add = [&](uint32_t k) HWY_ATTR {
+        const VF weight = set(weights[k]);
+        r = hn::MulAdd(weight, hn::Load(kFloats, rows[k]->c[0] + i), r);
+        g = hn::MulAdd(weight, hn::Load(kFloats, rows[k]->c[1] + i), g);
+        b = hn::MulAdd(weight, hn::Load(kFloats, rows[k]->c[2] + i), b);
+        if (!opaque) a = hn::MulAdd(weight, hn::Load(kFloats, rows[k]->c[3] + i), a);
+      };
+      for (uint32_t k = 0; k < lobe_first; ++k) add(k);
+      VF low_r = hn::Inf(kFloats), low_g = low_r, low_b = low_r, low_a = low_r;
+      VF high_r = hn::Neg(low_r), high_g = high_r, high_b = high_r, high_a = high_r;
+      const auto widen_to = [&](VF x, VF& low, VF& high) HWY_ATTR {
+        low = hn::Min(x, low);
+        high = hn::Max(x, high);
+      };
+      for (uint32_t k = lobe_first; k < lobe_last; ++k) {
+        add(k);
+        widen_to(hn::Load(kFloats, rows[k]->c[0] + i), low_r, high_r);
+        widen_to(hn::Load(kFloats, rows[k]->c[1] + i), low_g, high_g);
+        widen_to(hn::Load(kFloats, rows[k]->c[2] + i), low_b, high_b);
+        if (!opaque) widen_to(hn::Load(kFloats, rows[k]->c[3] + i), low_a, high_a);
+      }
+      for (uint32_t k = lobe_last; k < taps; ++k) add(k);
+      store_rgba(hn::Clamp(r, low_r, high_r), hn::Clamp(g, low_g, high_g), hn::Clamp(b, low_b, high_b),
+                 opaque ? set(1.0f) : hn::Clamp(a, low_a, high_a), out + 4 * i);
+    }
+  }
+
+  // Row by row of the frame: for a mean, and for a filter whose rows are too many to keep.
+  void make_by_adding(TexelRange rows) {
+    const auto sums = hwy::AllocateAligned<Sums>(light_.chunks());
+    const auto row = hwy::AllocateAligned<Chunk>(1);
+    for (uint32_t y = rows.first; y < rows.last; ++y) {
+      const TexelRange range = filter_.texels(y);
+      const TexelRange lobe = filter_.mean > 0 ? TexelRange{} : filter_.main_lobe(y);
+      for (uint32_t k = range.first; k < range.last; ++k) {
+        const float weight = filter_.mean > 0 ? 1.0f : filter_.weights_of(y)[k - range.first];
+        light_.begin(k);
+        for (uint32_t i = 0; i < light_.chunks(); ++i) {
+          light_.make(i, row[0]);
+          const auto step = k == range.first ? begin_sums : add_row;
+          step(row[0], weight, components_, light_.count(i), sums[i]);
+          if (k >= lobe.first && k < lobe.last) widen(row[0], components_, light_.count(i), sums[i]);
+        }
+      }
+      for (uint32_t i = 0; i < light_.chunks(); ++i) finish(sums[i], y, i);
+    }
+  }
+
+  HWY_NOINLINE void finish(const Sums& sums, uint32_t y, uint32_t chunk) const {
+    float* const out = to(y, chunk);
+    const uint32_t count = light_.count(chunk);
+    const bool opaque = components_ == 3;
+    const VF texels = set(static_cast<float>(filter_.mean));
+    for (uint32_t i = 0; i < count; i += kLanes) {
+      const auto value = [&](size_t k) HWY_ATTR {
+        const VF sum = hn::Load(kFloats, sums.sum.c[k] + i);
+        if (filter_.mean > 0) return hn::Div(sum, texels);
+        return hn::Clamp(sum, hn::Load(kFloats, sums.low.c[k] + i), hn::Load(kFloats, sums.high.c[k] + i));
+      };
+      store_rgba(value(0), value(1), value(2), opaque ? set(1.0f) : value(3), out + 4 * i);
+    }
+  }
+
+  const ResizeJob& job_;
+  const AxisFilter& filter_;
+  FrameLight light_;
+  const uint32_t components_;
+};
+
+void down(const ResizeJob& job, TexelRange rows, TexelRange columns) { Down(job, columns).make(rows); }
+
+// A texel is a register of four floats.
+void across(const ResizeJob& job, TexelRange rows) {
+  const hn::CappedTag<float, 4> rgba;
+  const AxisFilter& filter = *job.across;
+  const auto texels = hn::Set(rgba, static_cast<float>(filter.mean));
+  for (uint32_t y = rows.first; y < rows.last; ++y) {
+    const float* const from = job.block + 4 * (y - job.block_rows.first) * job.block_pitch;
+    float* const to = job.scene + 4 * y * job.scene_pitch;
+    if (filter.mean == 1) {
+      std::memcpy(to, from, size_t{filter.to} * 4 * sizeof(float));
+      continue;
+    }
+    for (uint32_t i = 0; i < filter.to; ++i) {
+      const TexelRange range = filter.texels(i);
+      const float* texel = from + 4 * size_t{range.first};
+      if (filter.mean > 0) {
+        auto sum = hn::LoadU(rgba, texel);
+        for (uint32_t k = 1; k < filter.mean; ++k) sum = hn::Add(sum, hn::LoadU(rgba, texel + 4 * k));
+        hn::StoreU(hn::Div(sum, texels), rgba, to + 4 * i);
+        continue;
+      }
+      const TexelRange lobe = filter.main_lobe(i);
+      const float* weight = filter.weights_of(i);
+      auto sum = hn::Zero(rgba);
+      auto low = hn::Inf(rgba);
+      auto high = hn::Neg(low);
+      const auto add = [&](uint32_t count) HWY_ATTR {
+        for (const float* const end = weight + count; weight < end; ++weight, texel += 4) {
+          sum = hn::MulAdd(hn::Set(rgba, *weight), hn::LoadU(rgba, texel), sum);
+        }
+      };
+      add(lobe.first - range.first);
+      const float* under = texel;
+      add(lobe.last - lobe.first);
+      for (; under < texel; under += 4) {
+        low = hn::Min(hn::LoadU(rgba, under), low);
+        high = hn::Max(hn::LoadU(rgba, under), high);
+      }
+      add(range.last - lobe.last);
+      hn::StoreU(hn::Clamp(sum, low, high), rgba, to + 4 * i);
+    }
+  }
+}
+
+}  // namespace candela::host::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#else
+
+namespace candela::host::HWY_NAMESPACE {
+void down(const ResizeJob&, TexelRange, TexelRange) {}
+void across(const ResizeJob&, TexelRange) {}
+}  // namespace candela::host::HWY_NAMESPACE
+
+#endif
+
+#if HWY_ONCE
+namespace candela::host {
+
+HWY_EXPORT(down);
+HWY_EXPORT(across);
+
+void resize_down(const ResizeJob& job, TexelRange rows, TexelRange columns) {
+  HWY_DYNAMIC_DISPATCH(down)(job, rows, columns);
+}
+void resize_across(const ResizeJob& job, TexelRange rows) { HWY_DYNAMIC_DISPATCH(across)(job, rows); }
+
+}  // namespace candela::host
+#endif

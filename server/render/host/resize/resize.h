@@ -1,0 +1,40 @@
+// An image of another size on the host: the frame's light to a scene of the image's size, as docs/pipeline.md
+// section 5 defines it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "server/render/host/resolve/resolve.h"
+#include "server/render/plan/resize_plan.h"
+
+namespace candela::host {
+
+// What the pass reads and writes, all of it mapped. The block and the scene have four floats a texel.
+struct ResizeJob {
+  ResolveJob lit;                // reads the frame with its bloom, at an exposure of 1
+  ResolveJob plain;              // the same without bloom
+  std::vector<bool> lit_groups;  // for each kResolveGroupRows rows of the frame, whether bloom reaches them
+  const AxisFilter* down = nullptr;
+  const AxisFilter* across = nullptr;
+  TexelRange block_rows;   // rows of the image that the block holds
+  float* block = nullptr;  // the frame's columns
+  size_t block_pitch = 0;  // texels from row to row, in whole registers
+  float* scene = nullptr;  // the image's columns
+  size_t scene_pitch = 0;  // the same
+};
+
+// Columns come in parts that begin at multiples of this.
+inline constexpr uint32_t kResizeChunk = 256;
+// resize_down() keeps the rows under a filter of at most this many taps, 4 KiB a chunk; beyond that it makes
+// them for each output.
+inline constexpr uint32_t kKeptRows = 128;
+
+// The block's texels of these rows of the image and columns of the frame. Any thread; the bits do not depend
+// on the parts. Needs instruction_set(), as what follows.
+void resize_down(const ResizeJob& job, TexelRange rows, TexelRange columns);
+// The scene's texels of these rows of the image, from the whole rows of the block.
+void resize_across(const ResizeJob& job, TexelRange rows);
+
+}  // namespace candela::host
