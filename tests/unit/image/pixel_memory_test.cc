@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tests/support/status.h"
-#include "tests/unit/image/exr_reader_fixture.h"
+#include "tests/unit/image/exr/exr_reader_fixture.h"
 
 namespace candela {
 namespace {
@@ -49,7 +49,7 @@ TEST(PixelMemory, IsKeptWithinTheMostThatWasInUse) {
   EXPECT_EQ(pixels_to_overwrite(5 * kMega).get(), place);
   ASSERT_GT(idle_pixels(), 0u);
   // Far more than anything else that this process uses, but not written.
-  PixelMemory large = new_pixels(1024 * kMega);
+  PixelMemory large = new_pixels(512 * kMega);
   ASSERT_NE(large, nullptr);
   EXPECT_EQ(idle_pixels(), 0u);
   large.reset();
