@@ -22,10 +22,10 @@ enum class State { kFree, kCreating, kOwned };
 // A table, because a signal handler can read neither a string nor a heap that another thread is changing.
 struct Slot {
   std::atomic<State> state{State::kFree};
-  char path[PATH_MAX];  // remove_all() reads it in kOwned only
+  char path[PATH_MAX] = {};  // remove_all() reads it in kOwned only
 };
 constexpr int kSlots = 1024;  // writers at once: one a core
-Slot slots[kSlots];
+constinit Slot slots[kSlots];  // zeros: a constructor would touch its 4 MiB in every process
 
 // Set before remove_all() reads the table. A file that is created later would stay.
 std::atomic<bool> ending{false};
