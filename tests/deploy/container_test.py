@@ -17,8 +17,10 @@ import tempfile
 import threading
 import time
 
+import images
 import pod
 import podman
+from images import drivers_of, expect_libraries, in_image
 from podman import Container, attempt, containers, expect, run, wait_until
 from sessions import Sessions, digests, expect_same, make_film
 
@@ -32,20 +34,6 @@ def the_image_builds() -> None:
     # Nightly compiles the programs in the container, as users do.
     podman.build_image(VERSION, None if "CANDELA_TEST_COMPILES_IN_CONTAINER" in os.environ else pathlib.Path(CANDELA).parent)
     print(f"built in {time.monotonic() - begin:.0f} s")
-
-
-def in_image(*command: str, image: str = podman.IMAGE) -> str:
-    """Runs a command in the image as root, who can read every file."""
-    return podman.podman("run", "--rm", "--network=none", "--user=0", f"--entrypoint={command[0]}", image, *command[1:])
-
-
-def drivers_of(image: str) -> list[str]:
-    return sorted(in_image("find", "/usr", "-name", "libvulkan_*.so", image=image).splitlines())
-
-
-def expect_libraries(image: str, *programs: str) -> None:
-    unfit = [line for program in programs for line in in_image("ldd", program, image=image).splitlines() if "not found" in line]
-    expect(not unfit, f"libraries are missing: {unfit}")
 
 
 def image_field(field: str) -> str:
@@ -72,13 +60,11 @@ def the_image_is_small_and_holds_what_runs_and_says_what_it_is() -> None:
 
 
 def the_gpu_image_has_mesas_drivers_and_still_runs_without_a_gpu() -> None:
-    podman.build_gpu_image(VERSION)
-    drivers = drivers_of(podman.GPU_IMAGE)
-    names = {pathlib.Path(driver).name for driver in drivers}
-    expect({"libvulkan_radeon.so", "libvulkan_intel.so", "libvulkan_lvp.so"} <= names, f"it has {names}")
-    expect_libraries(podman.GPU_IMAGE, *drivers)
-    info = podman.podman("run", "--rm", "--network=none", *podman.AS_SHIPPED, "--entrypoint=candela", podman.GPU_IMAGE, "info")
-    expect("llvmpipe" in info, f"without a GPU it runs on something else than lavapipe:\n{info}")
+    images.check_gpu_image(VERSION)
+
+
+def the_host_image_has_no_vulkan_and_is_half_as_large() -> None:
+    images.check_host_image(VERSION)
 
 
 def the_sbom_lists_every_package() -> None:
@@ -373,7 +359,8 @@ def systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame() -> None:
 
 CLAIMS = {claim.__name__: claim for claim in (
     the_image_builds, the_image_is_small_and_holds_what_runs_and_says_what_it_is,
-    the_gpu_image_has_mesas_drivers_and_still_runs_without_a_gpu, the_sbom_lists_every_package,
+    the_gpu_image_has_mesas_drivers_and_still_runs_without_a_gpu, the_host_image_has_no_vulkan_and_is_half_as_large,
+    the_sbom_lists_every_package,
     it_does_not_start_in_the_open_or_without_a_driver_and_says_why, it_renders_and_streams_the_hosts_bits,
     a_stop_under_load_loses_no_frame, more_sessions_than_memory_are_refused_and_nothing_is_killed,
     behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame, kube_play_brings_it_up,

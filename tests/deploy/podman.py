@@ -21,6 +21,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 CACHE = pathlib.Path(os.environ.get("CANDELA_DEPLOY_CACHE", "/var/tmp/candela-deploy"))
 IMAGE = f"localhost/candela:test-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:12]}"
 GPU_IMAGE = f"{IMAGE}-gpu"
+HOST_IMAGE = f"{IMAGE}-host"
 BASE = "docker.io/library/debian:bookworm-slim"
 BASE_DAYS = 7  # after this many days it is rebuilt, with every layer
 SKIPPED = 77
@@ -152,6 +153,11 @@ def build(tag: str, file: pathlib.Path, context: pathlib.Path, *options: str) ->
 def build_gpu_image(version: str) -> None:
     """The image with all of Mesa's drivers, beside the shipped one."""
     build(GPU_IMAGE, ROOT / "deploy/Containerfile", ROOT, f"--build-arg=VERSION={version}", "--build-arg=DRIVERS=mesa")
+
+
+def build_host_image(version: str) -> None:
+    """The image without Vulkan."""
+    build(HOST_IMAGE, ROOT / "deploy/Containerfile", ROOT, f"--build-arg=VERSION={version}", "--build-arg=DEVICE=host")
 
 
 # How deploy/Containerfile makes the programs, and how it takes those that are made already.
