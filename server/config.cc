@@ -4,11 +4,13 @@
 #include <optional>
 #include <string>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/base/net/address.h"
 #include "server/listen_address.h"
 #include "server/option_table.h"
+#include "server/vulkan/device.h"
 
 namespace candela {
 namespace {
@@ -58,6 +60,10 @@ absl::Status check_config(const Config& config) {
     status.Update(check_listen_address(address, config.insecure || !config.tls_cert.empty()));
   }
   status.Update(check_distinct(config));
+  if (absl::EqualsIgnoreCase(config.device, kHostDevice) && config.passes == ExecutorKind::kDevice) {
+    status.Update(absl::InvalidArgumentError(
+        "device is host and passes is device; a server without a Vulkan device takes auto or host"));
+  }
   return status;
 }
 

@@ -25,7 +25,7 @@ struct Config {
   std::string tls_key;        // PEM file with the key of tls_cert
   std::string tls_client_ca;  // PEM file of CAs that sign client certificates; empty: none are required
   std::string token_file;     // bearer tokens; empty: calls need no token
-  std::string device;         // device index or part of its name; empty: the best device
+  std::string device;         // DeviceOptions::selector
   ExecutorKind passes = ExecutorKind::kAuto;  // who makes a frame's passes
   bool validation = false;                    // enable Vulkan's validation layers
   uint64_t memory_budget_bytes = 0;           // for the texture pool; 0: see choose_memory_budget
@@ -50,6 +50,9 @@ struct Config {
   // Has no option. The server measures its tiers with the default settings after its start, for
   // GetServerInfo.
   bool measure_tiers = false;
+  // Has no option. If `device` is empty, the server uses a Vulkan device only if it is a GPU, or if the host
+  // cannot make the passes.
+  bool host_without_gpu = false;
 
   // These have no option. After heartbeat_interval without a good frame, the server renders a test frame.
   // After heartbeat_limit without a good frame, it is not healthy.

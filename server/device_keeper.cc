@@ -7,6 +7,7 @@
 #include "server/base/digest.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
+#include "server/render/host/host_executor.h"
 #include "server/render/self_test.h"
 
 #ifndef CANDELA_VERSION
@@ -32,7 +33,12 @@ std::string bits_of(const RenderDevice& opened, const std::string& rendered) {
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, Clock& clock,
                                                                  ExecutorKind passes) {
-  ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(options));
+  DeviceOptions wanted = options;
+  wanted.host_without_gpu &= host::instruction_set() != nullptr;
+  if (wanted.host_without_gpu && wanted.selector.empty() && passes == ExecutorKind::kHost) {
+    wanted.selector = kHostDevice;
+  }
+  ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(wanted));
   auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes, clock);
   ASSIGN_OR_RETURN(opened->renderer, Renderer::create(*opened->device, opened->pool, passes));
   ASSIGN_OR_RETURN(const std::string rendered, self_test(*opened->renderer));

@@ -16,7 +16,7 @@
 
 namespace candela {
 
-// A Vulkan device with its texture pool and its renderer. Each frame holds a reference to it.
+// A device with its texture pool and its renderer. Each frame holds a reference to it.
 struct RenderDevice {
   RenderDevice(std::unique_ptr<Device> d, uint64_t budget_bytes, Clock& clock)
       : device(std::move(d)), pool(*device, budget_bytes, clock) {}
@@ -28,7 +28,7 @@ struct RenderDevice {
 };
 
 // Opens a device, creates its renderer and compares a test frame with the reference. `clock` outlives the
-// result.
+// result. A host that cannot make the passes is not taken in place of a GPU.
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, Clock& clock,
                                                                  ExecutorKind passes);

@@ -36,10 +36,11 @@ const Option kOptions[] = {
      "A token has at least 16 characters (openssl rand -hex 32). A call sends it as \"authorization: Bearer "
      "TOKEN\"; health checks need none. File permissions are as for tls-key. candelad rereads the file when "
      "it changes. To replace a token, add the new one, give it to the clients, then remove the old one."},
-    {"device", TextOption{&Config::device, "NAME|INDEX"},
-     "Vulkan device: its index or a part of its name; empty: the best one",
+    {"device", TextOption{&Config::device, "NAME|INDEX|host"},
+     "Vulkan device: its index or a part of its name; empty: the best one; host: none",
      "See candelad --list-devices. The best device is a discrete GPU, else an integrated GPU, else a virtual "
-     "GPU, else the CPU."},
+     "GPU, else the CPU. Without one, nothing of Vulkan need be installed, this machine's processors run the "
+     "passes, and there are no environments."},
     {"passes", PassesOption{&Config::passes}, "What runs a frame's passes: auto, device or host",
      "host: this machine's processors, in the device's memory; it takes a device of the type CPU, and AVX2, "
      "AVX-512 or NEON. auto: the host where it can, else the device."},

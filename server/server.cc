@@ -298,6 +298,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked, Clock
       Access::open({config.tls_cert, config.tls_key, config.tls_client_ca}, config.token_file, clock));
   prepare_driver_environment();
   const auto open = [options = DeviceOptions{.selector = config.device,
+                                             .host_without_gpu = config.host_without_gpu,
                                              .validation = config.validation,
                                              .hang_limit = config.hang_limit},
                      bytes = budget.bytes, &clock,

@@ -43,7 +43,7 @@ class Server {
   // Whether the render thread makes progress: the health service's "liveness".
   bool alive() const;
 
-  // The device's name, as Vulkan reports it.
+  // The device's name, as Vulkan reports it, or "host".
   const std::string& device_name() const;
 
   // The number of warnings and errors from Vulkan's validation layers. 0 if the config does not enable them.

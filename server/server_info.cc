@@ -49,7 +49,8 @@ v1::GetServerInfoResponse server_info(const Config& config, const RenderDevice& 
   info.mutable_limits()->set_max_dimension(limits.max_dimension);
   info.mutable_limits()->set_max_band_bytes(v1::kMaxBandBytes);
   info.mutable_limits()->set_memory_budget_bytes(config.memory_budget_bytes);
-  info.mutable_limits()->set_environment_budget_bytes(config.environment_budget_bytes);
+  const bool bakes = opened.renderer->check_environments().ok();
+  info.mutable_limits()->set_environment_budget_bytes(bakes ? config.environment_budget_bytes : 0);
   info.mutable_limits()->set_max_sessions(config.max_sessions);
   info.mutable_limits()->set_max_frames_in_flight(config.max_frames_in_flight);
   return info;

@@ -29,7 +29,10 @@ struct ServerChoice {
   // The time to look for a server that takes the work, or that resumes it after a loss.
   absl::Duration resume_limit = absl::Seconds(30);
   bool takes_several = false;  // the command takes a list of servers, and --resume
-  std::string device;  // of the built-in server: a part of its name, or its index; empty: the best one
+  bool bakes = false;          // the command makes environments
+  // Of the built-in server: a part of a Vulkan device's name, its index, or "host"; empty: a GPU, else the
+  // host, but the best Vulkan device for environments and for the device's passes.
+  std::string device;
   std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 

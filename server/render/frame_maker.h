@@ -83,6 +83,9 @@ class FrameMaker {
   virtual absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects) = 0;
   virtual absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory) = 0;
 
+  // FAILED_PRECONDITION, saying what to do, if nothing here bakes environments. Then there are none, and no
+  // function of theirs may be called. Any thread.
+  virtual absl::Status check_environments() const = 0;
   // Bakes environments, whose views are frames that this maker makes.
   virtual EnvironmentBaker& baker() const = 0;
 };

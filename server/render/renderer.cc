@@ -31,12 +31,17 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, Textu
 
 absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
   const std::string not_on_host = HostExecutor::unavailable(device_.summary());
-  if (passes == ExecutorKind::kHost && !not_on_host.empty()) {
+  const bool only_host = passes == ExecutorKind::kHost || device_.is_host();
+  if (only_host && !not_on_host.empty()) {
     return absl::FailedPreconditionError(absl::StrCat("the host cannot make the passes: ", not_on_host));
+  }
+  if (device_.is_host() && passes == ExecutorKind::kDevice) {
+    return absl::FailedPreconditionError(
+        "the passes are to run on the device, and there is no Vulkan device: choose one");
   }
   Crew* crew = nullptr;
   if (passes != ExecutorKind::kDevice && not_on_host.empty()) {
-    auto executor = std::make_unique<HostExecutor>(&device_, threads == 0 ? usable_cpus() : threads);
+    auto executor = std::make_unique<HostExecutor>(device_, threads == 0 ? usable_cpus() : threads);
     crew = &executor->crew();
     executor_kind_ = ExecutorKind::kHost;
     executor_words_ = absl::StrFormat("on the host, %s, %d thread%s", host::instruction_set(),
@@ -46,8 +51,12 @@ absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
     ASSIGN_OR_RETURN(by_device_or_host_, DeviceExecutor::create(device_));
     executor_kind_ = ExecutorKind::kDevice;
     executor_words_ = "on the device";
+    if (passes == ExecutorKind::kAuto && device_.summary().type == "CPU") {
+      absl::StrAppend(&executor_words_, ": ", not_on_host);
+    }
   }
   by_reference_ = std::make_unique<ReferenceExecutor>(*by_device_or_host_);
+  if (device_.is_host()) return absl::OkStatus();
   ASSIGN_OR_RETURN(baker_, EnvironmentBaker::create(device_, pool_, crew));
   return absl::OkStatus();
 }
@@ -68,6 +77,13 @@ Executor& Renderer::executor_of(const FrameMemory& memory) const {
 
 absl::StatusOr<Metered> Renderer::meter(FrameMemory& memory, const Settings& settings) {
   return executor_of(memory).meter(memory, plan_ingest(memory.textures().layout, settings));
+}
+
+absl::Status Renderer::check_environments() const {
+  if (baker_ != nullptr) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "this server has no Vulkan device, and only that bakes environments; use another server, or start "
+      "this one without --device host");
 }
 
 absl::Status Renderer::prepare_view(Environment& environment, const BakeQuality& quality, bool objects) {

@@ -18,7 +18,7 @@ struct Drawn;
 class Renderer final : public FrameMaker {
  public:
   // `device` and `pool` outlive the renderer. `threads` of the host make its passes; 0: usable_cpus().
-  // FAILED_PRECONDITION, saying why, if the host is to make them and cannot.
+  // FAILED_PRECONDITION, saying why, if the one that is to make them cannot.
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool,
                                                           ExecutorKind passes = ExecutorKind::kAuto,
                                                           uint32_t threads = 0);
@@ -34,6 +34,7 @@ class Renderer final : public FrameMaker {
   // Made as the passes are.
   absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects) override;
   absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory) override;
+  absl::Status check_environments() const override;
   EnvironmentBaker& baker() const override { return *baker_; }
 
   // Who makes the passes, kDevice or kHost, and the same in words: "on the host, AVX2, 2 threads".
@@ -58,7 +59,7 @@ class Renderer final : public FrameMaker {
   std::string executor_words_;
   std::unique_ptr<Executor> by_device_or_host_;
   std::unique_ptr<Executor> by_reference_;
-  std::unique_ptr<EnvironmentBaker> baker_;  // may use the threads of by_device_or_host_
+  std::unique_ptr<EnvironmentBaker> baker_;  // may use the threads of by_device_or_host_; null on the host
 };
 
 }  // namespace candela

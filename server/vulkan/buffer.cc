@@ -5,14 +5,17 @@
 #include <cstdint>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
+#include "server/vulkan/functions.h"
 #include "server/vulkan/result.h"
 
 namespace candela {
 namespace {
 
 constexpr uintptr_t kLargePage = uintptr_t{2} << 20;  // of x86-64 and of arm64 with pages of 4 KiB
+constexpr uint64_t kCacheLine = 64;
 
 // Asks for large pages, which spare the host's passes misses of the TLB. A kernel that has none, and a device
 // whose memory is not the host's, decline.
@@ -30,6 +33,10 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   Buffer b;
   b.device_ = &device;
   b.bytes_ = bytes;
+  if (device.is_host()) {
+    RETURN_IF_ERROR(b.take_heap());
+    return b;
+  }
 
   VkBufferCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
@@ -73,12 +80,17 @@ absl::StatusOr<Buffer> Buffer::create(const Device& device, uint64_t bytes, Memo
   return b;
 }
 
-Buffer Buffer::on_heap(uint64_t bytes) {
-  Buffer b;
-  b.bytes_ = bytes;
-  b.heap_ = std::make_unique<std::byte[]>(bytes);
-  b.mapped_ = b.heap_.get();
-  return b;
+absl::Status Buffer::take_heap() {
+  const uint64_t alignment = bytes_ < kLargePage ? kCacheLine : kLargePage;
+  const uint64_t whole = (bytes_ + kCacheLine - 1) / kCacheLine * kCacheLine;
+  void* memory = nullptr;
+  if (device_->refuses_memory() || posix_memalign(&memory, alignment, whole) != 0) {
+    return absl::ResourceExhaustedError(absl::StrFormat("the host has no memory for %d bytes", bytes_));
+  }
+  heap_.reset(static_cast<std::byte*>(memory));
+  mapped_ = heap_.get();
+  advise_large_pages(memory, bytes_);
+  return absl::OkStatus();
 }
 
 Buffer::Buffer(Buffer&& other) noexcept { *this = std::move(other); }
@@ -96,7 +108,7 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
 }
 
 Buffer::~Buffer() {
-  if (device_ == nullptr || device_->hung()) return;
+  if (device_ == nullptr || device_->is_host() || device_->hung()) return;
   if (view_ != VK_NULL_HANDLE) vkDestroyBufferView(device_->handle(), view_, nullptr);
   if (buffer_ != VK_NULL_HANDLE) vkDestroyBuffer(device_->handle(), buffer_, nullptr);
   if (memory_ != VK_NULL_HANDLE) vkFreeMemory(device_->handle(), memory_, nullptr);

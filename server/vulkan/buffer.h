@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <memory>
 
 #include "absl/status/statusor.h"
@@ -17,10 +18,9 @@ namespace candela {
 // time. The device outlives it.
 class Buffer {
  public:
-  // RESOURCE_EXHAUSTED if the device has no memory for it. `bytes` is at least 16.
+  // RESOURCE_EXHAUSTED if the device has no memory for it. `bytes` is at least 16. On the host it has no
+  // handle, no address and no view.
   static absl::StatusOr<Buffer> create(const Device& device, uint64_t bytes, MemoryUse use);
-  // Zeros that only the host has: no handle, no address, no view.
-  static Buffer on_heap(uint64_t bytes);
 
   Buffer() = default;
   Buffer(Buffer&& other) noexcept;
@@ -36,6 +36,11 @@ class Buffer {
   std::byte* mapped() const { return mapped_; }
 
  private:
+  struct Free {
+    void operator()(std::byte* memory) const { std::free(memory); }
+  };
+  absl::Status take_heap();
+
   const Device* device_ = nullptr;
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
@@ -43,7 +48,7 @@ class Buffer {
   VkDeviceAddress address_ = 0;
   uint64_t bytes_ = 0;
   std::byte* mapped_ = nullptr;
-  std::unique_ptr<std::byte[]> heap_;  // without a device
+  std::unique_ptr<std::byte[], Free> heap_;  // on the host
 };
 
 // The halves of an address, which shaders take as two words.

@@ -4,8 +4,11 @@
 #include <cstdlib>
 
 #include "absl/cleanup/cleanup.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "server/base/status_macros.h"
+#include "server/vulkan/functions.h"
+#include "server/vulkan/gpu.h"
 #include "server/vulkan/physical_device.h"
 #include "server/vulkan/result.h"
 
@@ -20,6 +23,9 @@ constexpr bool kAlwaysValidate = true;
 #else
 constexpr bool kAlwaysValidate = false;
 #endif
+
+// As lavapipe has it.
+constexpr uint64_t kMaxHostTextureBytes = uint64_t{1} << 31;
 
 VKAPI_ATTR VkBool32 VKAPI_CALL on_validation_message(VkDebugUtilsMessageSeverityFlagBitsEXT,
                                                      VkDebugUtilsMessageTypeFlagsEXT,
@@ -43,8 +49,22 @@ absl::StatusOr<std::vector<DeviceSummary>> list_devices() {
 }
 
 absl::StatusOr<std::unique_ptr<Device>> Device::create(const DeviceOptions& options) {
+  const bool or_host = options.host_without_gpu && options.selector.empty();
+  if (absl::EqualsIgnoreCase(options.selector, kHostDevice) || (or_host && !has_gpu())) return host();
   std::unique_ptr<Device> device(new Device);
-  RETURN_IF_ERROR(device->open(options));
+  const absl::Status opened = device->open(options);
+  const bool none = absl::IsFailedPrecondition(opened) || absl::IsNotFound(opened);
+  if (or_host && (none || (opened.ok() && device->summary_.type == kCpuType))) return host();
+  if (!opened.ok()) return opened;
+  return device;
+}
+
+std::unique_ptr<Device> Device::host() {
+  std::unique_ptr<Device> device(new Device);
+  device->summary_.name = kHostDevice;
+  device->summary_.type = kCpuType;
+  device->summary_.unified_memory = true;
+  device->summary_.max_allocation_bytes = kMaxHostTextureBytes;
   return device;
 }
 

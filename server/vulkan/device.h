@@ -1,4 +1,4 @@
-// One headless Vulkan device with one compute queue.
+// One headless Vulkan device with one compute queue, or the host in its place.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -14,10 +14,15 @@
 
 namespace candela {
 
+// The selector of the host: nothing of Vulkan is loaded, and its buffers are memory of the heap.
+inline constexpr char kHostDevice[] = "host";
+
 struct DeviceOptions {
-  // Empty: the first discrete GPU, integrated GPU, virtual GPU or CPU, in this order. Otherwise an index in
-  // list_devices(), or part of a device's name; case does not matter.
+  // Empty: the first discrete GPU, integrated GPU, virtual GPU or CPU, in this order. Otherwise kHostDevice,
+  // an index in list_devices(), or part of a device's name; case does not matter.
   std::string selector;
+  // With an empty selector: the host unless there is a GPU that can be used.
+  bool host_without_gpu = false;
   // Validation and synchronisation validation; their messages are counted and printed to stderr. A build with
   // CANDELA_VALIDATION validates every device, and its first message ends the process.
   bool validation = false;
@@ -33,7 +38,7 @@ struct DeviceSummary {
   std::string name;
   std::string type;                   // "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other"
   std::string driver;                 // name and version
-  std::string api_version;            // "1.3.230"
+  std::string api_version;            // "1.3.230"; empty, like the driver, of the host
   bool unified_memory = false;        // device memory is mapped and cached: no staging copies
   uint64_t max_allocation_bytes = 0;  // of one texture
   std::string unusable;               // why it cannot render; empty if it can
@@ -54,6 +59,7 @@ class Device {
  public:
   // NOT_FOUND, listing the devices, if none matches the selector; otherwise fails as list_devices() does.
   static absl::StatusOr<std::unique_ptr<Device>> create(const DeviceOptions& options);
+  static std::unique_ptr<Device> host();
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
@@ -61,6 +67,8 @@ class Device {
   const DeviceSummary& summary() const { return summary_; }
   bool unified_memory() const { return summary_.unified_memory; }
 
+  // Only its memory can be used: it has no handle and no queue, and nothing can be submitted.
+  bool is_host() const { return device_ == VK_NULL_HANDLE; }
   VkDevice handle() const { return device_; }
   VkQueue queue() const { return queue_; }
   uint32_t queue_family() const { return queue_family_; }

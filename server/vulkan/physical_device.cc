@@ -12,22 +12,19 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "server/base/status_macros.h"
+#include "server/vulkan/functions.h"
 #include "server/vulkan/result.h"
 
 namespace candela {
 
 namespace {
 
-constexpr char kNoDriver[] =
-    "no Vulkan driver found: install Debian's mesa-vulkan-drivers (the lavapipe software device) or your "
-    "GPU's driver, or set VK_ICD_FILENAMES to a driver's .json file";
-
 // The best first.
 constexpr std::pair<VkPhysicalDeviceType, const char*> kTypes[] = {
     {VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU, "discrete GPU"},
     {VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU, "integrated GPU"},
     {VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU, "virtual GPU"},
-    {VK_PHYSICAL_DEVICE_TYPE_CPU, "CPU"},
+    {VK_PHYSICAL_DEVICE_TYPE_CPU, kCpuType},
 };
 
 // Lower is better.
@@ -35,6 +32,10 @@ size_t rank(VkPhysicalDeviceType type) {
   size_t i = 0;
   while (i < std::size(kTypes) && kTypes[i].first != type) ++i;
   return i;
+}
+
+absl::Status no_driver() {
+  return absl::FailedPreconditionError(absl::StrCat("no Vulkan driver found: ", kInstallDriver));
 }
 
 const char* type_name(VkPhysicalDeviceType type) {
@@ -161,6 +162,7 @@ std::optional<uint32_t> find_memory_type(const VkPhysicalDeviceMemoryProperties&
 }
 
 absl::StatusOr<VkInstance> create_instance(bool validation) {
+  RETURN_IF_ERROR(load_vulkan());
   VkApplicationInfo application{};
   application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
   application.pApplicationName = "candela";
@@ -191,7 +193,7 @@ absl::StatusOr<VkInstance> create_instance(bool validation) {
     return absl::FailedPreconditionError(
         "no validation layer: install Debian's vulkan-validationlayers, or leave out --validation");
   }
-  if (result == VK_ERROR_INCOMPATIBLE_DRIVER) return absl::FailedPreconditionError(kNoDriver);
+  if (result == VK_ERROR_INCOMPATIBLE_DRIVER) return no_driver();
   RETURN_IF_ERROR(vulkan_status(result, "vkCreateInstance"));
   return instance;
 }
@@ -201,7 +203,7 @@ absl::StatusOr<std::vector<PhysicalDevice>> physical_devices(VkInstance instance
   CANDELA_VK(vkEnumeratePhysicalDevices(instance, &count, nullptr));
   std::vector<VkPhysicalDevice> handles(count);
   CANDELA_VK(vkEnumeratePhysicalDevices(instance, &count, handles.data()));
-  if (handles.empty()) return absl::FailedPreconditionError(kNoDriver);
+  if (handles.empty()) return no_driver();
   std::vector<PhysicalDevice> devices;
   for (VkPhysicalDevice handle : handles) {
     devices.push_back(describe(handle, static_cast<uint32_t>(devices.size())));

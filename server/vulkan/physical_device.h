@@ -11,6 +11,9 @@
 
 namespace candela {
 
+// DeviceSummary::type of a processor.
+inline constexpr char kCpuType[] = "CPU";
+
 struct PhysicalDevice {
   VkPhysicalDevice handle = VK_NULL_HANDLE;
   VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
+#include "server/vulkan/functions.h"
 #include "server/vulkan/pipeline.h"
 #include "server/vulkan/result.h"
 

@@ -41,12 +41,9 @@ absl::StatusOr<std::vector<Maker>> makers_on(const Workbench& bench) {
   std::vector<Maker> makers;
   makers.push_back({"device", *std::move(executor), nullptr, nullptr, {}});
   makers.push_back(
-      {"host, 1 thread", std::make_unique<HostExecutor>(&device, 1), std::make_unique<Crew>(1), nullptr, {}});
-  makers.push_back({"host, 2 threads",
-                    std::make_unique<HostExecutor>(&device, 2),
-                    std::make_unique<Crew>(2),
-                    nullptr,
-                    {}});
+      {"host, 1 thread", std::make_unique<HostExecutor>(device, 1), std::make_unique<Crew>(1), nullptr, {}});
+  makers.push_back(
+      {"host, 2 threads", std::make_unique<HostExecutor>(device, 2), std::make_unique<Crew>(2), nullptr, {}});
   for (Maker& maker : makers) {
     auto baker = EnvironmentBaker::create(device, *bench.pool, maker.crew.get());
     if (!baker.ok()) return baker.status();

@@ -41,6 +41,7 @@ struct Bench {
   explicit Bench(uint32_t threads);
   FrameMemory take(const TextureLayout& layout, Verify verify);
 
+  std::unique_ptr<Device> device = Device::host();
   TexturePool pool;
   HostExecutor executor;
 };

@@ -35,13 +35,10 @@ void add_statistics(const FrameStats& stats, Hash& hash) {
 
 }  // namespace
 
-Bench::Bench(uint32_t threads) : pool(uint64_t{1} << 30, real_clock()), executor(nullptr, threads) {}
+Bench::Bench(uint32_t threads) : pool(*device, uint64_t{1} << 30, real_clock()), executor(*device, threads) {}
 
 FrameMemory Bench::take(const TextureLayout& layout, Verify verify) {
-  DeviceSummary heap;
-  heap.unified_memory = true;
-  heap.max_allocation_bytes = pool.budget_bytes();
-  return FrameMemory::take(pool, heap, layout, verify).value();
+  return FrameMemory::take(pool, device->summary(), layout, verify).value();
 }
 
 float steps_of_light(float x) {

@@ -68,6 +68,11 @@ std::string numbers_of(const v1::Tier& tier) {
   return text;
 }
 
+std::string driver_of(const v1::DeviceInfo& device) {
+  if (device.api_version().empty()) return "none: there is no Vulkan device, and there are no environments";
+  return absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version());
+}
+
 std::string to_text(const v1::GetServerInfoResponse& info, const std::string& address) {
   const Words words(info);
   const v1::DeviceInfo& device = info.device();
@@ -80,7 +85,7 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   };
   line("device", absl::StrFormat("%s (%s%s)", device.name(), device.type(),
                                  device.unified_memory() ? ", unified memory" : ""));
-  line("driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version()));
+  line("driver", driver_of(device));
   if (!device.passes().empty()) line("passes", absl::StrCat("on the ", device.passes()));
   if (!device.bits().empty()) line("bits", device.bits());
   line("takes", absl::StrJoin(words.formats, ", "));
@@ -171,7 +176,8 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
        {{"max_frame_bytes", info.limits().max_frame_bytes()},
         {"max_dimension", info.limits().max_dimension()},
         {"max_band_bytes", info.limits().max_band_bytes()},
-        {"memory_budget_bytes", info.limits().memory_budget_bytes()}}},
+        {"memory_budget_bytes", info.limits().memory_budget_bytes()},
+        {"environment_budget_bytes", info.limits().environment_budget_bytes()}}},
       {"pool",
        {{"hits", info.pool().hits()},
         {"misses", info.pool().misses()},

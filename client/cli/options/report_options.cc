@@ -49,6 +49,7 @@ void add_report_options(CLI::App& app, ReportOptions& options) {
       ->option_text("FILE...")
       ->group(kSection);
   add_quiet_option(app, "Output", options.quiet);
+  options.server.bakes = true;
   add_server_options(app, options.server);
 }
 

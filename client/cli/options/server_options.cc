@@ -45,16 +45,18 @@ std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice)
 
 void add_security_and_device(CLI::App& app, ServerChoice& choice) {
   add_security_options(app, kServerSection, choice.security);
-  add_text(app, kServerSection, "--device", "NAME|INDEX",
-           "Render in this process, even if $CANDELA_SERVER is set, on this Vulkan device: part of its name, "
-           "or its index (default: the best one)",
+  add_text(app, kServerSection, "--device", "NAME|INDEX|host",
+           absl::StrCat(
+               "Render in this process, even if $CANDELA_SERVER is set, on this Vulkan device: part of its "
+               "name, or its index; host: without one (default: ",
+               choice.bakes ? "the best one)" : "a GPU, else host)"),
            choice.device);
   for (const auto& [name, section] :
        {std::pair("--executor", kServerSection), std::pair("--passes", kHiddenSection)}) {
     add_text(
         app, section, name, "WHO",
         "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
-        "(default: auto, which is host if the Vulkan device is a CPU and the processors can, else device)",
+        "(default: auto, which is host without a GPU if the processors can, else device)",
         [&choice, name = std::string(name)](const std::string& text) {
           if (text != "auto" && text != "device" && text != "host") {
             return usage_error(absl::StrFormat("%s is \"%s\"; it must be auto, device or host", name, text));
@@ -129,6 +131,9 @@ absl::Status finish_server_options(ServerChoice& choice) {
   if (!choice.address.empty() && !choice.passes.empty()) {
     return usage_error(
         "--executor is an option of the built-in server and has no effect with --server; give one of them");
+  }
+  if (absl::EqualsIgnoreCase(choice.device, "host") && choice.passes == "device") {
+    return usage_error("--device host is no Vulkan device, which --executor device needs; give one of them");
   }
   const char* variable = std::getenv(kServerVariable);
   if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||

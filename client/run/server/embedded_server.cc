@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "client/run/options.h"
 #include "server/alarm_timers.h"
 #include "server/base/clock.h"
 #include "server/base/process/cgroup.h"
@@ -37,15 +38,14 @@ uint64_t EmbeddedServer::usable_memory_bytes() {
 
 std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
 
-absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const std::string& device,
-                                                                      const std::string& passes,
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const ServerChoice& choice,
                                                                       bool measures_tiers) {
   Config config;
-  if (!passes.empty()) {
-    ASSIGN_OR_RETURN(const ExecutorKind who, parse_executor(passes));
-    config.passes = who;
+  if (!choice.passes.empty()) {
+    ASSIGN_OR_RETURN(config.passes, parse_executor(choice.passes));
   }
-  config.device = device;
+  config.device = choice.device;
+  config.host_without_gpu = !choice.bakes && config.passes != ExecutorKind::kDevice;
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   // Its one client may bring the largest panorama.
   config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;

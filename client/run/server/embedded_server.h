@@ -14,6 +14,7 @@
 namespace candela {
 
 class Server;
+struct ServerChoice;
 struct ServerTime;
 
 // Usable from any thread.
@@ -30,10 +31,8 @@ class EmbeddedServer {
   // The environment variables that candelad reads.
   static std::vector<std::string> daemon_variables();
 
-  // Takes hundreds of milliseconds. `device` and `passes` mean the same as candelad's options; empty: the
-  // defaults.
-  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const std::string& device,
-                                                               const std::string& passes,
+  // Takes tens of milliseconds, and hundreds with a Vulkan device.
+  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const ServerChoice& choice,
                                                                bool measures_tiers = false);
   ~EmbeddedServer();
 

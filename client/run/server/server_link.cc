@@ -47,7 +47,7 @@ ServerLink::ServerLink(const ServerChoice& choice, RunEvents& events, bool measu
   starting_ = std::async(std::launch::async, [this, measures_tiers]() -> Started {
     try {
       const absl::Time begin = absl::Now();
-      Started server = EmbeddedServer::start(choice_.device, choice_.passes, measures_tiers);
+      Started server = EmbeddedServer::start(choice_, measures_tiers);
       if (!server.ok()) return failure_of(FailureKind::kServer, server.status());
       start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
       return server;

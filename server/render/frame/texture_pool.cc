@@ -22,7 +22,8 @@ uint64_t TextureKey::bytes() const {
   return std::max<uint64_t>(16, uint64_t{width} * height * texel_bytes);
 }
 
-TexturePool::TexturePool(Device* device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep)
+TexturePool::TexturePool(const Device& device, uint64_t budget_bytes, Clock& clock,
+                         std::chrono::nanoseconds keep)
     : device_(device), budget_bytes_(budget_bytes), clock_(clock), keep_(keep) {}
 
 TexturePool::~TexturePool() {
@@ -53,10 +54,10 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
     ++counters_.misses;
   }
   given_up.clear();
-  absl::StatusOr<Buffer> buffer = make_buffer(key);
+  absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
   // The device may have less memory than the budget.
   while (absl::IsResourceExhausted(buffer.status()) && give_up_one()) {
-    buffer = make_buffer(key);
+    buffer = Buffer::create(device_, bytes, key.use);
   }
   if (!buffer.ok()) {
     const std::lock_guard lock(mutex_);
@@ -95,11 +96,6 @@ absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
   CHECK(counters_.bytes_in_use + counters_.bytes_idle <= budget_bytes_);
   counters_.bytes_peak = std::max(counters_.bytes_peak, counters_.bytes_in_use + counters_.bytes_idle);
   return absl::OkStatus();
-}
-
-absl::StatusOr<Buffer> TexturePool::make_buffer(const TextureKey& key) const {
-  if (device_ == nullptr) return Buffer::on_heap(key.bytes());
-  return Buffer::create(*device_, key.bytes(), key.use);
 }
 
 bool TexturePool::give_up_one() {

@@ -48,10 +48,8 @@ class TexturePool {
   static constexpr std::chrono::seconds kKeep{30};
 
   // `device` and `clock` outlive it.
-  TexturePool(Device& device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep = kKeep)
-      : TexturePool(&device, budget_bytes, clock, keep) {}
-  // Its textures are memory of the heap, which no device reads or writes.
-  TexturePool(uint64_t budget_bytes, Clock& clock) : TexturePool(nullptr, budget_bytes, clock, kKeep) {}
+  TexturePool(const Device& device, uint64_t budget_bytes, Clock& clock,
+              std::chrono::nanoseconds keep = kKeep);
   ~TexturePool();
 
   class Lease;
@@ -70,8 +68,6 @@ class TexturePool {
 
  private:
   struct Entry;
-  TexturePool(Device* device, uint64_t budget_bytes, Clock& clock, std::chrono::nanoseconds keep);
-  absl::StatusOr<Buffer> make_buffer(const TextureKey& key) const;
   // Frees the oldest idle texture. False if there is none.
   bool give_up_one();
   // Moves the oldest idle texture to `given_up`. With mutex_ held.
@@ -82,7 +78,7 @@ class TexturePool {
                          std::vector<std::unique_ptr<Entry>>* given_up);
   void give_back(std::unique_ptr<Entry> entry);
 
-  Device* const device_;  // null: the heap
+  const Device& device_;
   const uint64_t budget_bytes_;
   Clock& clock_;
   const std::chrono::nanoseconds keep_;

@@ -58,8 +58,8 @@ std::string HostExecutor::unavailable(const DeviceSummary& device) {
 }
 
 absl::Status HostExecutor::usable() const {
-  if (device_ == nullptr || !device_->lost()) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_->summary().name));
+  if (!device_.lost()) return absl::OkStatus();
+  return absl::UnavailableError(absl::StrCat("device lost: ", device_.summary().name));
 }
 
 absl::StatusOr<Metered> HostExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {

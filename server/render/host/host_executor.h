@@ -29,8 +29,8 @@ class HostExecutor final : public Executor {
   static std::string unavailable(const DeviceSummary& device);
 
   // Renders with `threads` threads, one of them the caller's. The device, which only holds the textures,
-  // outlives the executor; null if the heap holds them.
-  HostExecutor(const Device* device, uint32_t threads) : device_(device), crew_(threads) {}
+  // outlives the executor.
+  HostExecutor(const Device& device, uint32_t threads) : device_(device), crew_(threads) {}
 
   // Its threads, for other work between two calls.
   Crew& crew() { return crew_; }
@@ -44,7 +44,7 @@ class HostExecutor final : public Executor {
   // Those of the plan's table; null if it has none.
   std::shared_ptr<const host::TablePoints> points_of(const Plan& plan);
 
-  const Device* const device_;
+  const Device& device_;
   Crew crew_;
   TablesUsedLast<host::TablePoints> tables_;
 };

@@ -105,6 +105,7 @@ absl::Status PutEnvironmentCall::take_start() {
   if (!request.has_start()) {
     return absl::InvalidArgumentError("first message holds no `start`; send it before the bands");
   }
+  RETURN_IF_ERROR(state_.rendering.renderer()->check_environments());
   ASSIGN_OR_RETURN(PanoramaStart start, panorama_start_from(request.start(), state_.limits.frame));
   // What can never fit is refused before a pixel is read.
   const FrameDesc& desc = start.layout.desc;

@@ -72,6 +72,7 @@ absl::StatusOr<EnvironmentUse> EnvironmentStore::find(absl::string_view field, c
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s is not the id of an environment; PutEnvironment returns ids, of 64 hex digits", field));
   }
+  RETURN_IF_ERROR(renderer.check_environments());
   absl::MutexLock lock(&mutex_);
   const auto found = position(id, renderer);
   if (found == kept_.end()) {

@@ -67,7 +67,7 @@ class EnvironmentStore {
   EnvironmentUse keep(EnvironmentUse environment);
 
   // The environment with this id on the device of `renderer`; it counts as used now. INVALID_ARGUMENT, naming
-  // `field`, if the id has not the form of one; NOT_FOUND, naming the id.
+  // `field`, if the id has not the form of one; NOT_FOUND, naming the id; or what check_environments() says.
   absl::StatusOr<EnvironmentUse> find(absl::string_view field, const std::string& id,
                                       const FrameMaker& renderer);
 

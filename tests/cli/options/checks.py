@@ -244,6 +244,14 @@ def quick_report(bench: Bench, _: str) -> None:
          f"--panoramas took {report['environments']}")
 
 
+def device(command: str):
+    """Without a Vulkan device there are no environments."""
+    named = needs("--device llvmpipe", "--device no-such-device", at_home(command), "no-such-device")
+    if command in ("view", "environment"):
+        return both(named, refuses("--device host", at_home(command), "only that bakes environments"))
+    return both(named, needs("--device host", "--device no-such-device", at_home(command), "no-such-device"))
+
+
 def executor(command: str):
     """Who runs the passes of the built-in server; render, view and info say it."""
     says = {"info": lambda run: run.lines()[0]["device"]["passes"],

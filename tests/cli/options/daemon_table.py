@@ -109,8 +109,16 @@ def guarded(option: str):
 
 def device(bench: Bench, _: str) -> None:
     hold("no-such-device" in words_of("--device", "no-such-device", code=1), "the refusal does not name the device")
-    with Daemon("--device", "llvmpipe"):
-        pass
+    with Daemon("--device", "llvmpipe") as daemon:
+        hold("libvulkan" in maps(daemon), "Vulkan is not loaded")
+    with Daemon("--device", "host") as daemon:
+        hold(render(daemon.address)[0] == "OK", "it does not render")
+        loaded = [name for name in ("libvulkan", "libLLVM") if name in maps(daemon)]
+        hold(not loaded, f"it has loaded {loaded}")
+
+
+def maps(daemon: Daemon) -> str:
+    return pathlib.Path(f"/proc/{daemon.pid}/maps").read_text()
 
 
 def passes(bench: Bench, _: str) -> None:
@@ -122,8 +130,7 @@ def passes(bench: Bench, _: str) -> None:
 
 def validation(bench: Bench, _: str) -> None:
     with Daemon("--validation") as daemon:
-        loaded = pathlib.Path(f"/proc/{daemon.pid}/maps").read_text()
-        hold("VkLayer_khronos_validation" in loaded, "the validation layer is not loaded")
+        hold("VkLayer_khronos_validation" in maps(daemon), "the validation layer is not loaded")
 
 
 def max_calls(bench: Bench, _: str) -> None:

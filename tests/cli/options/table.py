@@ -1,7 +1,7 @@
 """The option table: for every option of every command, a check of checks.py that shows what the option does."""
 import json
 
-from checks import (GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, each_word, elsewhere,
+from checks import (GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, device, each_word, elsewhere,
                     encodings, executor, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
                     shows, waits)
 
@@ -198,7 +198,7 @@ def table(command: str) -> dict:
     if command not in ("info", "health"):
         rows["--quiet"] = quiet(command)
     if command in SERVERS:
-        rows["--device"] = needs("--device llvmpipe", "--device no-such-device", at_home(command), "no-such-device")
+        rows["--device"] = device(command)
         rows["--executor"] = executor(command)
     if command != "sample":
         rows["--server"] = elsewhere(at_home(command))

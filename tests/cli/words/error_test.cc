@@ -81,6 +81,7 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "in.exr", "out"}, "use .png, .jpg, .jpeg, .tif, .tiff, .exr or .pfm"},
            {render({"--server", "nowhere:port"}), "neither HOST:PORT (port 1 .. 65535) nor unix:PATH"},
            {render({"--server", "a:1", "--device", "0"}), "give one of them"},
+           {render({"--device", "host", "--executor", "device"}), "give one of them"},
            {render({"--error-map", "map.jpg"}), "--error-map is map.jpg; it must end in .png"},
            {render({"--error-map", "out.png"}), "OUT is the same file"},
            {{"sample", "scene.png"}, "written as .exr or .pfm"},

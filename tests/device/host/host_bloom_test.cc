@@ -34,7 +34,7 @@ class HostBloom : public HostTest {
                           bool everywhere = false) {
     FrameMemory memory = in_memory(frame, settings);
     const TextureLayout& layout = memory.textures().layout;
-    Metered metered = HostExecutor(&device(), threads).meter(memory, plan_ingest(layout, settings)).value();
+    Metered metered = HostExecutor(device(), threads).meter(memory, plan_ingest(layout, settings)).value();
     if (everywhere) {
       for (float& light : metered.stats.tile_light) light = std::numeric_limits<float>::infinity();
     }

@@ -96,7 +96,7 @@ class HostIngest : public HostTest {
     IngestPlan plan = plan_ingest(memory.textures().layout, settings);
     plan.wants_histogram = true;  // if there is one
     const absl::StatusOr<Metered> by_device = device_->meter(memory, plan);
-    HostExecutor host(&device(), 1 + frame.desc.width % 3);
+    HostExecutor host(device(), 1 + frame.desc.width % 3);
     on_each_instruction_set([&](const std::string& set) {
       const absl::StatusOr<Metered> by_host = host.meter(memory, plan);
       ASSERT_EQ(by_host.status(), by_device.status()) << set << ", " << what;

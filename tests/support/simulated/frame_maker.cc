@@ -114,7 +114,7 @@ std::vector<std::byte> simulated_view(const Environment& environment, const View
 }
 
 SimulatedFrameMaker::SimulatedFrameMaker(uint64_t budget_bytes, Clock& clock)
-    : device_(simulated_device(budget_bytes)), pool_(budget_bytes, clock) {}
+    : device_(simulated_device(budget_bytes)), pool_(*host_, budget_bytes, clock) {}
 
 absl::StatusOr<FrameMemory> SimulatedFrameMaker::allocate(const FrameDesc& desc, const Settings& settings,
                                                           Verify verify) {

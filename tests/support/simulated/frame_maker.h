@@ -60,7 +60,9 @@ class SimulatedFrameMaker final : public FrameMaker {
   // A view is the pixels of simulated_view().
   absl::Status prepare_view(Environment& environment, const BakeQuality& quality, bool objects) override;
   absl::Status render_view(Environment& environment, const View& view, FrameMemory& memory) override;
-  // It bakes nothing: the caller ends the program. Its environments are those that a test makes up.
+  // It bakes nothing: the caller of baker() ends the program. Its environments are those that a test makes
+  // up.
+  absl::Status check_environments() const override { return absl::OkStatus(); }
   EnvironmentBaker& baker() const override;
 
   // From now on every frame fails, as those of a lost device do.
@@ -69,6 +71,7 @@ class SimulatedFrameMaker final : public FrameMaker {
 
  private:
   const DeviceSummary device_;
+  const std::unique_ptr<Device> host_ = Device::host();
   TexturePool pool_;
   bool lost_ = false;
 };

@@ -161,7 +161,9 @@ Json machine(const v1::GetServerInfoResponse& info, const ServerChoice& choice, 
           {"device", device.name()},
           {"kind", absl::StrFormat("%s%s", device.type(),
                                    device.unified_memory() ? ", unified memory" : ", staging copies")},
-          {"driver", absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version())},
+          {"driver", device.api_version().empty()
+                         ? "none"
+                         : absl::StrFormat("%s, Vulkan %s", device.driver(), device.api_version())},
           {"passes", device.passes()},
           {"server", choice.address.empty() ? "inside the measuring process" : choice.address},
           {"candela", info.version()}};

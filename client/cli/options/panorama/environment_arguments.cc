@@ -196,6 +196,7 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
   add_json_option(app, kOutputSection, "Write what was baked, and the times, as one line of JSON",
                   options.json);
   add_quiet_option(app, kOutputSection, options.quiet);
+  options.server.bakes = true;
   add_servers_options(app, options.server);
 }
 

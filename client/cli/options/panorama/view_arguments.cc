@@ -194,6 +194,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_quiet_option(app, kOutputSection, options.quiet);
   app.add_flag("--verbose,-v", options.verbose, "Print everything about a single view, not only a line")
       ->group(kOutputSection);
+  options.server.bakes = true;
   add_servers_options(app, options.server);
 }
 
