@@ -204,11 +204,11 @@ TEST_F(Resized, AnErrorIsPromisedByTheReferenceAlone) {
   v1::Settings settings = at_ev(0);
   settings.set_max_error_codes(1);
   const WireFrame frame = natural(64, 64);
-  EXPECT_EQ(must_render(frame, settings).report.tier, "draft");
+  EXPECT_EQ(must_render(frame, settings).report.tier, "standard");
   settings.mutable_output_size()->set_percent(50);
   EXPECT_EQ(must_render(frame, settings).report.tier, "reference");
   settings.mutable_output_size()->set_percent(100);
-  EXPECT_EQ(must_render(frame, settings).report.tier, "draft");
+  EXPECT_EQ(must_render(frame, settings).report.tier, "standard");
 }
 
 TEST_F(Resized, IsRefusedBeforeMemoryIsTaken) {

@@ -198,14 +198,23 @@ absl::Status record_resize(const ResizeStep& step, bool down, uint32_t block, co
   const shader::ResolveParams& params = step.frame.inputs.params;
   const bool blooms = !step.frame.bloom_groups.empty();
   const AxisFilter& filter = down ? step.down : step.across;
+  // Along x the pass knows nothing of the frame.
+  const shader::ResizeConstants across = {.pixels = shader::PIXELS_SCENE,
+                                          .matrix = 0,
+                                          .scrub = 0,
+                                          .bloom = shader::BLOOM_NONE,
+                                          .level_size = kWholeBloom,
+                                          .wide = 0,
+                                          .down = 0};
+  const shader::ResizeConstants from_frame = {.pixels = frame.pixels,
+                                              .matrix = frame.matrix,
+                                              .scrub = frame.scrub,
+                                              .bloom = blooms ? frame.bloom : shader::BLOOM_NONE,
+                                              .level_size = frame.level_size,
+                                              .wide = frame.wide,
+                                              .down = 1};
   const ShaderInputs<shader::ResizeConstants, shader::ResizeParams> inputs = {
-      .constants = {.pixels = frame.pixels,
-                    .matrix = frame.matrix,
-                    .scrub = frame.scrub,
-                    .bloom = blooms ? frame.bloom : shader::BLOOM_NONE,
-                    .level_size = frame.level_size,
-                    .wide = frame.wide,
-                    .down = down},
+      .constants = down ? from_frame : across,
       .params = {.frame = params.frame,
                  .first_row = 0,
                  .level_width = params.level_width,

@@ -55,9 +55,10 @@ uint64_t reference_resize_bytes(const TextureLayout& layout) {
 // Texels of a row in whole groups.
 uint32_t pitch_of(uint32_t width, uint32_t group) { return groups(width, group) * group; }
 
-// Of a block of the resized frame: 8 MiB, which stay in a cache, or a row. A row is padded to whole
-// registers.
+// Of a block of the resized frame: 8 MiB, which stay in a cache, or a few rows. A register of the host holds
+// some texels of a row, or one texel of up to four rows.
 constexpr uint32_t kResizeTexels = 1 << 19;
+constexpr uint32_t kResizeRows = 4;
 constexpr uint32_t kResizeColumns = 16;
 
 }  // namespace
@@ -92,7 +93,8 @@ TextureLayout layout_textures(const FrameDesc& desc, const Settings& settings) {
   layout.image_pitch = pitch_of(layout.image.width, shader::GROUP_TEXELS);
   if (layout.image != ImageSize{desc.width, desc.height}) {
     layout.resize_pitch = pitch_of(desc.width, kResizeColumns);
-    layout.resize_rows = std::clamp<uint32_t>(kResizeTexels / layout.resize_pitch, 1, layout.image.height);
+    layout.resize_rows = pitch_of(
+        std::clamp<uint32_t>(kResizeTexels / layout.resize_pitch, 1, layout.image.height), kResizeRows);
   }
   layout.tiles_x = groups(desc.width, shader::TILE_TEXELS);
   layout.tiles_y = groups(desc.height, shader::TILE_TEXELS);

@@ -91,9 +91,29 @@ HWY_NOINLINE inline void widen(const Chunk& row, uint32_t components, uint32_t c
   }
 }
 
-HWY_INLINE void store_rgba(VF r, VF g, VF b, VF a, float* to) {
-  hn::StoreInterleaved4(natural(r), natural(g), natural(b), natural(a), kFloats, to);
+// Where column 0 of a row of the image is in the block. Its texels are kLanes floats apart.
+HWY_INLINE float* block_row(const ResizeJob& job, uint32_t y) {
+  const size_t row = y - job.block_rows.first;
+  return job.block + (row / kBlocks * job.block_pitch * kBlocks + row % kBlocks) * 4;
 }
+
+// Neighbouring pixels of a row, to the block.
+HWY_INLINE void store_texels(VF r, VF g, VF b, VF a, float* to) {
+  HWY_ALIGN float texels[4 * kLanes];
+  hn::StoreInterleaved4(natural(r), natural(g), natural(b), natural(a), kFloats, texels);
+  for (size_t i = 0; i < kLanes; ++i) std::memcpy(to + i * kLanes, texels + 4 * i, 4 * sizeof(float));
+}
+
+// Divides sums by their number of texels. For a power of 2 the product is the same.
+struct Mean {
+  explicit Mean(uint32_t texels)
+      : power_of_two((texels & (texels - 1)) == 0), count(static_cast<float>(texels)) {}
+  HWY_INLINE VF of(VF sum) const {
+    return power_of_two ? hn::Mul(sum, set(1.0f / count)) : hn::Div(sum, set(count));
+  }
+  bool power_of_two;
+  float count;
+};
 
 // The rows and columns of resize_down(). Alpha is left out if every one is 1.
 class Down {
@@ -106,9 +126,9 @@ class Down {
     const size_t chunks = light_.chunks();
     const auto kept = hwy::AllocateAligned<Chunk>(filter_.taps * chunks);
     std::array<const Chunk*, kKeptRows> under;
-    uint32_t next = filter_.texels(rows.first).first;
+    uint32_t next = job_.down_taps[rows.first].texels.first;
     for (uint32_t y = rows.first; y < rows.last; ++y) {
-      const TexelRange range = filter_.texels(y);
+      const TexelRange range = job_.down_taps[y].texels;
       for (; next < range.last; ++next) {
         light_.begin(next);
         for (uint32_t i = 0; i < chunks; ++i) light_.make(i, kept[next % filter_.taps * chunks + i]);
@@ -124,14 +144,12 @@ class Down {
 
  private:
   // Where the chunk's texels of row y of the image are.
-  float* to(uint32_t y, uint32_t chunk) const {
-    return job_.block + 4 * ((y - job_.block_rows.first) * job_.block_pitch + light_.x_of(chunk));
-  }
+  float* to(uint32_t y, uint32_t chunk) const { return block_row(job_, y) + light_.x_of(chunk) * kLanes; }
 
   // From all rows of the frame under the filter, in one loop.
   HWY_NOINLINE void weigh(const Chunk* const* rows, TexelRange range, uint32_t y, uint32_t chunk) const {
     const float* const weights = filter_.weights_of(y);
-    const TexelRange lobe = filter_.main_lobe(y);
+    const TexelRange lobe = job_.down_taps[y].main_lobe;
     const uint32_t lobe_first = lobe.first - range.first;
     const uint32_t lobe_last = lobe.last - range.first;
     const uint32_t taps = range.last - range.first;
@@ -162,8 +180,8 @@ class Down {
         if (!opaque) widen_to(hn::Load(kFloats, rows[k]->c[3] + i), low_a, high_a);
       }
       for (uint32_t k = lobe_last; k < taps; ++k) add(k);
-      store_rgba(hn::Clamp(r, low_r, high_r), hn::Clamp(g, low_g, high_g), hn::Clamp(b, low_b, high_b),
-                 opaque ? set(1.0f) : hn::Clamp(a, low_a, high_a), out + 4 * i);
+      store_texels(hn::Clamp(r, low_r, high_r), hn::Clamp(g, low_g, high_g), hn::Clamp(b, low_b, high_b),
+                   opaque ? set(1.0f) : hn::Clamp(a, low_a, high_a), out + i * kLanes);
     }
   }
 
@@ -172,8 +190,8 @@ class Down {
     const auto sums = hwy::AllocateAligned<Sums>(light_.chunks());
     const auto row = hwy::AllocateAligned<Chunk>(1);
     for (uint32_t y = rows.first; y < rows.last; ++y) {
-      const TexelRange range = filter_.texels(y);
-      const TexelRange lobe = filter_.mean > 0 ? TexelRange{} : filter_.main_lobe(y);
+      const TexelRange range = job_.down_taps[y].texels;
+      const TexelRange lobe = filter_.mean > 0 ? TexelRange{} : job_.down_taps[y].main_lobe;
       for (uint32_t k = range.first; k < range.last; ++k) {
         const float weight = filter_.mean > 0 ? 1.0f : filter_.weights_of(y)[k - range.first];
         light_.begin(k);
@@ -192,14 +210,14 @@ class Down {
     float* const out = to(y, chunk);
     const uint32_t count = light_.count(chunk);
     const bool opaque = components_ == 3;
-    const VF texels = set(static_cast<float>(filter_.mean));
+    const Mean mean(filter_.mean);
     for (uint32_t i = 0; i < count; i += kLanes) {
       const auto value = [&](size_t k) HWY_ATTR {
         const VF sum = hn::Load(kFloats, sums.sum.c[k] + i);
-        if (filter_.mean > 0) return hn::Div(sum, texels);
+        if (filter_.mean > 0) return mean.of(sum);
         return hn::Clamp(sum, hn::Load(kFloats, sums.low.c[k] + i), hn::Load(kFloats, sums.high.c[k] + i));
       };
-      store_rgba(value(0), value(1), value(2), opaque ? set(1.0f) : value(3), out + 4 * i);
+      store_texels(value(0), value(1), value(2), opaque ? set(1.0f) : value(3), out + i * kLanes);
     }
   }
 
@@ -211,46 +229,51 @@ class Down {
 
 void down(const ResizeJob& job, TexelRange rows, TexelRange columns) { Down(job, columns).make(rows); }
 
-// A texel is a register of four floats.
-void across(const ResizeJob& job, TexelRange rows) {
-  const hn::CappedTag<float, 4> rgba;
-  const AxisFilter& filter = *job.across;
-  const auto texels = hn::Set(rgba, static_cast<float>(filter.mean));
-  for (uint32_t y = rows.first; y < rows.last; ++y) {
-    const float* const from = job.block + 4 * (y - job.block_rows.first) * job.block_pitch;
-    float* const to = job.scene + 4 * y * job.scene_pitch;
-    if (filter.mean == 1) {
-      std::memcpy(to, from, size_t{filter.to} * 4 * sizeof(float));
-      continue;
+// The texel at a column of some rows, under the filter of one output. `from` is at column 0.
+HWY_INLINE VF weighted(const float* from, const Taps& taps, const float* weight) {
+  const float* texel = from + size_t{taps.texels.first} * kLanes;
+  VF sum = hn::Zero(kFloats);
+  VF low = hn::Inf(kFloats);
+  VF high = hn::Neg(low);
+  const auto add = [&](uint32_t count) HWY_ATTR {
+    for (const float* const end = weight + count; weight < end; ++weight, texel += kLanes) {
+      sum = hn::MulAdd(set(*weight), hn::LoadU(kFloats, texel), sum);
     }
+  };
+  add(taps.main_lobe.first - taps.texels.first);
+  const float* under = texel;
+  add(taps.main_lobe.last - taps.main_lobe.first);
+  for (; under < texel; under += kLanes) {
+    low = hn::Min(hn::LoadU(kFloats, under), low);
+    high = hn::Max(hn::LoadU(kFloats, under), high);
+  }
+  add(taps.texels.last - taps.main_lobe.last);
+  return hn::Clamp(sum, low, high);
+}
+
+HWY_INLINE VF summed(const float* from, uint32_t count) {
+  VF sum = hn::LoadU(kFloats, from);
+  for (uint32_t k = 1; k < count; ++k) sum = hn::Add(sum, hn::LoadU(kFloats, from + k * kLanes));
+  return sum;
+}
+
+// As many rows at once as a register holds texels.
+void across(const ResizeJob& job, TexelRange rows) {
+  const AxisFilter& filter = *job.across;
+  const Mean mean(filter.mean);
+  for (uint32_t y = rows.first; y < rows.last; y += kBlocks) {
+    const float* const from = block_row(job, y);
+    float* const to = job.scene + 4 * size_t{y} * job.scene_pitch;
+    const size_t count = std::min<size_t>(kBlocks, rows.last - y);
     for (uint32_t i = 0; i < filter.to; ++i) {
-      const TexelRange range = filter.texels(i);
-      const float* texel = from + 4 * size_t{range.first};
-      if (filter.mean > 0) {
-        auto sum = hn::LoadU(rgba, texel);
-        for (uint32_t k = 1; k < filter.mean; ++k) sum = hn::Add(sum, hn::LoadU(rgba, texel + 4 * k));
-        hn::StoreU(hn::Div(sum, texels), rgba, to + 4 * i);
-        continue;
+      const Taps& taps = job.across_taps[i];
+      HWY_ALIGN float texels[kLanes];
+      hn::Store(filter.mean > 0 ? mean.of(summed(from + size_t{taps.texels.first} * kLanes, filter.mean))
+                                : weighted(from, taps, filter.weights_of(i)),
+                kFloats, texels);
+      for (size_t row = 0; row < count; ++row) {
+        std::memcpy(to + 4 * (row * job.scene_pitch + i), texels + 4 * row, 4 * sizeof(float));
       }
-      const TexelRange lobe = filter.main_lobe(i);
-      const float* weight = filter.weights_of(i);
-      auto sum = hn::Zero(rgba);
-      auto low = hn::Inf(rgba);
-      auto high = hn::Neg(low);
-      const auto add = [&](uint32_t count) HWY_ATTR {
-        for (const float* const end = weight + count; weight < end; ++weight, texel += 4) {
-          sum = hn::MulAdd(hn::Set(rgba, *weight), hn::LoadU(rgba, texel), sum);
-        }
-      };
-      add(lobe.first - range.first);
-      const float* under = texel;
-      add(lobe.last - lobe.first);
-      for (; under < texel; under += 4) {
-        low = hn::Min(hn::LoadU(rgba, under), low);
-        high = hn::Max(hn::LoadU(rgba, under), high);
-      }
-      add(range.last - lobe.last);
-      hn::StoreU(hn::Clamp(sum, low, high), rgba, to + 4 * i);
     }
   }
 }

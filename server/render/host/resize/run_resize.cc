@@ -11,7 +11,7 @@ namespace candela::host {
 namespace {
 
 // What a thread keeps of the frame's rows while it adds them up.
-constexpr uint64_t kKeptBytes = 512 << 10;
+constexpr uint64_t kKeptBytes = 1 << 20;
 // A slice ends between two units of work, so none has more texels of the frame than this; units for each
 // thread, so that all end at about the same time; and rows of the image that are worth making the rows around
 // them twice.
@@ -31,16 +31,26 @@ Units units_of(const AxisFilter& down, uint32_t width, uint32_t rows, uint32_t t
   const uint32_t chunks = groups(width, kResizeChunk);
   const uint64_t kept_rows = down.mean > 0 || down.taps > kKeptRows ? 3 : down.taps;
   const uint64_t frame_rows = uint64_t{rows} * down.from / down.to + down.taps;
-  const uint64_t most = std::min({kKeptBytes / (kept_rows * 4 * sizeof(float) * kResizeChunk),
-                                  kMostTexelsOfUnit / (frame_rows * kResizeChunk),
-                                  uint64_t{chunks} / (kUnitsPerThread * threads)});
+  // Rows are read whole if they can be: processors fetch what follows.
+  const uint64_t most =
+      std::min<uint64_t>(kKeptBytes / (kept_rows * 4 * sizeof(float) * kResizeChunk), chunks);
   Units units{};
   units.columns = static_cast<uint32_t>(std::max<uint64_t>(1, most)) * kResizeChunk;
   units.across = groups(width, units.columns);
-  const uint32_t wanted = groups(kUnitsPerThread * threads, units.across);
-  units.rows = std::clamp(groups(rows, wanted), std::min(kLeastRows, rows), rows);
+  const uint64_t wanted = std::max<uint64_t>(groups(kUnitsPerThread * threads, units.across),
+                                             frame_rows * units.columns / kMostTexelsOfUnit);
+  const uint64_t least = down.mean > 0 ? 1 : kLeastRows;
+  units.rows = static_cast<uint32_t>(std::min<uint64_t>(rows, std::max(least, rows / wanted)));
+  units.rows = groups(units.rows, kResizeRowStep) * kResizeRowStep;
   units.down = groups(rows, units.rows);
   return units;
+}
+
+std::vector<Taps> taps_of(const AxisFilter& filter) {
+  std::vector<Taps> taps;
+  taps.reserve(filter.to);
+  for (uint32_t i = 0; i < filter.to; ++i) taps.push_back({filter.texels(i), filter.main_lobe(i)});
+  return taps;
 }
 
 ResizeJob job_of(const ResizeStep& step, const FrameTextures& textures) {
@@ -61,6 +71,8 @@ ResizeJob job_of(const ResizeStep& step, const FrameTextures& textures) {
   }
   job.down = &step.down;
   job.across = &step.across;
+  job.down_taps = taps_of(step.down);
+  job.across_taps = taps_of(step.across);
   job.block = reinterpret_cast<float*>(textures.resize_block.buffer().mapped());
   job.block_pitch = textures.layout.resize_pitch;
   job.scene = reinterpret_cast<float*>(textures.scene.buffer().mapped());
@@ -84,7 +96,8 @@ void run_resize(const ResizeStep& step, const FrameTextures& textures, Crew& cre
       const uint32_t y = first + i / units.across * units.rows;
       resize_down(job, {y, std::min(y + units.rows, last)}, {x, std::min(x + units.columns, width)});
     });
-    const uint32_t rows = groups(last - first, kUnitsPerThread * crew.threads());
+    const uint32_t rows =
+        groups(last - first, kUnitsPerThread * kResizeRowStep * crew.threads()) * kResizeRowStep;
     crew.run(groups(last - first, rows), [&](uint32_t i) {
       const uint32_t y = first + i * rows;
       resize_across(job, {y, std::min(y + rows, last)});
