@@ -74,7 +74,8 @@ absl::StatusOr<RenderResult> Connection::render(const v1::Settings& settings, co
     const absl::Status status = end_of(call, peer_);
     return status.ok() ? not_the_protocol("it ended before its header") : status;
   }
-  ResultReader reader({frame.width, frame.height, frame.verify, frame.error_map, frame.exposure});
+  const v1::ImageSize image = v1::image_size(settings.output_size(), {frame.width, frame.height});
+  ResultReader reader({{frame.width, frame.height}, image, frame.verify, frame.error_map, frame.exposure});
   do {
     RETURN_IF_ERROR(reader.read(message));
   } while (call.read(message));

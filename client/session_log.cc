@@ -40,7 +40,8 @@ absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
   }
   last_sequence_ = frame.sequence;
   last_time_ns_ = frame.media_time_ns;
-  steps_.push_back({std::make_shared<const SessionFrame>(std::move(frame)), now, 0, {}});
+  const v1::ImageSize image = v1::image_size(settings_of(frame).output_size(), {frame.width, frame.height});
+  steps_.push_back({std::make_shared<const SessionFrame>(std::move(frame)), now, image, 0, {}});
   ++unanswered_;
   return absl::OkStatus();
 }
@@ -59,7 +60,7 @@ absl::Status SessionLog::change(uint64_t from_sequence, const v1::Settings& sett
         "%d changes of settings already wait for their frames; submit frames first", v1::kMaxPendingChanges));
   }
   last_from_ = from_sequence;
-  steps_.push_back({nullptr, absl::InfinitePast(), from_sequence, settings});
+  steps_.push_back({nullptr, absl::InfinitePast(), {}, from_sequence, settings});
   return absl::OkStatus();
 }
 
@@ -79,6 +80,14 @@ std::map<std::string, std::shared_ptr<const Panorama>> SessionLog::panoramas() c
     panoramas.emplace(step.frame->view->environment(), step.frame->panorama);
   }
   return panoramas;
+}
+
+const v1::Settings& SessionLog::settings_of(const SessionFrame& frame) const {
+  const auto changes = [&frame](const SessionStep& step) {
+    return step.frame == nullptr && step.from_sequence <= frame.sequence;
+  };
+  const auto last = std::find_if(steps_.rbegin(), steps_.rend(), changes);
+  return last == steps_.rend() ? settings_ : last->settings;
 }
 
 std::deque<SessionStep>::const_iterator SessionLog::first_frame() const {

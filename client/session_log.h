@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "client/session.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
@@ -19,6 +20,7 @@ namespace candela {
 struct SessionStep {
   std::shared_ptr<const SessionFrame> frame;  // null: a change
   absl::Time submitted;                       // when the frame was submitted
+  v1::ImageSize image;                        // of the frame, as its settings ask for
   uint64_t from_sequence = 0;                 // first frame of the change
   v1::Settings settings;                      // settings of the change
 };
@@ -58,6 +60,8 @@ class SessionLog {
 
  private:
   std::deque<SessionStep>::const_iterator first_frame() const;
+  // Of the frame after all steps.
+  const v1::Settings& settings_of(const SessionFrame& frame) const;
 
   v1::Settings settings_;
   std::string token_;

@@ -110,10 +110,10 @@ SessionState::NextStep SessionState::next_step() {
   return {.step = *step};
 }
 
-std::shared_ptr<const SessionFrame> SessionState::due_frame() const {
+DueFrame SessionState::due_frame() const {
   const absl::MutexLock lock(&mutex_);
   const SessionStep* step = log_.due();
-  return step == nullptr ? nullptr : step->frame;
+  return step == nullptr ? DueFrame() : DueFrame{step->frame, step->image};
 }
 
 bool SessionState::take_open(const v1::StreamOpened& opened) {

@@ -64,8 +64,7 @@ class SessionState {
   };
   NextStep next_step();
 
-  // The frame that the next result must be for. Null: no result is due.
-  std::shared_ptr<const SessionFrame> due_frame() const;
+  DueFrame due_frame() const;
 
   // The server has opened the session. Returns whether no frame waits for a result.
   bool take_open(const v1::StreamOpened& opened);

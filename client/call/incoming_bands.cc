@@ -3,12 +3,35 @@
 #include <string>
 
 #include "absl/strings/str_format.h"
+#include "client/base/failure.h"
 #include "server/base/check.h"
 
 namespace candela {
 
 absl::Status not_the_protocol(const char* what) {
   return absl::InternalError(absl::StrFormat("server's answer does not follow render.proto: %s", what));
+}
+
+absl::Status check_image_size(const v1::ResultHeader& header, v1::ImageSize frame, v1::ImageSize asked) {
+  const v1::ImageSize size{header.width(), header.height()};
+  if (size == asked) return absl::OkStatus();
+  if (size == frame) {
+    return absl::UnimplementedError(
+        "the server ignores the size of images, because it is older than this client; leave out the size or "
+        "update the server");
+  }
+  return not_the_protocol(absl::StrFormat("the image has %dx%d pixels and not %dx%d", size.width, size.height,
+                                          asked.width, asked.height)
+                              .c_str());
+}
+
+absl::Status make_room(RenderResult& result) {
+  result.data = pixels_to_overwrite(result.bytes);
+  if (result.data != nullptr) return absl::OkStatus();
+  // This process lacks it, and not the server.
+  return failure_of(FailureKind::kOther,
+                    absl::ResourceExhaustedError(absl::StrFormat(
+                        "out of memory for an image of %d bytes; give this process more", result.bytes)));
 }
 
 void IncomingBands::begin(std::span<std::byte> bytes, uint64_t row_bytes) {

@@ -1,4 +1,5 @@
-// The pixels of an image that arrives in bands, and the error for a server that breaks the protocol.
+// The pixels of an image that arrives in bands: its size, its memory, and the error for a server that breaks
+// the protocol.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -9,12 +10,21 @@
 
 #include "absl/status/status.h"
 #include "candela/v1/render.pb.h"
+#include "client/render_result.h"
 #include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
 // INTERNAL, with the message "server's answer does not follow render.proto: <what>".
 absl::Status not_the_protocol(const char* what);
+
+// OK if the image of `header` has the size that was asked for. UNIMPLEMENTED if it has the frame's instead: a
+// server that is too old for sizes ignores them. Otherwise not_the_protocol().
+absl::Status check_image_size(const v1::ResultHeader& header, v1::ImageSize frame, v1::ImageSize asked);
+
+// Makes result.data of result.bytes. RESOURCE_EXHAUSTED if this process lacks the memory.
+absl::Status make_room(RenderResult& result);
 
 // Collects the bands of one image. Used by one thread at a time. Without begin() it is empty and whole.
 class IncomingBands {

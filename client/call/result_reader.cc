@@ -1,11 +1,11 @@
 #include "client/call/result_reader.h"
 
-#include <new>
 #include <span>
 #include <utility>
 
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 
@@ -19,11 +19,9 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
   if (!v1::unpack(message, response) || !response.has_header()) {
     return not_the_protocol("no header comes first");
   }
-  const auto& [width, height, verify, error_map, exposure] = request_;
+  const auto& [frame, image, verify, error_map, exposure] = request_;
   result_.header = std::move(*response.mutable_header());
-  if (result_.header.width() != width || result_.header.height() != height) {
-    return not_the_protocol("the image is not of the frame's size");
-  }
+  RETURN_IF_ERROR(check_image_size(result_.header, frame, image));
   const uint64_t pixel_bytes = bytes_per_pixel(result_.header.format());
   if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
   if (verify && !result_.header.has_verify()) {
@@ -36,13 +34,12 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
     return absl::UnimplementedError(
         "the server ignores the exposures of frames, because it is older than this client; update it");
   }
-  result_.bytes = uint64_t{width} * height * pixel_bytes;
-  result_.data = pixels_to_overwrite(result_.bytes);
-  if (result_.data == nullptr) throw std::bad_alloc();
-  image_.begin({result_.data.get(), result_.bytes}, width * pixel_bytes);
+  result_.bytes = uint64_t{image.width} * image.height * pixel_bytes;
+  RETURN_IF_ERROR(make_room(result_));
+  image_.begin({result_.data.get(), result_.bytes}, image.width * pixel_bytes);
   if (error_map) {
-    result_.error_map.resize(size_t{width} * height);
-    map_.begin(std::as_writable_bytes(std::span(result_.error_map)), width * sizeof(uint16_t));
+    result_.error_map.resize(size_t{image.width} * image.height);
+    map_.begin(std::as_writable_bytes(std::span(result_.error_map)), image.width * sizeof(uint16_t));
   }
   return absl::OkStatus();
 }

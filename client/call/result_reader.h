@@ -3,20 +3,20 @@
 
 #include <grpcpp/support/byte_buffer.h>
 
-#include <cstdint>
 #include <optional>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/call/incoming_bands.h"
 #include "client/render_result.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
 // The request that the answer must match.
 struct ResultRequest {
-  uint32_t width = 1;   // pixels, of the frame that was sent
-  uint32_t height = 1;  // pixels
+  v1::ImageSize frame{1, 1};  // of the frame that was sent
+  v1::ImageSize image{1, 1};  // that its settings ask for
   bool verify = false;
   bool error_map = false;
   std::optional<double> exposure = std::nullopt;  // of the frame itself
@@ -29,8 +29,8 @@ class ResultReader {
 
   // Takes the next message: first the header, for which it allocates the memory, then bands of the image and
   // of the error map, which it copies into place. Returns UNIMPLEMENTED for a header without the requested
-  // verification or exposure, and not_the_protocol() for any other unexpected message. Must not be called
-  // after a failure.
+  // size, verification or exposure, RESOURCE_EXHAUSTED if this process lacks the memory, and
+  // not_the_protocol() for any other unexpected message. Must not be called after a failure.
   absl::Status read(grpc::ByteBuffer& message);
 
   // Returns the image. To be called once. not_the_protocol() if rows of it or of the map are missing.

@@ -150,8 +150,7 @@ absl::Status SessionStream::take_event(CallEvent event) {
 }
 
 absl::Status SessionStream::take_message() {
-  const std::shared_ptr<const SessionFrame> due = state_.due_frame();
-  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(call_->message(), due.get()));
+  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(call_->message(), state_.due_frame()));
   if (const auto* opened = std::get_if<v1::StreamOpened>(&event)) {
     open_ = true;
     if (state_.take_open(*opened)) progress_ = true;

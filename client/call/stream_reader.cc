@@ -6,8 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_format.h"
-#include "client/base/failure.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
@@ -34,7 +32,7 @@ bool is_band(const grpc::ByteBuffer& message) {
 
 }  // namespace
 
-absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const SessionFrame* due) {
+absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const DueFrame& due) {
   if (is_band(message)) {
     if (!inside_ || image_.whole()) return not_the_protocol("an unexpected band");
     RETURN_IF_ERROR(image_.take(message));
@@ -61,18 +59,16 @@ absl::StatusOr<StreamEvent> StreamReader::read(grpc::ByteBuffer& message, const 
   }
 }
 
-absl::Status StreamReader::check_header(const v1::ResultHeader& header, const SessionFrame* due) const {
+absl::Status StreamReader::check_header(const v1::ResultHeader& header, const DueFrame& due) const {
   if (!opened_ || inside_) return not_the_protocol("an unexpected header");
-  if (due == nullptr || due->sequence != header.sequence()) {
+  if (due.frame == nullptr || due.frame->sequence != header.sequence()) {
     return not_the_protocol("a result for the wrong frame");
   }
-  if (header.width() != due->width || header.height() != due->height) {
-    return not_the_protocol("the image is not of the frame's size");
-  }
+  RETURN_IF_ERROR(check_image_size(header, {due.frame->width, due.frame->height}, due.image));
   if (requested_.image == (header.encoding() == v1::ENCODING_NONE)) {
     return not_the_protocol("the image is not in the session's encoding");
   }
-  if (due->exposure && header.exposure() != *due->exposure) {
+  if (due.frame->exposure && header.exposure() != *due.frame->exposure) {
     return absl::UnimplementedError(
         "the server ignores the exposures of frames, because it is older than this client; update it");
   }
@@ -83,7 +79,7 @@ absl::Status StreamReader::check_header(const v1::ResultHeader& header, const Se
   return absl::OkStatus();
 }
 
-absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const SessionFrame* due) {
+absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, const DueFrame& due) {
   RETURN_IF_ERROR(check_header(header, due));
   if (!requested_.image) {
     result_ = {};
@@ -92,23 +88,17 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   }
   const uint64_t pixel_bytes = bytes_per_pixel(header.format());
   if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
-  const uint64_t raw_bytes = uint64_t{due->width} * due->height * pixel_bytes;
+  const uint64_t raw_bytes = uint64_t{due.image.width} * due.image.height * pixel_bytes;
   if (header.encoded_bytes() > 2 * raw_bytes + kEncodedOverhead) {
     return not_the_protocol("an encoded image is larger than one can be");
   }
   inside_ = true;
   result_ = {};
   result_.bytes = header.encoded_bytes() > 0 ? header.encoded_bytes() : raw_bytes;
-  result_.data = pixels_to_overwrite(result_.bytes);
-  if (result_.data == nullptr) {
-    // This process lacks it, and not the server.
-    return failure_of(FailureKind::kOther,
-                      absl::ResourceExhaustedError(absl::StrFormat(
-                          "out of memory for an image of %d bytes; give this process more", result_.bytes)));
-  }
+  RETURN_IF_ERROR(make_room(result_));
   encoded_ = 0;
   if (header.encoded_bytes() == 0) {
-    image_.begin({result_.data.get(), result_.bytes}, due->width * pixel_bytes);
+    image_.begin({result_.data.get(), result_.bytes}, due.image.width * pixel_bytes);
   } else {
     image_.begin({}, 0);
   }
@@ -117,9 +107,9 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
 }
 
 absl::StatusOr<StreamEvent> StreamReader::take_failure(const v1::FrameFailure& failure,
-                                                       const SessionFrame* due) const {
+                                                       const DueFrame& due) const {
   if (!opened_ || inside_) return not_the_protocol("an unexpected failure");
-  if (due == nullptr || due->sequence != failure.sequence()) {
+  if (due.frame == nullptr || due.frame->sequence != failure.sequence()) {
     return not_the_protocol("a failure for the wrong frame");
   }
   const auto code = static_cast<absl::StatusCode>(failure.code());

@@ -4,6 +4,7 @@
 #include <grpcpp/support/byte_buffer.h>
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <variant>
 
@@ -12,6 +13,7 @@
 #include "client/call/incoming_bands.h"
 #include "client/render_result.h"
 #include "client/session.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
@@ -24,6 +26,12 @@ struct FrameAnswer {
 };
 using StreamEvent = std::variant<MoreToCome, v1::StreamOpened, FrameAnswer, v1::GoAway>;
 
+// The frame that the next result must be for.
+struct DueFrame {
+  std::shared_ptr<const SessionFrame> frame;  // null: no result is due
+  v1::ImageSize image;                        // that its settings ask for
+};
+
 // The requests of the session's open message.
 struct StreamRequested {
   bool image = true;   // with every result
@@ -35,16 +43,16 @@ class StreamReader {
  public:
   explicit StreamReader(const StreamRequested& requested = {}) : requested_(requested) {}
 
-  // Takes the next message. `due` is the frame that the next result is for, or null if no result is due. It
-  // must stay the same until the frame has its answer. Returns not_the_protocol() for an unexpected message,
-  // and UNIMPLEMENTED for a header without the requested state or without the frame's own exposure. Must not
-  // be called after a failure.
-  absl::StatusOr<StreamEvent> read(grpc::ByteBuffer& message, const SessionFrame* due);
+  // Takes the next message. `due` must stay the same until the frame has its answer. Returns
+  // not_the_protocol() for an unexpected message, RESOURCE_EXHAUSTED if this process lacks the memory, and
+  // UNIMPLEMENTED for a header without the requested size or state, or without the frame's own exposure. Must
+  // not be called after a failure.
+  absl::StatusOr<StreamEvent> read(grpc::ByteBuffer& message, const DueFrame& due);
 
  private:
-  absl::Status check_header(const v1::ResultHeader& header, const SessionFrame* due) const;
-  absl::StatusOr<StreamEvent> take_header(v1::ResultHeader header, const SessionFrame* due);
-  absl::StatusOr<StreamEvent> take_failure(const v1::FrameFailure& failure, const SessionFrame* due) const;
+  absl::Status check_header(const v1::ResultHeader& header, const DueFrame& due) const;
+  absl::StatusOr<StreamEvent> take_header(v1::ResultHeader header, const DueFrame& due);
+  absl::StatusOr<StreamEvent> take_failure(const v1::FrameFailure& failure, const DueFrame& due) const;
   absl::StatusOr<StreamEvent> take_part(const std::string& part);
   FrameAnswer answer();
 

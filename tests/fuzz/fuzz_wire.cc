@@ -263,7 +263,8 @@ void open_stream(const WireInput& input) {
 
 // The client reads a header, then bands of the image and of the error map.
 void receive(const WireInput& input) {
-  ResultReader reader({input.width, input.height, input.error_map, input.error_map});
+  const v1::ImageSize size{input.width, input.height};
+  ResultReader reader({size, size, input.error_map, input.error_map});
   std::string image, map;
   for (size_t i = 0; i < input.messages.size(); ++i) {
     const std::string& message = input.messages[i];
@@ -330,14 +331,16 @@ std::string image_bytes(const std::string& message, size_t slice_bytes) {
 // A session's client reads one answer for each frame, in order, made of the messages since the previous one.
 void follow(const WireInput& input) {
   StreamReader reader({.image = !input.metered, .state = input.metered});
-  SessionFrame due{.width = input.width, .height = input.height, .pixels = {}, .owner = {}};
-  if (input.metered) due.exposure = kGivenExposure;
+  const v1::ImageSize size{input.width, input.height};
+  const auto due = std::make_shared<SessionFrame>(
+      SessionFrame{.width = size.width, .height = size.height, .pixels = {}, .owner = {}});
+  if (input.metered) due->exposure = kGivenExposure;
   std::string sent;
   bool opened = false;
   for (const std::string& message : input.messages) {
-    const bool owed = due.sequence < kSessionFrames;
+    const bool owed = due->sequence < kSessionFrames;
     grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
-    const absl::StatusOr<StreamEvent> event = reader.read(buffer, owed ? &due : nullptr);
+    const absl::StatusOr<StreamEvent> event = reader.read(buffer, owed ? DueFrame{due, size} : DueFrame());
     if (!event.ok()) {
       expect(absl::IsInternal(event.status()) || (input.metered && absl::IsUnimplemented(event.status())),
              "a message is refused as no answer", event.status().ToString());
@@ -352,9 +355,9 @@ void follow(const WireInput& input) {
     expect(opened && owed, "what is taken was due, after the opening");
     sent += image_bytes(message, input.slice_bytes);
     if (const auto* answer = std::get_if<FrameAnswer>(&*event)) {
-      check_answer(*answer, due, sent);
+      check_answer(*answer, *due, sent);
       sent.clear();
-      ++due.sequence;
+      ++due->sequence;
     }
   }
 }
