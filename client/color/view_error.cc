@@ -67,7 +67,7 @@ std::array<float, 4> own_values(const ViewedFrame& frame, size_t at) {
 // The file's values, changed by `to_scene` unless it is null, and then by the matrix.
 reference::Scene scene_of(const ViewedFrame& frame, const Show& to_scene,
                           const std::optional<std::array<float, 9>>& matrix) {
-  reference::Scene scene{frame.header.width(), frame.header.height(), {}, {}};
+  reference::Scene scene{frame.size.width, frame.size.height, {}, {}};
   scene.texels.resize(size_t{scene.width} * scene.height);
   for (size_t at = 0; at < scene.texels.size(); ++at) {
     std::array<float, 4> pixel = own_values(frame, at);
@@ -95,10 +95,11 @@ absl::StatusOr<ViewError> error_of_view(const ViewTable& view, const ViewedFrame
   const uint32_t height = frame.header.height();
   const v1::Bloom& bloom = settings.bloom();
   reference::ResolveParams params = resolve_params(view.show, frame, bloom);
-  const bool untouched = params.exposure == 1.0 && params.bloom == shader::BLOOM_NONE && !matrix;
+  const bool resized = v1::ImageSize{width, height} != frame.size;
+  const bool untouched = params.exposure == 1.0 && params.bloom == shader::BLOOM_NONE && !matrix && !resized;
   const bool direct = untouched && view.show_input;
   if (direct) params = resolve_params(view.show_input, frame, bloom);
-  const reference::Scene scene = scene_of(frame, direct ? nullptr : view.to_scene, matrix);
+  reference::Scene scene = scene_of(frame, direct ? nullptr : view.to_scene, matrix);
   reference::Level level;
   uint32_t levels = 1;
   if (params.bloom != shader::BLOOM_NONE) {
@@ -109,6 +110,10 @@ absl::StatusOr<ViewError> error_of_view(const ViewTable& view, const ViewedFrame
                               .levels = bloom.levels(),
                               .firefly_weights = bloom.firefly_weights()},
                              frame.header.statistics().mean_log2_luminance(), &levels);
+  }
+  if (resized) {
+    scene = reference::resize(scene, level, levels, params, width, height);
+    params.bloom = shader::BLOOM_NONE;
   }
   ViewError error;
   std::vector<float> codes;

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "client/color/view_table.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
@@ -15,6 +16,7 @@ namespace candela {
 struct ViewedFrame {
   v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;  // RGBA16F or RGBA32F
   std::span<const std::byte> pixels;                  // the file's own values
+  v1::ImageSize size;                                 // of the frame
   v1::Settings settings;                              // as sent, but the table is not used
   v1::ResultHeader header;  // with the image's size and format, the exposure and the metered mean
   std::span<const std::byte> image;
@@ -32,11 +34,12 @@ struct ViewError {
 };
 
 // Compares the image with what OpenColorIO itself makes of the file's values. Where nothing changes them on
-// their way to the view (exposure 1, no bloom, no white balance) and ViewTable::input names their colour
-// space, that is all. Otherwise they become scene light, by OpenColorIO or by the primaries of the settings,
-// their bloom is made in float64, and ViewTable::show shows them at the header's exposure. Nothing is rounded
-// to half, and nothing is cut. NaN is taken as 0 and Inf as +-65504. Fails as Settings do on the server, for
-// settings that it would refuse. Takes about 2 seconds a megapixel and 60 bytes a pixel. Any thread.
+// their way to the view (exposure 1, no bloom, no white balance, no other size) and ViewTable::input names
+// their colour space, that is all. Otherwise they become scene light, by OpenColorIO or by the primaries of
+// the settings, their bloom is made and they are resized in float64, and ViewTable::show shows them at the
+// header's exposure. Nothing is rounded to half, and nothing is cut. NaN is taken as 0 and Inf as +-65504.
+// Fails as Settings do on the server, for settings that it would refuse. Takes about 2 seconds a megapixel
+// and 60 bytes a pixel. Any thread.
 absl::StatusOr<ViewError> error_of_view(const ViewTable& view, const ViewedFrame& frame);
 
 }  // namespace candela

@@ -1,5 +1,7 @@
 #include "client/image/kept_attributes.h"
 
+#include <OpenEXR/ImfEnvmapAttribute.h>
+#include <OpenEXR/ImfFloatAttribute.h>
 #include <OpenEXR/ImfStringAttribute.h>
 
 #include <algorithm>
@@ -80,19 +82,41 @@ bool is_kept(absl::string_view name, const Imf::Attribute& attribute) {
   return text == nullptr || text->value().size() <= kMostText;
 }
 
+int64_t size(const Imath::Box2i& window, unsigned axis) {
+  return int64_t{window.max[axis]} - window.min[axis] + 1;
+}
+
+// Attributes of pixels that a resized picture no longer has: canvases in pixels, and the faces of a cube map,
+// which were filtered as one picture.
+bool counts_pixels(absl::string_view name, const Imf::Attribute& attribute) {
+  const auto* envmap = dynamic_cast<const Imf::EnvmapAttribute*>(&attribute);
+  return name == "ascFramingDecisionList" || (envmap != nullptr && envmap->value() == Imf::ENVMAP_CUBE);
+}
+
 }  // namespace
 
-KeptAttributes::KeptAttributes(const Imf::Header& input) : origin_(input.displayWindow().min) {
+KeptAttributes::KeptAttributes(const Imf::Header& input) : window_(input.displayWindow()) {
   for (auto i = input.begin(); i != input.end(); ++i) {
     if (is_kept(i.name(), i.attribute())) attributes_.emplace_back(i.name(), i.attribute().copy());
   }
 }
 
 void KeptAttributes::add_to(Imf::Header& output) const {
-  for (const auto& [name, attribute] : attributes_) output.insert(name, *attribute);
+  const Imath::Box2i& display = output.displayWindow();
+  const bool resized = size(display, 0) != size(window_, 0) || size(display, 1) != size(window_, 1);
+  for (const auto& [name, attribute] : attributes_) {
+    if (!resized || !counts_pixels(name, *attribute)) output.insert(name, *attribute);
+  }
+  if (resized) {
+    // Pixels per inch: the picture is as wide as before.
+    if (auto* density = output.findTypedAttribute<Imf::FloatAttribute>("xDensity")) {
+      density->value() *= static_cast<float>(size(display, 0)) / static_cast<float>(size(window_, 0));
+    }
+    return;
+  }
   for (Imath::Box2i* window : {&output.displayWindow(), &output.dataWindow()}) {
-    window->max += origin_ - window->min;
-    window->min = origin_;
+    window->max += window_.min - window->min;
+    window->min = window_.min;
   }
 }
 

@@ -19,13 +19,14 @@ class KeptAttributes {
  public:
   explicit KeptAttributes(const Imf::Header& input);
 
-  // `output` has a display window of the input's size, which moves with the data window to where the input's
-  // is.
+  // `output` has the picture's display window at 0, 0. If it has the input's size, it moves with the data
+  // window to where the input's is. Otherwise the picture was resized: attributes that count the input's
+  // pixels are left out or scaled.
   void add_to(Imf::Header& output) const;
 
  private:
   std::vector<std::pair<std::string, std::unique_ptr<Imf::Attribute>>> attributes_;
-  Imath::V2i origin_;
+  Imath::Box2i window_;  // the input's display window
 };
 
 }  // namespace candela

@@ -16,6 +16,7 @@
 #include "client/run/picture/frame_alpha.h"
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
+#include "client/run/picture/picture_size.h"
 #include "client/run/picture_run.h"
 #include "client/run/server/option_words.h"
 #include "server/base/status_macros.h"
@@ -94,6 +95,7 @@ class FrameRun {
     if (only_ && !verifies_view() && !is_piped()) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.ignore_empty_alpha) picture_.add_note(ignore_empty_alpha(frame, settings));
+    if (options_.desqueeze) picture_.add_note(desqueeze(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);
     if (run_.view()) show_by(*run_.view(), settings);
     absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);
@@ -101,17 +103,19 @@ class FrameRun {
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
     if (only_) run_.close();
 
-    picture_.take(*result, settings);
+    const v1::ImageSize size{frame.width, frame.height};
+    const double aspect = image_pixel_aspect(size, frame.pixel_aspect, settings.output_size());
+    picture_.take(*result, settings, size);
     if (verifies_view()) {
       const std::span<const std::byte> own = own_values_.empty() ? view.pixels : own_values_;
       ASSIGN_OR_RETURN(const ViewError error,
-                       error_of_view(run_.view()->view, {view.format, own, std::move(settings),
+                       error_of_view(run_.view()->view, {view.format, own, size, std::move(settings),
                                                          result->header, result->pixels()}));
       picture_.report().view_error = error;
       frame.pixels = {};
     }
     add_stages(call_ms, result->header);
-    Image picture = picture_of(*std::move(result), alpha, frame.pixel_aspect);
+    Image picture = picture_of(*std::move(result), alpha, aspect);
     picture.frame_rate = frame.frame_rate;
     picture.kept = frame.kept;
     return picture;

@@ -51,6 +51,7 @@ struct PictureOptions {
   ViewChoice view;        // its config is empty if the user chose no view
   std::string view_of_either;  // --view: becomes that of `view` with --ocio, else that of `shown`
   WriteOptions write;
+  bool desqueeze = false;          // images have square pixels, whatever their files' have
   std::vector<std::string> notes;  // what the user should know before the result
   // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and
   // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.

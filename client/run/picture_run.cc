@@ -6,6 +6,7 @@
 #include "client/image/encodings.h"
 #include "client/run/picture/error_map.h"
 #include "client/run/picture/frame_notes.h"
+#include "client/run/picture/picture_size.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 
@@ -44,8 +45,10 @@ void PictureRun::add_notes(std::vector<std::string> notes) {
   std::move(notes.begin(), notes.end(), std::back_inserter(report_.notes));
 }
 
-void PictureRun::take(RenderResult& result, const v1::Settings& settings) {
+void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::ImageSize frame) {
   report_.header = result.header;
+  report_.frame = frame;
+  add_note(shape_note(frame, settings.output_size()));
   report_.tone_curve = settings.curve();
   error_map_ = std::move(result.error_map);
   if (!run_.locked()) {

@@ -30,8 +30,8 @@ class PictureRun {
   void add_notes(std::vector<std::string> notes);
   void add_stage(const std::string& name, double ms) { report_.stage_ms.emplace_back(name, ms); }
 
-  // The call's result, but its pixels. `settings` are those that were sent.
-  void take(RenderResult& result, const v1::Settings& settings);
+  // The call's result, but its pixels. `settings` are those that were sent, for a frame of this size.
+  void take(RenderResult& result, const v1::Settings& settings, v1::ImageSize frame);
 
   absl::Status write(const Image& picture);
   absl::Status write_error_map() const;

@@ -22,6 +22,7 @@
 #include "client/run/picture/primaries_used.h"
 #include "client/run/sequence/sequence.h"
 #include "client/session.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
@@ -50,6 +51,7 @@ struct RenderReport {
   std::string environment;  // the id of the panorama that it is a view of; "": it is a frame
   PrimariesUsed primaries;
   uint64_t missing_pixels = 0;  // of an unfinished or damaged file
+  v1::ImageSize frame;          // of the frame, or of the view as it is drawn
   std::string curve;            // its word, or the name of the view of --ocio
   v1::ResultHeader header;
   std::string error_map;  // "" if none is written

@@ -87,6 +87,7 @@ absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const S
                  .rate = shot.rate(),
                  .view = run.run().view(),
                  .ignore_empty_alpha = options.ignore_empty_alpha,
+                 .desqueeze = options.desqueeze,
                  .exposures = shot.given()};
   events.begins("reading " + (piped ? kStdinName : plan.images.front().input));
   PipedFrameReader* stream = nullptr;

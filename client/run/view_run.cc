@@ -11,6 +11,7 @@
 #include "client/run/panorama/view_frames.h"
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
+#include "client/run/picture/picture_size.h"
 #include "client/run/picture_run.h"
 #include "client/run/run.h"
 #include "client/run/server/option_words.h"
@@ -83,8 +84,9 @@ class ViewRun {
     panorama_.reset();
     run_.close();
     picture_.add_note(bad_values_);
-    picture_.take(*result, settings_);
-    return picture_of(*std::move(result), /*has_alpha=*/false, /*pixel_aspect=*/1);
+    picture_.take(*result, settings_, size());
+    const v1::OutputSize& asked = settings_.output_size();
+    return picture_of(*std::move(result), /*has_alpha=*/false, image_pixel_aspect(size(), 1, asked));
   }
 
   // Both calls go to the same server, because another one may not have the panorama.
@@ -105,6 +107,8 @@ class ViewRun {
     }
     return result;
   }
+
+  v1::ImageSize size() const { return {options_.width, options_.height}; }
 
   FrameView frame(const std::string& environment) const {
     FrameView frame;

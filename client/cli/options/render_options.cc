@@ -9,6 +9,7 @@
 #include "client/base/usage.h"
 #include "client/cli/options/picture/exposure_options.h"
 #include "client/cli/options/picture/settings_options.h"
+#include "client/cli/options/picture/size_options.h"
 #include "client/cli/options/picture/verify_options.h"
 #include "client/cli/options/picture/view_options.h"
 #include "client/cli/options/server_options.h"
@@ -140,6 +141,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
+  add_desqueeze_option(app, options);
   add_view_options(app, options);
   add_previous_options(app, options.previous);
   add_locked_exposure_option(app, options.locked_exposure);

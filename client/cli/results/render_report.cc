@@ -13,6 +13,7 @@
 #include "client/cli/files/terminal.h"
 #include "client/run/picture/error_map.h"
 #include "client/run/picture/frame_notes.h"
+#include "client/run/picture/picture_size.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -42,6 +43,8 @@ std::string bad_value_words(const v1::FrameStatistics& statistics) {
   add(statistics.clamped_components(), "too large");
   return absl::StrJoin(words, ", ");
 }
+
+v1::ImageSize image_size(const v1::ResultHeader& header) { return {header.width(), header.height()}; }
 
 std::string time_words(const RenderReport& report) {
   const auto stage = [](std::string* out, const std::pair<std::string, double>& s) {
@@ -125,8 +128,8 @@ std::string summary_line(const RenderReport& report) {
   const std::string missing =
       report.missing_pixels > 0 ? absl::StrFormat("%d pixels missing; ", report.missing_pixels) : "";
   return absl::StrFormat(
-      "%s -> %s: %dx%d; %s%s; exposure %s%s; %s; %.2f s\n", escaped(report.input), escaped(report.output),
-      header.width(), header.height(), missing, words_of(report.primaries),
+      "%s -> %s: %s; %s%s; exposure %s%s; %s; %.2f s\n", escaped(report.input), escaped(report.output),
+      size_words(image_size(header), report.frame), missing, words_of(report.primaries),
       exposure_words(header.exposure(), report.defaults), default_bloom_words(report.defaults),
       escaped(report.view ? view_words(*report.view) : report.curve), report.total_ms / 1000);
 }
@@ -138,7 +141,7 @@ void add_everything(const RenderReport& report, std::string& text,
   text = absl::StrFormat("%s -> %s\n", escaped(report.input), escaped(report.output));
   line("device", absl::StrFormat("%s, tier %s", header.device(), header.tier()));
   if (!header.tier_reason().empty()) line("", header.tier_reason());
-  line("size", absl::StrFormat("%dx%d", header.width(), header.height()));
+  line("size", size_words(image_size(header), report.frame));
   if (report.missing_pixels > 0) line("missing", absl::StrFormat("%d pixels", report.missing_pixels));
   line("primaries", words_of(report.primaries));
   line("exposure", metered_exposure_words(report));
@@ -225,6 +228,9 @@ std::string to_json(const RenderReport& report) {
       {"tier_reason", header.tier_reason()},
       {"exposure", header.exposure()},
   };
+  if (image_size(header) != report.frame) {
+    frame["frame_size"] = {{"width", report.frame.width}, {"height", report.frame.height}};
+  }
   add_metering(header, frame);
   frame.update({{"missing_pixels", report.missing_pixels},
                 {"view", to_json(report.view)},

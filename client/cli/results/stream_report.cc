@@ -47,6 +47,9 @@ std::string to_json(const RunFrame& frame) {
                {"height", header.height()},
                {"exposure", header.exposure()},
                {"exposure_before", header.exposure_before()}});
+  if (const v1::ImageSize& size = frame.facts.size; size != v1::ImageSize{header.width(), header.height()}) {
+    json.update({{"frame_width", size.width}, {"frame_height", size.height}});
+  }
   add_metering(header, json);
   json.update({{"missing_pixels", frame.facts.missing_pixels},
                {"gamut_cut_components", header.gamut_cut_components()},

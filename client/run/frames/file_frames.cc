@@ -7,6 +7,7 @@
 #include "client/run/picture/frame_alpha.h"
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
+#include "client/run/picture/picture_size.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -83,9 +84,13 @@ absl::Status FileFrames::make(absl::StatusOr<Image> read, const SequenceFrame& f
     const std::string note = ignore_empty_alpha(frame, made.settings);
     if (!note.empty()) frame.notes.push_back(note);
   }
+  made.facts.size = {frame.width, frame.height};
+  if (options_.desqueeze) frame.notes.push_back(desqueeze(frame, made.settings));
+  const v1::OutputSize& asked = made.settings.output_size();
+  if (std::string note = shape_note(made.facts.size, asked); !note.empty()) frame.notes.push_back(note);
   add_notes(frame, file.path, made.notes);
   made.facts.has_alpha = frame.has_alpha && keeps_alpha(made.settings);
-  made.facts.pixel_aspect = frame.pixel_aspect;
+  made.facts.pixel_aspect = image_pixel_aspect(made.facts.size, frame.pixel_aspect, asked);
   made.facts.frame_rate = said_rate_;
   made.facts.primaries = primaries_of(frame, options_.settings, options_.view.get());
   made.facts.exposure_given = exposure.has_value();

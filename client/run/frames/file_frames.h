@@ -29,6 +29,7 @@ struct FileFrameOptions {
   std::optional<FrameRate> rate = {};                 // --fps
   std::shared_ptr<const BakedView> view = {};         // of --ocio; null without it
   bool ignore_empty_alpha = false;                    // as in PictureOptions
+  bool desqueeze = false;                             // as there
   GivenExposures exposures = {};                      // of the frames, by their numbers
 };
 

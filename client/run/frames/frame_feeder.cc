@@ -7,13 +7,18 @@
 namespace candela {
 
 bool take_input_of(const v1::Settings& own, v1::Settings& settings) {
-  if (own.alpha() == settings.alpha() &&
-      own.input_chromaticities().SerializeAsString() == settings.input_chromaticities().SerializeAsString()) {
+  const auto same = [](const google::protobuf::Message& a, const google::protobuf::Message& b) {
+    return a.SerializeAsString() == b.SerializeAsString();
+  };
+  if (own.alpha() == settings.alpha() && same(own.input_chromaticities(), settings.input_chromaticities()) &&
+      same(own.output_size(), settings.output_size())) {
     return false;
   }
   settings.set_alpha(own.alpha());
   settings.clear_input_chromaticities();
   if (own.has_input_chromaticities()) *settings.mutable_input_chromaticities() = own.input_chromaticities();
+  settings.clear_output_size();
+  if (own.has_output_size()) *settings.mutable_output_size() = own.output_size();
   return true;
 }
 

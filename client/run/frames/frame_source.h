@@ -12,6 +12,7 @@
 #include "client/image/image.h"
 #include "client/run/picture/primaries_used.h"
 #include "client/session.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 
@@ -24,7 +25,8 @@ struct FrameFacts {
   bool cut = false;             // begins a scene
   bool exposure_given = false;  // metering does not decide it
   bool has_alpha = false;
-  double pixel_aspect = 1;
+  v1::ImageSize size = {};                   // of the frame
+  double pixel_aspect = 1;                   // of its image
   std::optional<FrameRate> frame_rate = {};  // if the user gave it or a file says it
   PrimariesUsed primaries = {};
   std::shared_ptr<const KeptAttributes> kept = {};  // as in Image
@@ -34,7 +36,7 @@ struct FrameFacts {
 struct SourceFrame {
   SessionFrame frame;     // if there is none, only its sequence number is set
   absl::Status status;    // why there is none
-  v1::Settings settings;  // only its alpha and its input's primaries count
+  v1::Settings settings;  // only what take_input_of() takes counts
   FrameFacts facts;
   std::vector<std::string> notes;
 };

@@ -39,8 +39,9 @@ absl::Status FramePipe::begin_film(const RunFrame& frame) {
   if (format_.kind == PipeKind::kPam || (width == width_ && height == height_)) return absl::OkStatus();
   return input_failure(
       absl::InvalidArgumentError(absl::StrFormat(
-          "%s: it is %dx%d, and a y4m has frames of one size, here %dx%d; --pipe pam takes any",
-          frame.facts.input, width, height, width_, height_)),
+          "%s: its image is %dx%d, and a y4m has frames of one size, here %dx%d; --resize %dx%d makes all of "
+          "one size, and --pipe pam takes any",
+          frame.facts.input, width, height, width_, height_, width_, height_)),
       frame.facts.input);
 }
 

@@ -115,6 +115,19 @@ TEST_F(Ocio, WideGamutLightIsVerifiedAgainstTheViewItself) {
   EXPECT_EQ(plain["verify"]["against"], "the float64 reference");
 }
 
+// Its light is resized, and not the values of the file or of the view.
+TEST_F(Ocio, AResizedImageIsVerifiedAgainstTheViewOfResizedLight) {
+  for (const char* size : {"15x9", "200%"}) {
+    const auto report = candela_json({"render", in_, folder_.path("out.png"), "--ocio", studio_, "--verify",
+                                      "--resize", size, "--exposure", "-2"});
+    const double pixels = report["size"]["width"].get<double>() * report["size"]["height"].get<double>();
+    EXPECT_EQ(report["verify_view"]["opaque_pixels"], pixels) << size;
+    EXPECT_GT(report["verify_view"]["max_error_codes"], 0.1) << size;  // 8 bits
+    EXPECT_LE(report["verify_view"]["max_error_codes"], 1.5) << size;
+    EXPECT_LE(report["verify"]["max_error_codes"], 0.05) << size;
+  }
+}
+
 // Only colours with a negative component are not rounded to half. The rounding of the others is no error.
 TEST_F(Ocio, OneNegativePixelAddsNoErrorToTheOthers) {
   const auto error_with = [&](float first) {

@@ -134,7 +134,8 @@ class Bench:
         write_exr(self.folder / "parts.exr", 16, 12, {"name": "beauty", "channels": grey}, {"name": "sun", "channels": red})
         write_exr(self.folder / "views.exr", 16, 12,
                   {"channels": grey | {f"right.{n}": v for n, v in red.items()}, "views": ["left", "right"]})
-        for name in ("layers", "parts", "views", "alpha"):  # sequences of one frame
+        write_exr(self.folder / "wide.exr", 16, 12, {"channels": grey, "aspect": 2})
+        for name in ("layers", "parts", "views", "alpha", "wide"):  # sequences of one frame
             (self.folder / f"{name}.0001.exr").symlink_to(f"{name}.exr")
         (self.folder / "gap").mkdir()
         for number in (0, 1, 3, 4):

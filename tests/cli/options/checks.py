@@ -4,6 +4,7 @@ A line of options is written as on the command line. `changes` and `each_word` c
 option that is ignored fails.
 """
 import json
+import struct
 
 from bench import Bench, Run
 
@@ -192,6 +193,15 @@ def pipes(bench: Bench, _: str) -> None:
                         ("pam", "P7\nWIDTH 48\n")):
         line = f"stream film - -q --server PLAIN --pipe {word}"
         hold(ok(bench(line), line).out.startswith(begin), f"--pipe {word} does not begin as {begin}")
+
+
+def sizes(run: Run) -> set:
+    """Width, height and pixel aspect of the PNG files that it wrote."""
+    def of(png: bytes) -> tuple:
+        at = png.find(b"pHYs", 0, 200)
+        across, down = struct.unpack(">II", png[at + 4:at + 12]) if at > 0 else (1, 1)
+        return (*struct.unpack(">II", png[16:24]), down / across)
+    return {of(data) for name, data in run.files.items() if name.endswith(".png")}
 
 
 def bench_encodings(bench: Bench, _: str) -> None:

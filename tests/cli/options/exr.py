@@ -23,7 +23,7 @@ def header(width: int, height: int, channels: dict, part: dict, several: bool) -
     text = attribute("channels", "chlist", listed)
     text += attribute("compression", "compression", b"\0") + attribute("lineOrder", "lineOrder", b"\0")
     text += attribute("dataWindow", "box2i", window) + attribute("displayWindow", "box2i", window)
-    text += attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+    text += attribute("pixelAspectRatio", "float", struct.pack("<f", part.get("aspect", 1)))
     text += attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0))
     text += attribute("screenWindowWidth", "float", struct.pack("<f", 1))
     if "views" in part:
@@ -35,7 +35,7 @@ def header(width: int, height: int, channels: dict, part: dict, several: bool) -
 
 
 def write_exr(path: pathlib.Path, width: int, height: int, *parts: dict) -> None:
-    """Each part has `channels`, a value of (x, y) for each name, and perhaps `name` and `views`."""
+    """Each part has `channels`, a value of (x, y) for each name, and perhaps `name`, `views` and `aspect`."""
     several = len(parts) > 1
     start = struct.pack("<ii", MAGIC, VERSION | (MULTI_PART if several else 0))
     start += b"".join(header(width, height, part["channels"], part, several) for part in parts) + (b"\0" if several else b"")

@@ -3,7 +3,7 @@ import json
 
 from checks import (GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, device, each_word, elsewhere,
                     encodings, executor, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
-                    shows, waits)
+                    shows, sizes, waits)
 
 INPUT = {  # of render, stream, meter, view and environment
     "--bad-values": lambda c: needs("--bad-values scrub", "--bad-values reject",
@@ -38,6 +38,7 @@ METERED = {  # of render, stream, meter and view
 
 OVER = {"--alpha": alpha}  # of frames, which may have alpha
 BEHIND = {  # of render and stream
+    "--desqueeze": lambda c: shows(one_file(c, "wide").format("--desqueeze"), lambda run: sizes(run) == {(32, 12, 1)}, "not 32x12"),
     "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
 }
 DRAWN = {  # of render, stream and view
@@ -48,6 +49,10 @@ DRAWN = {  # of render, stream and view
     "--transfer": lambda c: each_word("--transfer"),
     "--tier": lambda c: each_word("--tier", words=("draft", "standard", "reference")),
     "--dither": lambda c: changes("--dither"),
+    "--resize": lambda c: both(*(shows(LINES[c].format(f"--resize {size}"), lambda run: {s[0] for s in sizes(run)} == {24}, "not 24 wide")
+                                 for size in ("24x", "24x9")), needs("--resize 50%", "--resize 50", words="WIDTHxHEIGHT")),
+    "--max-size": lambda c: both(shows(LINES[c].format("--max-size 24"), lambda run: {s[:2] for s in sizes(run)} == {(24, 16)}, "not 24x16"),
+                                 refuses("--max-size 0", words="--max-size")),
     # Each takes another tier than the default: 0 only the reference keeps, 255 any.
     "--max-error": lambda c: both(each_word("--max-error", words=("0", "255")), refuses("--max-error -1", words="--max-error")),
     "--bloom": lambda c: each_word("--bloom"),

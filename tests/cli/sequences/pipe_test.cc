@@ -325,8 +325,8 @@ TEST_F(Pipes, WhatCannotBeIsSaidInOneLine) {
   write_file(sizes, read_file(a) + read_file(other));
   const Outcome mixed = fed(sizes, {"stream", "-", "-", "-q"});
   EXPECT_EQ(mixed.code, 3);
-  EXPECT_TRUE(
-      says(mixed.err, "standard input, frame 2: it is 8x8, and a y4m has frames of one size, here 64x48"));
+  EXPECT_TRUE(says(
+      mixed.err, "standard input, frame 2: its image is 8x8, and a y4m has frames of one size, here 64x48"));
   EXPECT_EQ(pam_frames(fed(sizes, {"stream", "-", "-", "-q", "--pipe", "pam"}).out).size(), 2u);
 }
 

@@ -177,6 +177,23 @@ TEST(ForeignServer, AMapThatNobodyAskedForIsRefused) {
   EXPECT_TRUE(says(words, "does not follow render.proto"));
 }
 
+TEST(ForeignServer, AnImageOfAnotherSizeIsRefusedBeforeMemoryIsTaken) {
+  const auto words_of = [](uint32_t width, uint32_t height, const std::vector<std::string>& options) {
+    return words_for(
+        [width, height](grpc::ServerContext&, Wire& stream) {
+          send_header(stream, width, height);
+          send_band(stream, 0, size_t{62} * 34 * 4);
+          return grpc::Status::OK;
+        },
+        options);
+  };
+  EXPECT_EQ(words_of(62, 34, {"--resize", "200%"}), "");
+  EXPECT_TRUE(says(words_of(31, 17, {"--resize", "200%"}), "the server ignores the size of images"));
+  EXPECT_TRUE(says(words_of(4000000000, 4000000000, {"--max-size", "16"}),
+                   "the image has 4000000000x4000000000 pixels and not 16x9"));
+  EXPECT_TRUE(says(words_of(62, 34, {}), "the image has 62x34 pixels and not 31x17"));
+}
+
 TEST(ForeignServer, AServerThatDoesNotVerifyIsNamedAsOne) {
   const std::string words = words_for(
       [](grpc::ServerContext&, Wire& stream) {

@@ -86,7 +86,7 @@ constexpr char kRenderExamples[] =
     "Examples:\n"
     "  candela render in.exr out.png\n"
     "  candela render in.hdr out.png --exposure -2 --curve aces-narkowicz --bits 16\n"
-    "  candela render a.exr b.hdr 'more/*.exr' out/ --as jpg\n"
+    "  candela render a.exr b.hdr 'more/*.exr' out/ --as jpg --max-size 480\n"
     "  candela render in.exr out.jpg --server 127.0.0.1:50051 --json -\n"
     "  curl -s https://example.com/in.exr | candela render - - --as jpg | convert - -resize 25% out.jpg";
 

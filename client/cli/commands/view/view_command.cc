@@ -112,6 +112,7 @@ absl::Status run_view(const PanoramaViewOptions& options, JsonOutput& json) {
 constexpr char kViewExamples[] =
     "Examples:\n"
     "  candela view pano.hdr view.png --yaw 30 --pitch 10 --fov 70 --objects lookdev\n"
+    "  candela view pano.hdr view.png --size 2560x1440 --resize 50%\n"
     "  candela view pano.hdr out/%04d.png --turn 360 --frames 240 --fps 24\n"
     "  candela view pano.exr out/%04d.png --path keys.json --exposure-plot exposure.svg";
 

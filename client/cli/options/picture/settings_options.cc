@@ -15,6 +15,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "client/base/usage.h"
+#include "client/cli/options/picture/size_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
 #include "client/run/picture/frame_files.h"
@@ -206,9 +207,10 @@ void add_background(CLI::App& app, v1::Settings& settings, const SettingField& s
 
 using AddByHand = void (*)(CLI::App&, v1::Settings&, const SettingField&);
 const std::map<std::string, AddByHand> kByHand = {
-    {"exposure", add_exposure}, {"percentiles", add_percentiles},
-    {"spot", add_spot},         {"primaries", add_primaries},
-    {"alpha", add_alpha},       {"background", add_background}};
+    {"exposure", add_exposure},  {"percentiles", add_percentiles},
+    {"spot", add_spot},          {"primaries", add_primaries},
+    {"alpha", add_alpha},        {"background", add_background},
+    {"resize", add_size_options}};
 
 // ---- Options made from the declaration ----
 
@@ -325,6 +327,7 @@ absl::Status check_settings_options(const v1::Settings& settings) {
   if (!settings.tier().empty() && settings.has_max_error_codes()) {
     return usage_error("--max-error chooses the tier that --tier names; give only one of the two");
   }
+  RETURN_IF_ERROR(check_size_options(settings));
   const v1::Metering& metering = settings.exposure().metering();
   if (metering.weights() == v1::Metering::WEIGHTS_SPOT && !metering.has_spot()) {
     return usage_error("--weights spot needs --spot X0,Y0,X1,Y1");

@@ -10,6 +10,7 @@
 #include "client/base/usage.h"
 #include "client/cli/options/picture/exposure_options.h"
 #include "client/cli/options/picture/settings_options.h"
+#include "client/cli/options/picture/size_options.h"
 #include "client/cli/options/picture/view_options.h"
 #include "client/cli/options/sequence/session_options.h"
 #include "client/cli/options/server_options.h"
@@ -104,6 +105,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
+  add_desqueeze_option(app, options);
   add_given_exposure_options(app, options);
   add_view_options(app, options);
   add_image_options(app, arguments.picture, /*with_film=*/true);
