@@ -23,6 +23,7 @@
 #include "client/cli/options/command_line.h"
 #include "client/cli/options/server_options.h"
 #include "client/image/write/temporary_path.h"
+#include "client/run/images/film_file.h"
 #include "client/run/output_files.h"
 #include "client/run/server/embedded_server.h"
 #include "server/base/process/end_process.h"
@@ -56,6 +57,7 @@ absl::Status check_open_files() {
 
 // The default action stays off until all files are removed: `timeout`, for one, sends its signal twice.
 void end_by_signal(int signal) {
+  FilmFile::end_encoder();
   TemporaryPath::remove_all();
   std::signal(signal, SIG_DFL);
   sigset_t set;
@@ -87,6 +89,7 @@ void clean_up_on_signals() {
     status = system_failure(error);
   } catch (...) {
   }
+  FilmFile::end_encoder();
   TemporaryPath::remove_all();
   if (!absl::IsResourceExhausted(status)) std::abort();  // a defect
   print_error(status);

@@ -14,6 +14,7 @@
 #include "client/environment/baked_environment.h"
 #include "client/image/image.h"
 #include "client/image/write/piped_frames.h"
+#include "client/run/images/film_format.h"
 #include "client/run/sequence/sequence.h"
 #include "client/security.h"
 #include "proto/candela/v1/limits.h"
@@ -96,8 +97,10 @@ struct RenderOptions : RunOptions {
 
 struct StreamOptions : SessionRunOptions {
   SequenceChoice sequence;
-  std::string output;              // a pattern with a number, or a folder; "-" if `pipe` is set
-  std::optional<PipeFormat> pipe;  // of standard output
+  std::string output;              // a pattern with a number, a folder, or a film; "-" for standard output
+  std::optional<FilmFormat> film;  // of a film
+  std::optional<PipeFormat> pipe;  // of standard output, or of what a film is made from
+  bool verbose = false;            // tell ffmpeg's command line
   // The number of the first image, from which the images are counted; nothing: each has its frame's number.
   std::optional<int64_t> first;
   // Exposure files, "" for none; at most one of the first two and locked_exposure.
@@ -106,6 +109,7 @@ struct StreamOptions : SessionRunOptions {
   std::string save_exposures;  // is written
 
   bool from_stdin() const { return sequence.inputs == std::vector<std::string>{"-"}; }
+  bool to_stdout() const { return pipe && !film; }
 };
 
 // A sequence that is metered without images, or a single image. Only options of metering are used.

@@ -9,6 +9,7 @@
 #include "client/base/failure.h"
 #include "client/run/frames/file_frames.h"
 #include "client/run/frames/frame_reader.h"
+#include "client/run/images/film_file.h"
 #include "client/run/images/frame_pipe.h"
 #include "client/run/images/held_frames.h"
 #include "client/run/images/image_files.h"
@@ -54,9 +55,12 @@ std::unique_ptr<FrameReader> make_reader(const StreamOptions& options, StreamPla
   return reader;
 }
 
-std::unique_ptr<FrameSink> make_sink(const StreamOptions& options, const StreamPlan& plan, RunEvents& events,
-                                     RunSummary& summary) {
-  if (options.pipe) return std::make_unique<FramePipe>(*options.pipe, summary.rate.rate, events, summary);
+std::unique_ptr<FrameSink> make_sink(const StreamOptions& options, const StreamPlan& plan, FilmFile* film,
+                                     RunEvents& events, RunSummary& summary) {
+  if (options.pipe) {
+    const bool even = options.film && !options.film->full_chroma;
+    return std::make_unique<FramePipe>(*options.pipe, summary.rate.rate, film, even, events, summary);
+  }
   return std::make_unique<ImageFiles>(
       [&options, &plan](const FrameFacts& frame) { return output_of(options, plan, frame); }, options.write,
       events, summary);
@@ -101,7 +105,12 @@ absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const S
   run.session().return_state = shot.saved();
   alone.session = run.session();
   alone.said_rate = frames.said_rate();
-  const std::unique_ptr<FrameSink> images = make_sink(options, plan, events, summary);
+  std::unique_ptr<FilmFile> film;
+  if (options.film) {
+    ASSIGN_OR_RETURN(film, FilmFile::open(options.output, film_command(*options.film, options.write.transfer,
+                                                                       FilmFile::kOutput)));
+  }
+  const std::unique_ptr<FrameSink> images = make_sink(options, plan, film.get(), events, summary);
   HeldFrames held(options, shot, plan, std::move(alone), run.run().link(), *images, summary);
   absl::Status status = held.begin();
   if (status.ok()) {
@@ -119,6 +128,10 @@ absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const S
         absl::InvalidArgumentError(absl::StrFormat(
             "none of the %d frames could be rendered; run without --skip-bad to see the first failure",
             sequence.frames.size())));
+  }
+  if (film != nullptr) {
+    events.begins("ffmpeg ends " + options.output);
+    RETURN_IF_ERROR(film->finish());
   }
   summary.locked = locked_exposure(options.settings.exposure(), summary.curve);
   summary.saved = options.save_exposures;

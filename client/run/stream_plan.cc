@@ -49,7 +49,7 @@ absl::Status check_outputs(const StreamOptions& options, const Sequence& sequenc
   // Any of the files may be read, because missing frames may repeat it.
   for (const auto& [number, path] : sequence.files) inputs.push_back(path);
   if (options.from_stdin()) inputs.emplace_back("/dev/stdin");
-  if (options.pipe) outputs.push_back({"-", "the frames"});
+  if (options.pipe) outputs.push_back({options.output, options.film ? "the film" : "the frames"});
   for (const auto& [number, input, output] : images) {
     if (!names) continue;
     const auto [other, fresh] = sources.emplace(output, input);

@@ -26,6 +26,7 @@ LISTS = {
     "deploy/nightly.sh": ("build", "run", "test", "ci"),
     "deploy/sbom.py": ("build", "sbom"),
     "deploy/test.sh": ("build", "run", "test"),
+    "docs/recipes/": ("build", "run", "test"),
     "shaders/fit/": ("build", "run", "test"),
     "tests/": ("build", "run", "test"),
     "tests/bench/compare": ("build", "run", "test", "compare"),
@@ -37,7 +38,7 @@ LISTS = {
 # The package of the lists that brings a program.
 PROGRAMS = {
     "catatonit": "catatonit", "cmake": "cmake", "cmgen": "libfilament-tools", "ctest": "cmake", "exrenvmap": "openexr",
-    "ffmpeg": "ffmpeg", "git": "git", "glslangValidator": "glslang-tools", "grpc_python_plugin": "protobuf-compiler-grpc",
+    "ffmpeg": "ffmpeg", "ffprobe": "ffmpeg", "git": "git", "glslangValidator": "glslang-tools", "grpc_python_plugin": "protobuf-compiler-grpc",
     "haproxy": "haproxy", "ip": "iproute2", "mmdebstrap": "mmdebstrap", "nft": "nftables", "nginx": "nginx",
     "oiiotool": "openimageio-tools", "openssl": "openssl", "podman": "podman", "prometheus": "prometheus",
     "promtool": "prometheus", "protoc": "protobuf-compiler", "python3": "python3", "runc": "runc",
@@ -47,9 +48,9 @@ PROGRAMS = {
 MODULES = {"cv2": "python3-opencv", "grpc": "python3-grpcio", "h2": "python3-h2", "hpack": "python3-h2",
            "kubernetes": "python3-kubernetes", "numpy": "python3-opencv", "yaml": "python3-kubernetes"}
 # What these files do without, and say so.
-OPTIONAL = {("deploy/install-packages.sh", "sudo"),
+OPTIONAL = {("client/run/images/film_file.cc", "ffmpeg"), ("deploy/install-packages.sh", "sudo"),
             ("tests/deploy/kube_test.py", "kubectl"), ("tests/interop/ktx_parse/run.sh", "node"),
-            ("tests/interop/ktx_parse/run.sh", "npm")}
+            ("tests/interop/ktx_parse/run.sh", "npm"), ("tests/recipes/recipes_test.py", "node")}
 # Each of these starts programs a1, a2 ... and none that is called "no".
 SAMPLES = [
     (shell.programs, "x=$(a1 \"$(a2 -l)\" | env -u V B=1 a3) || if ! a4; then sudo a5 >f 2>&1 && exec a6; fi # no"),

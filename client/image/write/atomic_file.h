@@ -40,6 +40,9 @@ class AtomicFile {
   bool seek(uint64_t position);
   bool failed() const { return error_ != 0; }
 
+  // For a program that writes the file in place of write().
+  int descriptor() const { return fileno(file_.get()); }
+
   uint64_t position() const { return static_cast<uint64_t>(std::ftell(file_.get())); }
 
   // Call this once. If a write, syncing to the disk or renaming failed, returns the system's reason.

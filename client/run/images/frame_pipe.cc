@@ -31,6 +31,13 @@ absl::Status FramePipe::none(RunFrame frame) {
 absl::Status FramePipe::begin_film(const RunFrame& frame) {
   const uint32_t width = frame.header.width(), height = frame.header.height();
   if (width_ == 0) {
+    if (even_ && (width % 2 != 0 || height % 2 != 0)) {
+      return input_failure(
+          absl::InvalidArgumentError(absl::StrFormat(
+              "%s: it is %dx%d, and this film needs even sizes; --pipe y4m444 makes one of any size",
+              frame.facts.input, width, height)),
+          frame.facts.input);
+    }
     width_ = width;
     height_ = height;
     const std::string header = film_header(format_, width, height, frame.facts.pixel_aspect, rate_);
@@ -46,6 +53,7 @@ absl::Status FramePipe::begin_film(const RunFrame& frame) {
 }
 
 absl::Status FramePipe::write(const void* bytes, size_t count) {
+  if (film_ != nullptr) return film_->write(bytes, count);
   const int error = write_to_stdout(bytes, count);
   if (error == 0) return absl::OkStatus();
   summary_.reader_left = error == EPIPE;
@@ -53,7 +61,7 @@ absl::Status FramePipe::write(const void* bytes, size_t count) {
 }
 
 absl::Status FramePipe::tell(RunFrame frame) {
-  if (frame.held || frame.status.ok()) frame.output = "-";
+  if (frame.held || frame.status.ok()) frame.output = film_ != nullptr ? film_->path() : "-";
   summary_.count(frame);
   return events_.finished(frame);
 }

@@ -4,6 +4,7 @@ A line of options is written as on the command line. `changes` and `each_word` c
 option that is ignored fails.
 """
 import json
+import shutil
 import struct
 
 from bench import Bench, Run
@@ -11,6 +12,7 @@ from bench import Bench, Run
 SERVERS = ("render", "stream", "meter", "view", "environment", "report", "bench", "info")  # that can also render without a daemon
 GUARDS = {"--tls-ca": "ca.pem", "--tls-cert": "client.pem", "--tls-key": "client.key", "--tls-name": "candela.test",
           "--token-file": "tokens"}
+FFMPEG = shutil.which("ffmpeg")
 
 
 class Wrong(Exception):
@@ -202,6 +204,16 @@ def sizes(run: Run) -> set:
         across, down = struct.unpack(">II", png[at + 4:at + 12]) if at > 0 else (1, 1)
         return (*struct.unpack(">II", png[16:24]), down / across)
     return {of(data) for name, data in run.files.items() if name.endswith(".png")}
+
+
+def films(bench: Bench, _: str) -> None:
+    """Each codec makes a film that names it; without ffmpeg each says what to install."""
+    for word, ending, names in (("h264", "mp4", b"avc1"), ("hevc", "mp4", b"hvc1"), ("av1", "webm", b"V_AV1"), ("prores", "mov", b"apch")):
+        line = f"stream film OUT/o.{ending} --fps 24 --json - -q --server PLAIN --codec {word}"
+        if FFMPEG:
+            hold(names in ok(bench(line), line).files[f"o.{ending}"], f"--codec {word} made something else")
+        else:
+            refuses(line, words="apt-get install ffmpeg")(bench, "stream")
 
 
 def bench_encodings(bench: Bench, _: str) -> None:

@@ -1,8 +1,8 @@
 """The option table: for every option of every command, a check of checks.py that shows what the option does."""
 import json
 
-from checks import (GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, device, each_word, elsewhere,
-                    encodings, executor, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
+from checks import (FFMPEG, GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, device, each_word, elsewhere,
+                    encodings, executor, films, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
                     shows, sizes, waits)
 
 INPUT = {  # of render, stream, meter, view and environment
@@ -149,6 +149,10 @@ STREAMED = {  # of stream alone
     "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
     "--encoding": lambda c: encodings,
     "--pipe": lambda c: pipes,
+    "--codec": lambda c: both(films, refuses("--codec divx", "stream film OUT/o.mp4 -q {}", "divx"),
+                              refuses("--codec h264", LINES["stream"], "--codec h264 is for films")),
+    "--verbose": lambda c: shows("stream film OUT/o.mp4 -v --server PLAIN" if FFMPEG else "stream film OUT/%04d.png -v --server PLAIN",
+                                 lambda run: "note: ffmpeg -" in run.err if FFMPEG else "-v changes nothing" in run.err, "-v says nothing"),
     "--first": lambda c: shows(LINES["stream"].format("--first 100"), lambda run: "0100.png" in run.files, "no 0100.png"),
 }
 OTHERS = {

@@ -313,7 +313,7 @@ TEST_F(Pipes, WhatCannotBeIsSaidInOneLine) {
   expect_line(candela({"stream", in(), folder_.path("o"), "--bits", "10"}), 2, "--bits 10 is for y4m");
   expect_line(candela({"stream", in(), "-", "--bits", "16"}), 2, "--bits 16 is for");
   expect_line(candela({"stream", in(), "-", "--pipe", "pam", "--bits", "10"}), 2, "--bits 10 is for y4m");
-  expect_line(candela({"stream", in(), "-", "--encoding", "png"}), 2, "--encoding is for files");
+  expect_line(candela({"stream", in(), "-", "--encoding", "png"}), 2, "--encoding is for images");
   expect_line(candela({"stream", in(), "-", "--quality", "9"}), 2,
               "--quality is for .jpg; y4m loses nothing");
   expect_line(candela({"render", a, "-", "--as", "gif"}), 2, "unknown kind \"gif\"");

@@ -119,15 +119,17 @@ TEST_F(Slips, OnlyRenderAndStreamTakePipes) {
   std::filesystem::current_path(here);
 }
 
-TEST_F(Slips, AVideoIsNoOutput) {
+TEST_F(Slips, AFilmIsAnOutputOfStreamAlone) {
   for (const char* name : {"out.mp4", "OUT.MOV", "out.webm"}) {
-    const std::string video = folder_.path(name);
-    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
-             {"render", in_, video}, {"stream", in_, video}, {"view", in_, video, "--turn", "360"}}) {
-      expect_line(arguments, 2, "a video, and candela writes images; write out/%04d.png");
+    const std::string film = folder_.path(name);
+    for (const std::vector<std::string>& arguments :
+         std::vector<std::vector<std::string>>{{"render", in_, film}, {"view", in_, film, "--turn", "360"}}) {
+      expect_line(arguments, 2, "a film, which only candela stream makes; write out/%04d.png");
     }
   }
   EXPECT_FALSE(std::filesystem::exists(folder_.path("out.mp4")));
+  expect_line({"stream", in_, folder_.path("out.avi")}, 2,
+              "does not make; write a .mp4, .mov, .mkv or .webm");
 }
 
 TEST_F(Slips, FilesInAWrongPlaceAreSeen) {

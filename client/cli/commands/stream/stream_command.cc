@@ -7,7 +7,9 @@
 #include <set>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
 #include "client/base/failure.h"
 #include "client/base/usage.h"
 #include "client/cli/commands/commands.h"
@@ -34,6 +36,7 @@ constexpr size_t kMostNotes = 5;
 
 // Where the images are; "": there are none.
 std::string places_of(const StreamOptions& options, const StreamPlan& plan, const RunSummary& summary) {
+  if (options.film) return options.output;
   if (options.pipe) return kStdoutName;
   if (!plan.names) return "";
   const auto at = [&](int64_t number, uint64_t place) {
@@ -44,6 +47,19 @@ std::string places_of(const StreamOptions& options, const StreamPlan& plan, cons
   };
   const size_t images = plan.images.empty() ? plan.sequence.frames.size() : plan.images.size();
   return absl::StrFormat("%s .. %s", at(summary.first, 0), at(summary.last, images - 1));
+}
+
+// What ffmpeg is started with, for a shell. A film's file has its name only at the end.
+std::string command_line(const StreamOptions& options) {
+  std::string line;
+  for (const std::string& word : film_command(*options.film, options.write.transfer, options.output)) {
+    const bool plain = word.find_first_not_of(
+                           "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                           "-_=:+./,") == std::string::npos;
+    absl::StrAppend(&line, line.empty() ? "" : " ",
+                    plain ? word : "'" + absl::StrReplaceAll(word, {{"'", "'\\''"}}) + "'");
+  }
+  return line;
 }
 
 // Prints the notes and the summary: on stderr, if frames go to stdout.
@@ -62,8 +78,8 @@ absl::Status tell(const StreamOptions& options, const RunSummary& summary, const
     print_note(absl::StrFormat("whoever read standard output stopped after %d frame%s, and so did this",
                                frames, frames == 1 ? "" : "s"));
   }
-  if (options.pipe) std::fputs(to_text(summary, where).c_str(), stderr);
-  return json_to_stdout || options.pipe ? absl::OkStatus() : print(to_text(summary, where));
+  if (options.to_stdout()) std::fputs(to_text(summary, where).c_str(), stderr);
+  return json_to_stdout || options.to_stdout() ? absl::OkStatus() : print(to_text(summary, where));
 }
 
 constexpr char kStreamExamples[] =
@@ -71,6 +87,7 @@ constexpr char kStreamExamples[] =
     "  candela stream 'in/*.exr' out/%04d.png --fps 24\n"
     "  candela stream in out --lookahead 4 --detect-cuts --exposure-plot exposure.svg\n"
     "  candela stream in out --server 127.0.0.1:50051,127.0.0.1:50052 --json frames.json\n"
+    "  candela stream 'in/shot.####.exr' review.mp4 --fps 24 -v\n"
     "  ffmpeg -i in.mov -f image2pipe -c:v phm - | candela stream - - --fps 24 | ffmpeg -i - out.mp4";
 
 Finish define_stream(CLI::App& app) {
@@ -106,14 +123,18 @@ absl::Status run_stream(const StreamOptions& options, JsonOutput& json) {
     RETURN_IF_ERROR(check_plot(options.plot));
   }
   RETURN_IF_ERROR(json.open());
-  if (options.pipe) {
+  if (options.to_stdout()) {
     RETURN_IF_ERROR(check_stdout(json));
+  }
+  if (options.film) {
+    RETURN_IF_ERROR(make_folder_of(options.output));
   }
   if (plan.names) {
     RETURN_IF_ERROR(make_folder_of(plan.names->path(0, "")));
   }
   if (!options.quiet) {
     for (const std::string& note : sequence.notes) print_note(note);
+    if (options.film && options.verbose) print_note(command_line(options));
   }
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));

@@ -98,7 +98,7 @@ void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
 void add_image_options(CLI::App& app, PictureArguments& arguments, bool with_film) {
   const std::string bits = absl::StrFormat("Bits per component of a %s%s (default 8)",
                                            extensions_with(&OutputEncoding::has_16_bits),
-                                           with_film ? "; 8 or 10 of y4m, 8 or 16 of PAM" : "");
+                                           with_film ? "; 8 or 10 of y4m and films, 8 or 16 of PAM" : "");
   add_text(app, kOutputSection, "--bits", with_film ? "8|10|16" : "8|16", bits,
            [&arguments, with_film](const std::string& text) {
              if (text != "8" && text != "16" && !(with_film && text == "10")) {
@@ -127,7 +127,7 @@ absl::Status check_input_names(const std::vector<std::string>& inputs, bool stdi
   return absl::OkStatus();
 }
 
-absl::Status check_output_name(const std::string& output, bool stdout_too) {
+absl::Status check_output_name(const std::string& output, bool stdout_too, bool film_too) {
   if (output.empty()) return usage_error("OUT is empty; give a file");
   if (stdout_too && output == "-") return absl::OkStatus();
   for (const absl::string_view pipe : {"-", "/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/"}) {
@@ -140,11 +140,14 @@ absl::Status check_output_name(const std::string& output, bool stdout_too) {
   }
   const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
   for (const char* video : {".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mxf", ".mpg"}) {
-    if (extension != video) continue;
-    return usage_error(absl::StrFormat(
-        "OUT is %s, a video, and candela writes images; write out/%%04d.png, and make a video of them with "
-        "ffmpeg -i out/%%04d.png %s",
-        output, output));
+    if (extension != video || (film_too && !film_extension(output).empty())) continue;
+    return usage_error(
+        film_too
+            ? absl::StrFormat("OUT is %s, a film of a kind that candela does not make; write a %s", output,
+                              film_extensions())
+            : absl::StrFormat("OUT is %s, a film, which only candela stream makes; write out/%%04d.png, and "
+                              "make a film of them with ffmpeg -i out/%%04d.png %s",
+                              output, output));
   }
   if (!absl::StartsWith(output, "-")) return absl::OkStatus();
   return usage_error(absl::StrFormat("OUT is \"%s\", which looks like an option; write ./%s if it is a name",
@@ -161,7 +164,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output, const OutputEncoding& encoding) {
   if (arguments.bits == 10 && !encoding.is_film()) {
-    return usage_error(absl::StrFormat("--bits 10 is for y4m; %s has another depth", output));
+    return usage_error(absl::StrFormat("--bits 10 is for y4m and films; %s has another depth", output));
   }
   if (arguments.bits == 16 && !encoding.has_16_bits()) {
     return usage_error(absl::StrFormat("--bits 16 is for %s; %s has its own depth",

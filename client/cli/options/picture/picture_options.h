@@ -37,9 +37,9 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
 // A usage error for "-": images are not read from a pipe, or with `stdin_too` only from standard input alone.
 absl::Status check_input_names(const std::vector<std::string>& inputs, bool stdin_too = false);
 
-// A usage error for an output that is a pipe or a video, or that looks like an option. With `stdout_too` "-"
-// is good: it is standard output.
-absl::Status check_output_name(const std::string& output, bool stdout_too = false);
+// A usage error for an output that is a pipe or a film, or that looks like an option. With `stdout_too` "-"
+// is good: it is standard output. With `film_too` the films are good that ffmpeg is started for.
+absl::Status check_output_name(const std::string& output, bool stdout_too = false, bool film_too = false);
 
 // A usage error if a server makes files of this encoding and `file`, by its extension, is of another one.
 // `output` is what the user named.

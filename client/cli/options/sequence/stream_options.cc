@@ -6,6 +6,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "client/base/usage.h"
 #include "client/cli/options/picture/exposure_options.h"
@@ -32,18 +33,39 @@ struct PipeWord {
 constexpr PipeWord kPipes[] = {
     {"y4m", PipeKind::kY4m420}, {"y4m444", PipeKind::kY4m444}, {"pam", PipeKind::kPam}};
 
-// What goes to standard output.
+// The film that ffmpeg makes of what it gets.
+absl::Status finish_film(StreamArguments& arguments) {
+  StreamOptions& options = arguments.options;
+  PipeFormat& pipe = *options.pipe;
+  if (pipe.kind == PipeKind::kPam) return usage_error("--pipe pam is for standard output; a film is of y4m");
+  if (arguments.picture.quality != 0) {
+    return usage_error("--quality is for .jpg; -v tells a film's command line, which has its own");
+  }
+  ASSIGN_OR_RETURN(options.film, film_format(options.output, arguments.codec, pipe.kind == PipeKind::kY4m444,
+                                             arguments.picture.bits));
+  pipe = piped_for(*options.film);
+  return absl::OkStatus();
+}
+
+// What goes to standard output or into a film.
 absl::Status finish_pipe(StreamArguments& arguments) {
   StreamOptions& options = arguments.options;
-  if (options.output != "-") {
+  const bool film = !film_extension(options.output).empty();
+  if (!film && !arguments.codec.empty()) {
+    return usage_error(absl::StrFormat("--codec %s is for films; %s is none: write a %s", arguments.codec,
+                                       options.output, film_extensions()));
+  }
+  if (!film && options.verbose) options.notes.emplace_back("-v changes nothing: it is about films");
+  if (options.output != "-" && !film) {
     if (arguments.pipe.empty()) return absl::OkStatus();
     return usage_error(absl::StrFormat("--pipe %s is for standard output; %s is none: write - as OUT",
                                        arguments.pipe, options.output));
   }
   if (options.encoding != v1::ENCODING_RAW) {
-    return usage_error("--encoding is for files; OUT is \"-\", where --pipe chooses");
+    return usage_error(absl::StrFormat("--encoding is for images; OUT is \"%s\", where --%s chooses",
+                                       options.output, film ? "codec" : "pipe"));
   }
-  if (options.first) options.notes.emplace_back("--first changes nothing: frames in a pipe have no numbers");
+  if (options.first) options.notes.emplace_back("--first changes nothing: these frames have no numbers");
   options.pipe = PipeFormat{};
   if (!arguments.pipe.empty()) {
     std::vector<std::string> words;
@@ -53,6 +75,9 @@ absl::Status finish_pipe(StreamArguments& arguments) {
     options.pipe->kind = found->kind;
   }
   if (arguments.picture.bits != 0) options.pipe->bits = arguments.picture.bits;
+  if (film) {
+    RETURN_IF_ERROR(finish_film(arguments));
+  }
   const OutputEncoding& encoding = piped_encoding(options.pipe->kind);
   return finish_picture_options(options, arguments.picture, encoding.name, encoding);
 }
@@ -96,9 +121,10 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
          absl::StrFormat(
              "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%%04d.exr or "
              "in/####.exr. OUT: a pattern for the frame's number, out/%%04d.png (%s), or a folder for .png, "
-             "which keeps the names. Either may be -: standard input takes PFM, PHM or OpenEXR files one "
+             "which keeps the names, or a film that ffmpeg makes, review.mp4 (%s). Either may be -: standard "
+             "input takes PFM, PHM or OpenEXR files one "
              "after another, standard output gets y4m or PAM",
-             extensions_with()))
+             extensions_with(), film_extensions()))
       ->required()
       ->option_text(" ");
   add_session_options(app, options);
@@ -111,8 +137,13 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_image_options(app, arguments.picture, /*with_film=*/true);
   add_text(app, kOutputSection, "--pipe", "y4m|y4m444|pam",
            "What standard output gets: y4m of limited range and the matrix of BT.709, with chroma of 4:2:0 "
-           "(y4m, the default) or 4:4:4; or PAM (ffmpeg -f pam_pipe -i -)",
+           "(y4m, the default) or 4:4:4; or PAM (ffmpeg -f pam_pipe -i -). What a film is made from: y4m, "
+           "which needs even sizes, or y4m444",
            arguments.pipe);
+  add_text(app, kOutputSection, "--codec", absl::StrJoin(film_codecs(), "|"),
+           "Codec of a film (default h264; av1 in .webm): libx264 medium, crf 18; libx265 medium, crf 20; "
+           "libaom-av1 at speed 6, crf 24; or ProRes of 10 bits, 422 HQ, with --pipe y4m444 4444",
+           arguments.codec);
   add_encoding_option(app, kOutputSection, options.encoding,
                       "Who encodes the files: this command (raw) or the server (png, jpeg)");
   add_text(
@@ -129,6 +160,8 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_json_option(app, kOutputSection, "Write one line of JSON a frame, and one for the whole session",
                   options.json);
   add_quiet_option(app, kOutputSection, options.quiet);
+  app.add_flag("--verbose,-v", options.verbose, "Print the command line that a film's ffmpeg is started with")
+      ->group(kOutputSection);
   add_session_server_options(app, options);
 }
 
@@ -140,7 +173,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   options.sequence.inputs.assign(arguments.files.begin(), arguments.files.end() - 1);
   options.output = arguments.files.back();
   RETURN_IF_ERROR(check_input_names(options.sequence.inputs, /*stdin_too=*/true));
-  RETURN_IF_ERROR(check_output_name(options.output, /*stdout_too=*/true));
+  RETURN_IF_ERROR(check_output_name(options.output, /*stdout_too=*/true, /*film_too=*/true));
   RETURN_IF_ERROR(check_stdin_options(options));
   RETURN_IF_ERROR(finish_pipe(arguments));
   if (!options.pipe) {

@@ -16,7 +16,8 @@ struct StreamArguments {
   std::vector<std::string> files;  // inputs, then the output
   StreamOptions options;
   PictureArguments picture;
-  std::string pipe;  // --pipe, "" if not given
+  std::string pipe;   // --pipe, "" if not given
+  std::string codec;  // --codec, "" if not given
 };
 
 // Defines the options; parsing fills `arguments`, which outlives the app.
