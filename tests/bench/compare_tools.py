@@ -46,7 +46,7 @@ class Failed(Exception):
 def run(*command: str, **environment: str) -> str:
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=600, env={**os.environ, **environment})
-    except OSError as error:
+    except (OSError, subprocess.TimeoutExpired) as error:
         raise Failed(str(error)) from error
     if done.returncode != 0:
         said = (done.stderr or done.stdout).strip().splitlines()
