@@ -97,7 +97,7 @@ void clean_up_on_signals() {
 }
 
 constexpr const Command* kCommands[] = {
-    &kRenderCommand, &kStreamCommand, &kMeterCommand, &kViewCommand, &kEnvironmentCommand,
+    &kRenderCommand, &kContactCommand, &kStreamCommand, &kMeterCommand, &kViewCommand, &kEnvironmentCommand,
     &kSampleCommand, &kReportCommand, &kBenchCommand, &kInfoCommand, &kHealthCommand};
 
 // A variable with a typing error would otherwise go unnoticed.

@@ -42,7 +42,11 @@ class FrameRun {
     ASSIGN_OR_RETURN(Image image, read());
     picture_.report().primaries = primaries_of(image, options_.settings, view());
     picture_.report().missing_pixels = image.missing_pixels;
-    ASSIGN_OR_RETURN(const Image rendered, render(std::move(image)));
+    ASSIGN_OR_RETURN(Image rendered, render(std::move(image)));
+    if (job_.take) {
+      job_.take(std::move(rendered));
+      return picture_.finish();
+    }
     RETURN_IF_ERROR(picture_.write(rendered));
     RETURN_IF_ERROR(picture_.write_error_map());
     return picture_.finish();

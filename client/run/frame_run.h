@@ -1,9 +1,11 @@
 // The run of one image file: read, rendered by one call, and written.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "client/image/image.h"
 #include "client/run/events.h"
 #include "client/run/options.h"
 #include "client/run/report.h"
@@ -15,6 +17,7 @@ namespace candela {
 struct RenderJob {
   std::string input;
   std::string output;
+  std::function<void(Image)> take = nullptr;  // gets the image in place of a file
 };
 
 // Several threads may call it with one `run`. `only` says that no other image follows: the server is stopped

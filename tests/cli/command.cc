@@ -51,7 +51,7 @@ std::vector<std::string> with_passes(std::vector<std::string> arguments) {
   const bool built_in = !says("--server") && std::getenv("CANDELA_SERVER") == nullptr;
   if (passes == nullptr || arguments.empty() || !built_in || says("--passes") || says("--executor"))
     return arguments;
-  const std::set<std::string> rendering = {"render", "stream", "meter", "view", "environment"};
+  const std::set<std::string> rendering = {"render", "contact", "stream", "meter", "view", "environment"};
   if (rendering.contains(arguments.front())) arguments.insert(arguments.begin() + 1, {"--passes", passes});
   return arguments;
 }

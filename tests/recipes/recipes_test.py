@@ -23,8 +23,8 @@ SERVER = "node upload.mjs 8080\n"
 # What the blocks make, and what ffprobe says of films.
 FILMS = {"review.mp4": "h264", "review.mov": "prores", "lit.mp4": "h264", "again.mp4": "h264", "own.webm": "vp9",
          "published/review.mp4": "h264"}
-FILES = ["shot.json", "out/0004.png", "out/0006.png", "thumbs/a.jpg", "thumbs/b.jpg", "thumbs.json", "pano.jpg", "pano.ktx2",
-         "sh.json", "pano.png", "published/thumbnail.jpg"]
+FILES = ["shot.json", "out/0004.png", "out/0006.png", "thumbs/a.jpg", "thumbs/b.jpg", "thumbs.json", "library.jpg",
+         "shot.png", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
 
 
 def run(*command: str) -> str:

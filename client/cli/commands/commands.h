@@ -5,7 +5,7 @@
 
 namespace candela {
 
-extern const Command kRenderCommand, kStreamCommand, kMeterCommand, kViewCommand, kEnvironmentCommand,
+extern const Command kRenderCommand, kContactCommand, kStreamCommand, kMeterCommand, kViewCommand, kEnvironmentCommand,
     kSampleCommand, kReportCommand, kBenchCommand, kInfoCommand, kHealthCommand;
 
 // Renders a sequence. `meter` calls it, too: its encoding is NONE, so there are no images.

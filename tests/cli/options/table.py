@@ -5,7 +5,7 @@ from checks import (FFMPEG, GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, ben
                     encodings, executor, films, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
                     shows, sizes, waits)
 
-INPUT = {  # of render, stream, meter, view and environment
+INPUT = {  # of render, contact, stream, meter, view and environment
     "--bad-values": lambda c: needs("--bad-values scrub", "--bad-values reject",
                                     f"{c} nan.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "NaN"),
     "--primaries": lambda c: each_word("--primaries"),
@@ -41,7 +41,7 @@ BEHIND = {  # of render and stream
     "--desqueeze": lambda c: shows(one_file(c, "wide").format("--desqueeze"), lambda run: sizes(run) == {(32, 12, 1)}, "not 32x12"),
     "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
 }
-DRAWN = {  # of render, stream and view
+DRAWN = {  # of render, contact, stream and view
     "--locked-exposure": lambda c: changes("--locked-exposure shot.json"),
     "--curve": lambda c: each_word("--curve"),
     "--curve-white": lambda c: changes("--curve-white 2", "--curve reinhard-extended"),
@@ -61,12 +61,24 @@ DRAWN = {  # of render, stream and view
     "--bloom-softness": lambda c: changes("--bloom-softness 0", "--bloom-intensity 1 --bloom-threshold 0.5"),
     "--bloom-levels": lambda c: changes("--bloom-levels 2", "--bloom-intensity 1"),
     "--bloom-firefly": lambda c: changes("--bloom-firefly off", "--bloom-intensity 1"),
-    "--bits": lambda c: changes("--bits 16"),
-    "--quality": lambda c: changes("--quality 20", line=LINES[c].replace(".png", ".jpg")),
     "--ocio": lambda c: changes("--ocio studio.ocio"),
     "--ocio-input": lambda c: changes("--ocio-input Other", "--ocio studio.ocio"),
     "--display": lambda c: changes("--display Projector", "--ocio studio.ocio"),
     "--ocio-view": lambda c: changes("--ocio-view Dark", "--ocio studio.ocio"),
+}
+CODED = {  # of render, stream and view
+    "--bits": lambda c: changes("--bits 16"),
+    "--quality": lambda c: changes("--quality 20", line=LINES[c].replace(".png", ".jpg")),
+}
+ALONE = "an image by itself takes its target"
+SHEETS = {  # of contact alone
+    **{option: (lambda c, given=f"{option} {value}": shows(f"contact scene.exr OUT/o.png --server PLAIN {given}",
+                                                           lambda run: ALONE in run.err, "nothing says that it is idle"))
+       for option, value in (("--adaptation", "log"), ("--speed-up", "2"), ("--speed-down", "2"))},
+    "--columns": lambda c: changes("--columns 1", line="contact film OUT/o.png --json - -q --server PLAIN {}"),
+    "--resume": lambda c: waits(LINES[c]),
+    "--verbose": lambda c: shows("contact scene.exr OUT/o.png -v --server PLAIN",
+                                 lambda run: len((run.out + run.err).splitlines()) > 4, "-v prints no more than a line"),
 }
 SEQUENCED = {  # of stream and meter
     "--range": lambda c: changes("--range 1-4x2", line=plural("film")[c]),
@@ -191,11 +203,12 @@ OTHERS = {
 def table(command: str) -> dict:
     """The checks of a command by option."""
     rows = {}
-    for group, commands in ((INPUT, ("render", "stream", "meter", "view", "environment")),
-                            (METERED, ("render", "stream", "meter", "view")), (OVER, ("render", "stream", "meter")),
-                            (BEHIND, ("render", "stream")), (DRAWN, ("render", "stream", "view")),
+    for group, commands in ((INPUT, ("render", "contact", "stream", "meter", "view", "environment")),
+                            (METERED, ("render", "contact", "stream", "meter", "view")), (OVER, ("render", "contact", "stream", "meter")),
+                            (BEHIND, ("render", "contact", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
+                            (CODED, ("render", "stream", "view")),
                             (SEQUENCED, ("stream", "meter")), (MOMENTARY, ("render", "view")),
-                            (VERIFIED, ("render", "view")), (RENDERED, ("render",)), (STREAMED, ("stream",)),
+                            (VERIFIED, ("render", "view")), (RENDERED, ("render",)), (SHEETS, ("contact",)), (STREAMED, ("stream",)),
                             (VIEWED, ("view",)), (BAKED, ("environment",))):
         if command in commands:
             rows |= {option: check(command) for option, check in group.items()}

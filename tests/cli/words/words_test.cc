@@ -214,8 +214,8 @@ TEST_F(Words, AVariableThatNothingReadsIsNamed) {
 
 TEST_F(Words, HelpIsACommandToo) {
   EXPECT_EQ(candela({"help"}).out, candela({"--help"}).out);
-  for (const char* command :
-       {"render", "stream", "meter", "view", "environment", "sample", "report", "bench", "info", "health"}) {
+  for (const char* command : {"render", "contact", "stream", "meter", "view", "environment", "sample",
+                              "report", "bench", "info", "health"}) {
     const Outcome outcome = candela({"help", command});
     EXPECT_EQ(outcome.code, 0);
     EXPECT_EQ(outcome.out, candela({command, "--help"}).out);

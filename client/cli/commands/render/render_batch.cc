@@ -111,6 +111,8 @@ class Reporter {
     return status;
   }
 
+  bool any_written() const { return written_ > 0; }
+
   absl::Status finish() {
     progress_.clear();
     for (const auto& [note, images] : notes_) {
@@ -193,33 +195,43 @@ absl::StatusOr<FoundFiles> files_of(const std::string& input) {
 
 }  // namespace
 
+absl::StatusOr<FoundFiles> render_inputs(const std::vector<std::string>& inputs) {
+  FoundFiles all;
+  std::set<std::string> seen;
+  for (const std::string& input : inputs) {
+    const absl::StatusOr<FoundFiles> files = files_of(input);
+    if (!files.ok()) return input_failure(files.status(), input);
+    all.hidden.insert(all.hidden.end(), files->hidden.begin(), files->hidden.end());
+    for (const std::string& file : files->paths) {
+      if (seen.insert(std::filesystem::path(file).lexically_normal().string()).second) {
+        all.paths.push_back(file);
+      }
+    }
+  }
+  return all;
+}
+
 absl::StatusOr<RenderPlan> plan_render(const RenderOptions& options) {
   if (options.extension.empty()) return RenderPlan{{{options.inputs.front(), options.output}}, {}};
   const std::filesystem::path folder(options.output);
-  RenderPlan plan;
-  std::set<std::string> inputs;
+  ASSIGN_OR_RETURN(FoundFiles files, render_inputs(options.inputs));
+  RenderPlan plan{.jobs = {}, .hidden = std::move(files.hidden)};
   std::map<std::string, std::string> outputs;  // and what becomes them
-  for (const std::string& input : options.inputs) {
-    const absl::StatusOr<FoundFiles> files = files_of(input);
-    if (!files.ok()) return input_failure(files.status(), input);
-    plan.hidden.insert(plan.hidden.end(), files->hidden.begin(), files->hidden.end());
-    for (const std::string& file : files->paths) {
-      if (!inputs.insert(std::filesystem::path(file).lexically_normal().string()).second) continue;
-      const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);
-      const auto [other, fresh] = outputs.emplace(output, file);
-      if (!fresh) {
-        return usage_error(absl::StrFormat("%s and %s would both become %s; render one of them apart",
-                                           other->second, file, output));
-      }
-      plan.jobs.push_back({file, output});
+  for (const std::string& file : files.paths) {
+    const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);
+    const auto [other, fresh] = outputs.emplace(output, file);
+    if (!fresh) {
+      return usage_error(absl::StrFormat("%s and %s would both become %s; render one of them apart",
+                                         other->second, file, output));
     }
+    plan.jobs.push_back({file, output});
   }
   return plan;
 }
 
 absl::Status render_batch(const RenderOptions& options, const std::vector<RenderJob>& jobs,
                           const RenderOne& render, const std::function<absl::Status()>& broken,
-                          JsonOutput& json, Progress& progress) {
+                          JsonOutput& json, Progress& progress, const std::function<absl::Status()>& last) {
   progress.show_bar(0, absl::StrFormat("0/%d", jobs.size()));
   Reporter reporter(options, jobs.size(), json, progress);
   Workers workers(jobs, render);
@@ -229,6 +241,9 @@ absl::Status render_batch(const RenderOptions& options, const std::vector<Render
       RETURN_IF_ERROR(broken());
     }
     RETURN_IF_ERROR(reporter.add(jobs[i], result));
+  }
+  if (last && reporter.any_written()) {
+    RETURN_IF_ERROR(last());
   }
   return reporter.finish();
 }
