@@ -14,7 +14,7 @@ namespace candela {
 namespace {
 
 constexpr uint32_t kGap = 12, kDot = 2;  // pixels: between cells, and a letter's dot
-constexpr uint32_t kLine = kLetterHeight * kDot, kWords = 2 * (kLine + kDot);
+constexpr uint32_t kLine = (kLetterHeight + 1) * kDot, kWords = 2 * (kLine + kDot);
 constexpr uint32_t kLeastCell = 22 * kLetterWidth * kDot;  // "frame 1001  +12.34 EV"
 constexpr uint8_t kBackground = 32, kNameInk = 224, kWordsInk = 160;
 
@@ -43,8 +43,8 @@ class Sheet {
 
   void write(const std::string& text, uint32_t x, uint32_t y, uint8_t ink) {
     for (const char c : text) {
-      for (uint32_t column = 0; column < 5; ++column) {
-        for (uint32_t row = 0; row < 7; ++row) {
+      for (uint32_t column = 0; column < kLetterWidth; ++column) {
+        for (uint32_t row = 0; row < kLetterHeight; ++row) {
           if ((letter(c)[column] >> row & 1) != 0) fill(x + column * kDot, y + row * kDot, kDot, kDot, ink);
         }
       }
