@@ -24,8 +24,8 @@ class Mappings {
  public:
   Mappings() { idle_.reserve(kMostIdle); }
 
-  // Null if there is no memory.
-  void* take(size_t bytes, bool zeros) {
+  // At least `bytes`, which becomes their number. Null if there is no memory.
+  void* take(size_t& bytes, bool zeros) {
     const std::lock_guard lock(mutex_);
     void* mapping = zeros ? nullptr : take_idle(bytes);
     if (mapping == nullptr) mapping = map(bytes);
@@ -53,20 +53,27 @@ class Mappings {
 
  private:
   static constexpr size_t kMostIdle = 64;  // mappings
+  static constexpr size_t kMostTimes = 3;  // as large as asked for: a result has half of its frame or less
 
   struct Idle {
     void* mapping;
     size_t bytes;
   };
 
-  // The one that was used last. Null if there is none of the size.
-  void* take_idle(size_t bytes) {
-    const auto found =
-        std::find_if(idle_.rbegin(), idle_.rend(), [&](const Idle& i) { return i.bytes == bytes; });
-    if (found == idle_.rend()) return nullptr;
-    void* const mapping = found->mapping;
+  // The smallest of at least `bytes` that is not far larger; of those the one that was used last. Sets
+  // `bytes` to its size. Null if there is none.
+  void* take_idle(size_t& bytes) {
+    auto best = idle_.end();
+    for (auto i = idle_.begin(); i != idle_.end(); ++i) {
+      if (i->bytes >= bytes && i->bytes / kMostTimes <= bytes &&
+          (best == idle_.end() || i->bytes <= best->bytes))
+        best = i;
+    }
+    if (best == idle_.end()) return nullptr;
+    void* const mapping = best->mapping;
+    bytes = best->bytes;
     idle_bytes_ -= bytes;
-    idle_.erase(std::next(found).base());
+    idle_.erase(best);
     return mapping;
   }
 
@@ -108,7 +115,7 @@ PixelMemory take(size_t bytes, bool zeros) {
   if (bytes < kLargePage / 2) return PixelMemory(static_cast<std::byte*>(std::calloc(bytes, 1)));
   if (bytes > std::numeric_limits<size_t>::max() / 2) return nullptr;
   // One more, because the system may begin anywhere.
-  const size_t mapped = (bytes - 1) / kLargePage * kLargePage + 2 * kLargePage;
+  size_t mapped = (bytes - 1) / kLargePage * kLargePage + 2 * kLargePage;
   void* const mapping = mappings().take(mapped, zeros);
   if (mapping == nullptr) return nullptr;
   return PixelMemory(first_large_page(mapping), {mapping, mapped});

@@ -34,6 +34,7 @@ TEST(PixelMemory, IsUsedAgain) {
   pixels.reset();
   EXPECT_GE(idle_pixels(), 5 * kMega);
   EXPECT_EQ(pixels_to_overwrite(5 * kMega).get(), place);
+  EXPECT_EQ(pixels_to_overwrite(3 * kMega).get(), place);
   // Zeros are never memory of before.
   const PixelMemory zeros = new_pixels(5 * kMega);
   EXPECT_NE(zeros.get(), place);
