@@ -1,8 +1,7 @@
 // Memory for pixels, in large pages where the system has them: one of 2 MiB takes one fault in place of 512.
-// From a megabyte on, memory that is freed is kept for the next that asks to overwrite as much or
-// less, to a third. What is kept
-// never makes this process hold more than it once used at the same time, nor more than kMostIdlePixels. The
-// system takes it when it is short of memory. Any thread.
+// From a megabyte on, memory that is freed is kept for the next that asks to overwrite as much, or less down
+// to a third. What is kept never makes this process hold more than it once used at the same time, nor more
+// than kMostIdlePixels. The system takes it when it is short of memory. Any thread.
 #pragma once
 
 #include <cstddef>
