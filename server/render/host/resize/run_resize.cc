@@ -34,15 +34,21 @@ Units units_of(const AxisFilter& down, uint32_t width, uint32_t rows, uint32_t t
   // Rows are read whole if they can be: processors fetch what follows.
   const uint64_t most =
       std::min<uint64_t>(kKeptBytes / (kept_rows * 4 * sizeof(float) * kResizeChunk), chunks);
-  Units units{};
-  units.columns = static_cast<uint32_t>(std::max<uint64_t>(1, most)) * kResizeChunk;
-  units.across = groups(width, units.columns);
-  const uint64_t wanted = std::max<uint64_t>(groups(kUnitsPerThread * threads, units.across),
-                                             frame_rows * units.columns / kMostTexelsOfUnit);
+  uint64_t columns = std::max<uint64_t>(1, most) * kResizeChunk;
+  const uint64_t wanted = std::max<uint64_t>(kUnitsPerThread * threads * columns / width,
+                                             frame_rows * columns / kMostTexelsOfUnit);
   const uint64_t least = down.mean > 0 ? 1 : kLeastRows;
-  units.rows = static_cast<uint32_t>(std::min<uint64_t>(rows, std::max(least, rows / wanted)));
+  Units units{};
+  units.rows =
+      static_cast<uint32_t>(std::min<uint64_t>(rows, std::max(least, rows / std::max<uint64_t>(1, wanted))));
   units.rows = groups(units.rows, kResizeRowStep) * kResizeRowStep;
   units.down = groups(rows, units.rows);
+  // Rows of the image that many of the frame's make have fewer columns.
+  const uint64_t rows_of_unit = uint64_t{std::min(units.rows, rows)} * down.from / down.to + down.taps;
+  const uint64_t fit = kMostTexelsOfUnit / rows_of_unit / kResizeChunk;
+  columns = std::min(columns, std::max<uint64_t>(1, fit) * kResizeChunk);
+  units.columns = static_cast<uint32_t>(columns);
+  units.across = groups(width, units.columns);
   return units;
 }
 
