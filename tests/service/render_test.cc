@@ -175,7 +175,7 @@ TEST_P(Render, AnImageBeyondTheLimitsIsRefusedBeforeAPixelIsRead) {
     return call.finish();
   };
   EXPECT_REFUSED(kResourceExhausted, "at most 16384 a side", refused(16385));
-  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 268435456", refused(16384));
+  EXPECT_REFUSED(kResourceExhausted, "the memory budget is 268435456", refused(4096));
 }
 
 TEST_P(Render, TheHeaderSaysWhatWasDone) {
