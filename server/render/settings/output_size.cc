@@ -1,20 +1,9 @@
 #include "server/render/settings/output_size.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
-
-namespace {
-
-uint32_t side(double pixels) {
-  return static_cast<uint32_t>(std::clamp<double>(std::floor(pixels + 0.5), 1, UINT32_MAX));
-}
-
-}  // namespace
 
 absl::Status check_output_size(const v1::OutputSize& size) {
   // Written so that NaN fails.
@@ -44,16 +33,7 @@ absl::Status check_output_size(const v1::OutputSize& size) {
 }
 
 ImageSize image_size(const v1::Settings& settings, const FrameDesc& desc) {
-  const v1::OutputSize& size = settings.output_size();
-  const double width = size.has_pixel_aspect() ? desc.width * size.pixel_aspect() : desc.width;
-  const double height = desc.height;
-  if (size.width() > 0 && size.height() > 0) return {size.width(), size.height()};
-  if (size.width() > 0) return {size.width(), side(height * size.width() / width)};
-  if (size.height() > 0) return {side(width * size.height() / height), size.height()};
-  if (size.has_percent()) return {side(width * size.percent() / 100), side(height * size.percent() / 100)};
-  const double longer = std::max(width, height);
-  if (size.max_side() == 0 || longer <= size.max_side()) return {side(width), side(height)};
-  return {side(width * size.max_side() / longer), side(height * size.max_side() / longer)};
+  return v1::image_size(settings.output_size(), {desc.width, desc.height});
 }
 
 bool resizes(const v1::Settings& settings, const FrameDesc& desc) {

@@ -5,17 +5,12 @@
 
 #include "absl/status/status.h"
 #include "candela/v1/render.pb.h"
+#include "proto/candela/v1/image_size.h"
 #include "server/render/settings/frame.h"
 
 namespace candela {
 
-// In pixels, at least 1 a side.
-struct ImageSize {
-  uint32_t width = 0;
-  uint32_t height = 0;
-
-  bool operator==(const ImageSize&) const = default;
-};
+using v1::ImageSize;
 
 // INVALID_ARGUMENT if a field is out of its range, or given with another one that it does not go with.
 absl::Status check_output_size(const v1::OutputSize& size);

@@ -19,6 +19,7 @@
 #include "tests/cli/sequences/stream_fixture.h"
 #include "tests/support/files.h"
 #include "tests/support/process.h"
+#include "tests/support/status.h"
 #include "tests/unit/image/png.h"
 
 namespace candela {

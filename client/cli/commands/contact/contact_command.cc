@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
@@ -32,11 +33,13 @@
 namespace candela {
 namespace {
 
-// "frame 7  +1.23 EV"; without a number at the end of the name only the exposure.
+// "frame 7  +1.23 EV"; without a number at the end of the name, after a dot, a line or a dash, only the
+// exposure.
 std::string words_below(const std::string& input, const RenderReport& report) {
   const std::string stem = std::filesystem::path(input).stem().string();
   const size_t begin = stem.find_last_not_of("0123456789") + 1;  // 0 if all are digits
-  std::string words = begin < stem.size() && stem.size() - begin < 10
+  const bool apart = begin == 0 || absl::StrContains("._-", stem.substr(begin - 1, 1));
+  std::string words = apart && begin < stem.size() && stem.size() - begin < 10
                           ? absl::StrFormat("frame %d  ", std::atoll(stem.c_str() + begin))
                           : "";
   return words + with_sign(std::log2(report.header.exposure()), 2) + " EV";
