@@ -47,7 +47,7 @@ constexpr Variant kVariants[] = {
 
 absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads) {
   prepare_driver_environment();
-  absl::StatusOr<std::unique_ptr<Device>> device = Device::create({});
+  absl::StatusOr<std::unique_ptr<Device>> device = Device::create({.selector = passes == ExecutorKind::kHost ? "host" : ""});
   if (!device.ok()) return device.status();
   Workbench bench;
   bench.device = *std::move(device);

@@ -2,20 +2,21 @@
 #include <gtest/gtest.h>
 
 #include "server/vulkan/device.h"
+#include "server/vulkan/functions.h"
 
 #ifdef CANDELA_VALIDATION
 namespace candela::testing {
 namespace {
 
-// A semaphore with an unknown flag, on a device that nobody asked to validate.
+// A fence with an unknown flag, on a device that nobody asked to validate.
 void misuse_vulkan() {
   const absl::StatusOr<std::unique_ptr<Device>> device = Device::create({});
-  VkSemaphoreCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO;
-  info.flags = 1;
-  VkSemaphore semaphore = VK_NULL_HANDLE;
-  if (vkCreateSemaphore((*device)->handle(), &info, nullptr, &semaphore) == VK_SUCCESS) {
-    vkDestroySemaphore((*device)->handle(), semaphore, nullptr);
+  VkFenceCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+  info.flags = 2;
+  VkFence fence = VK_NULL_HANDLE;
+  if (vkCreateFence((*device)->handle(), &info, nullptr, &fence) == VK_SUCCESS) {
+    vkDestroyFence((*device)->handle(), fence, nullptr);
   }
 }
 

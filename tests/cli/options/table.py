@@ -37,8 +37,10 @@ METERED = {  # of render, stream, meter and view
 
 
 OVER = {"--alpha": alpha}  # of frames, which may have alpha
-BEHIND = {  # of render and stream
+SQUEEZED = {  # of render and stream
     "--desqueeze": lambda c: shows(one_file(c, "wide").format("--desqueeze"), lambda run: sizes(run) == {(32, 12, 1)}, "not 32x12"),
+}
+BEHIND = {  # of render, contact and stream
     "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
 }
 DRAWN = {  # of render, contact, stream and view
@@ -75,6 +77,8 @@ SHEETS = {  # of contact alone
     **{option: (lambda c, given=f"{option} {value}": shows(f"contact scene.exr OUT/o.png --server PLAIN {given}",
                                                            lambda run: ALONE in run.err, "nothing says that it is idle"))
        for option, value in (("--adaptation", "log"), ("--speed-up", "2"), ("--speed-down", "2"))},
+    "--resize": lambda c: changes("--resize 24x"),
+    "--max-size": lambda c: changes("--max-size 24"),
     "--columns": lambda c: changes("--columns 1", line="contact film OUT/o.png --json - -q --server PLAIN {}"),
     "--resume": lambda c: waits(LINES[c]),
     "--verbose": lambda c: shows("contact scene.exr OUT/o.png -v --server PLAIN",
@@ -205,7 +209,7 @@ def table(command: str) -> dict:
     rows = {}
     for group, commands in ((INPUT, ("render", "contact", "stream", "meter", "view", "environment")),
                             (METERED, ("render", "contact", "stream", "meter", "view")), (OVER, ("render", "contact", "stream", "meter")),
-                            (BEHIND, ("render", "contact", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
+                            (BEHIND, ("render", "contact", "stream")), (SQUEEZED, ("render", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
                             (CODED, ("render", "stream", "view")),
                             (SEQUENCED, ("stream", "meter")), (MOMENTARY, ("render", "view")),
                             (VERIFIED, ("render", "view")), (RENDERED, ("render",)), (SHEETS, ("contact",)), (STREAMED, ("stream",)),
