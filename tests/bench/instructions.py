@@ -69,7 +69,7 @@ def main() -> int:
         path.write_text(json.dumps({"device": device, "instructions": counted}, indent=1) + "\n")
         return 0
     recorded = json.loads(path.read_text())
-    if not host_only and device != recorded["device"]:
+    if device != recorded["device"]:
         print(f"skipped: recorded on {recorded['device']}, this is {device}")
         return SKIPPED
     wrong = compare({name: number for name, number in recorded["instructions"].items()
