@@ -1,38 +1,41 @@
 // The texture pool: reuse, budget, counters.
-#include <dlfcn.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <chrono>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "server/render/environment/panorama_upload.h"
+#include "server/vulkan/functions.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
 #include "tests/support/clock/virtual_clock.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/status.h"
 
+namespace candela::testing {
 namespace {
 
 int allocations_that_fail = 0;
+PFN_vkAllocateMemory allocate_memory = nullptr;  // Vulkan's
 
-}  // namespace
-
-// Stands before the Vulkan loader's, so that a test can have a device without memory.
-extern "C" VkResult vkAllocateMemory(VkDevice device, const VkMemoryAllocateInfo* info,
-                                     const VkAllocationCallbacks* callbacks, VkDeviceMemory* memory) {
+VkResult fail_or_allocate(VkDevice device, const VkMemoryAllocateInfo* info,
+                          const VkAllocationCallbacks* callbacks, VkDeviceMemory* memory) {
   if (allocations_that_fail > 0) {
     --allocations_that_fail;
     return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   }
-  static const auto next = reinterpret_cast<PFN_vkAllocateMemory>(dlsym(RTLD_NEXT, "vkAllocateMemory"));
-  return next(device, info, callbacks, memory);
+  return allocate_memory(device, info, callbacks, memory);
 }
 
-namespace candela::testing {
-namespace {
+// The fixture's device has the function for as long as this is here.
+class FailingMemory {
+ public:
+  FailingMemory() { allocate_memory = std::exchange(vkAllocateMemory, fail_or_allocate); }
+  ~FailingMemory() { vkAllocateMemory = allocate_memory; }
+};
 
 using Pool = DeviceTest;
 
@@ -171,6 +174,7 @@ TEST_F(Pool, ADeviceWithLessMemoryThanTheBudgetGetsThatOfIdleTextures) {
   TexturePool local(device(), 100 * kBytes, real_clock());
   const auto key = [](uint32_t width) { return TextureKey{width, 50, 16, MemoryUse::kDevice}; };
   for (uint32_t width : {98u, 99u, 100u}) ASSERT_OK(local.take(key(width)));
+  const FailingMemory failing;
   allocations_that_fail = 2;
   ASSERT_OK_AND_ASSIGN(const auto lease, local.take(key(97)));
   EXPECT_EQ(allocations_that_fail, 0);
@@ -183,6 +187,7 @@ TEST_F(Pool, AFrameForWhichTheDeviceHasNoMemoryNowCanBeTriedAgain) {
   TexturePool local(device(), uint64_t{1} << 30, real_clock());
   ASSERT_OK_AND_ASSIGN(auto renderer, Renderer::create(device(), local));
   const FrameDesc desc = {100, 100, v1::PIXEL_FORMAT_RGBA16F};
+  const FailingMemory failing;
   allocations_that_fail = std::numeric_limits<int>::max();
   const absl::Status alone = renderer->allocate(desc, {}).status();
   allocations_that_fail = 0;
