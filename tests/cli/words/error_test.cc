@@ -35,7 +35,7 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
   for (const auto& [arguments, words] : std::vector<Case>{
            {{"rendr", "a", "b"}, "unknown command \"rendr\"; did you mean render?"},
            {{"bogus"},
-            "there are: render, stream, meter, view, environment, sample, report, bench, info, health"},
+            "there are: render, contact, stream, meter, view, environment, sample, report, bench, info, health"},
            {{"--verson"}, "did you mean --version?"},
            {{"render"}, "IN... OUT is required"},
            {{"render", "in.exr"}, "render needs an image and an output"},
