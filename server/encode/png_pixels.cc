@@ -117,7 +117,7 @@ class ChunkMaker {
 
   uint8_t* kind() { return chunk_.get() + 4; }
 
-  // Codes of 9 bits hold any byte, in blocks of at least 64 Ki bytes, each with its codes.
+  // More than zlib needs: it stores a block that its codes would make longer, and adds some bytes to it.
   static size_t deflated_at_most(size_t bytes) { return bytes + bytes / 8 + 4096; }
 
   void start(bool first_of_picture) {
