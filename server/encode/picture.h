@@ -42,8 +42,9 @@ struct PngOptions {
 };
 
 // Writes colour and alpha as they are. The same picture and options give the same bytes on any number of
-// threads and any processor. INTERNAL with the reason, or if the sink returned false. The sink is called from
-// any of the threads, but never from two at the same time.
+// threads, and on any x86-64 processor with SSE4.2 (without, isa-l looks for runs in another way). INTERNAL
+// with the reason, or if the sink returned false. The sink is called from any of the threads, but never from
+// two at the same time.
 absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink);
 
 struct JpegOptions {

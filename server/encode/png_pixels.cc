@@ -1,5 +1,7 @@
 #include "server/encode/png_pixels.h"
 
+#include <isa-l/crc.h>
+#include <isa-l/igzip_lib.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -68,17 +70,11 @@ class ChunkMaker {
         deflated_capacity_(deflated_at_most(cut.stripe_rows * (cut.row_bytes + 1))),
         lines_(std::make_unique<uint8_t[]>(2 * line_bytes_)),
         band_(memory_of(cut.band_rows * (cut.row_bytes + 1) + kPngMargin)),
-        chunk_(memory_of(kBefore + deflated_capacity_ + kAfter)) {
-    // Only runs. Longer matches find little after filtering, and their codes cost more than they save.
-    if (deflateInit2(&stream_, Z_BEST_SPEED, Z_DEFLATED, -MAX_WBITS, MAX_MEM_LEVEL, Z_RLE) != Z_OK) {
-      throw std::bad_alloc();
-    }
-  }
-  ~ChunkMaker() { deflateEnd(&stream_); }
-  ChunkMaker(const ChunkMaker&) = delete;
-  ChunkMaker& operator=(const ChunkMaker&) = delete;
+        level_(memory_of(ISAL_DEF_LVL1_DEFAULT)),
+        chunk_(memory_of(kBefore + deflated_capacity_ + kAfter)),
+        stream_(std::make_unique_for_overwrite<isal_zstream>()) {}
 
-  // False if zlib fails.
+  // False if isa-l fails.
   bool make(uint32_t stripe) {
     const uint32_t begin = stripe * cut_.stripe_rows;
     const uint32_t end = std::min(begin + cut_.stripe_rows, cut_.picture.height);
@@ -88,11 +84,11 @@ class ChunkMaker {
     for (uint32_t y = begin; y < end; y += cut_.band_rows) {
       const uint32_t band_end = std::min(y + cut_.band_rows, end);
       const size_t bytes = filter(y, band_end);
-      adler_ = static_cast<uint32_t>(adler32_z(adler_, band_.get(), bytes));
+      adler_ = isal_adler32(adler_, band_.get(), bytes);
       filtered_bytes_ += bytes;
-      if (!deflate(bytes, band_end == end, end == cut_.picture.height)) return false;
+      if (!deflate(bytes, y == begin, band_end == end, end == cut_.picture.height)) return false;
     }
-    end_ = stream_.next_out;
+    end_ = stream_->next_out;
     return true;
   }
 
@@ -107,13 +103,17 @@ class ChunkMaker {
     if (adler_of_all != nullptr) end_ = put_big_endian(*adler_of_all, end_);
     const auto kind_and_data = static_cast<uint64_t>(end_ - kind());
     put_big_endian(static_cast<uint32_t>(kind_and_data - 4), chunk_.get());
-    end_ = put_big_endian(static_cast<uint32_t>(crc32_z(0, kind(), kind_and_data)), end_);
+    end_ = put_big_endian(crc32_gzip_refl(0, kind(), kind_and_data), end_);
     return {chunk_.get(), static_cast<size_t>(end_ - chunk_.get())};
   }
 
  private:
   static constexpr size_t kBefore = 4 + 4 + 2;  // length, kind, the stream's first bytes
   static constexpr size_t kAfter = 4 + 4;       // the stream's checksum, the chunk's
+  // A stripe's first bytes are deflated alone, by isa-l's code for short inputs. That for long ones hashes a
+  // register that it never set (rcx, in 2.30's write_first_byte): the stream's address would decide which runs
+  // it finds, in one stripe of some thousand.
+  static constexpr size_t kAlone = 8;
 
   uint8_t* kind() { return chunk_.get() + 4; }
 
@@ -130,9 +130,16 @@ class ChunkMaker {
       *end_++ = 0x78;
       *end_++ = 0x01;
     }
-    deflateReset(&stream_);
-    stream_.next_out = end_;
-    stream_.avail_out = static_cast<uint32_t>(deflated_capacity_);
+    isal_deflate_init(stream_.get());
+    stream_->level = 1;
+    stream_->level_buf = level_.get();
+    stream_->level_buf_size = ISAL_DEF_LVL1_DEFAULT;
+    // Only runs: distances up to 3. Longer matches find little after filtering, and their codes cost more
+    // than they save.
+    stream_->hist_bits = 2;
+    stream_->gzip_flag = IGZIP_DEFLATE;
+    stream_->next_out = end_;
+    stream_->avail_out = static_cast<uint32_t>(deflated_capacity_);
   }
 
   void pack(uint32_t y, uint8_t* row) const {
@@ -152,13 +159,19 @@ class ChunkMaker {
   }
 
   // Without the picture's end, the end of a stripe is flushed: it ends at a whole byte.
-  bool deflate(size_t band_bytes, bool ends_stripe, bool ends_picture) {
-    stream_.next_in = band_.get();
-    stream_.avail_in = static_cast<uint32_t>(band_bytes);
-    const int flush = !ends_stripe ? Z_NO_FLUSH : ends_picture ? Z_FINISH : Z_FULL_FLUSH;
-    const int done = ::deflate(&stream_, flush);
-    return done == (flush == Z_FINISH ? Z_STREAM_END : Z_OK) && stream_.avail_in == 0 &&
-           stream_.avail_out > 0;
+  bool deflate(size_t band_bytes, bool begins_stripe, bool ends_stripe, bool ends_picture) {
+    const size_t alone = begins_stripe && band_bytes > kAlone ? kAlone : 0;
+    stream_->next_in = band_.get();
+    return (alone == 0 || feed(alone, SYNC_FLUSH, false)) &&
+           feed(band_bytes - alone, ends_stripe && !ends_picture ? FULL_FLUSH : NO_FLUSH,
+                ends_stripe && ends_picture);
+  }
+
+  bool feed(size_t bytes, uint16_t flush, bool ends_picture) {
+    stream_->flush = flush;
+    stream_->end_of_stream = ends_picture;
+    stream_->avail_in = static_cast<uint32_t>(bytes);
+    return isal_deflate(stream_.get()) == COMP_OK && stream_->avail_in == 0 && stream_->avail_out > 0;
   }
 
   const Cut& cut_;
@@ -166,8 +179,8 @@ class ChunkMaker {
   const std::unique_ptr<uint8_t[]> lines_;  // two packed rows
   uint8_t* row_ = lines_.get() + kPngMargin;
   uint8_t* above_ = row_ + line_bytes_;
-  const std::unique_ptr<uint8_t[]> band_, chunk_;
-  z_stream stream_{};
+  const std::unique_ptr<uint8_t[]> band_, level_, chunk_;
+  const std::unique_ptr<isal_zstream> stream_;
   size_t filtered_bytes_ = 0;
   uint32_t adler_ = 1;
   uint8_t* end_ = nullptr;  // of what the chunk has so far
@@ -214,7 +227,7 @@ class PixelWriter {
     ChunkMaker* const maker = take_maker();
     if (maker == nullptr) return;
     const bool made = maker->make(stripe);
-    if (wait_for_turn(stripe)) end_turn(made ? send(*maker, stripe) : "zlib failed");
+    if (wait_for_turn(stripe)) end_turn(made ? send(*maker, stripe) : "isa-l failed");
     absl::MutexLock lock(&mutex_);
     idle_.push_back(maker);
   }

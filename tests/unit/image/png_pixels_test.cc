@@ -170,9 +170,10 @@ TEST(PngPixels, TheNumberOfThreadsDoesNotChangeTheFile) {
 }
 
 #ifdef __x86_64__
-// Highway chooses instructions by the processor, so the checksum is a record. Another version of zlib may need
-// another one.
+// isa-l and Highway choose instructions by the processor, so the checksum is a record. Another version of
+// isa-l may need another one.
 TEST(PngPixels, TheProcessorDoesNotChangeTheFile) {
+  if (!__builtin_cpu_supports("sse4.2")) GTEST_SKIP() << "isa-l finds other runs without SSE4.2";
   const Sample made = large();
   const Sample wide = sample(333, 200, true, Kind::kRamp, 0, 5);
   constexpr int64_t kPlain = HWY_SCALAR | HWY_EMU128;
@@ -183,7 +184,7 @@ TEST(PngPixels, TheProcessorDoesNotChangeTheFile) {
     hwy::GetChosenTarget().Update(target);
     const std::string files = png_of(made.view, false, 1) + png_of(wide.view, true, 1);
     EXPECT_EQ(crc32(0, reinterpret_cast<const Bytef*>(files.data()), static_cast<uInt>(files.size())),
-              2754797560u)
+              3532565110u)
         << hwy::TargetName(target);
   }
   hwy::SetSupportedTargetsForTest(0);
