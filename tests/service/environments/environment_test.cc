@@ -57,6 +57,30 @@ TEST_F(EnvironmentService, AViewOfAUniformPanoramaIsUniformAndRepeatsToTheBit) {
   }
 }
 
+TEST_F(EnvironmentService, ASmallerImageOfAViewIsTheMeanOfTheLargeOneAndIsExposedAsIt) {
+  const v1::View view = view_of(put(*two_halves()), 10);
+  v1::Settings settings;
+  settings.mutable_bloom()->set_intensity(0);
+  settings.mutable_exposure()->set_compensation_ev(-6);  // nothing clips
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  ASSERT_OK_AND_ASSIGN(const RenderResult large, connection().render(settings, frame_of(view, 48, 32)));
+  settings.mutable_output_size()->set_width(24);
+  ASSERT_OK_AND_ASSIGN(const RenderResult small, connection().render(settings, frame_of(view, 48, 32)));
+  EXPECT_EQ(small.header.exposure(), large.header.exposure());
+  ASSERT_EQ(small.header.width(), 24u);
+  ASSERT_EQ(small.header.height(), 16u);
+  const std::vector<HalfTexel> from = texels_of(large.pixels()), to = texels_of(small.pixels());
+  ASSERT_EQ(to.size(), 24u * 16);
+  for (size_t y = 0; y < 16; ++y) {
+    for (size_t x = 0; x < 24; ++x) {
+      const HalfTexel* const above = &from[2 * y * 48 + 2 * x];
+      const float mean = (above[0][0] + above[1][0] + above[48][0] + above[49][0]) / 4;
+      ASSERT_NEAR(to[y * 24 + x][0], mean, 0.001f * mean) << x << " " << y;
+    }
+  }
+}
+
 TEST_F(EnvironmentService, TheRightHalfOfThePanoramaIsToTheRight) {
   const std::string id = put(*two_halves());
   const auto brightness = [&](double yaw_deg, double rotation_deg) {
