@@ -18,6 +18,13 @@ inline constexpr uint32_t kMaxPendingChanges = 16;  // SettingsChanges for frame
 
 inline constexpr uint64_t kMaxTableBytes = 65 * 65 * 65 * 6;  // values of the largest colour table
 
+// Memory that client and server share; docs/transport.md.
+inline constexpr uint64_t kMemoryTicketBytes = 16;
+inline constexpr uint64_t kMemoryAlignment = 64;       // of offsets into a region, bytes
+inline constexpr uint64_t kMaxRegionBytes = 1u << 31;  // one region
+inline constexpr uint64_t kMaxMemoryReplyBytes = 256;  // of the server at the .memory socket
+inline constexpr char kMemorySuffix[] = ".memory";     // of that socket, after the path of gRPC's
+
 template <typename T>
 struct Range {
   T min;
