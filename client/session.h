@@ -40,15 +40,23 @@
 
 namespace candela {
 
+// How pixels and images travel. Images are the same bits.
+enum class Transport {
+  kAuto,  // memory where the server's address is unix:PATH and it offers that (docs/transport.md), else bands
+  kGrpc,  // in bands
+  kMemory,  // as kAuto, but open() fails unless the first server offers it
+};
+
 struct SessionOptions {
   // At least one address, "HOST:PORT" or "unix:PATH". The session opens on the first server that accepts it.
   // When it loses that server, it tries the next one in the list, and after the last one the first again. To
   // resume, all servers need the same resume keys.
   std::vector<std::string> servers;
   ClientSecurity security;  // for all servers
-  std::string name;         // see StreamOpen.session; empty: a random name
-  v1::Settings settings;    // from the first frame on
-  uint32_t lookahead = 0;   // frames that auto exposure looks ahead, 0 .. 16; results are delayed by as many
+  Transport transport = Transport::kAuto;
+  std::string name;        // see StreamOpen.session; empty: a random name
+  v1::Settings settings;   // from the first frame on
+  uint32_t lookahead = 0;  // frames that auto exposure looks ahead, 0 .. 16; results are delayed by as many
   double cut_threshold_ev = 0;               // EV, see StreamOpen; 0: only frames marked as cuts are cuts
   v1::Encoding encoding = v1::ENCODING_RAW;  // NONE: frames are metered and exposed, and no image is made
   // Continues the exposure of another session after the frame that this is the state of. Frames must have
@@ -99,12 +107,21 @@ struct SessionFrame {
   std::shared_ptr<const Panorama> panorama = nullptr;
 };
 
+// Memory for the pixels of a frame. Fill it, then submit them with their owner; frames in other memory are
+// copied if it is shared.
+struct FrameArea {
+  std::span<std::byte> pixels;  // empty: this process lacks the memory
+  std::shared_ptr<const void> owner;
+};
+
 // The result of one frame.
 struct FrameResult {
   uint64_t sequence = 0;
   // INVALID_ARGUMENT or DEADLINE_EXCEEDED if this frame failed. The session continues.
   absl::Status status;
-  RenderResult image;      // set if status is OK; only its header if the encoding is NONE
+  // Set if status is OK; only its header if the encoding is NONE. It may lie in the session's shared memory:
+  // images that are kept leave less for the next ones, which then come in bands.
+  RenderResult image;
   absl::Duration latency;  // from submit() to the arrival of the whole result
 };
 
@@ -117,6 +134,7 @@ struct SessionStats {
   uint64_t sent_again = 0;              // frames sent a second time after a resume
   absl::Duration time_without_results;  // total, from each loss to the next result or until now
   absl::Status last_loss;               // why the last connection was lost; OK if none was
+  bool shares_memory = false;           // with the current server
   bool mixed_bits = false;              // its servers differ in DeviceInfo.bits, so images may differ in bits
 };
 
@@ -145,6 +163,10 @@ class Session {
   // INVALID_ARGUMENT for a malformed frame or one out of order; the session continues without it. Returns
   // FAILED_PRECONDITION after finish(), and the session's final status once it has failed.
   absl::Status submit(SessionFrame frame);
+
+  // Memory for a frame of this size: shared with the server if it can be, and some of it is free, or else
+  // this process's own. Does not wait for results.
+  FrameArea area(uint32_t width, uint32_t height, v1::PixelFormat format);
 
   // Whether submit() would return without waiting.
   bool ready() const;

@@ -9,11 +9,12 @@
 namespace candela {
 
 SessionDriver::SessionDriver(SessionServers& servers, const SessionOptions& options, const std::string& name,
-                             SessionState& state, Clock& clock, uint32_t seed)
+                             SessionState& state, SessionMemory& memory, Clock& clock, uint32_t seed)
     : servers_(servers),
       options_(options),
       name_(name),
       state_(state),
+      memory_(memory),
       clock_(clock),
       schedule_(servers.count(), seed) {}
 
@@ -59,8 +60,9 @@ void SessionDriver::next_call() {
   const std::string& address = servers_.address(server_);
   std::optional<SessionState::Start> start = state_.begin_call(address);
   if (!start) return end(absl::CancelledError());
+  memory_.begin_call(address);
   stream_ = std::make_unique<SessionStream>(servers_.call(server_, name_), address, asked_, *std::move(start),
-                                            options_, name_, state_, clock_);
+                                            options_, name_, state_, memory_, clock_);
   phase_ = Phase::kCalling;
 }
 

@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "client/call/memory/session_memory.h"
 #include "client/call/retry/retry_schedule.h"
 #include "client/call/session_servers.h"
 #include "client/call/session_stream.h"
@@ -26,7 +27,7 @@ class SessionDriver {
  public:
   // `seed` is the chance in its pauses.
   SessionDriver(SessionServers& servers, const SessionOptions& options, const std::string& name,
-                SessionState& state, Clock& clock, uint32_t seed);
+                SessionState& state, SessionMemory& memory, Clock& clock, uint32_t seed);
 
   void start();  // first of all
   // An event of the call that it has, kTimeout at the deadline, or kWoken after SessionState's wake. Nothing
@@ -59,6 +60,7 @@ class SessionDriver {
   const SessionOptions& options_;
   const std::string& name_;
   SessionState& state_;
+  SessionMemory& memory_;
   Clock& clock_;
   RetrySchedule schedule_;
   Phase phase_ = Phase::kIdle;

@@ -6,13 +6,14 @@
 #include "absl/strings/str_format.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/pixel_size.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
 
-SessionLog::SessionLog(v1::Settings settings, const std::optional<v1::SessionState>& state)
-    : settings_(std::move(settings)) {
+SessionLog::SessionLog(v1::Settings settings, const std::optional<v1::SessionState>& state, bool raw)
+    : raw_(raw), settings_(std::move(settings)) {
   if (!state) return;
   last_sequence_ = state->sequence();
   last_time_ns_ = state->media_time_ns();
@@ -40,8 +41,10 @@ absl::Status SessionLog::add(SessionFrame frame, absl::Time now) {
   }
   last_sequence_ = frame.sequence;
   last_time_ns_ = frame.media_time_ns;
-  const v1::ImageSize image = v1::image_size(settings_of(frame).output_size(), {frame.width, frame.height});
-  steps_.push_back({std::make_shared<const SessionFrame>(std::move(frame)), now, image, 0, {}});
+  const v1::Settings& settings = settings_of(frame.sequence);
+  const v1::ImageSize image = v1::image_size(settings.output_size(), {frame.width, frame.height});
+  const uint64_t bytes = image_bytes(settings, image);
+  steps_.push_back({std::make_shared<const SessionFrame>(std::move(frame)), now, image, 0, {}, bytes});
   ++unanswered_;
   return absl::OkStatus();
 }
@@ -60,7 +63,7 @@ absl::Status SessionLog::change(uint64_t from_sequence, const v1::Settings& sett
         "%d changes of settings already wait for their frames; submit frames first", v1::kMaxPendingChanges));
   }
   last_from_ = from_sequence;
-  steps_.push_back({nullptr, absl::InfinitePast(), {}, from_sequence, settings});
+  steps_.push_back({nullptr, absl::InfinitePast(), {}, from_sequence, settings, 0});
   return absl::OkStatus();
 }
 
@@ -82,9 +85,21 @@ std::map<std::string, std::shared_ptr<const Panorama>> SessionLog::panoramas() c
   return panoramas;
 }
 
-const v1::Settings& SessionLog::settings_of(const SessionFrame& frame) const {
-  const auto changes = [&frame](const SessionStep& step) {
-    return step.frame == nullptr && step.from_sequence <= frame.sequence;
+uint64_t SessionLog::image_bytes(v1::ImageSize frame) const {
+  const v1::Settings& settings = settings_of(last_sequence_ ? *last_sequence_ + 1 : 0);
+  return image_bytes(settings, v1::image_size(settings.output_size(), frame));
+}
+
+uint64_t SessionLog::image_bytes(const v1::Settings& settings, v1::ImageSize image) const {
+  const v1::OutputFormat format = settings.output_format() == v1::OUTPUT_FORMAT_UNSPECIFIED
+                                      ? v1::OUTPUT_FORMAT_RGBA8
+                                      : settings.output_format();
+  return raw_ ? uint64_t{image.width} * image.height * bytes_per_pixel(format) : 0;
+}
+
+const v1::Settings& SessionLog::settings_of(uint64_t sequence) const {
+  const auto changes = [sequence](const SessionStep& step) {
+    return step.frame == nullptr && step.from_sequence <= sequence;
   };
   const auto last = std::find_if(steps_.rbegin(), steps_.rend(), changes);
   return last == steps_.rend() ? settings_ : last->settings;

@@ -23,13 +23,16 @@ struct SessionStep {
   v1::ImageSize image;                        // of the frame, as its settings ask for
   uint64_t from_sequence = 0;                 // first frame of the change
   v1::Settings settings;                      // settings of the change
+  uint64_t image_bytes = 0;                   // of the frame's image; 0: it does not come as pixels
 };
 
 // Not thread-safe.
 class SessionLog {
  public:
   // `state`, if there is one, is that of the frame before the first.
-  explicit SessionLog(v1::Settings settings, const std::optional<v1::SessionState>& state = std::nullopt);
+  // `raw`: images come as pixels.
+  explicit SessionLog(v1::Settings settings, const std::optional<v1::SessionState>& state = std::nullopt,
+                      bool raw = true);
 
   // Add a step. They fail like Session::submit() and Session::change_settings().
   absl::Status add(SessionFrame frame, absl::Time now);
@@ -53,6 +56,9 @@ class SessionLog {
   // and so do the changes that the token covers.
   void answered(const std::string& token);
 
+  // Of the image of a frame of this size that is added next; 0 if it does not come as pixels.
+  uint64_t image_bytes(v1::ImageSize frame) const;
+
   uint64_t unanswered() const { return unanswered_; }
 
   // The panoramas of the views that have no result yet, by the ids of their environments.
@@ -61,8 +67,10 @@ class SessionLog {
  private:
   std::deque<SessionStep>::const_iterator first_frame() const;
   // Of the frame after all steps.
-  const v1::Settings& settings_of(const SessionFrame& frame) const;
+  const v1::Settings& settings_of(uint64_t sequence) const;
+  uint64_t image_bytes(const v1::Settings& settings, v1::ImageSize image) const;
 
+  const bool raw_;
   v1::Settings settings_;
   std::string token_;
   std::deque<SessionStep> steps_;

@@ -13,7 +13,8 @@ SessionState::SessionState(const SessionOptions& options, std::string server, Cl
     : lookahead_(options.lookahead),
       clock_(clock),
       wake_(std::move(wake)),
-      log_(options.settings, options.state) {
+      log_(options.settings, options.state,
+           options.encoding == v1::ENCODING_RAW || options.encoding == v1::ENCODING_UNSPECIFIED) {
   stats_.server = std::move(server);
 }
 
@@ -86,6 +87,11 @@ SessionStats SessionState::stats() const {
   stats.answered = submitted_ - log_.unanswered();
   if (lost_) stats.time_without_results += clock_.now() - *lost_;
   return stats;
+}
+
+uint64_t SessionState::image_bytes(v1::ImageSize frame) const {
+  const absl::MutexLock lock(&mutex_);
+  return log_.image_bytes(frame);
 }
 
 SessionState::Need SessionState::need(bool idle) {

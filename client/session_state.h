@@ -40,6 +40,8 @@ class SessionState {
   // Whether next_result() would return without waiting.
   bool result_ready() const;
   SessionStats stats() const;
+  // See SessionLog.
+  uint64_t image_bytes(v1::ImageSize frame) const;
 
   // All that follows is for the driver.
 

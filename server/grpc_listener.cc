@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "server/access/client_identity.h"
+#include "server/base/log.h"
 #include "server/base/net/address.h"
 #include "server/base/net/listening_socket.h"
 #include "server/base/status_macros.h"
@@ -38,6 +39,14 @@ constexpr v1::Range<absl::Duration> kIdle{absl::Seconds(10), absl::Hours(24)};
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, in addition to calls with frames
 
+}  // namespace
+
+absl::Duration handshake_limit(const Config& config) {
+  return std::clamp(config.idle_timeout, kHandshake.min, kHandshake.max);
+}
+
+namespace {
+
 void set_limits(grpc::ServerBuilder& builder, const Config& config) {
   builder.SetMaxReceiveMessageSize(static_cast<int>(v1::kMaxMessageBytes));
   builder.SetMaxSendMessageSize(static_cast<int>(v1::kMaxMessageBytes));
@@ -63,8 +72,7 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, INT_MAX);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
-                             static_cast<int>(absl::ToInt64Milliseconds(
-                                 std::clamp(config.idle_timeout, kHandshake.min, kHandshake.max))));
+                             static_cast<int>(absl::ToInt64Milliseconds(handshake_limit(config))));
 }
 
 // gRPC does not tell the check of a token who calls over TCP, only at which of its ports. So such an address
@@ -134,11 +142,21 @@ absl::Status open_doors(const Config& config, const std::string& address, grpc::
   return absl::OkStatus();
 }
 
+void open_memory_door(const std::string& address, MemoryDoor& memory, std::vector<AcceptLoop::Door>& doors) {
+  absl::StatusOr<std::vector<ListeningSocket>> sockets =
+      ListeningSocket::listen("listen", address + v1::kMemorySuffix);
+  if (!sockets.ok()) {
+    log_event(LogLevel::kWarning, "no shared memory", {{"message", sockets.status().message()}});
+    return;
+  }
+  doors.push_back({std::move(sockets->front()), [&memory](int descriptor) { memory.take(descriptor); }});
+}
+
 }  // namespace
 
 absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_connections,
                                         OpenConnections& connections, Access& access, Metrics& metrics,
-                                        grpc::Service& service, Clock& clock) {
+                                        grpc::Service& service, Clock& clock, MemoryDoor* memory) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -151,6 +169,7 @@ absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_conne
         !status.ok()) {
       return status;
     }
+    if (memory != nullptr && is_unix_address(address)) open_memory_door(address, *memory, doors);
   }
   listener.server = builder.BuildAndStart();
   if (listener.server == nullptr) return absl::InternalError("gRPC did not start");

@@ -14,6 +14,7 @@
 #include "server/base/metrics.h"
 #include "server/config.h"
 #include "server/own_door.h"
+#include "server/session/memory/memory_door.h"
 
 namespace candela {
 
@@ -25,11 +26,16 @@ struct GrpcListener {
   std::vector<OwnDoor::Address> own_doors;  // where this process reaches them
 };
 
+// The time for a connection's first bytes.
+absl::Duration handshake_limit(const Config& config);
+
 // Starts `service` with health checks and reflection, and takes at most `max_connections`. UNAVAILABLE if it
 // cannot listen on an address.
-// `connections`, `access`, `metrics`, `service` and `clock` must outlive the server.
+// `connections`, `access`, `metrics`, `service` and `clock` must outlive the server. `memory`, if it is not
+// null, gets the connections of a `.memory` socket beside each unix socket, and outlives `accepting`; an
+// address for which there can be no such socket is logged, and goes without.
 absl::StatusOr<GrpcListener> start_grpc(const Config& config, uint32_t max_connections,
                                         OpenConnections& connections, Access& access, Metrics& metrics,
-                                        grpc::Service& service, Clock& clock);
+                                        grpc::Service& service, Clock& clock, MemoryDoor* memory = nullptr);
 
 }  // namespace candela

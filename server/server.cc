@@ -6,12 +6,14 @@
 #include <optional>
 #include <utility>
 
+#include "absl/hash/hash.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/access/access.h"
 #include "server/base/log.h"
 #include "server/base/metrics.h"
+#include "server/base/net/address.h"
 #include "server/base/process/cgroup.h"
 #include "server/base/process/descriptors.h"
 #include "server/base/process/driver_environment.h"
@@ -89,6 +91,7 @@ struct Server::Impl {
   void make_service(TokenKeys keys, Timers& timers);
   void watch_health();
   absl::Status serve_metrics();
+  void open_memory_door();
   absl::Status listen();
   // Measures the tiers for GetServerInfo, in turn with the clients.
   void measure_tiers();
@@ -111,6 +114,7 @@ struct Server::Impl {
   std::unique_ptr<WorkerThreads> encoders;
   std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
+  std::unique_ptr<MemoryDoor> memory_door;  // null if no address is a unix socket
   DescriptorBudget descriptors;
   OpenConnections connections;
   GrpcListener listener;
@@ -196,9 +200,27 @@ absl::Status Server::Impl::serve_metrics() {
   return absl::OkStatus();
 }
 
+void Server::Impl::open_memory_door() {
+  if (std::none_of(config.listen.begin(), config.listen.end(),
+                   [](const std::string& address) { return is_unix_address(address); })) {
+    return;
+  }
+  // All processes of this host that may open the sockets are one client, as on gRPC's.
+  const ClientId client = absl::HashOf(std::string("local"));
+  memory_door = std::make_unique<MemoryDoor>(
+      state->regions, state->timers,
+      MemoryDoor::Options{.max_connections = size_t{config.max_sessions} + config.max_calls,
+                          .hello_limit = handshake_limit(config)},
+      [memory = state->sessions.memory, client](uint64_t bytes) {
+        return memory->claim_region(client, bytes);
+      });
+  state->regions.offer();
+}
+
 absl::Status Server::Impl::listen() {
-  ASSIGN_OR_RETURN(
-      listener, start_grpc(config, descriptors.connections, connections, *access, *metrics, *service, clock));
+  open_memory_door();
+  ASSIGN_OR_RETURN(listener, start_grpc(config, descriptors.connections, connections, *access, *metrics,
+                                        *service, clock, memory_door.get()));
   health->begin(*listener.server->GetHealthCheckService());
   if (listener.own_doors.empty()) return absl::OkStatus();
   own_door =
@@ -280,6 +302,7 @@ void Server::Impl::stop(absl::Duration grace) {
   loop->stop();
   encoders->stop();
   listener.server.reset();
+  memory_door.reset();
   metrics_server.reset();
   metrics->set_sampler({});
 }

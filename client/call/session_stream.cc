@@ -80,11 +80,13 @@ v1::FrameHeader header_of(const SessionFrame& frame) {
 
 SessionStream::SessionStream(std::unique_ptr<ClientCall> call, const std::string& address, bool asked_before,
                              SessionState::Start start, const SessionOptions& options,
-                             const std::string& name, SessionState& state, Clock& clock)
+                             const std::string& name, SessionState& state, SessionMemory& memory,
+                             Clock& clock)
     : call_(std::move(call)),
       address_(address),
       options_(options),
       state_(state),
+      memory_(memory),
       clock_(clock),
       reader_({.image = options.encoding != v1::ENCODING_NONE, .state = wants_state(options)}),
       asked_before_(asked_before),
@@ -110,6 +112,8 @@ absl::Time SessionStream::deadline() const {
 
 CallEnd SessionStream::end() const {
   CallEnd end = own_.status.ok() ? how_it_ended() : own_;
+  // A server that takes no region of ours says so by ending the call.
+  if (shared_ && !answered_ && own_.status.ok() && !end.status.ok()) memory_.give_up();
   end.progress = progress_;
   end.asked = asked_ && call_->connected();
   return end;
@@ -150,19 +154,29 @@ absl::Status SessionStream::take_event(CallEvent event) {
 }
 
 absl::Status SessionStream::take_message() {
-  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(call_->message(), state_.due_frame()));
+  ASSIGN_OR_RETURN(StreamEvent event, reader_.read(call_->message(), due_frame()));
   if (const auto* opened = std::get_if<v1::StreamOpened>(&event)) {
     open_ = true;
     if (state_.take_open(*opened)) progress_ = true;
   }
   if (std::holds_alternative<v1::GoAway>(event)) leaving_ = true;
   if (auto* answer = std::get_if<FrameAnswer>(&event)) {
+    const uint64_t sequence = state_.due_frame().frame->sequence;
+    if (!images_.empty() && images_.front().first == sequence) images_.pop_front();
     state_.take_answer(std::move(*answer));
     answered_ = true;
     progress_ = true;
     --owed_;
   }
   return absl::OkStatus();
+}
+
+DueFrame SessionStream::due_frame() const {
+  DueFrame due = state_.due_frame();
+  if (due.frame != nullptr && !images_.empty() && images_.front().first == due.frame->sequence) {
+    due.place = images_.front().second;
+  }
+  return due;
 }
 
 // The time at which a server that stays silent counts as hanging. With look-ahead the server holds back the
@@ -223,7 +237,7 @@ void SessionStream::send_step() {
     *request.mutable_change()->mutable_settings() = next.step->settings;
   } else {
     *request.mutable_frame() = header_of(*next.step->frame);
-    if (next.step->frame->view) {
+    if (place(*next.step, *request.mutable_frame()) || next.step->frame->view) {
       ++owed_;
     } else {
       sending_ = next.step->frame;
@@ -231,6 +245,24 @@ void SessionStream::send_step() {
     row_ = 0;
   }
   call_->write(v1::pack(request));
+}
+
+// Names the places of the frame's pixels and its image, as far as they are in memory. Returns whether the
+// pixels are.
+bool SessionStream::place(const SessionStep& step, v1::FrameHeader& header) {
+  const std::shared_ptr<SharedRegion> region = memory_.region();
+  if (region == nullptr) return false;
+  const std::optional<uint64_t> pixels = region->offset_of(step.frame->pixels);
+  SharedRegion::Area image = region->take(step.image_bytes);
+  if (!pixels && image.bytes == nullptr) return false;
+  shared_ = true;
+  header.mutable_memory()->set_ticket(region->ticket());
+  if (pixels) header.mutable_memory()->set_pixels_offset(*pixels);
+  if (image.bytes != nullptr) {
+    header.mutable_memory()->set_image_offset(image.offset);
+    images_.emplace_back(step.frame->sequence, std::move(image));
+  }
+  return pixels.has_value();
 }
 
 void SessionStream::send_band() {

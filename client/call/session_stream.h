@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "client/call/client_call.h"
+#include "client/call/memory/session_memory.h"
 #include "client/call/stream_reader.h"
 #include "client/session.h"
 #include "client/session_state.h"
@@ -33,7 +35,7 @@ class SessionStream {
   // call.
   SessionStream(std::unique_ptr<ClientCall> call, const std::string& address, bool asked_before,
                 SessionState::Start start, const SessionOptions& options, const std::string& name,
-                SessionState& state, Clock& clock);
+                SessionState& state, SessionMemory& memory, Clock& clock);
 
   // Takes the next event, up to kEnded.
   void on_event(CallEvent event);
@@ -51,12 +53,15 @@ class SessionStream {
   CallEnd how_it_ended() const;
   void send_next();
   void send_step();
+  bool place(const SessionStep& step, v1::FrameHeader& header);
+  DueFrame due_frame() const;
   void send_band();
 
   const std::unique_ptr<ClientCall> call_;
   const std::string& address_;
   const SessionOptions& options_;
   SessionState& state_;
+  SessionMemory& memory_;
   Clock& clock_;
   StreamReader reader_;
   const bool asked_before_;
@@ -70,9 +75,11 @@ class SessionStream {
   bool progress_ = false;                        // see CallEnd
   std::shared_ptr<const SessionFrame> sending_;  // the frame whose bands are being sent
   uint64_t row_ = 0;                             // first row of its next band
-  int64_t owed_ = 0;                             // frames that were sent whole and have no result
-  absl::Time last_progress_;                     // when a message came, or a write began or ended
-  CallEnd own_;                                  // why this side ended the call; OK: it has not
+  std::deque<std::pair<uint64_t, SharedRegion::Area>> images_;  // of frames that were sent, by their numbers
+  bool shared_ = false;                                         // a frame was placed in memory
+  int64_t owed_ = 0;          // frames that were sent whole and have no result
+  absl::Time last_progress_;  // when a message came, or a write began or ended
+  CallEnd own_;               // why this side ended the call; OK: it has not
 };
 
 }  // namespace candela

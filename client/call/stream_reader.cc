@@ -92,6 +92,16 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   if (header.encoded_bytes() > 2 * raw_bytes + kEncodedOverhead) {
     return not_the_protocol("an encoded image is larger than one can be");
   }
+  if (header.image_in_memory()) {
+    if (due.place.size != raw_bytes || header.encoded_bytes() > 0) {
+      return not_the_protocol("an image is in memory that was not given");
+    }
+    result_ = {};
+    result_.data = PixelMemory(due.place.bytes.get(), {.owner = due.place.bytes});
+    result_.bytes = raw_bytes;
+    result_.header = std::move(header);
+    return answer();
+  }
   inside_ = true;
   result_ = {};
   result_.bytes = header.encoded_bytes() > 0 ? header.encoded_bytes() : raw_bytes;

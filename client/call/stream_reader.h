@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/call/incoming_bands.h"
+#include "client/call/memory/shared_region.h"
 #include "client/render_result.h"
 #include "client/session.h"
 #include "proto/candela/v1/image_size.h"
@@ -30,6 +31,7 @@ using StreamEvent = std::variant<MoreToCome, v1::StreamOpened, FrameAnswer, v1::
 struct DueFrame {
   std::shared_ptr<const SessionFrame> frame;  // null: no result is due
   v1::ImageSize image;                        // that its settings ask for
+  SharedRegion::Area place{};                 // where the server may put it
 };
 
 // The requests of the session's open message.

@@ -86,6 +86,10 @@ std::string client_address(const grpc::ServerContextBase& context) {
   return client_address(context.peer(), last_header(context, "x-forwarded-for"));
 }
 
+bool is_straight_from_this_host(const grpc::ServerContextBase& context) {
+  return absl::StartsWith(context.peer(), "unix") && last_header(context, "x-forwarded-for").empty();
+}
+
 std::string client_address(const sockaddr_storage& peer) {
   if (peer.ss_family == AF_INET) return text_of(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
   if (peer.ss_family == AF_INET6) return network_of(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr);

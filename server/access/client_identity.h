@@ -23,6 +23,9 @@ std::string client_address(const sockaddr_storage& peer);
 // then it has no address any more.
 std::string client_of(int descriptor);
 
+// Whether the call came over a unix: socket, and from no proxy that says for whom.
+bool is_straight_from_this_host(const grpc::ServerContextBase& context);
+
 // Identifies the client of a call by its address together with its client certificate, if it has one, and
 // with its bearer token if `tokens`, which says that the server checks them. None of these can be made up. It
 // is at most 128 bytes long and holds no secret.

@@ -30,6 +30,8 @@ class CallTransport {
   virtual absl::Time deadline() const = 0;
   // The client's address, as the log names it.
   virtual std::string peer() const = 0;
+  // See is_straight_from_this_host().
+  virtual bool straight_from_this_host() const { return false; }
   // See client_identity().
   virtual std::string identity(bool tokens) const = 0;
 };

@@ -21,6 +21,7 @@ class GrpcCall final : public GrpcReactor, public CallTransport {
   bool is_cancelled() const override { return context_.IsCancelled(); }
   absl::Time deadline() const override { return absl::FromChrono(context_.deadline()); }
   std::string peer() const override { return client_address(context_); }
+  bool straight_from_this_host() const override { return is_straight_from_this_host(context_); }
   std::string identity(bool tokens) const override { return client_identity(context_, tokens); }
 
   void OnReadDone(bool ok) override { call_->on_read_done(ok); }

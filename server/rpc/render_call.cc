@@ -65,13 +65,17 @@ absl::Status RenderCall::take_start() {
                            .settings = start_->settings,
                            .verify = start_->verify,
                            .flow = flow_};
-  const bool views = request.start().frame().has_view();
-  if (views) {
-    const v1::View& view = request.start().frame().view();
-    RETURN_IF_ERROR(use_view(view, /*held=*/nullptr, service_, asked));
+  const v1::FrameHeader& header = request.start().frame();
+  const v1::Settings& settings = *start_->settings;
+  ASSIGN_OR_RETURN(shared_, client_pixels_from(header, {start_->desc, start_->row_stride_bytes},
+                                               image_size(settings, start_->desc), settings.output_format(),
+                                               transport_.straight_from_this_host(),
+                                               /*raw=*/work_ == Work::kRender, service_.regions));
+  if (header.has_view()) {
+    RETURN_IF_ERROR(use_view(header.view(), /*held=*/nullptr, service_, asked));
   }
   RETURN_IF_ERROR(admission_.expect(std::move(asked)));
-  if (views) {
+  if (has_no_bands(header)) {
     admit();
     return absl::OkStatus();
   }
@@ -93,12 +97,17 @@ void RenderCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   state_ = State::kBands;
   last_progress_ = clock_.now();
   admitted_ = last_progress_;
+  if (shared_) {
+    frame_->image_in_memory = shared_->image != nullptr;
+    frame_->memory.share(*std::exchange(shared_, std::nullopt));
+  }
   if (!bands_) return transport_.start_read(&incoming_);  // the half-close
   if (absl::Status status = take_band(); !status.ok()) finish(status);
 }
 
 absl::Status RenderCall::take_band() {
-  if (!bands_) return absl::InvalidArgumentError("a band came, but the frame has a view; half-close instead");
+  if (!bands_)
+    return absl::InvalidArgumentError("a band came, but the frame has a view or memory; half-close instead");
   FrameMemory& memory = frame_->memory;
   absl::Status status = bands_->read(incoming_, [&memory](uint32_t y) { return memory.input_row(y); });
   incoming_.Clear();
@@ -145,6 +154,7 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
   }
   v1::RenderResponse response;
   *response.mutable_header() = result_header(*frame_, start_->desc, *rendered, service_.rendering.device);
+  response.mutable_header()->set_image_in_memory(frame_->image_in_memory);
   result_.emplace(frame_, v1::pack(response));
   send_next();
 }
@@ -186,6 +196,7 @@ void RenderCall::on_finish(const absl::Status& status, const std::string& messag
              {"message", message}});
   admission_.end();
   result_.reset();
+  shared_.reset();
   frame_.reset();
   visit_.reset();
 }

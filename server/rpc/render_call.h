@@ -64,6 +64,7 @@ class RenderCall final : public ServerCall {
   grpc::ByteBuffer outgoing_;  // belongs to the transport until on_write_done
   Admission admission_ ABSL_GUARDED_BY(mutex_);
   State state_ ABSL_GUARDED_BY(mutex_) = State::kStart;
+  std::optional<ClientPixels> shared_ ABSL_GUARDED_BY(mutex_);
   std::optional<RenderStart> start_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<Frame> frame_ ABSL_GUARDED_BY(mutex_);
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);

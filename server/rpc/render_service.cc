@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "server/access/client_identity.h"
 #include "server/render/self_test.h"
 #include "server/rpc/environments/bake_environment_call.h"
 #include "server/rpc/environments/put_environment_call.h"
@@ -85,6 +86,7 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
   response->set_uptime_seconds(static_cast<uint64_t>(absl::ToInt64Seconds(state_.clock.now() - started_)));
   response->set_sessions(state_.session_gate.places_taken());
   response->set_frames_rendered(state_.rendering.frames_rendered);
+  response->set_shared_memory(state_.regions.offered() && is_straight_from_this_host(*context));
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(grpc::Status::OK);
   return reactor;

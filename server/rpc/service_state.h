@@ -16,6 +16,7 @@
 #include "server/schedule/render_steps.h"
 #include "server/session/environments/environment_store.h"
 #include "server/session/limits/call_gate.h"
+#include "server/session/memory/memory_region.h"
 #include "server/session/sessions.h"
 
 namespace candela {
@@ -51,6 +52,7 @@ struct ServiceState {
   CallGate session_gate;
   Sessions sessions;
   EnvironmentStore environments;
+  MemoryRegions regions{};
 };
 
 }  // namespace candela

@@ -38,7 +38,7 @@ bool StreamAnswers::next(SessionFrames& frames, grpc::ByteBuffer& message) {
     frames.pop();
     return true;
   }
-  if (encoding_ == v1::ENCODING_NONE) {
+  if (encoding_ == v1::ENCODING_NONE || due->frame->image_in_memory) {
     writer_.emplace(std::make_shared<const std::string>(), result(*due, exposure));
   } else if (due->file != nullptr) {
     writer_.emplace(due->file, result(*due, exposure));
@@ -67,6 +67,7 @@ grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
   header.set_resume_token(token(frame, exposure));
   if (return_state_) *header.mutable_state() = state_of(exposure);
   header.set_encoding(encoding_);
+  header.set_image_in_memory(frame.frame->image_in_memory);
   if (frame.file != nullptr) header.set_encoded_bytes(frame.file->size());
   return v1::pack(response);
 }

@@ -128,6 +128,10 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
   RETURN_IF_ERROR(check_settings_for(asked.settings, layout.desc, state_.limits.frame.max_dimension));
   const StreamStart& start = open_->session.start;
   const bool draws = start.draws();
+  const v1::Settings& drawn = *asked.settings;
+  ASSIGN_OR_RETURN(shared_, client_pixels_from(header, layout, image_size(drawn, layout.desc),
+                                               drawn.output_format(), transport_.straight_from_this_host(),
+                                               start.encoding == v1::ENCODING_RAW, state_.regions));
   // A frame that is not drawn gives its memory back before it waits for later ones.
   Admission::Request request{
       .desc = layout.desc,
@@ -149,7 +153,7 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
     return status;
   }
   RETURN_IF_ERROR(admission_.expect(std::move(request)));
-  if (header.has_view()) {
+  if (has_no_bands(header)) {
     admit();
     return absl::OkStatus();
   }
@@ -163,7 +167,11 @@ void StreamCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   Entry& entry = *open_->frames.newest();
   entry.frame = *std::move(admitted);
   entry.begun = clock_.now();
-  if (!bands_) return take_view();
+  if (shared_) {
+    entry.frame->image_in_memory = shared_->image != nullptr;
+    entry.frame->memory.share(*std::exchange(shared_, std::nullopt));
+  }
+  if (!bands_) return take_without_bands();
   reading_ = Reading::kBands;
   grpc::ByteBuffer band;
   band.Swap(&first_band_);
@@ -171,8 +179,8 @@ void StreamCall::on_admitted(absl::StatusOr<std::shared_ptr<Frame>> admitted) {
   read_on();
 }
 
-// The newest frame is a view and has its memory: nothing more of it comes.
-void StreamCall::take_view() {
+// The newest frame has its memory, and nothing more of it comes.
+void StreamCall::take_without_bands() {
   reading_ = Reading::kBetween;
   if (absl::Status status = submit(open_->frames.newest(), open_->frames.first_work()); !status.ok()) {
     return read_no_more(status);
@@ -306,6 +314,7 @@ void StreamCall::on_finish(const absl::Status& status, const std::string& messag
   }
   admission_.end();
   first_band_.Clear();
+  shared_.reset();
   environment_.reset();
   visit_.reset();
 }

@@ -26,7 +26,7 @@ namespace candela {
 //
 //   open -> between -> first band -> admission -> bands -> between ... -> closed
 //           between -> passing -> between
-//           between -> admission -> between         (a view)
+//           between -> admission -> between         (a view, or pixels in the client's memory)
 //
 // SessionFrames holds the frames that were read and StreamAnswers sends their answers. The next message is
 // read only if there is room for what it may bring, so HTTP/2 flow control holds the client back. The render
@@ -78,7 +78,7 @@ class StreamCall final : public ServerCall, public SessionCall {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status take_passed(grpc::ByteBuffer& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end_passed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void take_view() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void take_without_bands() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status idle_for(absl::Duration timeout) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Ends a call whose client is silent or too slow. That is no failure of this server, so its frames count as
   // cancelled.
@@ -122,8 +122,9 @@ class StreamCall final : public ServerCall, public SessionCall {
   std::optional<Open> open_ ABSL_GUARDED_BY(mutex_);
   Admission admission_ ABSL_GUARDED_BY(mutex_);
   EnvironmentUse environment_
-      ABSL_GUARDED_BY(mutex_);                     // of the newest view: it is kept until the session ends
-  uint64_t sequence_ ABSL_GUARDED_BY(mutex_) = 0;  // of the newest header
+      ABSL_GUARDED_BY(mutex_);  // of the newest view: it is kept until the session ends
+  std::optional<ClientPixels> shared_ ABSL_GUARDED_BY(mutex_);  // of the newest header
+  uint64_t sequence_ ABSL_GUARDED_BY(mutex_) = 0;               // of the newest header
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);
   grpc::ByteBuffer first_band_ ABSL_GUARDED_BY(mutex_);  // waits for its frame's memory
   Reading reading_ ABSL_GUARDED_BY(mutex_) = Reading::kOpen;

@@ -25,7 +25,7 @@ void StreamCall::admit() {
 
 absl::Status StreamCall::pass_over(const v1::FrameHeader& header, const WireLayout& layout) {
   open_->frames.add_passed(header.sequence(), layout, open_->settings.now().hash);
-  if (header.has_view()) {
+  if (has_no_bands(header)) {
     end_passed();
     return absl::OkStatus();
   }

@@ -31,6 +31,7 @@ struct Frame {
   std::function<absl::Status(FrameMemory&)> source = nullptr;
   bool long_source = false;         // the source goes through checkpoint(), and may take longer than a slice
   std::vector<StageTime> stages{};  // of the work that was done for this frame before it was submitted
+  bool image_in_memory = false;     // the image goes to the client's own memory: see FrameMemory::share
 };
 
 struct RenderedFrame {

@@ -94,7 +94,7 @@ class HostRunner final : public Runner {
     return absl::OkStatus();
   }
   absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) override {
-    host::run_resolve(step, points_.empty() ? nullptr : &points_, textures, crew_);
+    host::run_resolve(step, points_.empty() ? nullptr : &points_, textures, nullptr, crew_);
     return absl::OkStatus();
   }
 

@@ -21,7 +21,7 @@ SimulatedClient::SimulatedClient(Network& network, std::string name, const Wrong
              [this] {
                world_.after(absl::ZeroDuration(), [this] { tell([this] { pass_on(CallEvent::kWoken); }); });
              }),
-      driver_(*this, film.options, this->name(), state_, clock_,
+      driver_(*this, film.options, this->name(), state_, memory_, clock_,
               static_cast<uint32_t>(world_.chance.next())) {}
 
 void SimulatedClient::start() {

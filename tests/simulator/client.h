@@ -76,6 +76,7 @@ class SimulatedClient final : public Process, private SessionServers {
   const Habits habits_;
   std::vector<std::unique_ptr<SimulatedServer>>& servers_;
   SessionState state_;
+  SessionMemory memory_{Transport::kGrpc};
   SessionDriver driver_;
   std::unique_ptr<Timer> timer_;
   absl::Time timer_at_ = absl::InfiniteFuture();

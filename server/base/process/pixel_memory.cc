@@ -118,13 +118,15 @@ PixelMemory take(size_t bytes, bool zeros) {
   size_t mapped = (bytes - 1) / kLargePage * kLargePage + 2 * kLargePage;
   void* const mapping = mappings().take(mapped, zeros);
   if (mapping == nullptr) return nullptr;
-  return PixelMemory(first_large_page(mapping), {mapping, mapped});
+  return PixelMemory(first_large_page(mapping), {mapping, mapped, nullptr});
 }
 
 }  // namespace
 
 void FreePixels::operator()(std::byte* pixels) const {
-  if (mapping == nullptr) {
+  if (owner != nullptr) {
+    owner.reset();
+  } else if (mapping == nullptr) {
     std::free(pixels);
   } else {
     mappings().give_back(mapping, mapped_bytes);

@@ -14,6 +14,7 @@ inline constexpr size_t kMostIdlePixels = size_t{256} << 20;  // bytes
 struct FreePixels {
   void* mapping = nullptr;  // null: the memory is from calloc()
   size_t mapped_bytes = 0;
+  mutable std::shared_ptr<const void> owner = nullptr;  // if set, it has the memory, and is let go
   void operator()(std::byte* pixels) const;
 };
 using PixelMemory = std::unique_ptr<std::byte[], FreePixels>;

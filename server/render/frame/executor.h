@@ -34,6 +34,8 @@ class Executor {
   absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages);
 
  private:
+  // Whether run_meter() copies the rows of FrameTextures::client, if there are any; else meter() does before.
+  virtual bool copies_rows() const { return false; }
   virtual absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) = 0;
   virtual absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
                                          std::vector<StageTime>* stages) = 0;

@@ -1,6 +1,7 @@
 #include "server/render/frame/frame_memory.h"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 #include <vector>
 
@@ -219,9 +220,31 @@ std::span<const uint16_t> FrameMemory::error_map_row(uint32_t y) const {
   return {halves + size_t{y} * width, width};
 }
 
+void FrameMemory::share(ClientPixels pixels) { textures_->client = std::move(pixels); }
+
+void FrameTextures::copy_rows(const ClientPixels& from, uint32_t first, uint32_t last) const {
+  const uint64_t pitch_bytes = uint64_t{layout.pitch} * bytes_per_pixel(layout.desc.format);
+  const uint64_t row_bytes = layout.desc.row_bytes();
+  std::byte* const to = host_input().mapped();
+  if (pitch_bytes == row_bytes && from.row_stride_bytes == row_bytes) {
+    std::memcpy(to + first * row_bytes, from.rows + first * row_bytes, (last - first) * row_bytes);
+    return;
+  }
+  for (uint64_t y = first; y < last; ++y) {
+    std::memcpy(to + y * pitch_bytes, from.rows + y * from.row_stride_bytes, row_bytes);
+  }
+}
+
 void FrameMemory::keep_output_only() {
   if (textures_ == nullptr) return;
   FrameTextures& all = *textures_;
+  if (all.client.image != nullptr && !all.client_has_image) {
+    std::byte* to = all.client.image;
+    for (uint32_t y = 0; y < image().height; ++y) {
+      const std::span<const std::byte> row = output_row(y);
+      to = std::copy(row.begin(), row.end(), to);
+    }
+  }
   {
     FrameTextures kept;
     kept.layout = all.layout;
@@ -229,7 +252,9 @@ void FrameMemory::keep_output_only() {
     kept.bytes = all.bytes;
     kept.claim = std::move(all.claim);
     kept.error_map = std::move(all.error_map);
-    if (all.readback) {
+    if (all.client.image != nullptr) {
+      // The client has it.
+    } else if (all.readback) {
       kept.readback = std::move(all.readback);
     } else {
       kept.output = std::move(all.output);

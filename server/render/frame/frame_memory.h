@@ -28,6 +28,14 @@ class MemoryClaim {
   virtual void shrink(uint64_t bytes) = 0;
 };
 
+// Memory of the client's that stands in for bands. It may change at any time.
+struct ClientPixels {
+  std::shared_ptr<const void> owner;  // keeps it mapped
+  const std::byte* rows = nullptr;    // the wire's first row; null: the pixels come in bands
+  uint64_t row_stride_bytes = 0;
+  std::byte* image = nullptr;  // where the image goes, tight; null: it stays in the frame's memory
+};
+
 // Taken from the pool, and given back to it on destruction. Movable. One thread at a time.
 class FrameMemory {
  public:
@@ -49,8 +57,9 @@ class FrameMemory {
   // The memory for row y of the wire pixels: desc().row_bytes() bytes. Write each byte once and do not read
   // it, because the memory may be uncached.
   std::span<std::byte> input_row(uint32_t y);
-  // Row y of the finished image, tight: image().width * bytes_per_pixel(output). Valid from the success of render()
-  // until destruction. Cached memory. `output_contiguous` says whether rows follow each other without a gap.
+  // Row y of the finished image, tight: image().width * bytes_per_pixel(output). Valid from the success of
+  // render() until destruction. Cached memory. `output_contiguous` says whether rows follow each other
+  // without a gap.
   std::span<const std::byte> output_row(uint32_t y) const;
   bool output_contiguous() const;
   // Row y of the error map as halves: the largest error of R, G and B in codes, infinite for a NaN. Rows
@@ -67,6 +76,9 @@ class FrameMemory {
   // After keep_output_only(): a file of `bytes` was made of the image. Gives the image back to the pool; the
   // account carries the file instead.
   void replace_output(uint64_t bytes);
+  // Before the frame is metered, which then copies the rows; keep_output_only() leaves the image in the
+  // client's memory and none here. Each row is read once.
+  void share(ClientPixels pixels);
   // Puts the memory on an account, once.
   void account(std::unique_ptr<MemoryClaim> claim);
 

@@ -47,8 +47,8 @@ struct FrameTextures {
   TexturePool::Lease tiles_readback;
   TexturePool::Lease histogram_readback;
 
-  // Only for verification: the unquantised image, four floats a texel and `layout.image_pitch` texels from row
-  // to row, and the error map if it is wanted.
+  // Only for verification: the unquantised image, four floats a texel and `layout.image_pitch` texels from
+  // row to row, and the error map if it is wanted.
   TexturePool::Lease exact;
   TexturePool::Lease error_map;
   // Only for verification on a device without unified memory; the second is bloom level 0.
@@ -59,6 +59,12 @@ struct FrameTextures {
   TexturePool::Lease reference;
   // The metered scene, kept from the reference's metering to its rendering.
   std::optional<MeteredScene> metered_scene;
+
+  ClientPixels client;
+  bool client_has_image = false;  // the last drawing went to client.image
+
+  // Copies rows first .. last - 1 of `from` to their place in the input.
+  void copy_rows(const ClientPixels& from, uint32_t first, uint32_t last) const;
 
   // The buffers that the host reads and writes.
   const Buffer& host_input() const { return upload ? upload.buffer() : input.buffer(); }

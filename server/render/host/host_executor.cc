@@ -4,6 +4,7 @@
 // Only after targets.h.
 #include <hwy/targets.h>
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -64,13 +65,23 @@ absl::Status HostExecutor::usable() const {
 
 absl::StatusOr<Metered> HostExecutor::run_meter(FrameMemory& memory, const IngestPlan& plan) {
   RETURN_IF_ERROR(usable());
-  const FrameTextures& textures = memory.textures();
+  FrameTextures& textures = memory.textures();
   return meter_frame(
       plan, textures.layout.desc,
       [&](const IngestRead& read, bool, std::vector<StageTime>* stages) -> absl::StatusOr<TileSums> {
         const HostStage stage(name(Pass::kIngest), stages);
         const host::IngestWork work = host::ingest_work(plan, read, textures);
-        crew_.run(textures.layout.tiles_y, [&](uint32_t row) { host::ingest_tiles(work, row); });
+        // A second read finds them in the texture: the client may have changed its own.
+        ClientPixels from = textures.client;
+        textures.client.rows = nullptr;
+        crew_.run(textures.layout.tiles_y, [&](uint32_t row) {
+          if (from.rows != nullptr) {
+            const uint32_t first = row * shader::TILE_TEXELS;
+            textures.copy_rows(from, first,
+                               std::min(first + shader::TILE_TEXELS, textures.layout.desc.height));
+          }
+          host::ingest_tiles(work, row);
+        });
         return sum_tiles(textures, plan, read);
       });
 }
@@ -92,7 +103,11 @@ absl::StatusOr<Drawn> HostExecutor::run_draw(FrameMemory& memory, const Plan& pl
   Drawn drawn;
   {
     const HostStage stage(name(Pass::kResolve), stages);
-    drawn = host::run_resolve(plan.resolve, points.get(), textures, crew_);
+    // Verification reads the image again, so it may not be where its client can change it.
+    const bool to_client = textures.client.image != nullptr && !textures.exact;
+    drawn = host::run_resolve(plan.resolve, points.get(), textures,
+                              to_client ? textures.client.image : nullptr, crew_);
+    textures.client_has_image = to_client;
   }
   if (textures.exact) {
     const HostStage stage("verify", stages);

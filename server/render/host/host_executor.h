@@ -36,6 +36,7 @@ class HostExecutor final : public Executor {
   Crew& crew() { return crew_; }
 
  private:
+  bool copies_rows() const override { return true; }
   absl::StatusOr<Metered> run_meter(FrameMemory& memory, const IngestPlan& plan) override;
   absl::StatusOr<Drawn> run_draw(FrameMemory& memory, const Plan& plan,
                                  std::vector<StageTime>* stages) override;

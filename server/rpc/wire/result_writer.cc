@@ -136,7 +136,7 @@ bool ResultWriter::next(grpc::ByteBuffer& message) {
   }
   if (file_) return next_part(message);
   const uint32_t height = frame_->memory.image().height;
-  if (next_row_ < height) {
+  if (next_row_ < height && !frame_->image_in_memory) {
     const uint32_t count = rows_of_a_band(height - next_row_, row_bytes_);
     message = v1::make_band(v1::kImageBand, next_row_, rows(next_row_, count));
     next_row_ += count;

@@ -11,6 +11,8 @@ namespace {
 // Colour tables may take an eighth of what frames may, and at least this much.
 constexpr uint64_t kTablesDivisor = 8;
 constexpr uint64_t kLeastTablesBytes = uint64_t{32} << 20;
+// Of the frames' budget, for the regions of all clients.
+constexpr uint64_t kRegionsDivisor = 4;
 
 }  // namespace
 
@@ -61,7 +63,8 @@ ClientMemory::ClientMemory(uint64_t budget_bytes, uint32_t percent, absl::Durati
     : slow_upload_(std::max(slow_upload, kStalled)),
       frames_(budget_bytes, percent, presence_),
       lookahead_(budget_bytes, percent, presence_),
-      tables_(std::max(kLeastTablesBytes, budget_bytes / kTablesDivisor), percent, presence_) {}
+      tables_(std::max(kLeastTablesBytes, budget_bytes / kTablesDivisor), percent, presence_),
+      regions_(budget_bytes / kRegionsDivisor, /*percent=*/100, presence_) {}
 
 absl::StatusOr<std::unique_ptr<MemoryClaim>> ClientMemory::claim_frame(ClientId client, uint64_t bytes,
                                                                        absl::Time now) {
@@ -121,6 +124,35 @@ absl::StatusOr<std::shared_ptr<const void>> ClientMemory::claim_table(ClientId c
   }
   const auto let_go = [memory = shared_from_this(), client, bytes](const void*) {
     memory->tables_.change(client, bytes, 0);
+  };
+  return std::shared_ptr<const void>(this, let_go);
+}
+
+absl::StatusOr<std::shared_ptr<const void>> ClientMemory::claim_region(ClientId client, uint64_t bytes) {
+  if (bytes > regions_.budget_bytes()) {
+    return absl::ResourceExhaustedError(
+        absl::StrFormat("a region has %d bytes, and all regions together at most %d, a quarter of this "
+                        "server's memory budget; use a smaller one, or raise --memory-budget",
+                        bytes, regions_.budget_bytes()));
+  }
+  if (regions_.change(client, 0, bytes) != ClientBudget::Answer::kGranted) {
+    return absl::UnavailableError(absl::StrFormat(
+        "a region needs %d bytes, and the others hold %d of the %d bytes for regions; send bands, or raise "
+        "--memory-budget",
+        bytes, regions_.held(), regions_.budget_bytes()));
+  }
+  const ClientBudget::Answer answer = frames_.change(client, 0, bytes);
+  if (answer != ClientBudget::Answer::kGranted) {
+    regions_.change(client, bytes, 0);
+    if (answer == ClientBudget::Answer::kOverShare) return over_share(frames_, client, bytes, "a region");
+    return absl::UnavailableError(absl::StrFormat(
+        "a region needs %d bytes, and frames hold %d of the memory budget of %d; send bands, or raise "
+        "--memory-budget",
+        bytes, frames_.held(), frames_.budget_bytes()));
+  }
+  const auto let_go = [memory = shared_from_this(), client, bytes](const void*) {
+    memory->frames_.change(client, bytes, 0);
+    memory->regions_.change(client, bytes, 0);
   };
   return std::shared_ptr<const void>(this, let_go);
 }

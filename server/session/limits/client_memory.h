@@ -41,8 +41,9 @@ class MemoryPressure {
   std::map<ClientId, Wanted> in_share_ ABSL_GUARDED_BY(mutex_);
 };
 
-// Three budgets, which count bytes and hold none: frames, what sessions are promised for their look-ahead,
-// and the colour tables of changes of settings. Any thread. What it hands out keeps it alive.
+// Budgets, which count bytes and hold none: frames and the regions that clients share, what sessions are
+// promised for their look-ahead, and the colour tables of changes of settings. Any thread. What it hands out
+// keeps it alive.
 class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
  public:
   // An upload that brings nothing for this long loses its memory if another frame could use it.
@@ -69,6 +70,11 @@ class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
   // Counts a colour table of `bytes` until the result is destroyed. UNAVAILABLE if there is no room for it.
   absl::StatusOr<std::shared_ptr<const void>> claim_table(ClientId client, uint64_t bytes);
 
+  // Counts a region of `bytes` that a client shares, in the budget of frames, until the result is destroyed.
+  // All regions together take at most a quarter of it, because nothing takes them back for a frame that
+  // waits. RESOURCE_EXHAUSTED if it is larger, UNAVAILABLE if there is no room for it now.
+  absl::StatusOr<std::shared_ptr<const void>> claim_region(ClientId client, uint64_t bytes);
+
   // UNAVAILABLE if an upload of `client` has to give its `bytes` to a frame that waits. The upload began
   // `taken` ago and has brought nothing for `silent`.
   absl::Status check_upload(ClientId client, uint64_t bytes, absl::Duration taken, absl::Duration silent,
@@ -86,6 +92,7 @@ class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
   ClientBudget frames_;
   ClientBudget lookahead_;
   ClientBudget tables_;
+  ClientBudget regions_;  // counted in frames_, too
   MemoryPressure pressure_;
 };
 

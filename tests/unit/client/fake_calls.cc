@@ -44,7 +44,7 @@ FakeSession::FakeSession(size_t count, SessionOptions wanted, testing::VirtualCl
       options(std::move(wanted)),
       servers(count, clock),
       state(options, servers.address(0), clock, [this] { woken = true; }),
-      driver(servers, options, name, state, clock, 1) {}
+      driver(servers, options, name, state, memory, clock, 1) {}
 
 bool FakeSession::step() {
   if (driver.ended()) return false;

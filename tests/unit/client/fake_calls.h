@@ -74,6 +74,7 @@ class FakeSession {
   FakeServers servers;
   bool woken = false;
   SessionState state;
+  SessionMemory memory{Transport::kGrpc};
   SessionDriver driver;
 };
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <memory>
 #include <thread>
 #include <utility>
@@ -77,6 +78,10 @@ class Load {
 
  private:
   void submit(absl::Time begin) {
+    // Nobody changes it, so all frames may be the same one.
+    const FrameArea area = session_.area(frame_->width, frame_->height, v1::PIXEL_FORMAT_RGBA16F);
+    const bool shared = area.pixels.size() == frame_->bytes();
+    if (shared) std::memcpy(area.pixels.data(), frame_->pixels.data(), frame_->bytes());
     const absl::Time end = begin + options_.duration;
     const double fps = options_.fps > 0 ? options_.fps : kNominalFps;
     for (uint64_t i = 0;; ++i) {
@@ -95,8 +100,8 @@ class Load {
           session_.submit({.width = frame_->width,
                            .height = frame_->height,
                            .format = v1::PIXEL_FORMAT_RGBA16F,
-                           .pixels = frame_->pixels.span(),
-                           .owner = frame_,
+                           .pixels = shared ? area.pixels : frame_->pixels.span(),
+                           .owner = shared ? area.owner : frame_,
                            .sequence = i,
                            .media_time_ns = std::llround(static_cast<double>(i) * 1e9 / fps),
                            .timeout = options_.timeout});

@@ -53,12 +53,16 @@ void run_groups(const ResolveJob& job, const std::vector<Box>& groups, Crew& cre
 }
 
 Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
-          const Buffer& output, uint32_t format, Crew& crew) {
+          const Buffer& output, std::byte* tight_output, uint32_t format, Crew& crew) {
   ResolveJob job = {.constants = step.inputs.constants, .params = step.inputs.params, .opaque = step.opaque};
   job.constants.output_format = format;
   const bool resized = job.constants.pixels == shader::PIXELS_SCENE;
   job.wire = (resized ? textures.scene : textures.input).buffer().mapped();
   job.output = output.mapped();
+  if (tight_output != nullptr) {
+    job.output = tight_output;
+    job.params.output_pitch = job.params.frame.width;
+  }
   if (points != nullptr) {
     job.table = points->data()->data();
     job.table_points = static_cast<uint32_t>(points->size());
@@ -76,14 +80,14 @@ Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTexture
 }  // namespace
 
 Drawn run_resolve(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
-                  Crew& crew) {
-  return run(step, points, textures, textures.output.buffer(),
+                  std::byte* tight_output, Crew& crew) {
+  return run(step, points, textures, textures.output.buffer(), tight_output,
              static_cast<uint32_t>(textures.layout.output_format), crew);
 }
 
 void run_exact(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
                Crew& crew) {
-  run(step, points, textures, textures.exact.buffer(), shader::OUTPUT_FLOAT, crew);
+  run(step, points, textures, textures.exact.buffer(), nullptr, shader::OUTPUT_FLOAT, crew);
 }
 
 }  // namespace candela::host

@@ -1,6 +1,7 @@
 // The last pass, as a plan has it, on a crew of threads.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "server/base/crew.h"
@@ -13,9 +14,10 @@ namespace candela::host {
 
 using TablePoints = std::vector<TablePoint>;
 
-// Makes the image. `points`: those of the colour table; null if the curve has none. Needs instruction_set().
+// Makes the image, tight at `tight_output`, or in the `output` texture if that is null. `points`: those of
+// the colour table; null if the curve has none. Needs instruction_set().
 Drawn run_resolve(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
-                  Crew& crew);
+                  std::byte* tight_output, Crew& crew);
 
 // The same, unquantised, into the `exact` texture.
 void run_exact(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures, Crew& crew);

@@ -1,0 +1,386 @@
+// Frames and images that pass through shared memory.
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "client/call/memory/shared_region.h"
+#include "tests/service/memory/raw_region.h"
+#include "tests/service/service_fixture.h"
+#include "tests/service/sessions/session_run.h"
+#include "tests/service/sessions/stream_client.h"
+#include "tests/support/daemon.h"
+#include "tests/support/files.h"
+#include "tests/support/status.h"
+
+namespace candela::testing {
+namespace {
+
+class SharedMemoryTest : public ::testing::Test {
+ protected:
+  SharedMemoryTest() {
+    Config config = test_config();
+    config.listen = {"unix:" + path_, "127.0.0.1:0"};
+    config.memory_budget_bytes = uint64_t{1} << 30;
+    server_ = start_server(config);
+  }
+
+  SessionOptions options(Transport transport) const {
+    SessionOptions options;
+    options.servers = {"unix:" + path_};
+    options.transport = transport;
+    return options;
+  }
+  SessionRun run(const SessionOptions& options, const Film& film) const {
+    return run_session(Session::open(options), film);
+  }
+  // The same by both ways.
+  void expect_same_bits(SessionOptions asked, const Film& film) const {
+    asked.transport = Transport::kGrpc;
+    const SessionRun bands = run(asked, film);
+    asked.transport = Transport::kMemory;
+    const SessionRun memory = run(asked, film);
+    ASSERT_OK(bands.status);
+    ASSERT_OK(memory.status);
+    EXPECT_FALSE(bands.stats.shares_memory);
+    EXPECT_TRUE(memory.stats.shares_memory);
+    ASSERT_EQ(memory.images.size(), film->size());
+    EXPECT_TRUE(bands.images == memory.images);
+    EXPECT_EQ(bands.exposures(), memory.exposures());
+    const bool raw = asked.encoding == v1::ENCODING_RAW;
+    for (const v1::ResultHeader& header : bands.headers) EXPECT_FALSE(header.image_in_memory());
+    for (const v1::ResultHeader& header : memory.headers) EXPECT_EQ(header.image_in_memory(), raw);
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.path("s");
+  std::unique_ptr<Server> server_;
+};
+
+Film film_of(uint32_t width, uint32_t height, v1::PixelFormat format) {
+  auto film = std::make_shared<std::vector<WireFrame>>();
+  for (uint32_t i = 0; i < 7; ++i) film->push_back(natural(width + i % 2, height, format));
+  return film;
+}
+
+TEST_F(SharedMemoryTest, ImagesAreTheSameBitsForEverySizeAndFormat) {
+  constexpr v1::PixelFormat kFormats[] = {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F,
+                                          v1::PIXEL_FORMAT_RGB9E5};
+  constexpr v1::OutputFormat kOutputs[] = {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16,
+                                           v1::OUTPUT_FORMAT_RGBA16F};
+  constexpr Size kSizes[] = {{1, 1}, {2, 7}, {63, 65}, {129, 64}, {333, 201}};
+  for (const Size size : kSizes) {
+    for (size_t i = 0; i < 3; ++i) {
+      SCOPED_TRACE(std::to_string(size.width) + " " + std::to_string(i));
+      SessionOptions asked = options(Transport::kAuto);
+      asked.settings.set_output_format(kOutputs[i]);
+      expect_same_bits(asked, film_of(size.width, size.height, kFormats[i]));
+    }
+  }
+}
+
+TEST_F(SharedMemoryTest, ResizedLookedAheadDitheredAndVerifiedTiersAreTheSameBitsToo) {
+  const Film film = make_film(8, 170, 90);
+  SessionOptions asked = options(Transport::kAuto);
+  asked.settings.mutable_output_size()->set_width(77);
+  expect_same_bits(asked, film);
+  asked = options(Transport::kAuto);
+  asked.lookahead = 3;
+  asked.settings.set_dither(true);
+  expect_same_bits(asked, film);
+  asked = options(Transport::kAuto);
+  asked.settings.set_tier("reference");
+  expect_same_bits(asked, film);
+  asked = options(Transport::kAuto);
+  asked.settings.set_max_error_codes(0.5);
+  expect_same_bits(asked, film);
+}
+
+TEST_F(SharedMemoryTest, FilesComeAsPartsAndAreTheSameBits) {
+  const Film film = make_film(4, 170, 90);
+  for (const v1::Encoding encoding : {v1::ENCODING_PNG, v1::ENCODING_JPEG}) {
+    SessionOptions asked = options(Transport::kAuto);
+    asked.encoding = encoding;
+    expect_same_bits(asked, film);
+  }
+}
+
+TEST_F(SharedMemoryTest, BadValuesFailTheirFrameAloneAndAreFoundInMemory) {
+  SessionOptions asked = options(Transport::kMemory);
+  asked.settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  absl::StatusOr<Session> session = Session::open(asked);
+  ASSERT_OK(session.status());
+  WireFrame bad = natural(64, 64);
+  std::fill(bad.pixels.begin() + 800, bad.pixels.begin() + 808, std::byte{0xff});
+  const Film film =
+      std::make_shared<std::vector<WireFrame>>(std::vector<WireFrame>{natural(64, 64), bad, natural(64, 64)});
+  for (size_t i = 0; i < 3; ++i) ASSERT_OK(session->submit(frame_of(film, i)));
+  session->finish();
+  for (size_t i = 0; i < 3; ++i) {
+    const auto result = session->next_result();
+    ASSERT_OK(result.status());
+    EXPECT_EQ((*result)->status.ok(), i != 1) << i;
+  }
+}
+
+TEST_F(SharedMemoryTest, AnAreaOfTheSessionIsSentWithoutACopyAndAResultLivesOnItsOwn) {
+  const Film film = make_film(6, 100, 50);
+  const SessionRun expected = run(options(Transport::kGrpc), film);
+  FrameResult kept;
+  {
+    absl::StatusOr<Session> session = Session::open(options(Transport::kMemory));
+    ASSERT_OK(session.status());
+    for (size_t i = 0; i < film->size(); ++i) {
+      const FrameArea area = session->area(100, 50, v1::PIXEL_FORMAT_RGBA16F);
+      ASSERT_EQ(area.pixels.size(), film->at(i).pixels.size());
+      std::memcpy(area.pixels.data(), film->at(i).pixels.data(), area.pixels.size());
+      SessionFrame frame = frame_of(film, i);
+      frame.pixels = area.pixels;
+      frame.owner = area.owner;
+      ASSERT_OK(session->submit(std::move(frame)));
+      auto result = session->next_result();
+      ASSERT_OK(result.status());
+      ASSERT_OK((*result)->status);
+      EXPECT_TRUE((*result)->image.header.image_in_memory());
+      const auto pixels = (*result)->image.pixels();
+      EXPECT_TRUE(std::string(reinterpret_cast<const char*>(pixels.data()), pixels.size()) ==
+                  expected.images.at(i));
+      if (i == 2) kept = std::move(**result);
+    }
+  }
+  const auto pixels = kept.image.pixels();
+  EXPECT_TRUE(std::string(reinterpret_cast<const char*>(pixels.data()), pixels.size()) ==
+              expected.images.at(2));
+}
+
+TEST_F(SharedMemoryTest, ResultsThatAreKeptLeaveTheNextOnesToBands) {
+  const Film film = make_film(20, 64, 64);
+  absl::StatusOr<Session> session = Session::open(options(Transport::kMemory));
+  ASSERT_OK(session.status());
+  std::vector<FrameResult> kept;
+  for (size_t i = 0; i < film->size(); ++i) {
+    ASSERT_OK(session->submit(frame_of(film, i)));
+    auto result = session->next_result();
+    ASSERT_OK(result.status());
+    ASSERT_OK((*result)->status);
+    kept.push_back(std::move(**result));
+  }
+  EXPECT_TRUE(kept.front().image.header.image_in_memory());
+  EXPECT_FALSE(kept.back().image.header.image_in_memory());
+  const SessionRun expected = run(options(Transport::kGrpc), film);
+  for (size_t i = 0; i < film->size(); ++i) {
+    const auto pixels = kept[i].image.pixels();
+    EXPECT_TRUE(std::string(reinterpret_cast<const char*>(pixels.data()), pixels.size()) ==
+                expected.images.at(i));
+  }
+}
+
+TEST_F(SharedMemoryTest, OnlyAUnixSocketOffersIt) {
+  for (const std::string& address : server_->addresses()) {
+    const absl::StatusOr<Connection> connection = Connection::open(address);
+    const absl::StatusOr<v1::GetServerInfoResponse> info = connection->server_info();
+    ASSERT_OK(info.status());
+    EXPECT_EQ(info->shared_memory(), address.starts_with("unix:")) << address;
+  }
+  SessionOptions asked = options(Transport::kMemory);
+  asked.servers = {server_->addresses().back()};
+  EXPECT_REFUSED(kInvalidArgument, "unix:PATH", Session::open(asked).status());
+}
+
+// One Stream call whose first header is `header`, through `address`.
+grpc::Status answer_to(const std::string& address, const v1::FrameHeader& header) {
+  grpc::ClientContext context;
+  if (header.media_time_ns() == 1) context.AddMetadata("x-forwarded-for", "10.0.0.1");
+  const auto stub = v1::RenderService::NewStub(own_channel(address));
+  const auto stream = stub->Stream(&context);
+  v1::StreamRequest request;
+  *request.mutable_open() = open_of("session");
+  stream->Write(request);
+  *request.mutable_frame() = header;
+  stream->Write(request);
+  stream->WritesDone();
+  v1::StreamResponse response;
+  while (stream->Read(&response)) {
+  }
+  return stream->Finish();
+}
+
+TEST_F(SharedMemoryTest, LyingOffsetsAndTicketsAreRefused) {
+  const auto region = SharedRegion::create(path_, 1 << 20);
+  ASSERT_OK(region.status());
+  v1::FrameHeader good;
+  good.set_width(64);
+  good.set_height(64);
+  good.set_format(v1::PIXEL_FORMAT_RGBA16F);
+  good.mutable_memory()->set_ticket((*region)->ticket());
+  good.mutable_memory()->set_pixels_offset(0);
+  good.mutable_memory()->set_image_offset(1 << 19);
+  const std::string address = "unix:" + path_;
+  EXPECT_TRUE(answer_to(address, good).ok()) << answer_to(address, good).error_message();
+  constexpr uint64_t kMost = std::numeric_limits<uint64_t>::max();
+  constexpr uint64_t kPixels = 64 * 64 * 8;
+  for (const uint64_t offset :
+       {uint64_t{1}, uint64_t{8}, uint64_t{(1 << 20) - kPixels + 64}, uint64_t{1} << 20, uint64_t{1} << 32,
+        uint64_t{1} << 63, kMost, kMost - 63, kMost - kPixels + 1}) {
+    v1::FrameHeader bad = good;
+    bad.mutable_memory()->set_pixels_offset(offset);
+    EXPECT_REFUSED(kInvalidArgument, "frame.memory.pixels_offset", answer_to(address, bad));
+    bad = good;
+    bad.mutable_memory()->set_image_offset(offset == uint64_t{(1 << 20) - kPixels + 64} ? kMost - 127
+                                                                                        : offset);
+    EXPECT_REFUSED(kInvalidArgument, "frame.memory.image_offset", answer_to(address, bad));
+  }
+  v1::FrameHeader padded = good;  // the last row ends beyond the region
+  padded.set_row_stride_bytes(64 * 8 + 4096);
+  padded.mutable_memory()->set_pixels_offset((1 << 20) - 64 * (64 * 8 + 4096) + 4096 - 4096 % 64 + 64);
+  EXPECT_REFUSED(kInvalidArgument, "frame.memory.pixels_offset", answer_to(address, padded));
+  v1::FrameHeader other = good;
+  other.mutable_memory()->set_ticket(std::string(16, 'x'));
+  EXPECT_REFUSED(kUnavailable, "frame.memory.ticket", answer_to(address, other));
+  other.mutable_memory()->set_ticket("short");
+  EXPECT_REFUSED(kInvalidArgument, "frame.memory.ticket", answer_to(address, other));
+  // The same ticket through a proxy, and over TCP.
+  v1::FrameHeader through = good;
+  through.set_media_time_ns(1);
+  EXPECT_REFUSED(kUnavailable, "unix socket", answer_to(address, through));
+  EXPECT_REFUSED(kUnavailable, "unix socket", answer_to(server_->addresses().back(), good));
+}
+
+// Padded rows reach as far as the last row's pixels, and the padding is not looked at.
+TEST_F(SharedMemoryTest, PaddedRowsAreTheSameBits) {
+  const WireFrame frame = natural(65, 33);
+  const auto region = SharedRegion::create(path_, 1 << 20);
+  ASSERT_OK(region.status());
+  SharedRegion::Area area = (*region)->take((*region)->bytes());
+  const uint64_t row = 65 * 8, stride = row + 100;
+  std::memset(area.bytes.get(), 0xff, area.size);
+  for (uint64_t y = 0; y < 33; ++y)
+    std::memcpy(area.bytes.get() + y * stride, frame.pixels.data() + y * row, row);
+  v1::StreamRequest request;
+  grpc::ClientContext context;
+  const auto stub = v1::RenderService::NewStub(own_channel("unix:" + path_));
+  const auto call = stub->Render(&context);
+  v1::RenderRequest start = start_of(frame);
+  v1::FrameHeader& header = *start.mutable_start()->mutable_frame();
+  header.clear_total_bytes();
+  header.set_row_stride_bytes(static_cast<uint32_t>(stride));
+  header.mutable_memory()->set_ticket((*region)->ticket());
+  header.mutable_memory()->set_pixels_offset(0);
+  header.mutable_memory()->set_image_offset(1 << 19);
+  call->Write(start);
+  call->WritesDone();
+  v1::RenderResponse response;
+  ASSERT_TRUE(call->Read(&response));
+  EXPECT_TRUE(response.header().image_in_memory());
+  EXPECT_FALSE(call->Read(&response));
+  ASSERT_TRUE(call->Finish().ok());
+  const absl::StatusOr<RenderResult> expected = Connection::open("unix:" + path_)->render({}, view(frame));
+  ASSERT_OK(expected.status());
+  EXPECT_EQ(std::memcmp(area.bytes.get() + (1 << 19), expected->data.get(), expected->bytes), 0);
+  // Nothing beyond the image was written.
+  EXPECT_EQ(area.bytes.get()[(1 << 19) + expected->bytes], std::byte{0xff});
+}
+
+// Whatever it writes, and whatever holes it makes, its own frames come and another client's are right.
+TEST_F(SharedMemoryTest, AClientThatWritesIntoItsFramesHarmsItselfAlone) {
+  const Film film = make_film(30, 320, 240);
+  const SessionRun expected = run(options(Transport::kGrpc), film);
+  ASSERT_OK(expected.status);
+  constexpr uint64_t kRegion = 4 << 20;
+  const int memfd = make_memfd(kRegion, all_seals());
+  auto* const bytes =
+      static_cast<std::byte*>(mmap(nullptr, kRegion, PROT_READ | PROT_WRITE, MAP_SHARED, memfd, 0));
+  MemoryClient door(path_ + ".memory");
+  ASSERT_TRUE(door.send(std::string(1, '\1'), {memfd}));
+  const std::string answer = door.answer();
+  ASSERT_EQ(answer.size(), 17u);
+  std::atomic<bool> stop = false;
+  std::thread writer([&] {
+    std::mt19937 random(1);
+    while (!stop) {
+      const uint64_t at = random() % (kRegion - 65536);
+      if (random() % 16 == 0) {
+        fallocate(memfd, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(at), 65536);
+      } else {
+        for (uint64_t i = 0; i < 65536; ++i) bytes[at + i] = static_cast<std::byte>(random());
+      }
+    }
+  });
+  std::thread attacker([&] {
+    for (int i = 0; i < 40; ++i) {
+      v1::FrameHeader header;
+      header.set_width(320);
+      header.set_height(240);
+      header.set_format(v1::PIXEL_FORMAT_RGBA16F);
+      header.mutable_memory()->set_ticket(answer.substr(1));
+      header.mutable_memory()->set_pixels_offset(0);
+      header.mutable_memory()->set_image_offset(i % 2 == 0 ? 0 : 1 << 20);  // over its own pixels, too
+      const grpc::Status status = answer_to("unix:" + path_, header);
+      EXPECT_TRUE(status.ok() || status.error_code() == grpc::ALREADY_EXISTS) << status.error_message();
+    }
+  });
+  const SessionRun beside = run(options(Transport::kMemory), film);
+  attacker.join();
+  stop = true;
+  writer.join();
+  munmap(bytes, kRegion);
+  close(memfd);
+  ASSERT_OK(beside.status);
+  EXPECT_TRUE(beside.images == expected.images);
+}
+
+TEST_F(SharedMemoryTest, NothingIsLeftOfSessionsThatEndedInAnyWay) {
+  const Film film = make_film(4, 200, 100);
+  ASSERT_OK(run(options(Transport::kMemory), film).status);
+  const absl::StatusOr<Connection> connection = Connection::open("unix:" + path_);
+  ASSERT_TRUE(wait_until_idle(*connection));
+  for (int i = 0; i < 8; ++i) {
+    absl::StatusOr<Session> session = Session::open(options(Transport::kMemory));
+    ASSERT_OK(session.status());
+    for (size_t k = 0; k < 1 + static_cast<size_t>(i) % 3; ++k) ASSERT_OK(session->submit(frame_of(film, k)));
+    if (i % 2 == 0) session->cancel();
+  }
+  ASSERT_TRUE(wait_until_idle(*connection));
+  server_.reset();
+  EXPECT_EQ(memfds_mapped(), 0u);
+  EXPECT_TRUE(folder_.list().empty());
+}
+
+TEST(SharedMemoryResume, AServerThatIsKilledAndStartedAgainGivesTheSameBits) {
+  const TemporaryFolder folder;
+  const TemporaryFile keys("0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef\n");
+  const std::vector<std::string> arguments = {"--listen", "unix:" + folder.path("s"), "--resume-keys",
+                                              keys.path()};
+  const Film film = make_film(24, 160, 90);
+  auto daemon = std::make_unique<Daemon>(arguments);
+  ASSERT_NE(daemon->wait_until_listening(), "") << daemon->errors();
+  SessionOptions options;
+  options.servers = {"unix:" + folder.path("s")};
+  options.transport = Transport::kGrpc;
+  const SessionRun expected = run_session(Session::open(options), film);
+  ASSERT_OK(expected.status);
+  options.transport = Transport::kMemory;
+  const SessionRun run = run_session(Session::open(options), film, [&](size_t results) {
+    if (results != 5 && results != 14) return;
+    daemon->signal(SIGKILL);
+    daemon->wait();
+    daemon = std::make_unique<Daemon>(arguments);
+    EXPECT_NE(daemon->wait_until_listening(), "");
+  });
+  ASSERT_OK(run.status);
+  EXPECT_GE(run.stats.resumes, 2u);
+  EXPECT_TRUE(run.images == expected.images);
+  EXPECT_TRUE(run.headers.back().image_in_memory());
+  daemon->signal(SIGTERM);
+  EXPECT_EQ(daemon->wait(), 0);
+  EXPECT_TRUE(folder.list().empty());
+}
+
+}  // namespace
+}  // namespace candela::testing
