@@ -17,6 +17,7 @@
 #include "client/run/images/film_format.h"
 #include "client/run/sequence/sequence.h"
 #include "client/security.h"
+#include "client/session.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {
@@ -29,8 +30,9 @@ struct ServerChoice {
   ClientSecurity security = {};          // for running servers
   // The time to look for a server that takes the work, or that resumes it after a loss.
   absl::Duration resume_limit = absl::Seconds(30);
-  bool takes_several = false;  // the command takes a list of servers, and --resume
-  bool bakes = false;          // the command makes environments
+  Transport transport = Transport::kAuto;  // of sessions
+  bool takes_several = false;              // the command takes a list of servers, and --resume
+  bool bakes = false;                      // the command makes environments
   // Of the built-in server: a part of a Vulkan device's name, its index, or "host"; empty: a GPU, else the
   // host, but the best Vulkan device for environments and for the device's passes.
   std::string device;

@@ -7,6 +7,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -85,8 +86,7 @@ absl::StatusOr<std::shared_ptr<SharedRegion>> SharedRegion::create(const std::st
   const absl::Cleanup closing = [descriptor] { close(descriptor); };
   if (ftruncate(descriptor, static_cast<off_t>(bytes)) != 0) return cannot("ftruncate");
   if (fcntl(descriptor, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) return cannot("fcntl");
-  // Its pages are here before the server maps it, so the server pays for none.
-  void* const at = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
+  void* const at = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
   if (at == MAP_FAILED) return cannot("mmap");
   region->data_ = static_cast<std::byte*>(at);
   region->bytes_ = bytes;
@@ -114,11 +114,24 @@ SharedRegion::Area SharedRegion::take(uint64_t bytes) {
   }
   if (at > bytes_ || bytes_ - at < bytes) return {};
   taken_[at] = at + room_of(bytes);
+  populate(at + bytes);
   const auto give_back = [region = shared_from_this(), at](const std::byte*) {
     const absl::MutexLock again(&region->mutex_);
     region->taken_.erase(at);
   };
   return {.bytes = {data_ + at, give_back}, .size = bytes, .offset = at};
+}
+
+// Areas are taken from the start, so what no frame needs takes no memory. The pages are here before the
+// server writes them, or its control group would pay.
+void SharedRegion::populate(uint64_t end) {
+  const uint64_t whole = std::min(room_of(end), bytes_);
+  if (whole <= populated_) return;
+  if (madvise(data_ + populated_, whole - populated_, MADV_POPULATE_WRITE) != 0) {
+    // Linux before 5.14: each page is written.
+    for (uint64_t at = populated_; at < whole; at += kPageBytes) data_[at] = std::byte{0};
+  }
+  populated_ = room_of(end);
 }
 
 std::optional<uint64_t> SharedRegion::offset_of(std::span<const std::byte> bytes) const {

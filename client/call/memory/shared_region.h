@@ -46,12 +46,14 @@ class SharedRegion : public std::enable_shared_from_this<SharedRegion> {
 
  private:
   SharedRegion() = default;
+  void populate(uint64_t end) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   std::byte* data_ = nullptr;
   uint64_t bytes_ = 0;
   int connection_ = -1;
   std::string ticket_;
   absl::Mutex mutex_;
+  uint64_t populated_ ABSL_GUARDED_BY(mutex_) = 0;              // bytes from the start; whole pages
   std::map<uint64_t, uint64_t> taken_ ABSL_GUARDED_BY(mutex_);  // from offsets to the ends of their areas
 };
 

@@ -88,6 +88,7 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   line("driver", driver_of(device));
   if (!device.passes().empty()) line("passes", absl::StrCat("on the ", device.passes()));
   if (!device.bits().empty()) line("bits", device.bits());
+  if (info.shared_memory()) line("transport", "shared memory, for sessions from this machine");
   line("takes", absl::StrJoin(words.formats, ", "));
   line("gives", absl::StrJoin(words.output_formats, ", "));
   line("curves", absl::StrJoin(words.curves, ", "));
@@ -167,6 +168,7 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
         {"unified_memory", info.device().unified_memory()},
         {"passes", info.device().passes()},
         {"bits", info.device().bits()}}},
+      {"shared_memory", info.shared_memory()},
       {"formats", words.formats},
       {"output_formats", words.output_formats},
       {"curves", words.curves},

@@ -48,6 +48,7 @@ void add_bench_options(CLI::App& app, BenchOptions& options) {
   add_json_option(app, kOutputSection, "Write the figures as one line of JSON", options.json);
   add_quiet_option(app, kOutputSection, options.quiet);
   add_server_options(app, options.server);
+  add_transport_option(app, options.server);
 }
 
 }  // namespace candela

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <functional>
+#include <map>
 #include <vector>
 
 #include "absl/strings/match.h"
@@ -12,6 +13,7 @@
 #include "client/base/usage.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "server/base/net/address.h"
+#include "server/base/status_macros.h"
 #include "server/base/words/variables.h"
 
 namespace candela {
@@ -67,6 +69,19 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
   }
 }
 
+// Takes CANDELA_SERVER unless the line chooses another server.
+absl::Status take_variable(ServerChoice& choice) {
+  const char* variable = std::getenv(kServerVariable);
+  if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||
+      *variable == '\0') {
+    return absl::OkStatus();
+  }
+  absl::Status status = set_servers(kServerVariable, variable, choice);
+  choice.source = absl::StrCat("from ", kServerVariable);
+  if (!choice.takes_several) choice.others.clear();
+  return status;
+}
+
 }  // namespace
 
 void add_server_options(CLI::App& app, ServerChoice& choice) {
@@ -90,6 +105,24 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
              "How long to look for a server when one is lost, and to wait for one that is full or starting",
              [&choice](double seconds) { choice.resume_limit = absl::Seconds(seconds); });
   add_security_and_device(app, choice);
+}
+
+void add_transport_option(CLI::App& app, ServerChoice& choice) {
+  add_text(
+      app, kServerSection, "--transport", "WAY",
+      "How frames and images travel: grpc, memory (shared with a server at unix:PATH) or auto (default: "
+      "auto, "
+      "which is memory where the server offers it, else grpc)",
+      [&choice](const std::string& text) {
+        static const std::map<std::string, Transport> kWays = {
+            {"auto", Transport::kAuto}, {"grpc", Transport::kGrpc}, {"memory", Transport::kMemory}};
+        const auto way = kWays.find(text);
+        if (way == kWays.end()) {
+          return usage_error(absl::StrFormat("--transport is \"%s\"; it must be auto, grpc or memory", text));
+        }
+        choice.transport = way->second;
+        return absl::OkStatus();
+      });
 }
 
 void add_running_server_option(CLI::App& app, const std::string& section, ServerChoice& choice) {
@@ -135,15 +168,12 @@ absl::Status finish_server_options(ServerChoice& choice) {
   if (absl::EqualsIgnoreCase(choice.device, "host") && choice.passes == "device") {
     return usage_error("--device host is no Vulkan device, which --executor device needs; give one of them");
   }
-  const char* variable = std::getenv(kServerVariable);
-  if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||
-      *variable == '\0') {
-    return absl::OkStatus();
-  }
-  absl::Status status = set_servers(kServerVariable, variable, choice);
-  choice.source = absl::StrCat("from ", kServerVariable);
-  if (!choice.takes_several) choice.others.clear();
-  return status;
+  RETURN_IF_ERROR(take_variable(choice));
+  if (choice.transport != Transport::kMemory || is_unix_address(choice.address)) return absl::OkStatus();
+  return usage_error(
+      "--transport is memory, which only a server at unix:PATH can share; name one with --server, or use "
+      "auto "
+      "or grpc");
 }
 
 absl::Status name_source(const absl::Status& status, const ServerChoice& choice) {

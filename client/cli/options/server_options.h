@@ -20,6 +20,9 @@ inline constexpr v1::Range<double> kSeconds{0.001, 86400};
 // The same for a command whose --server may name several servers, and --resume.
 void add_servers_options(CLI::App& app, ServerChoice& choice);
 
+// Defines --transport, for a command that opens sessions.
+void add_transport_option(CLI::App& app, ServerChoice& choice);
+
 // Only the options of a connection's security. Each also has an environment variable, such as
 // CANDELA_CLIENT_TLS_CA for --tls-ca; "CLIENT" sets them apart from candelad's variables.
 void add_security_options(CLI::App& app, const std::string& section, ClientSecurity& security);

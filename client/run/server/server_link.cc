@@ -123,6 +123,7 @@ absl::StatusOr<Session> ServerLink::open_one(const SessionOptions& session) {
   }
   SessionOptions there = options;
   there.security = choice_.security;
+  there.transport = choice_.transport;
   there.servers = addresses();
   return Session::open(there);
 }

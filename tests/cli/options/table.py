@@ -102,6 +102,7 @@ SEQUENCED = {  # of stream and meter
     "--save-exposures": lambda c: shows(plural("film")[c].format("--save-exposures OUT/exposures.json"),
                                         lambda run: len(json.loads(run.files["exposures.json"])["frames"]) == 6, "not 6 frames"),
     "--session": lambda c: named(plural("film")[c]),
+    "--transport": lambda c: refuses("--transport memory", plural("film")[c], words="unix:PATH"),
     "--resume": lambda c: waits(plural("film")[c]),
 }
 MOMENT = "--previous-exposure 0.01 --elapsed 0.2 "
@@ -191,6 +192,9 @@ OTHERS = {
                   shows(LINES["bench"].format("--size 1280x720 --frame-timeout 0.001"), lambda run: run.lines()[0]["failed"] > 0,
                         "no frame came too late"),
                   refuses("--frame-timeout 0", words="--frame-timeout")),
+              "--transport": both(
+                  shows(LINES["bench"].format("--transport grpc"), lambda run: run.lines()[0]["transport"] == "grpc", "not by grpc"),
+                  refuses("--transport memory", words="unix:PATH"), refuses("--transport pigeon", words="pigeon")),
               "--encoding": both(bench_encodings, refuses("--encoding webp", words="webp"))},
     # Health needs no token, but a file that is named must be there.
     "health": {"--timeout": needs("--timeout 5", "--timeout 0", words="--timeout"),

@@ -65,6 +65,7 @@ class Load {
     submitting_.join();
     taking_.join();
     result_.resumes = session_.stats().resumes;
+    result_.shares_memory = session_.stats().shares_memory;
     result_.dropped = dropped_;
     result_.failed = failed_;
     return status_;

@@ -67,6 +67,13 @@ double frames_per_second(const BenchReport& report) {
 
 double megapixels(const BenchOptions& options) { return 1e-6 * options.width * options.height; }
 
+const char* transport_of(const BenchReport& report) {
+  return std::all_of(report.sessions.begin(), report.sessions.end(),
+                     [](const BenchSession& session) { return session.shares_memory; })
+             ? "memory"
+             : "grpc";
+}
+
 Json percentiles(const std::vector<double>& values) {
   return {{"p50", percentile(values, 50)}, {"p90", percentile(values, 90)}, {"p99", percentile(values, 99)}};
 }
@@ -141,6 +148,7 @@ std::string to_json(const BenchOptions& options, const BenchReport& report) {
                      {"seconds", report.seconds},
                      {"server", options.server.address},
                      {"device", report.device},
+                     {"transport", transport_of(report)},
                      {"frames", latency.size()},
                      {"dropped", sum(report, &BenchSession::dropped)},
                      {"failed", sum(report, &BenchSession::failed)},

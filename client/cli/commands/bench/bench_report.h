@@ -24,6 +24,7 @@ struct BenchSession {
   uint64_t dropped = 0;            // not sent because the session was full when they were due
   uint64_t failed = 0;             // frames that failed, mostly because they were late
   uint64_t resumes = 0;
+  bool shares_memory = false;  // with the server, at the end
 };
 
 struct BenchReport {
@@ -44,9 +45,9 @@ bool is_stable(const BenchReport& report);
 std::string to_text(const BenchOptions& options, const BenchReport& report);
 
 // One line with the keys sessions, width, height, fps (null for max), seconds, server,
-// device, frames, dropped, failed, resumes, frames_per_second, megapixels_per_second,
-// latency_ms {p50, p90, p99, p999, max}, queue_ms and device_ms {p50, p90, p99}, fairness
-// {min_fps, max_fps, jain}, per_session_fps, window_fps, stable.
+// device, transport (memory if all sessions shared it, else grpc), frames, dropped, failed, resumes,
+// frames_per_second, megapixels_per_second, latency_ms {p50, p90, p99, p999, max}, queue_ms and device_ms
+// {p50, p90, p99}, fairness {min_fps, max_fps, jain}, per_session_fps, window_fps, stable.
 std::string to_json(const BenchOptions& options, const BenchReport& report);
 
 }  // namespace candela

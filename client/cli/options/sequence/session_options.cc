@@ -87,6 +87,7 @@ void add_curve_options(CLI::App& app, StreamOptions& options) {
 
 void add_session_server_options(CLI::App& app, StreamOptions& options) {
   add_servers_options(app, options.server);
+  add_transport_option(app, options.server);
   add_text(app, kServerSection, "--session", "NAME", "Name of the session (default: a random one)",
            options.session);
 }
