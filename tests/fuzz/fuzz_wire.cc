@@ -35,6 +35,7 @@
 #include "tests/fuzz/expect.h"
 #include "tests/fuzz/wire_environment.h"
 #include "tests/fuzz/wire_input.h"
+#include "tests/fuzz/wire_memory.h"
 #include "tests/fuzz/wire_slices.h"
 
 namespace candela {
@@ -183,6 +184,7 @@ void serve(const WireInput& input) {
     return;
   }
   check_start(*start);
+  place_in_memory(request.start().frame(), *start);
 
   BandReader reader(v1::kFrameBand, start->desc, start->row_stride_bytes);
   uint32_t next_row = 0;

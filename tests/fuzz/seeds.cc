@@ -193,6 +193,11 @@ void write_request(const std::string& path, v1::PixelFormat format, uint32_t pix
   WireInput input;
   input.messages = {request.SerializeAsString(), band(0, size_t{3} * stride), band(3, stride)};
   write_file(path, format_wire_input(input));
+  frame.mutable_memory()->set_ticket("0123456789abcdef");
+  frame.mutable_memory()->set_pixels_offset(128);
+  frame.mutable_memory()->set_image_offset(4096);
+  input.messages = {request.SerializeAsString()};
+  write_file(path + "_in_memory", format_wire_input(input));
 }
 
 std::string map_band(uint32_t first_row, size_t bytes) {
