@@ -26,9 +26,9 @@ constexpr uint64_t kBudget = uint64_t{64} << 20;
 constexpr uint64_t kBytes = 1 << 20;
 const std::string kHello(1, '\1');
 
-class MemoryDoorTest : public ::testing::Test {
+class MemorySocket : public ::testing::Test {
  protected:
-  MemoryDoorTest() {
+  MemorySocket() {
     auto sockets = ListeningSocket::listen("listen", "unix:" + path_);
     EXPECT_OK(sockets.status());
     listening_ = std::make_unique<ListeningSocket>(std::move(sockets->front()));
@@ -78,7 +78,7 @@ class MemoryDoorTest : public ::testing::Test {
   std::unique_ptr<MemoryDoor> door_;
 };
 
-TEST_F(MemoryDoorTest, ARegionLivesAsLongAsItsConnection) {
+TEST_F(MemorySocket, ARegionLivesAsLongAsItsConnection) {
   const size_t before = memfds_mapped();
   auto one = client();
   const int descriptor = make_memfd(kBytes, all_seals());
@@ -103,7 +103,7 @@ TEST_F(MemoryDoorTest, ARegionLivesAsLongAsItsConnection) {
   EXPECT_EQ(memfds_mapped(), before);
 }
 
-TEST_F(MemoryDoorTest, WrongDescriptorsAreRefused) {
+TEST_F(MemorySocket, WrongDescriptorsAreRefused) {
   int pipes[2];
   ASSERT_EQ(pipe2(pipes, O_CLOEXEC), 0);
   expect_refused(pipes[0], "no memfd");
@@ -122,7 +122,7 @@ TEST_F(MemoryDoorTest, WrongDescriptorsAreRefused) {
   }
 }
 
-TEST_F(MemoryDoorTest, WrongMessagesAreRefusedAndKeepNoDescriptor) {
+TEST_F(MemorySocket, WrongMessagesAreRefusedAndKeepNoDescriptor) {
   const int good = make_memfd(kBytes, all_seals());
   const size_t before = open_descriptors();
   for (const auto& [bytes, descriptors] :
@@ -142,7 +142,7 @@ TEST_F(MemoryDoorTest, WrongMessagesAreRefusedAndKeepNoDescriptor) {
   close(good);
 }
 
-TEST_F(MemoryDoorTest, AClientThatSendsMoreIsClosed) {
+TEST_F(MemorySocket, AClientThatSendsMoreIsClosed) {
   auto one = client();
   const int descriptor = make_memfd(kBytes, all_seals());
   ASSERT_TRUE(one->send(kHello, {descriptor}));
@@ -154,7 +154,7 @@ TEST_F(MemoryDoorTest, AClientThatSendsMoreIsClosed) {
   EXPECT_EQ(regions_.count(), 0u);
 }
 
-TEST_F(MemoryDoorTest, AClientThatIsSilentIsClosedAtItsLimit) {
+TEST_F(MemorySocket, AClientThatIsSilentIsClosedAtItsLimit) {
   auto silent = client();
   auto good = client();
   const int descriptor = make_memfd(kBytes, all_seals());
@@ -170,7 +170,7 @@ TEST_F(MemoryDoorTest, AClientThatIsSilentIsClosedAtItsLimit) {
   EXPECT_EQ(regions_.count(), 1u);
 }
 
-TEST_F(MemoryDoorTest, BeyondItsLimitConnectionsAreClosedAndTheOthersStay) {
+TEST_F(MemorySocket, BeyondItsLimitConnectionsAreClosedAndTheOthersStay) {
   std::vector<std::unique_ptr<MemoryClient>> clients;
   for (int i = 0; i < 3; ++i) clients.push_back(client());
   for (int i = 0; i < 1000; ++i) {
@@ -183,7 +183,7 @@ TEST_F(MemoryDoorTest, BeyondItsLimitConnectionsAreClosedAndTheOthersStay) {
   close(descriptor);
 }
 
-TEST_F(MemoryDoorTest, RegionsTakeAQuarterOfTheBudgetTogether) {
+TEST_F(MemorySocket, RegionsTakeAQuarterOfTheBudgetTogether) {
   std::vector<std::unique_ptr<MemoryClient>> clients;
   std::vector<char> answers;
   for (int i = 0; i < 3; ++i) {
@@ -197,7 +197,7 @@ TEST_F(MemoryDoorTest, RegionsTakeAQuarterOfTheBudgetTogether) {
   EXPECT_EQ(memory_->frames_bytes(), kBudget / 4);
 }
 
-TEST_F(MemoryDoorTest, ItsEndClosesEveryConnection) {
+TEST_F(MemorySocket, ItsEndClosesEveryConnection) {
   const size_t before = memfds_mapped();
   auto silent = client();
   auto good = client();

@@ -22,9 +22,9 @@
 namespace candela::testing {
 namespace {
 
-class SharedMemoryTest : public ::testing::Test {
+class SharedFrames : public ::testing::Test {
  protected:
-  SharedMemoryTest() {
+  SharedFrames() {
     Config config = test_config();
     config.listen = {"unix:" + path_, "127.0.0.1:0"};
     config.memory_budget_bytes = uint64_t{1} << 30;
@@ -69,7 +69,7 @@ Film film_of(uint32_t width, uint32_t height, v1::PixelFormat format) {
   return film;
 }
 
-TEST_F(SharedMemoryTest, ImagesAreTheSameBitsForEverySizeAndFormat) {
+TEST_F(SharedFrames, ImagesAreTheSameBitsForEverySizeAndFormat) {
   constexpr v1::PixelFormat kFormats[] = {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F,
                                           v1::PIXEL_FORMAT_RGB9E5};
   constexpr v1::OutputFormat kOutputs[] = {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16,
@@ -85,7 +85,7 @@ TEST_F(SharedMemoryTest, ImagesAreTheSameBitsForEverySizeAndFormat) {
   }
 }
 
-TEST_F(SharedMemoryTest, ResizedLookedAheadDitheredAndVerifiedTiersAreTheSameBitsToo) {
+TEST_F(SharedFrames, ResizedLookedAheadDitheredAndVerifiedTiersAreTheSameBitsToo) {
   const Film film = make_film(8, 170, 90);
   SessionOptions asked = options(Transport::kAuto);
   asked.settings.mutable_output_size()->set_width(77);
@@ -102,7 +102,7 @@ TEST_F(SharedMemoryTest, ResizedLookedAheadDitheredAndVerifiedTiersAreTheSameBit
   expect_same_bits(asked, film);
 }
 
-TEST_F(SharedMemoryTest, FilesComeAsPartsAndAreTheSameBits) {
+TEST_F(SharedFrames, FilesComeAsPartsAndAreTheSameBits) {
   const Film film = make_film(4, 170, 90);
   for (const v1::Encoding encoding : {v1::ENCODING_PNG, v1::ENCODING_JPEG}) {
     SessionOptions asked = options(Transport::kAuto);
@@ -111,7 +111,7 @@ TEST_F(SharedMemoryTest, FilesComeAsPartsAndAreTheSameBits) {
   }
 }
 
-TEST_F(SharedMemoryTest, BadValuesFailTheirFrameAloneAndAreFoundInMemory) {
+TEST_F(SharedFrames, BadValuesFailTheirFrameAloneAndAreFoundInMemory) {
   SessionOptions asked = options(Transport::kMemory);
   asked.settings.set_bad_values(v1::BAD_VALUES_REJECT);
   absl::StatusOr<Session> session = Session::open(asked);
@@ -129,7 +129,7 @@ TEST_F(SharedMemoryTest, BadValuesFailTheirFrameAloneAndAreFoundInMemory) {
   }
 }
 
-TEST_F(SharedMemoryTest, AnAreaOfTheSessionIsSentWithoutACopyAndAResultLivesOnItsOwn) {
+TEST_F(SharedFrames, AnAreaOfTheSessionIsSentWithoutACopyAndAResultLivesOnItsOwn) {
   const Film film = make_film(6, 100, 50);
   const SessionRun expected = run(options(Transport::kGrpc), film);
   FrameResult kept;
@@ -159,7 +159,7 @@ TEST_F(SharedMemoryTest, AnAreaOfTheSessionIsSentWithoutACopyAndAResultLivesOnIt
               expected.images.at(2));
 }
 
-TEST_F(SharedMemoryTest, ResultsThatAreKeptLeaveTheNextOnesToBands) {
+TEST_F(SharedFrames, ResultsThatAreKeptLeaveTheNextOnesToBands) {
   const Film film = make_film(20, 64, 64);
   absl::StatusOr<Session> session = Session::open(options(Transport::kMemory));
   ASSERT_OK(session.status());
@@ -181,7 +181,7 @@ TEST_F(SharedMemoryTest, ResultsThatAreKeptLeaveTheNextOnesToBands) {
   }
 }
 
-TEST_F(SharedMemoryTest, OnlyAUnixSocketOffersIt) {
+TEST_F(SharedFrames, OnlyAUnixSocketOffersIt) {
   for (const std::string& address : server_->addresses()) {
     const absl::StatusOr<Connection> connection = Connection::open(address);
     const absl::StatusOr<v1::GetServerInfoResponse> info = connection->server_info();
@@ -211,7 +211,7 @@ grpc::Status answer_to(const std::string& address, const v1::FrameHeader& header
   return stream->Finish();
 }
 
-TEST_F(SharedMemoryTest, LyingOffsetsAndTicketsAreRefused) {
+TEST_F(SharedFrames, LyingOffsetsAndTicketsAreRefused) {
   const auto region = SharedRegion::create(path_, 1 << 20);
   ASSERT_OK(region.status());
   v1::FrameHeader good;
@@ -252,43 +252,50 @@ TEST_F(SharedMemoryTest, LyingOffsetsAndTicketsAreRefused) {
   EXPECT_REFUSED(kUnavailable, "unix socket", answer_to(server_->addresses().back(), good));
 }
 
-// Padded rows reach as far as the last row's pixels, and the padding is not looked at.
-TEST_F(SharedMemoryTest, PaddedRowsAreTheSameBits) {
+// Padded rows reach as far as the last row's pixels, and the padding is not looked at. A verification reads
+// the image again, and its error map comes in bands.
+TEST_F(SharedFrames, SingleCallsTakePaddedRowsAndAreTheSameBitsVerifiedToo) {
   const WireFrame frame = natural(65, 33);
   const auto region = SharedRegion::create(path_, 1 << 20);
   ASSERT_OK(region.status());
-  SharedRegion::Area area = (*region)->take((*region)->bytes());
+  const SharedRegion::Area area = (*region)->take((*region)->bytes());
+  std::byte* const image = area.bytes.get() + (1 << 19);
   const uint64_t row = 65 * 8, stride = row + 100;
-  std::memset(area.bytes.get(), 0xff, area.size);
-  for (uint64_t y = 0; y < 33; ++y)
-    std::memcpy(area.bytes.get() + y * stride, frame.pixels.data() + y * row, row);
-  v1::StreamRequest request;
-  grpc::ClientContext context;
-  const auto stub = v1::RenderService::NewStub(own_channel("unix:" + path_));
-  const auto call = stub->Render(&context);
-  v1::RenderRequest start = start_of(frame);
-  v1::FrameHeader& header = *start.mutable_start()->mutable_frame();
-  header.clear_total_bytes();
-  header.set_row_stride_bytes(static_cast<uint32_t>(stride));
-  header.mutable_memory()->set_ticket((*region)->ticket());
-  header.mutable_memory()->set_pixels_offset(0);
-  header.mutable_memory()->set_image_offset(1 << 19);
-  call->Write(start);
-  call->WritesDone();
-  v1::RenderResponse response;
-  ASSERT_TRUE(call->Read(&response));
-  EXPECT_TRUE(response.header().image_in_memory());
-  EXPECT_FALSE(call->Read(&response));
-  ASSERT_TRUE(call->Finish().ok());
-  const absl::StatusOr<RenderResult> expected = Connection::open("unix:" + path_)->render({}, view(frame));
-  ASSERT_OK(expected.status());
-  EXPECT_EQ(std::memcmp(area.bytes.get() + (1 << 19), expected->data.get(), expected->bytes), 0);
-  // Nothing beyond the image was written.
-  EXPECT_EQ(area.bytes.get()[(1 << 19) + expected->bytes], std::byte{0xff});
+  for (const bool verify : {false, true}) {
+    std::memset(area.bytes.get(), 0xff, area.size);
+    for (uint64_t y = 0; y < 33; ++y) {
+      std::memcpy(area.bytes.get() + y * stride, frame.pixels.data() + y * row, row);
+    }
+    v1::RenderRequest start = start_of(frame);
+    start.mutable_start()->set_verify(verify);
+    start.mutable_start()->set_error_map(verify);
+    v1::FrameHeader& header = *start.mutable_start()->mutable_frame();
+    header.clear_total_bytes();
+    header.set_row_stride_bytes(static_cast<uint32_t>(stride));
+    header.mutable_memory()->set_ticket((*region)->ticket());
+    header.mutable_memory()->set_pixels_offset(0);
+    header.mutable_memory()->set_image_offset(1 << 19);
+    OpenCall call(own_channel("unix:" + path_));
+    call.write(start);
+    call.stream->WritesDone();
+    v1::RenderResponse response;
+    ASSERT_TRUE(call.stream->Read(&response));
+    EXPECT_TRUE(response.header().image_in_memory());
+    EXPECT_EQ(response.header().has_verify(), verify);
+    EXPECT_EQ(call.stream->Read(&response), verify);
+    EXPECT_EQ(response.has_error_map(), verify);
+    const grpc::Status status = call.finish();
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    const absl::StatusOr<RenderResult> expected = Connection::open("unix:" + path_)->render({}, view(frame));
+    ASSERT_OK(expected.status());
+    EXPECT_EQ(std::memcmp(image, expected->data.get(), expected->bytes), 0);
+    // Nothing beyond the image was written.
+    EXPECT_EQ(image[expected->bytes], std::byte{0xff});
+  }
 }
 
-// Whatever it writes, and whatever holes it makes, its own frames come and another client's are right.
-TEST_F(SharedMemoryTest, AClientThatWritesIntoItsFramesHarmsItselfAlone) {
+// Its own frames come, with any bits, and another client's are right.
+TEST_F(SharedFrames, AClientThatWritesIntoItsFramesHarmsItselfAlone) {
   const Film film = make_film(30, 320, 240);
   const SessionRun expected = run(options(Transport::kGrpc), film);
   ASSERT_OK(expected.status);
@@ -335,7 +342,7 @@ TEST_F(SharedMemoryTest, AClientThatWritesIntoItsFramesHarmsItselfAlone) {
   EXPECT_TRUE(beside.images == expected.images);
 }
 
-TEST_F(SharedMemoryTest, NothingIsLeftOfSessionsThatEndedInAnyWay) {
+TEST_F(SharedFrames, NothingIsLeftOfSessionsThatEndedInAnyWay) {
   const Film film = make_film(4, 200, 100);
   ASSERT_OK(run(options(Transport::kMemory), film).status);
   const absl::StatusOr<Connection> connection = Connection::open("unix:" + path_);
@@ -352,7 +359,7 @@ TEST_F(SharedMemoryTest, NothingIsLeftOfSessionsThatEndedInAnyWay) {
   EXPECT_TRUE(folder_.list().empty());
 }
 
-TEST(SharedMemoryResume, AServerThatIsKilledAndStartedAgainGivesTheSameBits) {
+TEST(SharedFramesResume, AServerThatIsKilledAndStartedAgainGivesTheSameBits) {
   const TemporaryFolder folder;
   const TemporaryFile keys("0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef\n");
   const std::vector<std::string> arguments = {"--listen", "unix:" + folder.path("s"), "--resume-keys",
