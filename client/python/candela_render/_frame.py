@@ -1,0 +1,74 @@
+"""Frames: arrays of pixels, or views of environments that the server draws."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Iterator, Sequence
+
+import numpy
+
+from . import render_pb2 as pb
+from ._error import invalid
+from ._messages import fill
+from ._wire import Array, bands, pixel_format, tight_rgba
+from .settings import Camera, Sphere
+
+if TYPE_CHECKING:
+    from ._environment import Environment
+
+
+@dataclass(frozen=True)
+class View:
+    """A picture of an environment, in place of pixels. Environment.view() makes one.
+
+    width, height: pixels. camera: where it looks. objects: up to 64 spheres. rotation_deg: turns the environment about +Y,
+    -360 .. 360. samples: rays a pixel at the edges of objects: 1, 4 or 16.
+    """
+
+    environment: Environment
+    width: int
+    height: int
+    camera: Camera | dict[str, object] = field(default_factory=Camera)
+    objects: Sequence[Sphere | dict[str, object]] = ()
+    rotation_deg: float = 0
+    samples: int = 4
+
+    def _message(self) -> pb.View:
+        view = pb.View(environment=self.environment.id, rotation_deg=self.rotation_deg, samples=self.samples)
+        view.camera.SetInParent()
+        fill(view.camera, self.camera, "camera.")
+        for one in self.objects:
+            fill(view.objects.add(), one, "objects.")
+        return view
+
+
+@dataclass
+class Frame:
+    """What is sent of a frame, and kept until it has its result."""
+
+    header: pb.FrameHeader
+    pixels: Array | None  # (h, w, 4); None: the header has a view
+    environment: Environment | None
+
+    def bands(self, field_number: int) -> Iterator[bytes]:
+        return bands(self.pixels, field_number) if self.pixels is not None else iter(())
+
+
+def make_frame(source: Array | View, *, copy: bool, **header: Any) -> Frame:
+    """Without `copy` the pixels may be those of `source`, which must then stay as they are. None leaves a field absent."""
+    message = pb.FrameHeader()
+    for name, value in header.items():
+        if value is not None:
+            try:
+                setattr(message, name, value)
+            except (TypeError, ValueError) as error:
+                raise invalid(f"{name} is {value!r}: {error}") from None
+    if isinstance(source, View):
+        message.width, message.height = source.width, source.height
+        message.view.CopyFrom(source._message())
+        return Frame(message, None, source.environment)
+    array = numpy.asarray(source)
+    message.format = pixel_format(array)
+    message.height, message.width = array.shape[:2]
+    pixels = tight_rgba(array, copy)
+    message.total_bytes = pixels.nbytes
+    return Frame(message, pixels, None)

@@ -1,0 +1,82 @@
+"""Pixels on the wire: frames as bands of rows, and images from them."""
+from __future__ import annotations
+
+from typing import Any, Iterator
+
+import numpy
+from google.protobuf.internal.encoder import _VarintBytes
+from numpy.typing import NDArray
+
+from . import render_pb2 as pb
+from ._error import invalid, protocol_error
+
+Array = NDArray[Any]
+
+MAX_BAND_BYTES = 2 << 20
+MAX_SIDE = 16384  # pixels
+
+_FORMATS = {numpy.dtype(numpy.float16): pb.PIXEL_FORMAT_RGBA16F, numpy.dtype(numpy.float32): pb.PIXEL_FORMAT_RGBA32F}
+_IMAGES: dict[int, type] = {pb.OUTPUT_FORMAT_RGBA8: numpy.uint8, pb.OUTPUT_FORMAT_RGBA16: numpy.uint16,
+                            pb.OUTPUT_FORMAT_RGBA16F: numpy.float16}
+
+
+def pixel_format(array: Array) -> int:
+    """Of an array (h, w, 3 or 4). Raises Error if it is no frame."""
+    if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:
+        raise invalid(f"the frame has the shape {array.shape}; it is (height, width, 3 or 4)")
+    if max(array.shape[:2]) > MAX_SIDE:
+        raise invalid(f"the frame has the shape {array.shape}; a side has at most {MAX_SIDE} pixels")
+    found = _FORMATS.get(array.dtype)
+    if found is None:
+        raise invalid(f"the frame has the dtype {array.dtype}; it is float16 or float32")
+    return found
+
+
+def tight_rgba(array: Array, copy: bool) -> Array:
+    """The array's pixels as they are sent: (h, w, 4) in C order. Without `copy` it may be the array itself."""
+    height, width, components = array.shape
+    if components == 4 and not copy:
+        return numpy.ascontiguousarray(array)
+    tight = numpy.empty((height, width, 4), array.dtype)
+    tight[..., :components] = array
+    if components == 3:
+        tight[..., 3] = 1
+    return tight
+
+
+def bands(pixels: Array, field: int) -> Iterator[bytes]:
+    """The messages of a frame's rows. `field` is that of the band in the request. Copies the pixels once."""
+    row_bytes = pixels[0].nbytes
+    rows = max(1, MAX_BAND_BYTES // row_bytes)
+    flat = memoryview(pixels).cast("B")
+    for first in range(0, len(pixels), rows):
+        part = flat[first * row_bytes:(first + rows) * row_bytes]
+        head = pb.Band(first_row=first).SerializeToString() + b"\x12" + _VarintBytes(len(part))
+        yield b"".join((bytes((field << 3 | 2,)), _VarintBytes(len(head) + len(part)), head, part))
+
+
+class ImageReader:
+    """Puts bands together. The memory is taken when the header has said a size that is within the limits."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: Any) -> None:
+        self.image: Array = numpy.empty(shape, dtype)
+        self._flat = memoryview(self.image).cast("B")
+        self._row_bytes = self.image[0].nbytes
+        self._at = 0
+
+    def take(self, band: pb.Band) -> bool:
+        """Returns whether the image is whole."""
+        pixels = band.pixels
+        end = self._at + len(pixels)
+        if band.first_row * self._row_bytes != self._at or len(pixels) % self._row_bytes or not pixels or end > len(self._flat):
+            raise protocol_error("a band does not continue the image")
+        self._flat[self._at:end] = pixels
+        self._at = end
+        return end == len(self._flat)
+
+
+def image_reader(header: pb.ResultHeader) -> ImageReader:
+    dtype = _IMAGES.get(header.format)
+    if dtype is None or not (0 < header.width <= MAX_SIDE and 0 < header.height <= MAX_SIDE):
+        raise protocol_error(f"an image of {header.width}x{header.height} in the format {header.format}")
+    return ImageReader((header.height, header.width, 4), dtype)
