@@ -13,7 +13,7 @@ import textwrap
 from typing import Any
 
 PROTO = "candela/v1/render.proto"
-ROOTS = ("Settings", "Camera", "Sphere", "SessionState", "ExposureState")
+ROOTS = ("Settings", "Camera", "Sphere", "ExposureState")
 HEAD = '''"""What a frame is rendered with, as dataclasses: a field that is None takes its default. Made of render.proto."""
 from __future__ import annotations
 

@@ -6,20 +6,20 @@ import time
 from typing import TYPE_CHECKING, Any, Iterator
 
 import grpc
-import numpy
 
 from . import render_pb2 as pb
 from ._channel import Connection
 from ._error import Error, error_of, protocol_error
 from ._frame import Frame
-from ._wire import Array, ImageReader, image_reader
+from ._result import Result
+from ._wire import Array, ImageReader, band_of, image_reader
 
 if TYPE_CHECKING:
     from ._session import Core
 
 STREAM = "/candela.v1.RenderService/Stream"
 OPEN_LIMIT = 10.0  # s; a server that does not answer the open message for this long is skipped
-BAND_FIELD = 2
+BAND_FIELD = 2  # in requests and responses
 CODES = {code.value[0]: code.name for code in grpc.StatusCode}
 
 
@@ -49,19 +49,18 @@ class Call:
 
     def run(self) -> End:
         core = self._core
-        stream = self._connection.channel.stream_stream(STREAM, request_serializer=None,
-                                                        response_deserializer=pb.StreamResponse.FromString)
+        stream = self._connection.channel.stream_stream(STREAM)
         try:
-            metadata = [("x-session-id", core.name), *self._connection.metadata()]
+            metadata = [("x-session-id", core.name), *self._connection.begin()]
         except Error as error:
             return End(error, False)
         watch = threading.Thread(target=self._watch, name="candela-watch", daemon=True)
         self._grpc = stream(self._requests(), metadata=metadata)
         watch.start()
         try:
-            for response in self._grpc:
+            for message in self._grpc:
                 self._last_progress = time.monotonic()
-                self._take(response)
+                self._take(message)
             return self._ended_well()
         except grpc.RpcError as failed:
             return self._failed(failed)
@@ -77,7 +76,9 @@ class Call:
     def _requests(self) -> Iterator[bytes]:
         """Runs on gRPC's thread."""
         core = self._core
-        yield core.open_request().SerializeToString()
+        with core.changed:
+            request = core.open_request()
+        yield request.SerializeToString()
         while True:
             with core.changed:
                 step = None
@@ -125,12 +126,17 @@ class Call:
                     return
                 core.changed.wait(left if left is not None else 60)
 
-    def _take(self, response: pb.StreamResponse) -> None:
-        part = response.WhichOneof("part")
-        if part == "band" and self._image is not None:
-            if self._image.take(response.band):
+    def _take(self, message: bytes) -> None:
+        band = band_of(message, BAND_FIELD)
+        if band is not None:
+            if self._image is None:
+                raise protocol_error("an unexpected band")
+            if self._image.take(*band):
                 self._answer(self._image.image)
-        elif part == "encoded" and self._file is not None and self._header is not None:
+            return
+        response = pb.StreamResponse.FromString(message)
+        part = response.WhichOneof("part")
+        if part == "encoded" and self._file is not None and self._header is not None:
             self._file += response.encoded.data
             if len(self._file) > self._header.encoded_bytes or not response.encoded.data:
                 raise protocol_error("a part of a file that does not fit")
@@ -165,6 +171,8 @@ class Call:
         due = self._due(header.sequence)
         if due.header.HasField("exposure") and header.exposure != due.header.exposure:
             raise Error("UNIMPLEMENTED", "the server ignores the exposures of frames, because it is older than this client")
+        if self._core.wants_state and not header.HasField("state"):
+            raise Error("UNIMPLEMENTED", "the server ignores a session's state, because it is older than this client")
         self._header = header
         if self._core.encoding == pb.ENCODING_NONE:
             self._answer(None)
@@ -188,7 +196,7 @@ class Call:
         with self._core.changed:
             self._owed -= 1
             self.progress = self._answered = True
-            self._core.answered(sequence, image, header, error, token)
+            self._core.answered(Result(sequence, image, header, error), token)
 
     def _ended_well(self) -> End:
         if self._closed and self._core.log.unanswered == 0:

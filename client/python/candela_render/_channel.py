@@ -8,6 +8,9 @@ from typing import Any
 import grpc
 
 from ._error import invalid
+from ._server import own_server
+
+Servers = str | os.PathLike[str] | list[str] | tuple[str, ...] | None  # None: this process's own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +71,9 @@ def _credentials(security: Security) -> grpc.ChannelCredentials:
 class Connection:
     """A channel to one server. It connects by itself when it is used. Any thread may use it."""
 
-    def __init__(self, address: str, security: Security, ping_interval: float = 10) -> None:
+    def __init__(self, address: str, security: Security, ping_interval: float = 10, own: bool = False) -> None:
         self.address = address
+        self._own = own
         self._token_file = security.token_file
         local = _is_unix(address)
         if not local and not address.rpartition(":")[2].isdigit():
@@ -92,20 +96,24 @@ class Connection:
             if local:  # gRPC would escape the path's special characters in "authority"
                 options.append(("grpc.default_authority", "localhost"))
             self.channel = grpc.insecure_channel(address, options)
-        self.metadata()  # a token file that cannot be read is an error now
+        self.begin()  # a token file that cannot be read is an error now
 
-    def metadata(self) -> list[tuple[str, str]]:
-        """What goes with each call."""
+    def begin(self) -> list[tuple[str, str]]:
+        """Before each call: the metadata that goes with it."""
+        if self._own:
+            own_server()
         return [("authorization", f"Bearer {_token(self._token_file)}")] if self._token_file else []
 
     def close(self) -> None:
         self.channel.close()
 
 
-def addresses_of(server: str | os.PathLike[str] | list[str] | tuple[str, ...]) -> list[str]:
-    """One address, several, or several in one text with commas between them."""
+def connect(server: Servers, security: Security, ping_interval: float = 10) -> list[Connection]:
+    """To one address, several, or several in one text with commas between them."""
+    if server is None:
+        return [Connection(own_server(), security, ping_interval, own=True)]
     listed = [str(server)] if isinstance(server, (str, os.PathLike)) else [str(one) for one in server]
     found = [address.strip() for one in listed for address in one.split(",") if address.strip()]
     if not found:
         raise invalid("there is no address of a server; give HOST:PORT or unix:PATH")
-    return found
+    return [Connection(address, security, ping_interval) for address in found]

@@ -49,7 +49,8 @@ def _retry_delay(call: Any) -> float | None:
             packed = any_pb2.Any.FromString(detail)
             if packed.type_url.endswith("/google.rpc.RetryInfo"):
                 for delay in _fields(packed.value, 1):
-                    return max(0.0, duration_pb2.Duration.FromString(delay).ToNanoseconds() * 1e-9)
+                    seconds: float = duration_pb2.Duration.FromString(delay).ToNanoseconds() * 1e-9
+                    return max(0.0, seconds)
     return None
 
 

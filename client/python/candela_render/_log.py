@@ -65,6 +65,10 @@ class Log:
                 return step if at < self._given else None
         return None
 
+    def holds(self, sequence: int) -> bool:
+        """Whether the frame waits for its result."""
+        return any(isinstance(step, Frame) and step.header.sequence == sequence for step in self._steps)
+
     def environments(self) -> list[Frame]:
         """The frames that are views."""
         return [step for step in self._steps if isinstance(step, Frame) and step.environment is not None]
@@ -79,8 +83,10 @@ class Log:
         if not token:
             return
         self.token = token
-        while self._steps and isinstance(self._steps[0], Change):
-            if self._steps[0].from_sequence > frame.header.sequence:
+        while self._steps:
+            first = self._steps[0]
+            if not isinstance(first, Change) or first.from_sequence > frame.header.sequence:
                 break
-            self.settings = self._steps.popleft().settings
+            self.settings = first.settings
+            self._steps.popleft()
             self._given -= 1

@@ -16,15 +16,15 @@ def _word(value: str, enum: str) -> str:
     return value.removeprefix(prefix).lower().replace("_", "-")
 
 
-def enum_number(word: object, enum: Any, name: str) -> int:
+def enum_number(word: object, enum: Any, name: str) -> Any:
     """The value of an enum by its word, for example "aces-hill". `name` is the field's, for the error."""
     words = {_word(value.name, enum.name): value.number for value in enum.values if value.number > 0}
     if word not in words:
         raise invalid(f"{name} is {word!r}; it is one of {', '.join(words)}")
-    return int(words[str(word)])
+    return words[str(word)]
 
 
-def fill(message: Any, value: object, path: str = "") -> None:
+def fill(message: Any, value: Any, path: str = "") -> None:
     """Sets the fields of `message` from a dataclass of settings.py, or from a dict of its fields."""
     kind = getattr(declared, message.DESCRIPTOR.name)
     if isinstance(value, dict):
@@ -54,6 +54,9 @@ def fill(message: Any, value: object, path: str = "") -> None:
             elif field.label == field.LABEL_REPEATED:
                 getattr(message, field.name).extend(one)
             else:
+                setting = field.GetOptions().Extensions[pb.setting]
+                if setting.max > setting.min and not setting.min <= one <= setting.max:
+                    raise invalid(f"{name} is {one:g}; it must be between {setting.min:g} and {setting.max:g}")
                 setattr(message, field.name, one)
         except (TypeError, ValueError) as error:
             raise invalid(f"{name} is {one!r}: {error}") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 from typing import Any, Iterator
 
 import numpy
+from google.protobuf.internal.decoder import _DecodeVarint
 from google.protobuf.internal.encoder import _VarintBytes
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ _IMAGES: dict[int, type] = {pb.OUTPUT_FORMAT_RGBA8: numpy.uint8, pb.OUTPUT_FORMA
                             pb.OUTPUT_FORMAT_RGBA16F: numpy.float16}
 
 
-def pixel_format(array: Array) -> int:
+def pixel_format(array: Array) -> Any:
     """Of an array (h, w, 3 or 4). Raises Error if it is no frame."""
     if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:
         raise invalid(f"the frame has the shape {array.shape}; it is (height, width, 3 or 4)")
@@ -38,9 +39,12 @@ def tight_rgba(array: Array, copy: bool) -> Array:
     if components == 4 and not copy:
         return numpy.ascontiguousarray(array)
     tight = numpy.empty((height, width, 4), array.dtype)
-    tight[..., :components] = array
-    if components == 3:
-        tight[..., 3] = 1
+    if components == 4:
+        tight[...] = array
+        return tight
+    for component in range(3):  # numpy's loop over pixels is longer, and so faster, than one over three components
+        tight[..., component] = array[..., component]
+    tight[..., 3] = 1
     return tight
 
 
@@ -48,11 +52,32 @@ def bands(pixels: Array, field: int) -> Iterator[bytes]:
     """The messages of a frame's rows. `field` is that of the band in the request. Copies the pixels once."""
     row_bytes = pixels[0].nbytes
     rows = max(1, MAX_BAND_BYTES // row_bytes)
-    flat = memoryview(pixels).cast("B")
+    flat = pixels.data.cast("B")
     for first in range(0, len(pixels), rows):
         part = flat[first * row_bytes:(first + rows) * row_bytes]
         head = pb.Band(first_row=first).SerializeToString() + b"\x12" + _VarintBytes(len(part))
         yield b"".join((bytes((field << 3 | 2,)), _VarintBytes(len(head) + len(part)), head, part))
+
+
+def band_of(message: bytes, field: int) -> tuple[int, memoryview] | None:
+    """The first row and the pixels of a response that is a band, without a copy. protobuf's parser copies them twice."""
+    if message[:1] != bytes((field << 3 | 2,)):
+        return None
+    try:
+        size, at = _DecodeVarint(message, 1)
+        first, end = 0, at + size
+        while at < end:
+            tag = message[at]
+            value, at = _DecodeVarint(message, at + 1)
+            if tag == 0x08:
+                first = value
+            elif tag == 0x12 and at + value == end == len(message):
+                return first, memoryview(message)[at:]
+            else:
+                break
+    except IndexError:
+        pass
+    raise protocol_error("a band that cannot be read")
 
 
 class ImageReader:
@@ -60,15 +85,14 @@ class ImageReader:
 
     def __init__(self, shape: tuple[int, ...], dtype: Any) -> None:
         self.image: Array = numpy.empty(shape, dtype)
-        self._flat = memoryview(self.image).cast("B")
+        self._flat = self.image.data.cast("B")
         self._row_bytes = self.image[0].nbytes
         self._at = 0
 
-    def take(self, band: pb.Band) -> bool:
+    def take(self, first_row: int, pixels: memoryview | bytes) -> bool:
         """Returns whether the image is whole."""
-        pixels = band.pixels
         end = self._at + len(pixels)
-        if band.first_row * self._row_bytes != self._at or len(pixels) % self._row_bytes or not pixels or end > len(self._flat):
+        if first_row * self._row_bytes != self._at or len(pixels) % self._row_bytes or not pixels or end > len(self._flat):
             raise protocol_error("a band does not continue the image")
         self._flat[self._at:end] = pixels
         self._at = end
