@@ -32,7 +32,7 @@ deploy/install-packages.sh ci
 commit=$(git rev-parse --short=12 HEAD)
 
 run_files() {
-  deploy/install-packages.sh build run test
+  deploy/install-packages.sh build run python test
   cmake --preset dev -B build/files -DCMAKE_UNITY_BUILD=OFF -DCMAKE_CXX_FLAGS_DEBUG= && cmake --build build/files
 }
 run_asan() { deploy/test.sh asan; }
@@ -52,7 +52,7 @@ run_simulator() {
   build/release/bin/candela_simulator --histories 1000000 --seed "$first"
 }
 run_planted() {
-  deploy/install-packages.sh build run test
+  deploy/install-packages.sh build run python test
   tests/simulator/planted.py
 }
 run_soak() {
@@ -71,7 +71,7 @@ run_edge() {
 }
 
 build_with_tests() {
-  deploy/install-packages.sh build run test
+  deploy/install-packages.sh build run python test
   deploy/build.sh "$1" -DCANDELA_TESTS=ON
 }
 

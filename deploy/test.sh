@@ -16,7 +16,7 @@ cd "$(dirname "$0")/.."
 [ "${1:-}" != nightly ] || exec deploy/nightly.sh "${@:2}"
 presets=("$@")
 [ ${#presets[@]} -gt 0 ] || presets=(dev)
-lists=(build run test)
+lists=(build run python test)
 [[ " ${presets[*]} " != *' fuzz '* ]] || lists+=(fuzz)
 deploy/install-packages.sh "${lists[@]}"
 

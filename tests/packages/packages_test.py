@@ -26,11 +26,14 @@ LISTS = {
     "deploy/nightly.sh": ("build", "run", "test", "ci"),
     "deploy/sbom.py": ("build", "sbom"),
     "deploy/test.sh": ("build", "run", "test"),
+    "client/python/": ("build", "python"),
+    "client/python/examples/": ("build", "python", "test"),  # matplotlib
+    "client/python/tests/": ("build", "run", "python", "test"),
     "docs/recipes/": ("build", "run", "test"),
     "shaders/fit/": ("build", "run", "test"),
     "tests/": ("build", "run", "test"),
     "tests/bench/compare": ("build", "run", "test", "compare"),
-    "tests/bench/opencv_chain.py": ("build", "run", "test", "compare"),
+    "tests/bench/opencv_chain.py": ("build", "run", "python", "test", "compare"),
     "tests/deploy/": ("build", "run", "test", "deploy"),
     "tests/fuzz/": ("build", "run", "test", "fuzz"),
     "tests/net/net.py": ("build", "run", "test", "ci"),  # for --build REV
@@ -38,7 +41,7 @@ LISTS = {
 # The package of the lists that brings a program.
 PROGRAMS = {
     "catatonit": "catatonit", "cmake": "cmake", "cmgen": "libfilament-tools", "ctest": "cmake", "exrenvmap": "openexr",
-    "ffmpeg": "ffmpeg", "ffprobe": "ffmpeg", "git": "git", "glslangValidator": "glslang-tools", "grpc_python_plugin": "protobuf-compiler-grpc",
+    "ffmpeg": "ffmpeg", "mypy": "mypy", "ffprobe": "ffmpeg", "git": "git", "glslangValidator": "glslang-tools", "grpc_python_plugin": "protobuf-compiler-grpc",
     "haproxy": "haproxy", "ip": "iproute2", "mmdebstrap": "mmdebstrap", "nft": "nftables", "nginx": "nginx",
     "oiiotool": "openimageio-tools", "openssl": "openssl", "podman": "podman", "prometheus": "prometheus",
     "promtool": "prometheus", "protoc": "protobuf-compiler", "python3": "python3", "runc": "runc",
@@ -46,7 +49,8 @@ PROGRAMS = {
 }
 # The package of the lists that brings a Python module.
 MODULES = {"cv2": "python3-opencv", "grpc": "python3-grpcio", "h2": "python3-h2", "hpack": "python3-h2",
-           "kubernetes": "python3-kubernetes", "numpy": "python3-opencv", "yaml": "python3-kubernetes"}
+           "google": "python3-protobuf", "kubernetes": "python3-kubernetes", "matplotlib": "python3-matplotlib", "numpy": "python3-numpy",
+           "setuptools": "python3-setuptools", "yaml": "python3-kubernetes"}
 # What these files do without, and say so.
 OPTIONAL = {("client/run/images/film_file.cc", "ffmpeg"), ("deploy/install-packages.sh", "sudo"),
             ("tests/deploy/kube_test.py", "kubectl"), ("tests/interop/ktx_parse/run.sh", "node"),
@@ -131,7 +135,7 @@ def needs_of(texts: dict[str, str]) -> tuple[dict[str, set[str]], dict[str, set[
     """The programs and the modules of each file."""
     programs = {name: set(re.findall(r"\A#!(?:/usr/bin/env |/\w+/(?:bin/)?)(\S+)", text)) for name, text in texts.items()}
     scripts = {name: text for name, text in texts.items() if name.endswith(".py")}
-    own = {pathlib.Path(name).stem for name in scripts} | {pathlib.Path(name).parts[0] for name in scripts} | {"candela"}
+    own = {pathlib.Path(name).stem for name in scripts} | {pathlib.Path(name).parts[0] for name in scripts} | {"candela", "candela_render"}
     for name, found in zip(scripts, python_files.programs(list(scripts.values()))):
         programs[name] |= found
     for name, text in texts.items():
