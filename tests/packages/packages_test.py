@@ -33,7 +33,7 @@ LISTS = {
     "shaders/fit/": ("build", "run", "test"),
     "tests/": ("build", "run", "test"),
     "tests/bench/compare": ("build", "run", "test", "compare"),
-    "tests/bench/opencv_chain.py": ("build", "run", "python", "test", "compare"),
+    "tests/bench/opencv_chain.py": ("build", "run", "test", "compare"),
     "tests/deploy/": ("build", "run", "test", "deploy"),
     "tests/fuzz/": ("build", "run", "test", "fuzz"),
     "tests/net/net.py": ("build", "run", "test", "ci"),  # for --build REV
@@ -140,6 +140,8 @@ def needs_of(texts: dict[str, str]) -> tuple[dict[str, set[str]], dict[str, set[
         programs[name] |= found
     for name, text in texts.items():
         last = name.rsplit("/", 1)[-1]
+        if name in scripts:
+            continue
         if programs[name] & {"bash", "sh"}:
             programs[name] |= shell.programs(text)
         elif last.endswith((".cc", ".h")):

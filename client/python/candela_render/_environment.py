@@ -16,7 +16,8 @@ from ._messages import enum_number
 from ._wire import Array, ImageReader, bands, pixel_format, tight_rgba
 from .settings import Camera, Sphere
 
-_PIXELS: dict[str, tuple[Any, Any]] = {"rgba16f": (pb.PIXEL_FORMAT_RGBA16F, numpy.float16), "rgba32f": (pb.PIXEL_FORMAT_RGBA32F, numpy.float32)}
+_PIXELS: dict[str, tuple[Any, Any]] = {"rgba16f": (pb.PIXEL_FORMAT_RGBA16F, numpy.float16),
+                                       "rgba32f": (pb.PIXEL_FORMAT_RGBA32F, numpy.float32)}
 
 
 @dataclass(frozen=True)

@@ -236,7 +236,7 @@ class Session:
             raise invalid(str(error)) from None
         self._core = Core(connect(server, security, ping_interval), opening, Log(message, state), resume_limit, silence_limit)
         self._closed = weakref.finalize(self, self._core.close)
-        self._submitting = threading.Lock()
+        self._calling, self._submitting = threading.Lock(), threading.Lock()
         self._shift_ns = 0
         self._cut = False
         try:
@@ -263,15 +263,19 @@ class Session:
         """
         core = self._core
         if core.lookahead:
-            raise Error("FAILED_PRECONDITION", f"a call waits for its own result, which lookahead={core.lookahead} holds back until "
-                        "later frames are there; use stream(), or submit() and results()")
+            raise Error("FAILED_PRECONDITION", f"a call waits for its own result, which lookahead={core.lookahead} holds back "
+                        "until later frames are there; use stream(), or submit() and results()")
+        with self._calling:
+            return self._call(frame, time=time, cut=cut, exposure=exposure, timeout=timeout, sequence=sequence, **changes)
+
+    def _call(self, frame: Array | View, **rest: Any) -> tuple[Pixels, pb.ResultHeader]:
+        core = self._core
         with core.changed:
             if core.results or core.log.unanswered > len(core.dropped):
                 raise Error("FAILED_PRECONDITION", "frames that were submitted have results to come; take them first, by results()")
         number: int | None = None
         try:
-            number = self.submit(frame, time=time, cut=cut, exposure=exposure, timeout=timeout, sequence=sequence, copy=False,
-                                 **changes)
+            number = self.submit(frame, copy=False, **rest)
             return self._take().get()
         except BaseException:
             with core.changed:

@@ -28,7 +28,8 @@ def main(programs: str, tests: list[str]) -> int:
                                    stdout=subprocess.PIPE, text=True).stdout.strip()
         assert installed.startswith(folder), installed
         if shutil.which("mypy"):
-            subprocess.run(["mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", scratch / "mypy", installed], check=True)
+            subprocess.run(["mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", scratch / "mypy", installed],
+                           check=True)
         environment = {**os.environ, "CANDELA_BIN": str(pathlib.Path(programs).resolve()), "PYTHONDONTWRITEBYTECODE": "1"}
         names = tests or sorted(path.stem for path in HERE.glob("test_*.py"))
         return subprocess.run([python, "-m", "unittest", "-v", *names], cwd=HERE, env=environment).returncode

@@ -29,8 +29,8 @@ class Server:
 
     def start(self, name=None):
         self.process = subprocess.Popen(
-            [BIN / (name or self._name), "--listen", self.address, "--resume-keys", self._keys, "--log-level", "off", *self._options],
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=self._variables)
+            [BIN / (name or self._name), "--listen", self.address, "--resume-keys", self._keys, "--log-level", "off",
+             *self._options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=self._variables)
         assert self.process.stdout.readline().startswith(b"listening")
 
     def kill(self):
@@ -52,7 +52,7 @@ class Test(unittest.TestCase):
     def fails(self, code, words=""):
         import candela_render as candela
         with self.assertRaises(candela.Error) as raised:
-            yield
+            yield raised
         self.assertEqual(raised.exception.code, code, raised.exception)
         self.assertIn(words, raised.exception.message)
 

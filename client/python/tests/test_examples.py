@@ -15,8 +15,8 @@ PACKAGE = pathlib.Path(__file__).resolve().parents[1]
 
 class Examples(Test):
     def example(self, name, *words):
-        return subprocess.run([sys.executable, PACKAGE / "examples" / name, *words], cwd=self.folder, capture_output=True, text=True,
-                              timeout=120)
+        return subprocess.run([sys.executable, PACKAGE / "examples" / name, *words], cwd=self.folder, capture_output=True,
+                              text=True, timeout=120)
 
     def png(self, name):
         data = pathlib.Path(self.folder, name).read_bytes()
@@ -58,7 +58,8 @@ class Examples(Test):
             self.assertTrue(scripts, page)
             for script in scripts:
                 program = re.sub("^    ", "", script, flags=re.M)
-                done = subprocess.run([sys.executable, "-"], input=program, cwd=self.folder, capture_output=True, text=True, timeout=60)
+                done = subprocess.run([sys.executable, "-"], input=program, cwd=self.folder, capture_output=True, text=True,
+                                      timeout=60)
                 self.assertEqual(done.returncode, 0, done.stderr)
 
 

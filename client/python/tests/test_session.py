@@ -231,8 +231,9 @@ class Faults(Test):
 
     def test_a_full_server_is_asked_again_and_says_when(self):
         server = self.server(options=["--max-sessions", "1"])
-        with candela.Session(server.address), self.fails("UNAVAILABLE", "no server opens the session within 0.3 s"):
+        with candela.Session(server.address), self.fails("UNAVAILABLE", "no server opens the session within 0.3 s") as failed:
             candela.Session(server.address, resume_limit=0.3)
+        self.assertGreater(failed.exception.retry_delay, 0)
 
     def test_a_session_gives_up_after_its_limit(self):
         server = self.server()
