@@ -6,13 +6,15 @@ import time
 from typing import TYPE_CHECKING, Any, Iterator
 
 import grpc
+import numpy
 
 from . import render_pb2 as pb
 from ._channel import Connection
 from ._error import Error, error_of, protocol_error
 from ._frame import Frame
+from ._memory import Area, Memory
 from ._result import Result
-from ._wire import Array, ImageReader, band_of, image_reader
+from ._wire import Array, ImageReader, band_of, image_reader, image_type
 
 if TYPE_CHECKING:
     from ._session import Core
@@ -46,6 +48,10 @@ class Call:
         self._image: ImageReader | None = None
         self._file: bytearray | None = None
         self._grpc: Any = None
+        self._areas: dict[int, Area] = {}  # for the images of frames on their way
+        shares = core.transport != "grpc" and connection.address.startswith("unix:")
+        self._memory = Memory(connection.address, core.transport == "memory") if shares else None
+        self._shared = False
 
     def run(self) -> End:
         core = self._core
@@ -70,8 +76,13 @@ class Call:
             with core.changed:
                 self._over = True
                 core.changed.notify_all()
+                core.memory = None
             self._grpc.cancel()
             watch.join()
+            if self._memory is not None:
+                self._memory.close()
+                if self._shared and not self._answered and core.transport == "auto":
+                    core.transport = "grpc"  # the server may take no memory from here
 
     def _requests(self) -> Iterator[bytes]:
         """Runs on gRPC's thread."""
@@ -96,8 +107,15 @@ class Call:
                     return
                 self._writing = True
             if isinstance(step, Frame):
-                yield pb.StreamRequest(frame=step.header).SerializeToString()
-                for band in step.bands(BAND_FIELD):
+                request = pb.StreamRequest(frame=step.header)
+                placed = False
+                if self._memory is not None:
+                    placed, area = self._memory.place(request.frame, step.pixels, step.image_bytes)
+                    self._shared |= placed
+                    if area is not None:
+                        self._areas[step.header.sequence] = area
+                yield request.SerializeToString()
+                for band in step.bands(BAND_FIELD) if not placed else ():
                     self._last_progress = time.monotonic()
                     yield band
                 with core.changed:
@@ -146,11 +164,13 @@ class Call:
             with self._core.changed:
                 self._opened = True
                 self.progress = self._core.opened(response.opened)
+                self._core.memory = self._memory
         elif part == "header" and self._opened and self._header is None:
             self._take_header(response.header)
         elif part == "failure" and self._opened and self._header is None:
             failure = response.failure
             self._due(failure.sequence)
+            self._areas.pop(failure.sequence, None)
             self._put(failure.sequence, None, None, Error(CODES.get(failure.code, "UNKNOWN"), failure.message),
                       failure.resume_token)
         elif part == "go_away":
@@ -174,8 +194,14 @@ class Call:
         if self._core.wants_state and not header.HasField("state"):
             raise Error("UNIMPLEMENTED", "the server ignores a session's state, because it is older than this client")
         self._header = header
+        area = self._areas.pop(header.sequence, None)
         if self._core.encoding == pb.ENCODING_NONE:
             self._answer(None)
+        elif header.image_in_memory:
+            if area is None or image_type(header) is None or area.region.image_bytes < (
+                    header.width * header.height * 4 * numpy.dtype(image_type(header)).itemsize):
+                raise protocol_error("an image in memory that it was not given")
+            self._answer(area.array((header.height, header.width, 4), image_type(header)))
         elif header.encoded_bytes > 0:
             if header.encoded_bytes > 16 * header.width * header.height + (1 << 17):
                 raise protocol_error("an encoded image is larger than one can be")

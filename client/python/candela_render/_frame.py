@@ -2,12 +2,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Sequence
 
 import numpy
 
 from . import render_pb2 as pb
 from ._error import invalid
+from ._memory import area_of
 from ._messages import fill
 from ._wire import Array, bands, pixel_format, tight_rgba
 from .settings import Camera, Sphere
@@ -48,12 +49,16 @@ class Frame:
     header: pb.FrameHeader
     pixels: Array | None  # (h, w, 4); None: the header has a view
     environment: Environment | None
+    image_bytes: int = 0  # of the image that may be put into shared memory
 
     def bands(self, field_number: int) -> Iterator[bytes]:
         return bands(self.pixels, field_number) if self.pixels is not None else iter(())
 
 
-def make_frame(source: Array | View, *, copy: bool, **header: Any) -> Frame:
+Room = Callable[[tuple[int, int, int], Any], "Array | None"]  # an array to put pixels of this shape and type into
+
+
+def make_frame(source: Array | View, *, copy: bool, room: Room | None = None, **header: Any) -> Frame:
     """Without `copy` the pixels may be those of `source`, which must then stay as they are. None leaves a field absent."""
     message = pb.FrameHeader()
     for name, value in header.items():
@@ -69,6 +74,8 @@ def make_frame(source: Array | View, *, copy: bool, **header: Any) -> Frame:
     array = numpy.asarray(source)
     message.format = pixel_format(array)
     message.height, message.width = array.shape[:2]
-    pixels = tight_rgba(array, copy)
+    height, width = array.shape[:2]
+    given = array.flags.c_contiguous and array.shape[2] == 4 and area_of(array) is not None
+    pixels = array if given else tight_rgba(array, copy, room((height, width, 4), array.dtype) if room is not None else None)
     message.total_bytes = pixels.nbytes
     return Frame(message, pixels, None)

@@ -7,7 +7,9 @@ import threading
 import time as clock
 import weakref
 from dataclasses import dataclass
-from typing import Any, Iterable, Iterator
+from typing import Any, Iterable, Iterator, Literal
+
+import numpy
 
 from . import render_pb2 as pb
 from ._call import Call
@@ -15,10 +17,11 @@ from ._channel import Connection, Security, Servers, connect
 from ._error import Error, invalid
 from ._frame import View, make_frame
 from ._log import Log
+from ._memory import Memory
 from ._messages import enum_number, settings_message
 from ._result import Pixels, Result
 from ._retry import Schedule
-from ._wire import Array
+from ._wire import Array, image_type
 from .settings import Settings
 
 
@@ -37,7 +40,7 @@ class Core:
     """What the callers share with the thread that drives the calls. `changed` guards all of it."""
 
     def __init__(self, connections: list[Connection], opening: pb.StreamOpen, log: Log, resume_limit: float,
-                 silence_limit: float) -> None:
+                 silence_limit: float, transport: str) -> None:
         self.changed = threading.Condition()
         self.connections, self.log, self.silence_limit = connections, log, silence_limit
         self.name, self.lookahead, self.encoding = opening.session, opening.lookahead, opening.encoding
@@ -46,6 +49,8 @@ class Core:
         self.was_open = self.finished = self.cancelled = self.ended = False
         self.end: Error | None = None
         self.window = 1
+        self.transport = transport
+        self.memory: Memory | None = None  # of the current call
         self.results: collections.deque[Result] = collections.deque()
         self.dropped: set[int] = set()  # frames whose callers have been interrupted
         self.stats = Stats()
@@ -215,6 +220,7 @@ class Session:
     resume_limit: seconds without results after a loss until the session gives up; also how long a full server is asked again.
     silence_limit: seconds after which a server that owes a result and says nothing counts as lost.
     ping_interval: seconds of silence after which the server is pinged.
+    transport: how pixels go to a server at a unix socket: "memory" that both share, "grpc", or "auto": memory where it has it.
     name: 1 .. 64 letters, digits, dots, dashes and underscores. None: a random one.
 
     Waits until a server has opened the session. Raises Error. Any thread may use a session.
@@ -224,7 +230,7 @@ class Session:
                  cut_threshold_ev: float = 0, encoding: str = "raw", jpeg_quality: int = 0,
                  state: pb.SessionState | None = None, return_state: bool = False, security: Security = Security(),
                  resume_limit: float = 30, silence_limit: float = 300, ping_interval: float = 10, name: str | None = None,
-                 **changes: Any) -> None:
+                 transport: Literal["auto", "grpc", "memory"] = "auto", **changes: Any) -> None:
         self._settings, self._changes = settings, changes
         message = settings_message(settings, changes)
         try:
@@ -234,7 +240,8 @@ class Session:
                                     encoding=enum_number(encoding, pb.Encoding.DESCRIPTOR, "encoding"))
         except (TypeError, ValueError) as error:
             raise invalid(str(error)) from None
-        self._core = Core(connect(server, security, ping_interval), opening, Log(message, state), resume_limit, silence_limit)
+        self._core = Core(connect(server, security, ping_interval), opening, Log(message, state), resume_limit,
+                          silence_limit, transport)
         self._closed = weakref.finalize(self, self._core.close)
         self._calling, self._submitting = threading.Lock(), threading.Lock()
         self._shift_ns = 0
@@ -290,10 +297,11 @@ class Session:
         Waits while the server's window is full or as many results have not been taken; one thread that does both asks `ready`
         first, or uses stream(). copy: False if the frame stays as it is until its result has come.
         """
-        made = make_frame(frame, copy=copy, exposure=exposure,
-                          timeout_ms=None if timeout is None else max(1, round(timeout * 1000)))
         settings = settings_message(self._settings, {**self._changes, **changes})
+        made = make_frame(frame, copy=copy, room=lambda shape, dtype: self._room(shape, dtype, settings), exposure=exposure,
+                          timeout_ms=None if timeout is None else max(1, round(timeout * 1000)))
         core, header = self._core, made.header
+        made.image_bytes = self._image_bytes(header.height, header.width, settings)
         with self._submitting, core.changed:
             core.wait(lambda: self._ready() and not core.finished and not core.ended)
             time_ns = round(time * 1e9)
@@ -311,6 +319,13 @@ class Session:
             self._cut, self._shift_ns = False, shift
             core.changed.notify_all()
             return int(header.sequence)
+
+    def empty(self, height: int, width: int, dtype: Any = numpy.float16) -> Array:
+        """An array (height, width, 4) to fill and to give to this session, which then copies nothing if memory is shared. It must
+        not change until its result has come, and may be used again then."""
+        settings = settings_message(self._settings, self._changes)
+        room = self._room((height, width, 4), numpy.dtype(dtype), settings)
+        return numpy.empty((height, width, 4), dtype) if room is None else room
 
     @property
     def ready(self) -> bool:
@@ -361,6 +376,18 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _room(self, shape: tuple[int, int, int], dtype: Any, settings: pb.Settings) -> Array | None:
+        memory = self._core.memory
+        if memory is None:
+            return None
+        return memory.frame(shape, dtype, self._image_bytes(shape[0], shape[1], settings), self._core.window)
+
+    def _image_bytes(self, height: int, width: int, settings: pb.Settings) -> int:
+        """Of an image that may go through shared memory. 0: it is a file, or has a size of its own."""
+        if self._core.encoding not in (pb.ENCODING_RAW, pb.ENCODING_UNSPECIFIED) or settings.HasField("output_size"):
+            return 0
+        return height * width * 4 * int(numpy.dtype(image_type(settings)).itemsize)
 
     def _ready(self) -> bool:
         core = self._core

@@ -33,12 +33,12 @@ def pixel_format(array: Array) -> Any:
     return found
 
 
-def tight_rgba(array: Array, copy: bool) -> Array:
-    """The array's pixels as they are sent: (h, w, 4) in C order. Without `copy` it may be the array itself."""
+def tight_rgba(array: Array, copy: bool, room: Array | None = None) -> Array:
+    """The array's pixels as they are sent: (h, w, 4) in C order. Without `copy` and `room` it may be the array itself."""
     height, width, components = array.shape
-    if components == 4 and not copy:
+    if components == 4 and not copy and room is None:
         return numpy.ascontiguousarray(array)
-    tight = numpy.empty((height, width, 4), array.dtype)
+    tight = numpy.empty((height, width, 4), array.dtype) if room is None else room
     if components == 4:
         tight[...] = array
         return tight
@@ -99,8 +99,14 @@ class ImageReader:
         return end == len(self._flat)
 
 
+def image_type(header: pb.ResultHeader | pb.Settings) -> Any:
+    """numpy's, of a result or of settings. None: it is unknown."""
+    named = header.format if isinstance(header, pb.ResultHeader) else header.output_format or pb.OUTPUT_FORMAT_RGBA8
+    return _IMAGES.get(named)
+
+
 def image_reader(header: pb.ResultHeader) -> ImageReader:
-    dtype = _IMAGES.get(header.format)
+    dtype = image_type(header)
     if dtype is None or not (0 < header.width <= MAX_SIDE and 0 < header.height <= MAX_SIDE):
         raise protocol_error(f"an image of {header.width}x{header.height} in the format {header.format}")
     return ImageReader((header.height, header.width, 4), dtype)
