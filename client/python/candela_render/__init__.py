@@ -22,11 +22,12 @@ Without an address, candelad is started, as CANDELAD or PATH have it; else give 
 from ._aio import AsyncSession
 from ._calls import health, histogram, info, meter, render
 from ._channel import Security
+from ._core import Stats
 from ._environment import Bake, Environment
 from ._error import Error
 from ._frame import View
 from ._result import Result
-from ._session import Session, Stats
+from ._session import Session
 from .settings import Camera, Settings, Sphere
 
 __all__ = ["AsyncSession", "Bake", "Camera", "Environment", "Error", "Result", "Security", "Session", "Settings", "Sphere",

@@ -7,9 +7,10 @@ import functools
 from typing import Any, AsyncIterable, AsyncIterator, Callable, TypeVar
 
 from . import render_pb2 as pb
+from ._core import Stats
 from ._frame import View
 from ._result import Pixels, Result
-from ._session import Session, Stats
+from ._session import Session
 from ._wire import Array
 
 T = TypeVar("T")

@@ -17,7 +17,7 @@ from ._result import Result
 from ._wire import Array, ImageReader, band_of, image_reader, image_type
 
 if TYPE_CHECKING:
-    from ._session import Core
+    from ._core import Core
 
 STREAM = "/candela.v1.RenderService/Stream"
 OPEN_LIMIT = 10.0  # s; a server that does not answer the open message for this long is skipped

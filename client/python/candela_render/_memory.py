@@ -1,4 +1,4 @@
-"""Memory that a session shares with a server on the same host, as docs/transport.md says: pixels and images pass without sockets."""
+"""Memory that a session shares with a server on the same host, by the protocol of docs/transport.md."""
 from __future__ import annotations
 
 import contextlib
@@ -92,8 +92,8 @@ def _take(region: Region, free: list[int]) -> Area | None:
 
 
 class Memory:
-    """Of one call. After it no area of an image may be used again, because its frame may still be drawn: so its regions end with it.
-    Any thread."""
+    """Of one call. After it no area of an image may be used again, because its frame may still be drawn: so its regions end
+    with it. Any thread."""
 
     def __init__(self, address: str, required: bool) -> None:
         self._path = address.removeprefix("unix:") + ".memory"
