@@ -41,7 +41,7 @@ class Log:
         if not self.last_time_ns <= header.media_time_ns <= MAX_TIME_NS:
             raise invalid(f"time is {header.media_time_ns * 1e-9:.9g} s; it must be at least the previous frame's, "
                           f"{self.last_time_ns * 1e-9:.9g} s; call cut() before a jump back")
-        if settings != self.newest:
+        if settings is not self.newest and settings != self.newest:
             self._steps.append(Change(header.sequence, settings))
             self.newest = settings
         self._steps.append(frame)

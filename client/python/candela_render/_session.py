@@ -54,7 +54,8 @@ class Session:
                  resume_limit: float = 30, silence_limit: float = 300, ping_interval: float = 10, name: str | None = None,
                  transport: Literal["auto", "grpc", "memory"] = "auto", **changes: Any) -> None:
         self._settings, self._changes = settings, changes
-        message = settings_message(settings, changes)
+        self._base = settings_message(settings, changes)
+        self._newest: tuple[dict[str, Any], pb.Settings] = {}, self._base
         try:
             opening = pb.StreamOpen(session=name or f"python-{secrets.token_hex(8)}", lookahead=lookahead, state=state,
                                     cut_threshold_ev=cut_threshold_ev, jpeg_quality=jpeg_quality,
@@ -62,7 +63,7 @@ class Session:
                                     encoding=enum_number(encoding, pb.Encoding.DESCRIPTOR, "encoding"))
         except (TypeError, ValueError) as error:
             raise invalid(str(error)) from None
-        self._core = Core(connect(server, security, ping_interval), opening, Log(message, state), resume_limit,
+        self._core = Core(connect(server, security, ping_interval), opening, Log(self._base, state), resume_limit,
                           silence_limit, transport)
         self._closed = weakref.finalize(self, self._core.close)
         self._calling, self._submitting = threading.Lock(), threading.Lock()
@@ -116,10 +117,10 @@ class Session:
                timeout: float | None = None, sequence: int | None = None, copy: bool = True, **changes: Any) -> int:
         """Queues a frame and returns its number; the rest is as for a call. results() brings its result.
 
-        Waits while the server's window is full or as many results have not been taken; one thread that does both asks `ready`
+        Waits while the server's window is full or two windows of results have not been taken; one thread that does both asks `ready`
         first, or uses stream(). copy: False if the frame stays as it is until its result has come.
         """
-        settings = settings_message(self._settings, {**self._changes, **changes})
+        settings = self._settings_with(changes)
         made = make_frame(frame, copy=copy, room=lambda shape, dtype: self._room(shape, dtype, settings), exposure=exposure,
                           timeout_ms=None if timeout is None else max(1, round(timeout * 1000)))
         core, header = self._core, made.header
@@ -145,8 +146,7 @@ class Session:
     def empty(self, height: int, width: int, dtype: Any = numpy.float16) -> Array:
         """An array (height, width, 4) to fill and to give to this session, which then copies nothing if memory is shared. It must
         not change until its result has come, and may be used again then."""
-        settings = settings_message(self._settings, self._changes)
-        room = self._room((height, width, 4), numpy.dtype(dtype), settings)
+        room = self._room((height, width, 4), numpy.dtype(dtype), self._base)
         return numpy.empty((height, width, 4), dtype) if room is None else room
 
     @property
@@ -199,6 +199,16 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _settings_with(self, changes: dict[str, Any]) -> pb.Settings:
+        """Those of the last frame are kept: to make them takes longer than all the rest of a small frame."""
+        if not changes:
+            return self._base
+        newest, message = self._newest
+        if changes != newest or not all(isinstance(one, (str, int, float)) for one in changes.values()):
+            message = settings_message(self._settings, {**self._changes, **changes})
+            self._newest = changes, message
+        return message
+
     def _room(self, shape: tuple[int, int, int], dtype: Any, settings: pb.Settings) -> Array | None:
         memory = self._core.memory
         if memory is None:
@@ -212,8 +222,10 @@ class Session:
         return height * width * 4 * int(numpy.dtype(image_type(settings)).itemsize)
 
     def _ready(self) -> bool:
+        """Once it is True, only a submission makes it False: one thread may ask, and then submit and take."""
         core = self._core
-        return core.finished or (core.log.unanswered < core.window and len(core.results) < core.window)
+        unanswered = core.log.unanswered
+        return core.finished or (unanswered < core.window and unanswered + len(core.results) < 2 * core.window)
 
     def _next(self) -> Result | None:
         """None after the last one."""

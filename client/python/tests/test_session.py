@@ -120,12 +120,23 @@ class Frames(Test):
         with candela.Session() as session:
             thread = threading.Thread(target=submit)
             thread.start()
-            with session._core.changed:  # until as many results wait as the window has
-                session._core.changed.wait_for(lambda: len(session._core.results) == session._core.window)
+            with session._core.changed:
+                session._core.changed.wait_for(lambda: len(session._core.results) == 2 * session._core.window)
             self.assertFalse(session.ready)
             self.assertLess(len(sent), 12)
             self.assertEqual([result.sequence for result in session.results()], list(range(12)))
             thread.join()
+
+    def test_a_session_that_is_ready_stays_so_when_results_come(self):
+        scene = frames(1)[0]
+        with candela.Session() as session:
+            core = session._core
+            for n in range(2 * core.window):
+                self.assertTrue(session.ready)
+                session.submit(scene, time=n)
+                with core.changed:
+                    core.changed.wait_for(lambda: len(core.results) == n + 1)
+                self.assertEqual(session.ready, n + 1 < 2 * core.window)
 
     def test_asyncio_has_the_same_bits(self):
         scene = frames(6)
