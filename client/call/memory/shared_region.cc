@@ -48,7 +48,7 @@ absl::Status pass_on(int connection, int descriptor) {
 // The server answers in one piece, or closes.
 absl::StatusOr<std::string> take_ticket(int connection) {
   std::string answer(v1::kMaxMemoryReplyBytes, '\0');
-  const ssize_t size = recv(connection, answer.data(), answer.size(), 0);
+  const ssize_t size = TEMP_FAILURE_RETRY(recv(connection, answer.data(), answer.size(), 0));
   if (size < 0) return cannot("recv");
   if (size == 0) return absl::UnavailableError("no shared memory: the server closes the connection");
   answer.resize(static_cast<size_t>(size));
@@ -140,6 +140,7 @@ std::optional<uint64_t> SharedRegion::offset_of(std::span<const std::byte> bytes
   if (bytes.empty() || at < begin || at - begin > bytes_ || bytes_ - (at - begin) < bytes.size()) {
     return std::nullopt;
   }
+  if ((at - begin) % v1::kMemoryAlignment != 0) return std::nullopt;
   return at - begin;
 }
 

@@ -153,6 +153,7 @@ void MemoryDoor::run() {
     const absl::MutexLock lock(&wake_->mutex);
     if (wake_->stop) break;
   }
+  admit();  // what was accepted since, to close it
   while (!open_.empty()) end(open_.begin()->first);
 }
 

@@ -159,6 +159,28 @@ TEST_F(SharedFrames, AnAreaOfTheSessionIsSentWithoutACopyAndAResultLivesOnItsOwn
               expected.images.at(2));
 }
 
+// Its first row lies where the protocol lets no frame begin.
+TEST_F(SharedFrames, ACropOfAnAreaIsTheSameBits) {
+  const WireFrame whole = natural(101, 51);
+  WireFrame crop = whole;
+  crop.pixels.erase(crop.pixels.begin(), crop.pixels.begin() + 101 * 8);
+  crop.desc.height = 50;
+  const SessionRun expected =
+      run(options(Transport::kGrpc), std::make_shared<std::vector<WireFrame>>(1, crop));
+  absl::StatusOr<Session> session = Session::open(options(Transport::kMemory));
+  ASSERT_OK(session.status());
+  const FrameArea area = session->area(101, 51, v1::PIXEL_FORMAT_RGBA16F);
+  std::memcpy(area.pixels.data(), whole.pixels.data(), area.pixels.size());
+  ASSERT_OK(session->submit(
+      {.width = 101, .height = 50, .pixels = area.pixels.subspan(101 * 8), .owner = area.owner}));
+  const auto result = session->next_result();
+  ASSERT_OK(result.status());
+  ASSERT_OK((*result)->status);
+  const auto pixels = (*result)->image.pixels();
+  EXPECT_TRUE(std::string(reinterpret_cast<const char*>(pixels.data()), pixels.size()) ==
+              expected.images.at(0));
+}
+
 TEST_F(SharedFrames, ResultsThatAreKeptLeaveTheNextOnesToBands) {
   const Film film = make_film(20, 64, 64);
   absl::StatusOr<Session> session = Session::open(options(Transport::kMemory));
