@@ -39,7 +39,7 @@ class Call:
     def __init__(self, core: Core, connection: Connection, asked_before: bool) -> None:
         self._core, self._connection, self._asked_before = core, connection, asked_before
         self._opened = self._leaving = self._over = self._closed = self._writing = False
-        self._owed = 0  # frames sent whole that have no result
+        self._owed = 0  # frames that were begun and have no result
         self._hangs: Error | None = None
         self.progress = False
         self._last_progress = time.monotonic()
@@ -80,6 +80,7 @@ class Call:
             self._grpc.cancel()
             watch.join()
             if self._memory is not None:
+                self._areas.clear()
                 self._memory.close()
                 if self._shared and not self._answered and core.transport == "auto":
                     core.transport = "grpc"  # the server may take no memory from here
@@ -106,24 +107,30 @@ class Call:
                     core.changed.wait_for(lambda: self._over)  # a half-close would be the end of the session
                     return
                 self._writing = True
+                self._owed += isinstance(step, Frame)
+                self._last_progress = time.monotonic()  # the silence of an idle session is over
+                core.changed.notify_all()  # _watch
             if isinstance(step, Frame):
                 request = pb.StreamRequest(frame=step.header)
-                placed = False
-                if self._memory is not None:
-                    placed, area = self._memory.place(request.frame, step.pixels, step.image_bytes)
-                    self._shared |= placed
-                    if area is not None:
-                        self._areas[step.header.sequence] = area
+                placed = self._place(request.frame, step)
                 yield request.SerializeToString()
                 for band in step.bands(BAND_FIELD) if not placed else ():
                     self._last_progress = time.monotonic()
                     yield band
-                with core.changed:
-                    self._owed += 1
             else:
                 change = pb.SettingsChange(from_sequence=step.from_sequence, settings=step.settings)
                 yield pb.StreamRequest(change=change).SerializeToString()
             self._writing = False
+
+    def _place(self, header: pb.FrameHeader, frame: Frame) -> bool:
+        """Names the frame's memory in its header, if the server shares it. _requests() must hold none while it waits."""
+        if self._memory is None:
+            return False
+        placed, area = self._memory.place(header, frame.pixels, frame.image_bytes)
+        self._shared |= placed
+        if area is not None:
+            self._areas[frame.header.sequence] = area
+        return placed
 
     def _watch(self) -> None:
         """Cancels the call if the session is cancelled, or if the server neither reads nor sends."""
@@ -133,7 +140,7 @@ class Call:
                 limit: float | None = None
                 if not self._opened:
                     limit = OPEN_LIMIT
-                elif self._writing or self._owed > (0 if self._closed else core.lookahead):
+                elif self._owed > (0 if self._writing or self._closed else core.lookahead):
                     limit = core.silence_limit
                 left = None if limit is None else self._last_progress + limit - time.monotonic()
                 if core.cancelled or (left is not None and left <= 0):

@@ -142,3 +142,4 @@ class Memory:
             self._over = True
             for region in self._regions:
                 region.close()
+            self._regions.clear()  # gRPC's thread may hold the call a little longer

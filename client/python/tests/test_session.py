@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import unittest
+import unittest.mock
 
 import candela_render as candela
 import numpy
@@ -212,6 +214,20 @@ class Faults(Test):
         with candela.Session([hanging.address, good.address], silence_limit=2) as session:
             images = rendered(session, scene)
         numpy.testing.assert_array_equal(images, expected)
+
+    def test_an_idle_session_keeps_its_server(self):
+        frame, late = frames(1)[0], 0.0
+
+        class Later:
+            @staticmethod
+            def monotonic():
+                return time.monotonic() + late
+
+        with unittest.mock.patch("candela_render._call.time", Later), candela.Session() as session:
+            for n in range(20):
+                session(frame, time=n)
+                late += 1000  # more than silence_limit
+            self.assertEqual(session.stats.resumes, 0)
 
     def test_a_server_that_loses_its_device_is_left(self):
         scene = frames(24)
