@@ -36,6 +36,8 @@ constexpr int kKeepaliveMs = 5000;
 constexpr int kIdleTimeouts = 5;
 constexpr v1::Range<absl::Duration> kIdle{absl::Seconds(10), absl::Hours(24)};
 
+constexpr int kFirstWindowBytes = 4 << 20;
+
 constexpr int kMaxThreads = 16;    // of gRPC's synchronous services
 constexpr int kOtherStreams = 64;  // on one connection, in addition to calls with frames
 
@@ -59,12 +61,13 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
   // Reflection is a synchronous service and takes one thread per stream; a health watch never ends.
   grpc::ResourceQuota quota("candelad");
   quota.SetMaxThreads(kMaxThreads);
-  // The next two limit the unread bytes of each stream. Behind them is the quota, which ends streams and
-  // connections instead of slowing clients down, so it is more than all streams together may take.
+  // What clients may send before the server reads it grows with the way to them: with bytes a second times the time of
+  // a round trip, to at most 32 MiB. A fixed window would let a frame across a long way in small pieces, each of which
+  // waits for an answer. When four fifths of the quota are taken, gRPC makes all windows smaller.
   quota.Resize(grpc_quota_bytes(config.max_sessions, config.max_calls));
   builder.SetResourceQuota(quota);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kLookAheadBytes);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 1);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kFirstWindowBytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS,
                              static_cast<int>(config.max_calls + config.max_sessions) + kOtherStreams);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kPingIntervalMs);

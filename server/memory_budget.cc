@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/limits.h"
 #include "server/base/words/units.h"
 
 namespace candela {
@@ -15,7 +14,7 @@ constexpr uint64_t kMiB = uint64_t{1} << 20;
 constexpr uint64_t kShareNumerator = 3;
 constexpr uint64_t kShareDenominator = 8;
 // Memory in addition to textures, measured with lavapipe. The process: its shaders and what the allocator
-// keeps. Each waiting session: its messages and kLookAheadBytes.
+// keeps. Each session, and a call beside it: what gRPC holds of them, and the rest.
 constexpr uint64_t kProcessBytes = 320 * kMiB;
 constexpr uint64_t kSessionBytes = 12 * kMiB;
 // gRPC's own for its connections.
@@ -24,7 +23,7 @@ constexpr uint64_t kConnectionsBytes = 64 * kMiB;
 }  // namespace
 
 size_t grpc_quota_bytes(uint32_t sessions, uint32_t calls) {
-  return (size_t{sessions} + calls) * (v1::kMaxMessageBytes + kLookAheadBytes) + kConnectionsBytes;
+  return std::max(sessions, calls) * size_t{kSessionBytes} + kConnectionsBytes;
 }
 
 MemoryBudget choose_memory_budget(uint64_t asked, const CgroupLimits& limits) {

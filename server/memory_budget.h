@@ -12,13 +12,8 @@ namespace candela {
 
 inline constexpr uint64_t kDefaultMemoryBudgetBytes = uint64_t{2} << 30;
 
-// The number of bytes that gRPC accepts from one session before the server reads them. By default gRPC grows
-// this with the bandwidth, to tens of MiB that no budget accounts for.
-inline constexpr int kLookAheadBytes = 4 << 20;
-
-// The memory quota of gRPC for so many sessions and calls: what each of them may hold that the server
-// has not taken yet, which is a message and kLookAheadBytes, and something for connections. Honest clients
-// stay below it.
+// The memory quota of gRPC for so many sessions and calls: for what they sent and the server has not taken yet, and
+// something for connections. It is what MemoryBudget::most_sessions leaves them.
 size_t grpc_quota_bytes(uint32_t sessions, uint32_t calls);
 
 struct MemoryBudget {

@@ -38,5 +38,12 @@ TEST(MemoryBudget, WhatWasAskedForIsTakenAndWarnedOf) {
   EXPECT_EQ(choose_memory_budget(4 * kGiB, {}).bytes, 4 * kGiB);
 }
 
+// Two GiB of a container are 768 MiB of textures, 320 of the process and 12 for each of 80 sessions.
+TEST(MemoryBudget, WhatGrpcMayHoldIsWhatSessionsAndCallsWereLeft) {
+  EXPECT_EQ(within(2 * kGiB).most_sessions, 80u);
+  EXPECT_EQ(grpc_quota_bytes(80, 80), (80 * 12 + 64) * kMiB);
+  EXPECT_EQ(grpc_quota_bytes(1, 80), (80 * 12 + 64) * kMiB);
+}
+
 }  // namespace
 }  // namespace candela
