@@ -74,7 +74,7 @@ class Session::Core {
   absl::Status submit(SessionFrame frame) {
     const std::shared_ptr<SharedRegion> region = memory_.region();
     const bool there = region != nullptr && region->offset_of(frame.pixels);
-    if (!there && !frame.view && !frame.pixels.empty()) {
+    if (!there && !frame.view && !frame.pixels.empty() && with_alpha(frame.format) == frame.format) {
       const SharedRegion::Area area = take_area(frame.pixels.size(), {frame.width, frame.height});
       if (area.bytes != nullptr) {
         std::memcpy(area.bytes.get(), frame.pixels.data(), frame.pixels.size());

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "client/render_result.h"
 #include "proto/candela/v1/band_wire.h"
@@ -31,8 +32,10 @@ class IncomingBands {
  public:
   explicit IncomingBands(v1::BandKind kind) : kind_(kind) {}
 
-  // Starts an image: rows of `row_bytes` that fill `bytes`. The caller owns `bytes`.
-  void begin(std::span<std::byte> bytes, uint64_t row_bytes);
+  // Starts an image: rows of `row_bytes` that fill `bytes`. The caller owns `bytes`. With `left_out` the bands hold no
+  // alpha, which is 1, and the image has this format.
+  void begin(std::span<std::byte> bytes, uint64_t row_bytes,
+             v1::OutputFormat left_out = v1::OUTPUT_FORMAT_UNSPECIFIED);
 
   // Takes the next message and copies its rows into place. Returns not_the_protocol() unless they follow the
   // rows taken so far.
@@ -42,7 +45,10 @@ class IncomingBands {
   bool empty() const { return bytes_.empty(); }
 
  private:
+  absl::StatusOr<uint64_t> take_rows(google::protobuf::io::CodedInputStream& input, uint64_t bytes) const;
+
   v1::BandKind kind_;
+  v1::OutputFormat left_out_ = v1::OUTPUT_FORMAT_UNSPECIFIED;
   std::span<std::byte> bytes_{};
   uint64_t row_bytes_ = 0;
   size_t at_ = 0;  // bytes received so far

@@ -9,6 +9,7 @@
 #include "client/call/retry/retry_info.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "server/base/status_macros.h"
@@ -42,13 +43,19 @@ bool may_resume(const grpc::Status& status, bool again) {
   }
 }
 
-// The band of `frame` that begins at `row`, without a copy. gRPC may keep a message after its call has ended,
-// so the slice keeps the frame.
-grpc::Slice band_slice(const std::shared_ptr<const SessionFrame>& frame, uint64_t row) {
-  const uint64_t row_bytes = uint64_t{frame->width} * bytes_per_pixel(frame->format);
-  const uint64_t bytes = std::min<uint64_t>(rows_of_band(row_bytes), frame->height - row) * row_bytes;
+uint64_t row_bytes(const SessionFrame& frame) { return uint64_t{frame.width} * bytes_per_pixel(frame.format); }
+
+// Those of the band that begins at `row`.
+std::span<const std::byte> band_rows(const SessionFrame& frame, uint64_t row) {
+  const uint64_t count = std::min<uint64_t>(rows_of_band(row_bytes(frame)), frame.height - row);
+  return frame.pixels.subspan(row * row_bytes(frame), count * row_bytes(frame));
+}
+
+// `rows` of the frame, without a copy. gRPC may keep a message after its call has ended, so the slice keeps the
+// frame.
+grpc::Slice slice_of(const std::shared_ptr<const SessionFrame>& frame, std::span<const std::byte> rows) {
   const auto let_go = [](void* owner) { delete static_cast<std::shared_ptr<const SessionFrame>*>(owner); };
-  return grpc::Slice(const_cast<std::byte*>(frame->pixels.data() + row * row_bytes), bytes, let_go,
+  return grpc::Slice(const_cast<std::byte*>(rows.data()), rows.size(), let_go,
                      new std::shared_ptr<const SessionFrame>(frame));
 }
 
@@ -157,6 +164,7 @@ absl::Status SessionStream::take_message() {
   ASSIGN_OR_RETURN(StreamEvent event, reader_.read(call_->message(), due_frame()));
   if (const auto* opened = std::get_if<v1::StreamOpened>(&event)) {
     open_ = true;
+    server_unpacks_ = opened->compact();
     if (state_.take_open(*opened)) progress_ = true;
   }
   if (std::holds_alternative<v1::GoAway>(event)) leaving_ = true;
@@ -241,8 +249,11 @@ void SessionStream::send_step() {
       ++owed_;
     } else {
       sending_ = next.step->frame;
+      compress_ = server_unpacks_ && (options_.transport == Transport::kZstd ||
+                                      (options_.transport != Transport::kGrpc && pace_.next_frame()));
+      request.mutable_frame()->set_may_leave_out_alpha(compress_);
     }
-    row_ = 0;
+    row_ = band_ = 0;
   }
   call_->write(v1::pack(request));
 }
@@ -252,7 +263,9 @@ void SessionStream::send_step() {
 bool SessionStream::place(const SessionStep& step, v1::FrameHeader& header) {
   const std::shared_ptr<SharedRegion> region = memory_.region();
   if (region == nullptr) return false;
-  const std::optional<uint64_t> pixels = region->offset_of(step.frame->pixels);
+  const bool has_alpha = with_alpha(step.frame->format) == step.frame->format;
+  const std::optional<uint64_t> pixels =
+      has_alpha ? region->offset_of(step.frame->pixels) : std::nullopt;
   SharedRegion::Area image = region->take(step.image_bytes);
   if (!pixels && image.bytes == nullptr) return false;
   shared_ = true;
@@ -266,12 +279,29 @@ bool SessionStream::place(const SessionStep& step, v1::FrameHeader& header) {
 }
 
 void SessionStream::send_band() {
-  const uint64_t rows = rows_of_band(uint64_t{sending_->width} * bytes_per_pixel(sending_->format));
-  call_->write(v1::make_band(v1::kStreamFrameBand, static_cast<uint32_t>(row_), band_slice(sending_, row_)));
+  const absl::Time now = clock_.now();
+  const uint64_t rows = rows_of_band(row_bytes(*sending_));
+  if (band_ > 0 && !compress_) pace_.wrote(band_ - 1, rows * row_bytes(*sending_), now - band_began_);
+  call_->write(next_band());
+  band_began_ = now;
+  ++band_;
   row_ += rows;
   if (row_ < sending_->height) return;
   sending_.reset();
   ++owed_;
+}
+
+grpc::ByteBuffer SessionStream::next_band() {
+  const std::span<const std::byte> rows = band_rows(*sending_, row_);
+  const auto first = static_cast<uint32_t>(row_);
+  if (compress_ && rows.size() <= v1::kMaxBandBytes) {
+    if (!packer_) packer_.emplace();
+    grpc::Slice packed = packer_->pack(rows, sending_->width, sending_->format);
+    if (packed.size() < rows.size()) {
+      return v1::make_band(v1::kStreamFrameBand, first, std::move(packed), v1::BandRows::kZstd);
+    }
+  }
+  return v1::make_band(v1::kStreamFrameBand, first, slice_of(sending_, rows));
 }
 
 }  // namespace candela

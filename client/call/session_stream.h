@@ -4,15 +4,19 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "client/call/client_call.h"
+#include "client/call/link_pace.h"
 #include "client/call/memory/session_memory.h"
 #include "client/call/stream_reader.h"
 #include "client/session.h"
 #include "client/session_state.h"
+#include "proto/candela/v1/zstd_rows.h"
 #include "server/base/clock.h"
 
 namespace candela {
@@ -56,6 +60,7 @@ class SessionStream {
   bool place(const SessionStep& step, v1::FrameHeader& header);
   DueFrame due_frame() const;
   void send_band();
+  grpc::ByteBuffer next_band();
 
   const std::unique_ptr<ClientCall> call_;
   const std::string& address_;
@@ -75,6 +80,12 @@ class SessionStream {
   bool progress_ = false;                        // see CallEnd
   std::shared_ptr<const SessionFrame> sending_;  // the frame whose bands are being sent
   uint64_t row_ = 0;                             // first row of its next band
+  uint64_t band_ = 0;                            // the number of its next band
+  absl::Time band_began_;                        // when the one before it was written
+  bool server_unpacks_ = false;                  // the server takes compressed bands
+  bool compress_ = false;                        // those of this frame
+  LinkPace pace_;
+  std::optional<v1::RowPacker> packer_;  // from the first frame on that is compressed
   std::deque<std::pair<uint64_t, SharedRegion::Area>> images_;  // of frames that were sent, by their numbers
   bool shared_ = false;                                         // a frame was placed in memory
   int64_t owed_ = 0;          // frames that were sent whole and have no result

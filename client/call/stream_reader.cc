@@ -108,7 +108,8 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   RETURN_IF_ERROR(make_room(result_));
   encoded_ = 0;
   if (header.encoded_bytes() == 0) {
-    image_.begin({result_.data.get(), result_.bytes}, due.image.width * pixel_bytes);
+    image_.begin({result_.data.get(), result_.bytes}, due.image.width * pixel_bytes,
+                 header.alpha_left_out() ? header.format() : v1::OUTPUT_FORMAT_UNSPECIFIED);
   } else {
     image_.begin({}, 0);
   }

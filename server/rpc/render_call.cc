@@ -60,15 +60,15 @@ absl::Status RenderCall::take_start() {
     start_->verify = Verify::kNo;
     start_->settings = start_->settings.for_metering(/*histogram=*/true);
   }
-  Admission::Request asked{.desc = start_->desc,
+  Admission::Request asked{.desc = start_->layout.desc,
                            .sequence = start_->sequence,
                            .settings = start_->settings,
                            .verify = start_->verify,
                            .flow = flow_};
   const v1::FrameHeader& header = request.start().frame();
   const v1::Settings& settings = *start_->settings;
-  ASSIGN_OR_RETURN(shared_, client_pixels_from(header, {start_->desc, start_->row_stride_bytes},
-                                               image_size(settings, start_->desc), settings.output_format(),
+  ASSIGN_OR_RETURN(shared_, client_pixels_from(header, start_->layout,
+                                               image_size(settings, start_->layout.desc), settings.output_format(),
                                                transport_.straight_from_this_host(),
                                                /*raw=*/work_ == Work::kRender, service_.regions));
   if (header.has_view()) {
@@ -79,7 +79,8 @@ absl::Status RenderCall::take_start() {
     admit();
     return absl::OkStatus();
   }
-  bands_.emplace(v1::kFrameBand, start_->desc, start_->row_stride_bytes);
+  bands_.emplace(v1::kFrameBand, start_->layout, clock_,
+                 [this](absl::Duration took) { service_.rendering.loop.charge(flow_, took); });
   state_ = State::kFirstBand;
   transport_.start_read(&incoming_);
   return absl::OkStatus();
@@ -153,9 +154,10 @@ void RenderCall::on_rendered(absl::StatusOr<RenderedFrame> rendered) {
     return send_next();
   }
   v1::RenderResponse response;
-  *response.mutable_header() = result_header(*frame_, start_->desc, *rendered, service_.rendering.device);
-  response.mutable_header()->set_image_in_memory(frame_->image_in_memory);
-  result_.emplace(frame_, v1::pack(response));
+  *response.mutable_header() = result_header(*frame_, start_->layout, *rendered, service_.rendering.device);
+  const bool rgb = leaves_out_alpha(*frame_, start_->layout, rendered->report);
+  response.mutable_header()->set_alpha_left_out(rgb);
+  result_.emplace(frame_, v1::pack(response), rgb);
   send_next();
 }
 

@@ -43,7 +43,7 @@ bool StreamAnswers::next(SessionFrames& frames, grpc::ByteBuffer& message) {
   } else if (due->file != nullptr) {
     writer_.emplace(due->file, result(*due, exposure));
   } else {
-    writer_.emplace(due->frame, result(*due, exposure));
+    writer_.emplace(due->frame, result(*due, exposure), leaves_out_alpha(*due->frame, due->layout, *due->report));
   }
   return writer_->next(message);
 }
@@ -61,14 +61,15 @@ grpc::ByteBuffer StreamAnswers::result(const SessionFrames::Entry& frame,
                                        const ExposurePoint& exposure) const {
   v1::StreamResponse response;
   v1::ResultHeader& header = *response.mutable_header();
-  header = result_header(*frame.frame, frame.layout.desc, {*frame.report, frame.queued}, device_);
+  header = result_header(*frame.frame, frame.layout, {*frame.report, frame.queued}, device_);
   header.set_exposure_before(frame.exposure.before);
   header.set_cut(frame.exposure.cut);
   header.set_resume_token(token(frame, exposure));
   if (return_state_) *header.mutable_state() = state_of(exposure);
   header.set_encoding(encoding_);
-  header.set_image_in_memory(frame.frame->image_in_memory);
   if (frame.file != nullptr) header.set_encoded_bytes(frame.file->size());
+  header.set_alpha_left_out(encoding_ == v1::ENCODING_RAW &&
+                            leaves_out_alpha(*frame.frame, frame.layout, *frame.report));
   return v1::pack(response);
 }
 

@@ -112,6 +112,7 @@ absl::Status StreamCall::take_open(const v1::StreamRequest& request) {
   response.mutable_opened()->set_max_frames_in_flight(state_.limits.max_frames_in_flight);
   response.mutable_opened()->set_epoch(session.epoch);
   response.mutable_opened()->set_bits(state_.rendering.bits);
+  response.mutable_opened()->set_compact(true);
   open_->answers.notify(response);
   reading_ = Reading::kBetween;
   write_on();
@@ -157,7 +158,8 @@ absl::Status StreamCall::take_header(const v1::FrameHeader& header) {
     admit();
     return absl::OkStatus();
   }
-  bands_.emplace(v1::kStreamFrameBand, layout.desc, layout.row_stride_bytes);
+  bands_.emplace(v1::kStreamFrameBand, layout, clock_,
+                 [this](absl::Duration took) { state_.rendering.loop.charge(flow_, took); });
   reading_ = Reading::kFirstBand;
   return absl::OkStatus();
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "server/rpc/stream_call.h"
@@ -29,15 +28,14 @@ absl::Status StreamCall::pass_over(const v1::FrameHeader& header, const WireLayo
     end_passed();
     return absl::OkStatus();
   }
-  bands_.emplace(v1::kStreamFrameBand, layout.desc, layout.row_stride_bytes);
+  bands_.emplace(v1::kStreamFrameBand, layout, clock_);
   open_->frames.newest()->begun = clock_.now();
   reading_ = Reading::kPassing;
   return absl::OkStatus();
 }
 
 absl::Status StreamCall::take_passed(grpc::ByteBuffer& message) {
-  std::vector<std::byte> row(open_->frames.newest()->layout.desc.row_bytes());
-  absl::Status status = bands_->read(message, [&row](uint32_t) { return std::span(row); });
+  absl::Status status = bands_->pass(message);
   if (!status.ok() || !bands_->complete()) return status;
   bands_.reset();
   end_passed();

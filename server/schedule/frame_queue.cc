@@ -86,11 +86,13 @@ void FrameQueue::put_back(FrameJob job) {
 }
 
 void FrameQueue::charge(Flow flow, absl::Duration time) {
-  const auto served = shares_.find(flow);
-  if (served == shares_.end()) return;
-  CHECK(time >= absl::ZeroDuration());
-  served->second.used += time;
-  served->second.last = time;
+  charge_elsewhere(flow, time);
+  shares_.at(flow).last = time;
+}
+
+void FrameQueue::charge_elsewhere(Flow flow, absl::Duration time) {
+  time = std::max(time, absl::ZeroDuration());  // a machine's clock may be set back
+  shares_.try_emplace(flow, Share{clock_}).first->second.used += time;
   const auto competing = std::count_if(shares_.begin(), shares_.end(), [flow](const auto& entry) {
     return entry.first == flow || !entry.second.jobs.empty();
   });

@@ -104,6 +104,8 @@ class FrameQueue {
   void put_back(FrameJob job);
   // Charges `flow` for the device time that its job took. Call it before the next pop().
   void charge(Flow flow, absl::Duration time);
+  // Charges it for work elsewhere that only it causes.
+  void charge_elsewhere(Flow flow, absl::Duration time);
   // Removes a waiting job from the queue. Returns nothing if it is not waiting.
   std::optional<FrameJob> remove(Ticket ticket);
 

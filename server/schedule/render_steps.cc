@@ -42,6 +42,11 @@ bool RenderSteps::cancel(Ticket ticket) {
   return job.has_value();
 }
 
+void RenderSteps::charge(Flow flow, absl::Duration time) {
+  absl::MutexLock lock(&mutex_);
+  queue_.charge_elsewhere(flow, time);
+}
+
 size_t RenderSteps::waiting() const {
   absl::MutexLock lock(&mutex_);
   return queue_.size();

@@ -29,6 +29,9 @@ class RenderSteps {
   // is closed; then `done` is never called.
   absl::StatusOr<Ticket> submit(FrameJob job);
 
+  // Counts `time` as device time of `flow`: that of work elsewhere that only this flow causes.
+  void charge(Flow flow, absl::Duration time);
+
   // Runs `task` on the render thread ahead of the waiting jobs. Only for the heartbeat: whatever a client
   // asks for is submitted. UNAVAILABLE if this is closed; then the task never runs.
   absl::Status post(std::function<void()> task);

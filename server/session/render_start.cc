@@ -12,18 +12,16 @@ namespace {
 
 constexpr uint64_t kMaxRowPaddingBytes = 4096;
 
-absl::StatusOr<FrameDesc> frame_from(const v1::FrameHeader& header) {
-  if (header.format() == v1::PIXEL_FORMAT_UNSPECIFIED || !v1::PixelFormat_IsValid(header.format())) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("frame.format is %d; it must be one of RGBA16F (1), RGBA32F (2) and RGB9E5 (3)",
-                        static_cast<int>(header.format())));
-  }
-  return FrameDesc{header.width(), header.height(), header.format()};
+absl::Status check_format(v1::PixelFormat format) {
+  if (format != v1::PIXEL_FORMAT_UNSPECIFIED && v1::PixelFormat_IsValid(format)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "frame.format is %d; it must be one of RGBA16F (1), RGBA32F (2), RGB9E5 (3), RGB16F (4) and RGB32F (5)",
+      static_cast<int>(format)));
 }
 
 // `desc` has passed check_frame, so no product here overflows 64 bits.
 absl::StatusOr<uint64_t> row_stride(const v1::FrameHeader& header, const FrameDesc& desc) {
-  const uint64_t tight = desc.row_bytes();
+  const uint64_t tight = uint64_t{desc.width} * bytes_per_pixel(header.format());
   const uint64_t stride = header.row_stride_bytes() == 0 ? tight : header.row_stride_bytes();
   if (stride < tight || stride > tight + kMaxRowPaddingBytes) {
     return absl::InvalidArgumentError(
@@ -74,17 +72,18 @@ absl::StatusOr<WireLayout> view_layout_from(const v1::FrameHeader& header, const
   }
   const FrameDesc desc{header.width(), header.height(), v1::PIXEL_FORMAT_RGBA16F};
   RETURN_IF_ERROR(check_frame(desc, limits));
-  return WireLayout{desc, desc.row_bytes()};
+  return WireLayout{desc, desc.format, desc.row_bytes(), header.may_leave_out_alpha()};
 }
 
 }  // namespace
 
 absl::StatusOr<WireLayout> wire_layout_from(const v1::FrameHeader& header, const FrameLimits& limits) {
   if (header.has_view()) return view_layout_from(header, limits);
-  ASSIGN_OR_RETURN(FrameDesc desc, frame_from(header));
+  RETURN_IF_ERROR(check_format(header.format()));
+  const FrameDesc desc{header.width(), header.height(), with_alpha(header.format())};
   RETURN_IF_ERROR(check_frame(desc, limits));
   ASSIGN_OR_RETURN(const uint64_t stride, row_stride(header, desc));
-  return WireLayout{desc, stride};
+  return WireLayout{desc, header.format(), stride, header.may_leave_out_alpha()};
 }
 
 absl::Status check_primaries_for_view(const Settings& settings) {
@@ -112,9 +111,8 @@ absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, 
   if (start.frame().has_view()) {
     RETURN_IF_ERROR(check_primaries_for_view(settings));
   }
-  return RenderStart{.desc = layout.desc,
+  return RenderStart{.layout = layout,
                      .sequence = start.frame().sequence(),
-                     .row_stride_bytes = layout.row_stride_bytes,
                      .settings = std::move(settings),
                      .previous = previous,
                      .given = given,

@@ -13,10 +13,19 @@
 
 namespace candela {
 
+// The size and layout of a frame, as its header gives them.
+struct WireLayout {
+  FrameDesc desc;             // as the server keeps it: the format has an alpha
+  v1::PixelFormat format;     // on the wire; desc.format is with_alpha() of it
+  uint64_t row_stride_bytes;  // of bands of pixels; at least row_bytes()
+  bool may_leave_out_alpha = false;  // of the image, if it is 1
+
+  uint64_t row_bytes() const { return uint64_t{desc.width} * bytes_per_pixel(format); }
+};
+
 struct RenderStart {
-  FrameDesc desc;
+  WireLayout layout;
   uint64_t sequence = 0;
-  uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
   Settings settings;
   std::optional<PreviousExposure> previous;  // absent: the frame is rendered with its target exposure
   std::optional<double> given;               // the frame's own exposure; then there is no `previous`
@@ -26,12 +35,6 @@ struct RenderStart {
 // Checks everything that can be checked before the pixels arrive: check_frame, Settings::from, the row stride
 // and the total size. INVALID_ARGUMENT or RESOURCE_EXHAUSTED. Allocates no memory for the frame.
 absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits);
-
-// The size and layout of a frame, as its header gives them.
-struct WireLayout {
-  FrameDesc desc;
-  uint64_t row_stride_bytes = 0;  // at least desc.row_bytes()
-};
 
 // check_frame, the row stride and the total size; of a view, the frame that the server renders it as.
 // INVALID_ARGUMENT or RESOURCE_EXHAUSTED.

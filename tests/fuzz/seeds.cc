@@ -15,6 +15,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "candela/v1/render.pb.h"
+#include "proto/candela/v1/pixel_size.h"
+#include "proto/candela/v1/zstd_rows.h"
 #include "tests/fuzz/wire_input.h"
 #include "tests/support/files.h"
 #include "tests/unit/image/image_support.h"
@@ -119,6 +121,16 @@ std::string band(uint32_t first_row, size_t bytes) {
   return message.SerializeAsString();
 }
 
+std::string zstd_band(uint32_t first_row, uint32_t rows, v1::PixelFormat format) {
+  const std::vector<std::byte> pixels(size_t{rows} * 3 * bytes_per_pixel(format), std::byte{'p'});
+  v1::RowPacker packer;
+  const grpc::Slice packed = packer.pack(pixels, 3, format);
+  v1::RenderRequest message;
+  message.mutable_band()->set_first_row(first_row);
+  message.mutable_band()->set_zstd(packed.begin(), packed.size());
+  return message.SerializeAsString();
+}
+
 // Every field except those that conflict with others, so that the fuzzer knows them all.
 void set_all(v1::Settings& settings) {
   v1::Exposure& exposure = *settings.mutable_exposure();
@@ -193,6 +205,8 @@ void write_request(const std::string& path, v1::PixelFormat format, uint32_t pix
   WireInput input;
   input.messages = {request.SerializeAsString(), band(0, size_t{3} * stride), band(3, stride)};
   write_file(path, format_wire_input(input));
+  input.messages = {request.SerializeAsString(), zstd_band(0, 3, format), zstd_band(3, 1, format)};
+  write_file(path + "_zstd", format_wire_input(input));
   frame.mutable_memory()->set_ticket("0123456789abcdef");
   frame.mutable_memory()->set_pixels_offset(128);
   frame.mutable_memory()->set_image_offset(4096);
@@ -247,7 +261,7 @@ v1::StreamResponse stream_header(uint64_t sequence, uint64_t encoded_bytes) {
 }
 
 // A session's three results: an image in bands, an image as a file, and a failure. Then the connection ends.
-void write_session(const std::string& path) {
+void write_session(const std::string& path, bool alpha_left_out) {
   WireInput input{.reader = WireInput::Reader::kSession, .slice_bytes = 7, .width = 3, .height = 4};
   v1::StreamResponse opened, part, failure, away;
   opened.mutable_opened()->set_session("fuzz");
@@ -258,8 +272,10 @@ void write_session(const std::string& path) {
   failure.mutable_failure()->set_message("late");
   failure.mutable_failure()->set_resume_token("token");
   away.mutable_go_away()->set_reason("draining");
-  input.messages = {opened.SerializeAsString(), stream_header(0, 0).SerializeAsString(), band(0, 72),
-                    band(3, 24)};
+  v1::StreamResponse image = stream_header(0, 0);
+  image.mutable_header()->set_alpha_left_out(alpha_left_out);
+  const size_t row = alpha_left_out ? 18 : 24;
+  input.messages = {opened.SerializeAsString(), image.SerializeAsString(), band(0, 3 * row), band(3, row)};
   for (const v1::StreamResponse& message : {stream_header(1, 10), part, part, failure, away}) {
     input.messages.push_back(message.SerializeAsString());
   }
@@ -353,11 +369,14 @@ void write_wire(const std::string& folder) {
     write_request(path + "rgba16f", v1::PIXEL_FORMAT_RGBA16F, 8, all_fields);
     write_request(path + "rgba32f", v1::PIXEL_FORMAT_RGBA32F, 16, all_fields);
     write_request(path + "rgb9e5", v1::PIXEL_FORMAT_RGB9E5, 4, all_fields);
+    write_request(path + "rgb16f", v1::PIXEL_FORMAT_RGB16F, 6, all_fields);
+    write_request(path + "rgb32f", v1::PIXEL_FORMAT_RGB32F, 12, all_fields);
   }
   write_response(folder + "/response_rgba8", v1::OUTPUT_FORMAT_RGBA8, 4, false);
   write_response(folder + "/response_rgba16", v1::OUTPUT_FORMAT_RGBA16, 8, false);
   write_response(folder + "/response_rgba16f", v1::OUTPUT_FORMAT_RGBA16F, 8, true);
-  write_session(folder + "/session");
+  write_session(folder + "/session", false);
+  write_session(folder + "/session_without_alpha", true);
   write_metered_session(folder + "/metered_session");
   write_open_with_state(folder + "/open_with_state");
   write_environment(folder);

@@ -16,6 +16,7 @@
 #include "server/session/environments/environment_start.h"
 #include "tests/fuzz/expect.h"
 #include "tests/fuzz/wire_slices.h"
+#include "tests/support/clock/real_clock.h"
 
 namespace candela {
 namespace {
@@ -56,7 +57,7 @@ void put_environment(const WireInput& input) {
   check_panorama(*start);
   const FrameDesc& desc = start->layout.desc;
   v1::EnvironmentId id(request.start());
-  BandReader reader(v1::kPanoramaBand, desc, start->layout.row_stride_bytes);
+  BandReader reader(v1::kPanoramaBand, start->layout, testing::real_clock());
   std::vector<std::byte> place(desc.row_bytes());
   uint32_t rows = 0;
   for (const std::string& message : messages.subspan(1)) {

@@ -44,17 +44,17 @@ void place_in_memory(v1::FrameHeader header, const RenderStart& start) {
   static const Registered* const kRegistered = new Registered;
   if (!header.has_memory()) return;
   if (header.memory().ticket().size() % 2 == 0) header.mutable_memory()->set_ticket(kRegistered->ticket);
-  const ImageSize image = image_size(*start.settings, start.desc);
+  const ImageSize image = image_size(*start.settings, start.layout.desc);
   const v1::OutputFormat format = start.settings->output_format();
   const absl::StatusOr<std::optional<ClientPixels>> pixels =
-      client_pixels_from(header, {start.desc, start.row_stride_bytes}, image, format, /*local=*/true,
+      client_pixels_from(header, start.layout, image, format, /*local=*/true,
                          /*raw=*/true, kRegistered->regions);
   if (!pixels.ok()) {
     expect(absl::IsInvalidArgument(pixels.status()) || absl::IsUnavailable(pixels.status()),
            "a place is refused with one of its codes", pixels.status().ToString());
     return;
   }
-  expect_inside((*pixels)->rows, start.row_stride_bytes * (start.desc.height - 1) + start.desc.row_bytes(),
+  expect_inside((*pixels)->rows, start.layout.row_stride_bytes * (start.layout.desc.height - 1) + start.layout.row_bytes(),
                 *kRegistered->region);
   expect_inside((*pixels)->image, uint64_t{image.width} * image.height * bytes_per_pixel(format),
                 *kRegistered->region);

@@ -20,7 +20,8 @@ namespace candela {
 // the first frame is there, whose size it fits; a larger frame makes another one. Any thread.
 class SessionMemory {
  public:
-  explicit SessionMemory(Transport transport) : allowed_(transport != Transport::kGrpc) {}
+  explicit SessionMemory(Transport transport)
+      : allowed_(transport == Transport::kAuto || transport == Transport::kMemory) {}
 
   // A call to `address` begins.
   void begin_call(const std::string& address);

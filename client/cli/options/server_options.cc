@@ -110,15 +110,17 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
 void add_transport_option(CLI::App& app, ServerChoice& choice) {
   add_text(
       app, kServerSection, "--transport", "WAY",
-      "How frames and images travel: grpc, memory (shared with a server at unix:PATH) or auto (default: "
-      "auto, "
-      "which is memory where the server offers it, else grpc)",
+      "How frames and images travel: grpc, zstd (grpc with compressed frames), memory (shared with a server at unix:PATH) "
+      "or auto (default: auto, which is memory where the server offers it, else grpc, and zstd on a slow link)",
       [&choice](const std::string& text) {
         static const std::map<std::string, Transport> kWays = {
-            {"auto", Transport::kAuto}, {"grpc", Transport::kGrpc}, {"memory", Transport::kMemory}};
+            {"auto", Transport::kAuto},
+            {"grpc", Transport::kGrpc},
+            {"zstd", Transport::kZstd},
+            {"memory", Transport::kMemory}};
         const auto way = kWays.find(text);
         if (way == kWays.end()) {
-          return usage_error(absl::StrFormat("--transport is \"%s\"; it must be auto, grpc or memory", text));
+          return usage_error(absl::StrFormat("--transport is \"%s\"; it must be auto, grpc, zstd or memory", text));
         }
         choice.transport = way->second;
         return absl::OkStatus();
@@ -172,8 +174,7 @@ absl::Status finish_server_options(ServerChoice& choice) {
   if (choice.transport != Transport::kMemory || is_unix_address(choice.address)) return absl::OkStatus();
   return usage_error(
       "--transport is memory, which only a server at unix:PATH can share; name one with --server, or use "
-      "auto "
-      "or grpc");
+      "auto, grpc or zstd");
 }
 
 absl::Status name_source(const absl::Status& status, const ServerChoice& choice) {

@@ -25,6 +25,7 @@ constexpr uint32_t kLengthDelimited = 2;
 // Band
 constexpr uint32_t kFirstRow = tag(1, kVarint);
 constexpr uint32_t kPixels = tag(2, kLengthDelimited);
+constexpr uint32_t kZstd = tag(3, kLengthDelimited);
 
 absl::Status malformed() {
   return absl::InvalidArgumentError(
@@ -36,18 +37,38 @@ bool read_length(CodedInputStream& input, int& length) {
   return input.ReadVarintSizeAsInt(&length) && length <= input.BytesUntilLimit();
 }
 
-absl::Status read_fields(CodedInputStream& input, uint32_t& first_row, TakePixels take) {
+// What was read of a band so far.
+struct Fields {
+  uint32_t first_row = 0;
+  uint64_t bytes = 0;  // of its rows
+  BandRows form = BandRows::kPixels;
+  bool packed = false;  // there was a `zstd` field in the message
+};
+
+absl::Status read_fields(CodedInputStream& input, Fields& fields, TakeRows take) {
   while (const uint32_t field = input.ReadTag()) {
     if (field == kFirstRow) {
-      if (!input.ReadVarint32(&first_row)) return malformed();
-    } else if (field == kPixels) {
+      if (!input.ReadVarint32(&fields.first_row)) return malformed();
+    } else if (field == kPixels || field == kZstd) {
       int length = 0;
       if (!read_length(input, length)) return malformed();
       if (static_cast<uint64_t>(length) > kMaxBandBytes) {
         return absl::InvalidArgumentError(absl::StrFormat(
             "band holds %d bytes and may hold at most %d; send fewer rows in a band", length, kMaxBandBytes));
       }
-      if (absl::Status status = take(input, static_cast<uint64_t>(length)); !status.ok()) return status;
+      const BandRows form = field == kZstd ? BandRows::kZstd : BandRows::kPixels;
+      if (fields.bytes > 0 && form != fields.form) {
+        if (length == 0) continue;
+        return absl::InvalidArgumentError("band holds pixels and zstd; send one of them");
+      }
+      // A few bytes may be 2 MiB of work.
+      if (fields.packed && form == BandRows::kZstd) {
+        return absl::InvalidArgumentError("band holds zstd twice; send one of them");
+      }
+      fields.packed |= form == BandRows::kZstd;
+      fields.bytes = static_cast<uint64_t>(length);
+      fields.form = form;
+      if (absl::Status status = take(input, fields.bytes, form); !status.ok()) return status;
     } else if (!WireFormatLite::SkipField(&input, field)) {
       return malformed();
     }
@@ -57,8 +78,8 @@ absl::Status read_fields(CodedInputStream& input, uint32_t& first_row, TakePixel
 
 }  // namespace
 
-grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice pixels) {
-  const auto bytes = static_cast<uint32_t>(pixels.size());
+grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice rows, BandRows form) {
+  const auto bytes = static_cast<uint32_t>(rows.size());
   size_t band_bytes = 1 + CodedOutputStream::VarintSize32(bytes) + bytes;
   if (first_row != 0) band_bytes += 1 + CodedOutputStream::VarintSize32(first_row);
 
@@ -69,33 +90,33 @@ grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice pixels
     end = CodedOutputStream::WriteTagToArray(kFirstRow, end);
     end = CodedOutputStream::WriteVarint32ToArray(first_row, end);
   }
-  end = CodedOutputStream::WriteTagToArray(kPixels, end);
+  end = CodedOutputStream::WriteTagToArray(form == BandRows::kZstd ? kZstd : kPixels, end);
   end = CodedOutputStream::WriteVarint32ToArray(bytes, end);
 
   const std::array<grpc::Slice, 2> slices{grpc::Slice(head.data(), static_cast<size_t>(end - head.data())),
-                                          std::move(pixels)};
+                                          std::move(rows)};
   return grpc::ByteBuffer(slices.data(), slices.size());
 }
 
-absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, TakePixels take) {
+absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, TakeRows take) {
   grpc::ProtoBufferReader slices(&message);
   CodedInputStream input(&slices);
   input.PushLimit(static_cast<int>(message.Length()));
 
   // In a oneof the last member counts, and repeated members of the same kind are merged.
   bool is_band = false;
-  uint32_t first_row = 0;
+  Fields fields;
   while (const uint32_t field = input.ReadTag()) {
     if (field == tag(kind.field, kLengthDelimited)) {
       if (!is_band) {
         is_band = true;
-        first_row = 0;
-        if (absl::Status status = take(input, 0); !status.ok()) return status;
+        fields = {.packed = fields.packed};
+        if (absl::Status status = take(input, 0, BandRows::kPixels); !status.ok()) return status;
       }
       int length = 0;
       if (!read_length(input, length)) return malformed();
       const auto outer = input.PushLimit(length);
-      if (absl::Status status = read_fields(input, first_row, take); !status.ok()) return status;
+      if (absl::Status status = read_fields(input, fields, take); !status.ok()) return status;
       input.PopLimit(outer);
       continue;
     }
@@ -105,7 +126,7 @@ absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, Tak
   }
   if (!input.ConsumedEntireMessage()) return malformed();
   if (!is_band) return absl::InvalidArgumentError("message holds no band, but a band is due");
-  return first_row;
+  return fields.first_row;
 }
 
 }  // namespace candela::v1

@@ -26,18 +26,22 @@ inline constexpr BandKind kStreamImageBand{2, 6};  // StreamResponse.band
 inline constexpr BandKind kPanoramaBand{2, 2};     // PutEnvironmentRequest.band
 inline constexpr BandKind kBakeBand{3, 3};         // BakeEnvironmentResponse.band
 
-// Makes a message with one band that begins at row `first_row`. `pixels` is not empty and is not copied; the
-// message keeps a reference to it.
-grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice pixels);
+// The form of a band's rows.
+enum class BandRows { kPixels, kZstd };
 
-// Reads the next `bytes` (0 .. kMaxBandBytes) bytes of pixels from `input`, all of them, or fails. It is
-// called with 0 first and then once for each `pixels` field. Each call starts over, because in protobuf the
-// last field counts.
-using TakePixels =
-    absl::FunctionRef<absl::Status(google::protobuf::io::CodedInputStream& input, uint64_t bytes)>;
+// Makes a message with one band that begins at row `first_row`. `rows` is not empty and is not copied; the
+// message keeps a reference to it.
+grpc::ByteBuffer make_band(BandKind kind, uint32_t first_row, grpc::Slice rows,
+                           BandRows form = BandRows::kPixels);
+
+// Reads the next `bytes` (0 .. kMaxBandBytes) bytes of rows from `input`, all of them, or fails. It is called
+// with 0 pixels first and then for each `pixels` or `zstd` field. Each call starts over, because in protobuf
+// the last field counts.
+using TakeRows = absl::FunctionRef<absl::Status(google::protobuf::io::CodedInputStream& input, uint64_t bytes,
+                                                BandRows form)>;
 
 // Reads a message with such a band and returns its first row. INVALID_ARGUMENT if the bytes are not such a
 // message or if the band is larger than kMaxBandBytes; otherwise fails as `take` does. Skips unknown fields.
-absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, TakePixels take);
+absl::StatusOr<uint32_t> read_band(BandKind kind, grpc::ByteBuffer& message, TakeRows take);
 
 }  // namespace candela::v1

@@ -1,5 +1,6 @@
 #include "server/rpc/environments/put_environment_call.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -114,7 +115,8 @@ absl::Status PutEnvironmentCall::take_start() {
   RETURN_IF_ERROR(state_.environments.check_size(bytes));
   start_ = std::move(start);
   id_.emplace(request.start());
-  bands_.emplace(v1::kPanoramaBand, start_->layout.desc, start_->layout.row_stride_bytes);
+  bands_.emplace(v1::kPanoramaBand, start_->layout, clock_,
+                 [this](absl::Duration took) { state_.rendering.loop.charge(client_ << 1, took); });
   reading_ = State::kFirstBand;
   transport_.start_read(&incoming_);
   return absl::OkStatus();
@@ -144,7 +146,7 @@ absl::Status PutEnvironmentCall::take_memory() {
 // The memory of an upload may be uncached, so the rows are hashed where they arrive.
 absl::Status PutEnvironmentCall::take_band() {
   const uint64_t row_bytes = start_->layout.desc.row_bytes();
-  rows_.resize(std::max<uint64_t>(incoming_.Length(), row_bytes));
+  rows_.resize(std::min(v1::kMaxBandBytes, start_->layout.desc.bytes()));
   const uint32_t first = rows_read_;
   const auto place = [&](uint32_t y) {
     rows_read_ = y + 1;

@@ -5,40 +5,57 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
+#include <utility>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "proto/candela/v1/band_wire.h"
-#include "server/render/settings/frame.h"
+#include "server/base/clock.h"
+#include "server/session/render_start.h"
 
 namespace candela {
 
 // Not thread-safe.
 class BandReader {
  public:
-  // Returns where a row goes: desc.row_bytes() bytes.
+  // Returns where a row goes: layout.desc.row_bytes() bytes.
   using Row = absl::FunctionRef<std::span<std::byte>(uint32_t y)>;
 
-  // `desc` has passed check_frame. Rows arrive `row_stride_bytes` apart; the bytes after a tight row are
-  // dropped.
-  BandReader(v1::BandKind kind, const FrameDesc& desc, uint64_t row_stride_bytes)
-      : kind_(kind), desc_(desc), stride_bytes_(row_stride_bytes) {}
+  // Is told how long a band took to decompress.
+  using Charge = std::function<void(absl::Duration)>;
 
-  // Copies the band's rows to their places. INVALID_ARGUMENT if the band does not hold whole rows, does not
-  // begin where the last one ended, or exceeds the frame.
+  // Of a frame with this layout, from wire_layout_from(). `clock` outlives it.
+  BandReader(v1::BandKind kind, const WireLayout& layout, Clock& clock, Charge charge = nullptr)
+      : kind_(kind), layout_(layout), clock_(clock), charge_(std::move(charge)) {}
+
+  // Brings the band's rows to their places: without the bytes between them, with an alpha, and decompressed.
+  // INVALID_ARGUMENT if the band does not hold whole rows, does not begin where the last one ended, exceeds the
+  // frame or is damaged. Takes no memory for rows that the frame does not have.
   absl::Status read(grpc::ByteBuffer& message, Row row);
+  // Takes a band in the same way, but keeps nothing of its rows and does not decompress them.
+  absl::Status pass(grpc::ByteBuffer& message);
 
-  bool complete() const { return rows_ == desc_.height; }
+  bool complete() const { return rows_ == layout_.desc.height; }
   // OK if every row has arrived, else INVALID_ARGUMENT with the number of rows.
   absl::Status check_complete() const;
 
  private:
-  absl::StatusOr<uint32_t> count_rows(uint64_t bytes) const;
+  using Input = google::protobuf::io::CodedInputStream;
+
+  // The number of rows in `bytes` bytes.
+  absl::StatusOr<uint32_t> count_rows(uint64_t bytes, uint64_t bytes_each) const;
+  // `row` may be null.
+  absl::Status read_rows(grpc::ByteBuffer& message, const Row* row);
+  absl::StatusOr<uint32_t> copy(Input& input, uint64_t bytes, const Row* row) const;
+  absl::StatusOr<uint32_t> unpack(Input& input, uint64_t bytes, const Row* row) const;
 
   const v1::BandKind kind_;
-  const FrameDesc desc_;
-  const uint64_t stride_bytes_;
+  const WireLayout layout_;
+  Clock& clock_;
+  const Charge charge_;
   uint32_t rows_ = 0;
 };
 

@@ -6,9 +6,11 @@
 #include <cstring>
 #include <utility>
 
+#include "proto/candela/v1/alpha.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
+#include "server/encode/image_file.h"
 #include "server/render/plan/metering.h"
 
 namespace candela {
@@ -82,12 +84,17 @@ v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& s
   return response;
 }
 
-v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const RenderedFrame& rendered,
+bool leaves_out_alpha(const Frame& frame, const WireLayout& layout, const FrameReport& report) {
+  const bool opaque = report.plan.resolve.opaque || !keeps_alpha(*frame.settings);
+  return layout.may_leave_out_alpha && opaque && !frame.image_in_memory;
+}
+
+v1::ResultHeader result_header(const Frame& frame, const WireLayout& layout, const RenderedFrame& rendered,
                                const std::string& device) {
   const FrameReport& report = rendered.report;
   v1::ResultHeader header;
   header.set_sequence(frame.sequence);
-  const ImageSize image = image_size(*frame.settings, desc);
+  const ImageSize image = image_size(*frame.settings, layout.desc);
   header.set_width(image.width);
   header.set_height(image.height);
   header.set_format(frame.settings->output_format());
@@ -103,6 +110,7 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
   header.set_tier_reason(report.tier_reason);
   if (report.error_bound) header.set_error_bound_codes(*report.error_bound);
   header.set_device(device);
+  header.set_image_in_memory(frame.image_in_memory);
   if (report.verification) {
     *header.mutable_verify() = verification(report.verification->rounded);
     *header.mutable_verify_unrounded() = verification(report.verification->unrounded);
@@ -110,9 +118,11 @@ v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const 
   return header;
 }
 
-ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header)
+ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header, bool rgb)
     : frame_(std::move(frame)),
-      row_bytes_(uint64_t{frame_->memory.image().width} * bytes_per_pixel(frame_->settings->output_format())),
+      rgb_(rgb),
+      row_bytes_(uint64_t{frame_->memory.image().width} *
+                 bytes_per_pixel(frame_->settings->output_format()) / 4 * (rgb ? 3 : 4)),
       header_(std::move(header)) {}
 
 ResultWriter::ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header)
@@ -159,11 +169,17 @@ grpc::Slice ResultWriter::refer_to(const void* bytes, uint64_t count) const {
 
 grpc::Slice ResultWriter::rows(uint32_t first, uint32_t count) const {
   const uint64_t bytes = row_bytes_ * count;
-  if (frame_->memory.output_contiguous()) return refer_to(frame_->memory.output_row(first).data(), bytes);
+  if (frame_->memory.output_contiguous() && !rgb_) return refer_to(frame_->memory.output_row(first).data(), bytes);
   grpc::Slice copy(bytes);
   auto* to = const_cast<uint8_t*>(copy.begin());  // not shared until it is sent
   for (uint32_t y = first; y < first + count; ++y, to += row_bytes_) {
-    std::memcpy(to, frame_->memory.output_row(y).data(), row_bytes_);
+    const std::span<const std::byte> row = frame_->memory.output_row(y);
+    if (rgb_) {
+      v1::leave_out_alpha(frame_->settings->output_format(), row,
+                          {reinterpret_cast<std::byte*>(to), row_bytes_});
+    } else {
+      std::memcpy(to, row.data(), row_bytes_);
+    }
   }
   return copy;
 }

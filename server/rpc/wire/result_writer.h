@@ -12,12 +12,15 @@
 
 #include "candela/v1/render.pb.h"
 #include "server/schedule/frame_queue.h"
+#include "server/session/render_start.h"
 
 namespace candela {
 
-// `desc` is the frame's size and format on the wire, and `device` the name of the Vulkan device. The frame's memory may
-// be gone.
-v1::ResultHeader result_header(const Frame& frame, const FrameDesc& desc, const RenderedFrame& rendered,
+// Whether the bands of the image hold no alpha.
+bool leaves_out_alpha(const Frame& frame, const WireLayout& layout, const FrameReport& report);
+
+// `device` is the name of the Vulkan device. The frame's memory may be gone.
+v1::ResultHeader result_header(const Frame& frame, const WireLayout& layout, const RenderedFrame& rendered,
                                const std::string& device);
 
 // Appends the times of stages.
@@ -33,8 +36,8 @@ v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& s
 // Not thread-safe.
 class ResultWriter {
  public:
-  // Sends `header` and then the image of `frame`, which has been rendered.
-  ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header);
+  // Sends `header` and then the image of `frame`, which has been rendered. `rgb`: without its alpha.
+  ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header, bool rgb);
   // Sends `header` and then `file`, the encoded image of a session's frame; empty: no image.
   ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header);
 
@@ -52,7 +55,8 @@ class ResultWriter {
   // One of the two is set.
   const std::shared_ptr<const Frame> frame_;
   const std::shared_ptr<const std::string> file_;
-  const uint64_t row_bytes_ = 0;
+  const bool rgb_ = false;
+  const uint64_t row_bytes_ = 0;  // of what is sent
   grpc::ByteBuffer header_;
   bool header_sent_ = false;
   uint32_t next_row_ = 0;

@@ -1,5 +1,7 @@
 #include "server/session/environments/environment_start.h"
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -44,6 +46,13 @@ absl::StatusOr<Matrix3> rotation_of(const v1::Camera& camera) {
   return camera_rotation({q.x(), q.y(), q.z(), q.w()});
 }
 
+absl::Status check_format(const char* field, const char* what, v1::PixelFormat format) {
+  constexpr std::array known{v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5};
+  if (std::ranges::count(known, format) > 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s is %d; %s is RGBA16F (1), RGBA32F (2) or RGB9E5 (3)", field, static_cast<int>(format), what));
+}
+
 BakeQuality quality_of(const Tier& tier) { return {tier.cube_samples, tier.specular_detail}; }
 
 absl::StatusOr<ViewSphere> sphere_from(const v1::Sphere& message) {
@@ -66,6 +75,7 @@ absl::StatusOr<ViewSphere> sphere_from(const v1::Sphere& message) {
 
 absl::StatusOr<PanoramaStart> panorama_start_from(const v1::EnvironmentStart& start,
                                                   const FrameLimits& limits) {
+  RETURN_IF_ERROR(check_format("start.format", "a panorama", start.format()));
   v1::FrameHeader header;
   header.set_width(start.width());
   header.set_height(start.height());
@@ -118,10 +128,7 @@ BakeQuality view_quality() { return quality_of(*find_tier("standard")); }
 
 absl::StatusOr<BakeStart> bake_start_from(const v1::BakeEnvironmentRequest& request) {
   BakeStart start{.spec = {}, .format = request.format(), .verify = request.verify()};
-  if (start.format == v1::PIXEL_FORMAT_UNSPECIFIED || !v1::PixelFormat_IsValid(start.format)) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "format is %d; a bake is RGBA16F (1), RGBA32F (2) or RGB9E5 (3)", static_cast<int>(start.format)));
-  }
+  RETURN_IF_ERROR(check_format("format", "a bake", start.format));
   const auto [min, max] = v1::kRotationDeg;
   if (absl::Status status = check_range("rotation_deg", request.rotation_deg(), min, max); !status.ok()) {
     return status;

@@ -128,6 +128,10 @@ absl::StatusOr<std::optional<ClientPixels>> client_pixels_from(const v1::FrameHe
     return absl::InvalidArgumentError(
         "frame.view and frame.memory.pixels_offset are both set; a view has no pixels");
   }
+  if (asked.has_pixels_offset() && layout.format != layout.desc.format) {
+    return absl::InvalidArgumentError(
+        "frame.format is RGB16F (4) or RGB32F (5) and frame.memory.pixels_offset is set; pixels in memory have an alpha");
+  }
   if (!local) {
     return absl::UnavailableError(
         "frame.memory is set in a call that did not come straight over a unix socket; send bands");

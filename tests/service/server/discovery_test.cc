@@ -62,7 +62,7 @@ TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
   EXPECT_FALSE(info.version().empty());
   EXPECT_EQ(info.device().name(), server().device_name());
   EXPECT_FALSE(info.device().type().empty());
-  EXPECT_EQ(info.formats_size(), 3);
+  EXPECT_EQ(info.formats_size(), 5);
   EXPECT_EQ(info.output_formats_size(), 3);
   EXPECT_EQ(info.curves_size(), v1::ToneCurve_ARRAYSIZE - 1);
   EXPECT_EQ(info.transfers_size(), 3);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/candela/v1/band_wire.h"
+#include "tests/support/clock/real_clock.h"
 #include "tests/support/status.h"
 
 namespace candela {
@@ -29,7 +30,7 @@ class BandReaderTest : public ::testing::Test {
     return bytes;
   }
 
-  BandReader reader_{v1::kFrameBand, kDesc, kStride};
+  BandReader reader_{v1::kFrameBand, {kDesc, kDesc.format, kStride}, testing::real_clock()};
   std::vector<std::string> rows_ = std::vector<std::string>(5, std::string(12, '.'));
 };
 
@@ -62,6 +63,19 @@ TEST_F(BandReaderTest, RefusesMoreRowsThanTheFrameHasWithoutWritingThem) {
   EXPECT_EQ(rows_[0], std::string(12, '.'));
   ASSERT_OK(read(0, rows(5)));
   EXPECT_TRUE(absl::IsInvalidArgument(read(5, rows(1))));
+}
+
+// Rows of two pixels of RGB16F, each with two bytes more.
+TEST(BandReader, AddsAnAlphaToRowsWithoutOne) {
+  const WireLayout layout{{2, 2, v1::PIXEL_FORMAT_RGBA16F}, v1::PIXEL_FORMAT_RGB16F, 14};
+  BandReader reader(v1::kFrameBand, layout, testing::real_clock());
+  std::string frame(2 * 16, '.');
+  grpc::ByteBuffer message = v1::make_band(v1::kFrameBand, 0, grpc::Slice("abcdefghijkl--mnopqrstuvwx--"));
+  ASSERT_OK(reader.read(message, [&frame](uint32_t y) {
+    return std::span(reinterpret_cast<std::byte*>(&frame.at(y * 16)), 16);
+  }));
+  const std::string one("\x00\x3c", 2);
+  EXPECT_EQ(frame, "abcdef" + one + "ghijkl" + one + "mnopqr" + one + "stuvwx" + one);
 }
 
 TEST_F(BandReaderTest, RefusesABandWithoutPixels) { EXPECT_TRUE(absl::IsInvalidArgument(read(0, ""))); }

@@ -37,14 +37,18 @@ grpc::ByteBuffer buffer_of(const std::string& bytes, size_t slice_bytes) {
 struct Read {
   uint32_t first_row = 0;
   std::string pixels;
+  std::string zstd = {};
 };
 
 absl::StatusOr<Read> read(const std::string& bytes, size_t slice_bytes = 7, BandKind kind = kFrameBand) {
   grpc::ByteBuffer buffer = buffer_of(bytes, slice_bytes);
   Read result;
   const absl::StatusOr<uint32_t> first_row = read_band(
-      kind, buffer, [&](google::protobuf::io::CodedInputStream& input, uint64_t size) -> absl::Status {
-        if (!input.ReadString(&result.pixels, static_cast<int>(size))) return absl::DataLossError("short");
+      kind, buffer, [&](google::protobuf::io::CodedInputStream& input, uint64_t size, BandRows form) -> absl::Status {
+        std::string rows;
+        if (!input.ReadString(&rows, static_cast<int>(size))) return absl::DataLossError("short");
+        result.pixels = form == BandRows::kPixels ? rows : "";
+        result.zstd = form == BandRows::kZstd ? rows : "";
         return absl::OkStatus();
       });
   if (!first_row.ok()) return first_row.status();
@@ -77,6 +81,26 @@ TEST(BandWire, BytesAreExactlyTheGeneratedClasses) {
       EXPECT_EQ(ours, request(first_row, pixels).SerializeAsString());
     }
   }
+}
+
+TEST(BandWire, RowsAreOfOneForm) {
+  RenderRequest plain = request(3, "abc"), packed;
+  packed.mutable_band()->set_first_row(3);
+  packed.mutable_band()->set_zstd("de");
+  const std::string ours = bytes_of(make_band(kFrameBand, 3, grpc::Slice("de"), BandRows::kZstd));
+  EXPECT_EQ(ours, packed.SerializeAsString());
+  ASSERT_OK_AND_ASSIGN(const Read band, read(ours));
+  EXPECT_EQ(band.zstd, "de");
+  EXPECT_REFUSED(kInvalidArgument, "send one of them", read(plain.SerializeAsString() + ours));
+  EXPECT_REFUSED(kInvalidArgument, "send one of them", read(ours + plain.SerializeAsString()));
+  // Each would be work.
+  EXPECT_REFUSED(kInvalidArgument, "zstd twice", read(ours + ours));
+  RenderRequest start;
+  start.mutable_start();
+  EXPECT_REFUSED(kInvalidArgument, "zstd twice", read(ours + start.SerializeAsString() + ours));
+  // An empty field is none.
+  const std::string empty("\x12\x02\x12\x00", 4);
+  EXPECT_EQ(read(ours + empty)->zstd, "de");
 }
 
 TEST(BandWire, TheErrorMapIsAnotherMemberOfTheSameMessage) {
@@ -168,7 +192,7 @@ TEST(BandWire, RefusesABandOverTwoMebibytesBeforeItTakesAPixel) {
   grpc::ByteBuffer buffer = buffer_of(message, 1 << 16);
   bool taken = false;
   const absl::StatusOr<uint32_t> band = read_band(
-      kFrameBand, buffer, [&](google::protobuf::io::CodedInputStream&, uint64_t bytes) -> absl::Status {
+      kFrameBand, buffer, [&](google::protobuf::io::CodedInputStream&, uint64_t bytes, BandRows) -> absl::Status {
         taken |= bytes > 0;
         return absl::OkStatus();
       });
@@ -197,10 +221,12 @@ TEST(BandWire, AgreesWithTheGeneratedClassOnDamagedMessages) {
     const absl::StatusOr<Read> ours = read(message, 1 + random() % 9);
     RenderRequest generated;
     const bool parsed = generated.ParseFromString(message);
-    if (parsed && generated.has_band()) {
+    const Band& band = generated.band();
+    if (parsed && generated.has_band() && (band.pixels().empty() || band.zstd().empty())) {
       ASSERT_OK(ours) << generated.ShortDebugString();
       ASSERT_EQ(ours->first_row, generated.band().first_row());
       ASSERT_EQ(ours->pixels, generated.band().pixels());
+      ASSERT_EQ(ours->zstd, generated.band().zstd());
       ++accepted;
     } else if (message.find('\x0a') == std::string::npos) {
       ASSERT_FALSE(ours.ok());

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <string>
 
 #include "tests/support/status.h"
 
@@ -60,6 +61,26 @@ TEST(FrameQueue, AHeavyFlowGetsNoMoreOfTheDeviceThanALightOne) {
   for (const auto& [flow, time] : used) {
     EXPECT_NEAR(absl::FDivDuration(time, all), 0.25, 0.01) << "flow " << flow;
   }
+}
+
+// Both have a frame waiting. What was done for the first one elsewhere counts as two frames.
+TEST(FrameQueue, WorkElsewhereCountsAsTimeOfTheDevice) {
+  FrameQueue queue(100);
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_OK(queue.push(job_of(1)));
+    ASSERT_OK(queue.push(job_of(2)));
+  }
+  queue.charge_elsewhere(1, absl::Milliseconds(20));
+  std::string order;
+  for (int i = 0; i < 5; ++i) {
+    const std::optional<FrameJob> job = queue.pop();
+    order += std::to_string(job->flow);
+    queue.charge(job->flow, absl::Milliseconds(10));
+  }
+  EXPECT_EQ(order, "21221");  // else "12121"
+  // A flow without a job may be charged, and a clock may be set back.
+  queue.charge_elsewhere(3, absl::Milliseconds(5));
+  queue.charge_elsewhere(3, -absl::Seconds(1));
 }
 
 TEST(FrameQueue, AFlowThatPausedHasNoClaimOnWhatItDidNotUse) {

@@ -32,12 +32,22 @@ absl::StatusOr<RenderStart> read(const v1::RenderRequest& message, const FrameLi
 
 absl::StatusCode code(const v1::RenderRequest& message) { return read(message).status().code(); }
 
+TEST(RenderStart, AFrameWithoutAlphaIsKeptWithOne) {
+  ASSERT_OK_AND_ASSIGN(const RenderStart start, read(request(5, 3, v1::PIXEL_FORMAT_RGB16F)));
+  EXPECT_EQ(start.layout.desc.format, v1::PIXEL_FORMAT_RGBA16F);
+  EXPECT_EQ(start.layout.row_bytes(), 30u);
+  EXPECT_EQ(start.layout.row_stride_bytes, 30u);
+  ASSERT_OK_AND_ASSIGN(const RenderStart wide, read(request(5, 3, v1::PIXEL_FORMAT_RGB32F)));
+  EXPECT_EQ(wide.layout.desc.format, v1::PIXEL_FORMAT_RGBA32F);
+  EXPECT_EQ(wide.layout.row_bytes(), 60u);
+}
+
 TEST(RenderStart, AbsentSettingsTakeTheDefaults) {
   ASSERT_OK_AND_ASSIGN(const RenderStart start, read(request(5, 3)));
   EXPECT_EQ(start.sequence, 42u);
-  EXPECT_EQ(start.desc.width, 5u);
-  EXPECT_EQ(start.desc.height, 3u);
-  EXPECT_EQ(start.row_stride_bytes, 40u);
+  EXPECT_EQ(start.layout.desc.width, 5u);
+  EXPECT_EQ(start.layout.desc.height, 3u);
+  EXPECT_EQ(start.layout.row_stride_bytes, 40u);
   EXPECT_EQ(start.settings->exposure().mode(), v1::Exposure::MODE_AUTO);
   EXPECT_EQ(start.settings->exposure().key(), 0.18);
   EXPECT_EQ(start.settings->bloom().intensity(), 0.05f);

@@ -73,8 +73,8 @@ class SimulatedSession {
     const auto has_room = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return frames_.has_room(); };
     absl::MutexLock lock(&mutex_);
     mutex_.Await(absl::Condition(&has_room));
-    ASSERT_OK(frames_.add(header, {sent.desc, sent.desc.row_bytes()}, sent.settings->exposure(), "",
-                          absl::InfinitePast()));
+    ASSERT_OK(frames_.add(header, {sent.desc, sent.desc.format, sent.desc.row_bytes()},
+                          sent.settings->exposure(), "", absl::InfinitePast()));
     const SessionFrames::EntryPtr entry = frames_.newest();
     ASSERT_OK_AND_ASSIGN(FrameMemory memory, memory_of(*maker, sent));
     entry->frame = std::make_shared<Frame>(Frame{maker, std::move(memory), sent.settings, sent.sequence});
