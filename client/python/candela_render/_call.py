@@ -80,8 +80,8 @@ class Call:
             self._grpc.cancel()
             watch.join()
             if self._memory is not None:
-                self._areas.clear()
                 self._memory.close()
+                self._areas.clear()
                 if self._shared and not self._answered and core.transport == "auto":
                     core.transport = "grpc"  # the server may take no memory from here
 

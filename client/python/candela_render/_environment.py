@@ -13,7 +13,7 @@ from ._channel import Connection, Security, Servers
 from ._error import error_of, invalid, protocol_error
 from ._frame import View
 from ._messages import enum_number
-from ._wire import Array, ImageReader, bands, pixel_format, tight_rgba
+from ._wire import Array, ImageReader, bands, fill_rgba, pixel_format
 from .settings import Camera, Sphere
 
 _PIXELS: dict[str, tuple[Any, Any]] = {"rgba16f": (pb.PIXEL_FORMAT_RGBA16F, numpy.float16),
@@ -44,10 +44,11 @@ class Environment:
     def __init__(self, panorama: Array, server: Servers = None, *, primaries: str = "rec709", bad_values: str = "scrub",
                  security: Security = Security(), retry_limit: float = 30) -> None:
         array = numpy.asarray(panorama)
-        self._start = pb.EnvironmentStart(format=pixel_format(array), height=array.shape[0], width=array.shape[1],
+        pixel_format(array)  # raises
+        self._pixels = fill_rgba(numpy.empty((*array.shape[:2], 4), array.dtype), array)
+        self._start = pb.EnvironmentStart(format=pixel_format(self._pixels), height=array.shape[0], width=array.shape[1],
                                           input_primaries=enum_number(primaries, pb.Primaries.DESCRIPTOR, "primaries"),
                                           bad_values=enum_number(bad_values, pb.BadValues.DESCRIPTOR, "bad_values"))
-        self._pixels = tight_rgba(array, True)
         self._start.total_bytes = self._pixels.nbytes
         self._at: tuple[Servers, Security, float] = (server, security, retry_limit)
         self.info: pb.Environment = ask(*self._at, self._upload)

@@ -10,7 +10,7 @@ from . import render_pb2 as pb
 from ._error import invalid
 from ._memory import area_of
 from ._messages import fill
-from ._wire import Array, bands, pixel_format, tight_rgba
+from ._wire import Array, bands, fill_rgba, pixel_format
 from .settings import Camera, Sphere
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Frame:
     """What is sent of a frame, and kept until it has its result."""
 
     header: pb.FrameHeader
-    pixels: Array | None  # (h, w, 4); None: the header has a view
+    pixels: Array | None  # (h, w, 3 or 4) in C order; (h, w, 4) in shared memory. None: the header has a view
     environment: Environment | None
     image_bytes: int = 0  # of the image that may be put into shared memory
 
@@ -72,10 +72,15 @@ def make_frame(source: Array | View, *, copy: bool, room: Room | None = None, **
         message.view.CopyFrom(source._message())
         return Frame(message, None, source.environment)
     array = numpy.asarray(source)
-    message.format = pixel_format(array)
-    message.height, message.width = array.shape[:2]
-    height, width = array.shape[:2]
-    given = array.flags.c_contiguous and array.shape[2] == 4 and area_of(array) is not None
-    pixels = array if given else tight_rgba(array, copy, room((height, width, 4), array.dtype) if room is not None else None)
-    message.total_bytes = pixels.nbytes
+    pixel_format(array)  # raises
+    height, width, components = array.shape
+    given = array.flags.c_contiguous and components == 4 and area_of(array) is not None
+    place = room((height, width, 4), array.dtype) if room is not None and not given else None
+    if place is not None:
+        pixels = fill_rgba(place, array)
+    elif given or not copy:
+        pixels = numpy.ascontiguousarray(array)
+    else:
+        pixels = numpy.array(array, order="C")
+    message.format, message.height, message.width, message.total_bytes = pixel_format(pixels), height, width, pixels.nbytes
     return Frame(message, pixels, None)

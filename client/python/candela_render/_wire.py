@@ -16,7 +16,8 @@ Array = NDArray[Any]
 MAX_BAND_BYTES = 2 << 20
 MAX_SIDE = 16384  # pixels
 
-_FORMATS = {numpy.dtype(numpy.float16): pb.PIXEL_FORMAT_RGBA16F, numpy.dtype(numpy.float32): pb.PIXEL_FORMAT_RGBA32F}
+_FORMATS = {(numpy.dtype(numpy.float16), 3): pb.PIXEL_FORMAT_RGB16F, (numpy.dtype(numpy.float16), 4): pb.PIXEL_FORMAT_RGBA16F,
+            (numpy.dtype(numpy.float32), 3): pb.PIXEL_FORMAT_RGB32F, (numpy.dtype(numpy.float32), 4): pb.PIXEL_FORMAT_RGBA32F}
 _IMAGES: dict[int, type] = {pb.OUTPUT_FORMAT_RGBA8: numpy.uint8, pb.OUTPUT_FORMAT_RGBA16: numpy.uint16,
                             pb.OUTPUT_FORMAT_RGBA16F: numpy.float16}
 
@@ -27,29 +28,25 @@ def pixel_format(array: Array) -> Any:
         raise invalid(f"the frame has the shape {array.shape}; it is (height, width, 3 or 4)")
     if max(array.shape[:2]) > MAX_SIDE:
         raise invalid(f"the frame has the shape {array.shape}; a side has at most {MAX_SIDE} pixels")
-    found = _FORMATS.get(array.dtype)
+    found = _FORMATS.get((array.dtype, array.shape[2]))
     if found is None:
         raise invalid(f"the frame has the dtype {array.dtype}; it is float16 or float32")
     return found
 
 
-def tight_rgba(array: Array, copy: bool, room: Array | None = None) -> Array:
-    """The array's pixels as they are sent: (h, w, 4) in C order. Without `copy` and `room` it may be the array itself."""
-    height, width, components = array.shape
-    if components == 4 and not copy and room is None:
-        return numpy.ascontiguousarray(array)
-    tight = numpy.empty((height, width, 4), array.dtype) if room is None else room
-    if components == 4:
-        tight[...] = array
-        return tight
+def fill_rgba(room: Array, array: Array) -> Array:
+    """Copies pixels (h, w, 3 or 4) to `room`, which is (h, w, 4)."""
+    if array.shape[2] == 4:
+        room[...] = array
+        return room
     for component in range(3):  # numpy's loop over pixels is longer, and so faster, than one over three components
-        tight[..., component] = array[..., component]
-    tight[..., 3] = 1
-    return tight
+        room[..., component] = array[..., component]
+    room[..., 3] = 1
+    return room
 
 
 def bands(pixels: Array, field: int) -> Iterator[bytes]:
-    """The messages of a frame's rows. `field` is that of the band in the request. Copies the pixels once."""
+    """The messages of a frame's rows, in C order. `field` is that of the band in the request. Copies the pixels once."""
     row_bytes = pixels[0].nbytes
     rows = max(1, MAX_BAND_BYTES // row_bytes)
     flat = pixels.data.cast("B")
