@@ -119,8 +119,9 @@ absl::Time SessionStream::deadline() const {
 
 CallEnd SessionStream::end() const {
   CallEnd end = own_.status.ok() ? how_it_ended() : own_;
-  // A server that takes no region of ours says so by ending the call.
-  if (shared_ && !answered_ && own_.status.ok() && !end.status.ok()) memory_.give_up();
+  // A server that takes no region of ours says so by ending the call. Only its own status has details.
+  const bool refused = !call_->status().error_details().empty() && !leaving_;
+  if (shared_ && !answered_ && own_.status.ok() && refused) memory_.give_up();
   end.progress = progress_;
   end.asked = asked_ && call_->connected();
   return end;

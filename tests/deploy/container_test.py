@@ -127,6 +127,26 @@ def it_renders_and_streams_the_hosts_bits() -> None:
                       " --server unix:/tmp/candelad.sock")
 
 
+def it_shares_memory_with_its_host_and_with_other_containers() -> None:
+    shared = FOLDER / "shared"
+    shared.mkdir()
+    shutil.chown(shared, 65532, 65532)
+    volume = f"--volume={shared}:/shared"
+    by_memory = ("--server", f"unix:{shared}/local.sock", "--transport", "memory")
+    run(CANDELA, "sample", "--sequence", FOLDER / "in", "--size", "640x360", "--frames", "24")
+    run(CANDELA, "stream", FOLDER / "in", FOLDER / "here")
+    with containers(Container("--listen=unix:/shared/local.sock", options=(volume,))) as (candelad,):
+        run(CANDELA, "stream", FOLDER / "in", FOLDER / "there", *by_memory)
+        expect_same(FOLDER / "there", digests(FOLDER / "here"))
+        bench = ("bench", "--seconds", "1", "--size", "320x180", "--transport", "memory", "--json", "-", "-q", "--server")
+        for where in (run(CANDELA, *bench, by_memory[1]),
+                      podman.podman("run", "--rm", *podman.AS_SHIPPED, volume, "--entrypoint=candela", podman.IMAGE, *bench,
+                                    "unix:/shared/local.sock")):
+            expect(json.loads(where)["transport"] == "memory", f"it was not by memory: {where}")
+        expect("memfd:candela" not in podman.podman("exec", candelad.id, "sh", "-c", "cat /proc/[0-9]*/maps"),
+               "the memory of clients that went is still there")
+
+
 def resume_keys() -> tuple[pathlib.Path, str]:
     """Returns a file of keys and the option that mounts it in a container."""
     keys = FOLDER / "keys"
@@ -362,6 +382,7 @@ CLAIMS = {claim.__name__: claim for claim in (
     the_gpu_image_has_mesas_drivers_and_still_runs_without_a_gpu, the_host_image_has_no_vulkan_and_is_half_as_large,
     the_sbom_lists_every_package,
     it_does_not_start_in_the_open_or_without_a_driver_and_says_why, it_renders_and_streams_the_hosts_bits,
+    it_shares_memory_with_its_host_and_with_other_containers,
     a_stop_under_load_loses_no_frame, more_sessions_than_memory_are_refused_and_nothing_is_killed,
     behind_haproxy_a_kill_and_a_rolling_restart_cost_no_frame, kube_play_brings_it_up,
     systemd_runs_the_unit_and_a_crash_a_hang_and_a_stop_cost_no_frame)}

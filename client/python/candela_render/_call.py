@@ -82,8 +82,6 @@ class Call:
             if self._memory is not None:
                 self._memory.close()
                 self._areas.clear()
-                if self._shared and not self._answered and core.transport == "auto":
-                    core.transport = "grpc"  # the server may take no memory from here
 
     def _requests(self) -> Iterator[bytes]:
         """Runs on gRPC's thread."""
@@ -243,6 +241,9 @@ class Call:
         if self._core.cancelled:
             return End(Error("CANCELLED", "the session was closed"), False)
         error = error_of(failed, self._connection.address)
+        # A server that takes no memory from here says so by ending the call. Only its own status says when to come back.
+        if self._shared and not self._answered and not self._leaving and error.retry_delay and self._core.transport == "auto":
+            self._core.transport = "grpc"
         code, was_open = error.code, self._core.was_open
         if self._closed and self._core.log.unanswered == 0 and code in ("UNAVAILABLE", "CANCELLED", "INTERNAL", "UNKNOWN"):
             return End(None, False)

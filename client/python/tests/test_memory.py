@@ -2,7 +2,9 @@
 import gc
 import os
 import pathlib
+import time
 import unittest
+import unittest.mock
 
 import candela_render as candela
 import numpy
@@ -70,6 +72,36 @@ class Memory(Test):
                 image, info = session(frame, time=n / 25)
                 images.append(image.copy())
                 self.assertTrue(info.image_in_memory or n == 5)
+        numpy.testing.assert_array_equal(images, expected)
+
+    def test_a_server_that_is_lost_before_its_first_result_still_shares_memory_then(self):
+        scene = frames(8)
+        with candela.Session(self.one.address, lookahead=4) as session:
+            for n, frame in enumerate(scene):
+                if n == 3:
+                    time.sleep(0.1)  # the frames before are on their way
+                    self.one.kill()
+                    self.one.socket.with_name(self.one.socket.name + ".memory").unlink(missing_ok=True)
+                    self.one.start()
+                session.submit(frame, time=n / 25)
+            session.finish()
+            infos = [result.get()[1] for result in session.results()]
+            self.assertTrue(infos[-1].image_in_memory)
+            self.assertEqual(session.stats.resumes, 1)
+
+    def test_a_server_that_takes_no_memory_gets_bands(self):
+        scene = frames(4)
+        expected, _ = self.run_session("grpc", scene)
+        from candela_render import _memory
+        make = _memory.Region.__init__
+
+        def unknown(region, *args):
+            make(region, *args)
+            region.ticket = bytes(16)
+
+        with unittest.mock.patch.object(_memory.Region, "__init__", unknown):
+            images, shared = self.run_session("auto", scene)
+        self.assertEqual(shared, 0)
         numpy.testing.assert_array_equal(images, expected)
 
     def test_nothing_stays_mapped_or_open(self):

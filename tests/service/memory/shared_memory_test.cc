@@ -381,6 +381,39 @@ TEST_F(SharedFrames, NothingIsLeftOfSessionsThatEndedInAnyWay) {
   EXPECT_TRUE(folder_.list().empty());
 }
 
+// Look-ahead holds the results back, so the server is lost before the first one. It did not refuse the memory.
+TEST(SharedFramesResume, AServerThatIsKilledBeforeTheFirstResultStillSharesMemoryThen) {
+  const TemporaryFolder folder;
+  const std::vector<std::string> arguments = {"--listen", "unix:" + folder.path("s")};
+  const Film film = make_film(8, 160, 90);
+  auto daemon = std::make_unique<Daemon>(arguments);
+  ASSERT_NE(daemon->wait_until_listening(), "") << daemon->errors();
+  SessionOptions options;
+  options.servers = {"unix:" + folder.path("s")};
+  options.lookahead = 4;
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open(options));
+  for (size_t i = 0; i < film->size(); ++i) {
+    if (i == 3) {
+      absl::SleepFor(absl::Milliseconds(100));  // the frames before are on their way
+      daemon->signal(SIGKILL);
+      daemon->wait();
+      daemon = std::make_unique<Daemon>(arguments);
+      ASSERT_NE(daemon->wait_until_listening(), "");
+    }
+    ASSERT_OK(session.submit(frame_of(film, i)));
+  }
+  session.finish();
+  bool in_memory = false;
+  for (;;) {
+    ASSERT_OK_AND_ASSIGN(const std::optional<FrameResult> result, session.next_result());
+    if (!result) break;
+    ASSERT_OK(result->status);
+    in_memory = result->image.header.image_in_memory();
+  }
+  EXPECT_TRUE(in_memory);
+  EXPECT_EQ(session.stats().resumes, 1u);
+}
+
 TEST(SharedFramesResume, AServerThatIsKilledAndStartedAgainGivesTheSameBits) {
   const TemporaryFolder folder;
   const TemporaryFile keys("0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef\n");
