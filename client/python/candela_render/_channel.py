@@ -83,6 +83,8 @@ class Connection:
         options: list[tuple[str, Any]] = [
             ("grpc.enable_http_proxy", 0), ("grpc.use_local_subchannel_pool", 1), ("grpc.max_receive_message_length", 4 << 20),
             ("grpc.initial_reconnect_backoff_ms", 100), ("grpc.max_reconnect_backoff_ms", 1000),
+            # gRPC looks the address up again before it connects again, by default every 30 s at most.
+            ("grpc.dns_min_time_between_resolutions_ms", 100),
             ("grpc.keepalive_time_ms", ping_ms), ("grpc.keepalive_timeout_ms", ping_ms),
             ("grpc.http2.max_pings_without_data", 0)]
         if wants_tls and not local:
