@@ -271,6 +271,13 @@ class Faults(Test):
                 session(frames(1)[0], time=0)
 
 
+def runs_candelad(pid):
+    try:
+        return "candelad" in pathlib.Path(f"/proc/{pid}/cmdline").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
 # Each prints the folder of its server and ends in another way.
 ENDS = {
     "normally": "",
@@ -294,12 +301,14 @@ with candela.Session() as session:
     print(_server._own._process.pid, _server._own._folder, flush=True)
     {line}
 """
-                # The watcher holds the pipe of stderr, too: it is at its end when all of them are.
+                # The watcher holds the pipe of stderr, too: it is at its end when both are.
                 done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
                 pid, folder = done.stdout.split()
-                self.assertFalse(pathlib.Path(f"/proc/{pid}").exists() and
-                                 "candelad" in pathlib.Path(f"/proc/{pid}/cmdline").read_text())
                 self.assertFalse(os.path.exists(folder))
+                until = time.monotonic() + 30  # a kill takes effect later
+                while runs_candelad(pid) and time.monotonic() < until:
+                    time.sleep(0.01)
+                self.assertFalse(runs_candelad(pid))
 
     def test_threads_end_with_their_session(self):
         before = threading.active_count()
