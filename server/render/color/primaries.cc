@@ -101,6 +101,11 @@ Chromaticities chromaticities(const v1::Chromaticities& m) {
   return {{m.red_x(), m.red_y(), m.green_x(), m.green_y(), m.blue_x(), m.blue_y(), m.white_x(), m.white_y()}};
 }
 
+std::array<double, 9> matrix_to_xyz(const Chromaticities& from) {
+  const M33d m = to_xyz(from.xy).transposed();
+  return {m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0], m[2][1], m[2][2]};
+}
+
 White white_of(double kelvin, double tint) {
   constexpr double kTintUv = 0.05;
   constexpr double kStepKelvin = 1.0;  // for the direction of the locus

@@ -20,6 +20,10 @@ struct Chromaticities {
 Chromaticities chromaticities(v1::Primaries primaries);
 Chromaticities chromaticities(const v1::Chromaticities& message);
 
+// The 3x3 matrix, row by row, that converts linear RGB of these primaries to XYZ, with white at Y = 1. All 0
+// if the chromaticities span no volume. Source: SMPTE RP 177-1993.
+std::array<double, 9> matrix_to_xyz(const Chromaticities& from);
+
 // The chromaticity of a scene's white.
 struct White {
   double x = 0.0;  // CIE 1931
