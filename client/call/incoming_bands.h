@@ -32,8 +32,8 @@ class IncomingBands {
  public:
   explicit IncomingBands(v1::BandKind kind) : kind_(kind) {}
 
-  // Starts an image: rows of `row_bytes` that fill `bytes`. The caller owns `bytes`. With `left_out` the bands hold no
-  // alpha, which is 1, and the image has this format.
+  // Starts an image: rows of `row_bytes` that fill `bytes`. The caller owns `bytes`. With `left_out` the
+  // bands hold no alpha, which is 1, and the image has this format.
   void begin(std::span<std::byte> bytes, uint64_t row_bytes,
              v1::OutputFormat left_out = v1::OUTPUT_FORMAT_UNSPECIFIED);
 

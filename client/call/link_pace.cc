@@ -5,11 +5,11 @@
 namespace candela {
 namespace {
 
-// A core compresses 500 to 900 MB/s and another one decompresses as much, so this leaves each of them most of its time. 1 Gbit/s
-// is 117 MB/s; loopback takes more than 600.
+// A core compresses 500 to 900 MB/s and another one decompresses as much, so this leaves each of them most of
+// its time. 1 Gbit/s is 117 MB/s; loopback takes more than 600.
 constexpr double kSlowBytesPerSecond = 200e6;
-// The first bands show how soon the server takes a frame, which may wait for its memory there. So does the slowest of the others,
-// because HTTP/2's window may take some of them before.
+// The first bands show how soon the server takes a frame, which may wait for its memory there. So does the
+// slowest of the others, because HTTP/2's window may take some of them before.
 constexpr uint64_t kFirstMeasuredBand = 2;
 // After as many compressed frames one is not, because the link may have become faster.
 constexpr uint64_t kFramesBetweenLooks = 64;

@@ -12,7 +12,8 @@ class LinkPace {
  public:
   // A frame begins. Returns whether to compress it.
   bool next_frame();
-  // The frame's band `index` of `bytes` bytes, not compressed, took `time` until the next one could be written.
+  // The frame's band `index` of `bytes` bytes, not compressed, took `time` until the next one could be
+  // written.
   void wrote(uint64_t index, uint64_t bytes, absl::Duration time);
 
  private:

@@ -43,7 +43,9 @@ bool may_resume(const grpc::Status& status, bool again) {
   }
 }
 
-uint64_t row_bytes(const SessionFrame& frame) { return uint64_t{frame.width} * bytes_per_pixel(frame.format); }
+uint64_t row_bytes(const SessionFrame& frame) {
+  return uint64_t{frame.width} * bytes_per_pixel(frame.format);
+}
 
 // Those of the band that begins at `row`.
 std::span<const std::byte> band_rows(const SessionFrame& frame, uint64_t row) {
@@ -51,8 +53,8 @@ std::span<const std::byte> band_rows(const SessionFrame& frame, uint64_t row) {
   return frame.pixels.subspan(row * row_bytes(frame), count * row_bytes(frame));
 }
 
-// `rows` of the frame, without a copy. gRPC may keep a message after its call has ended, so the slice keeps the
-// frame.
+// `rows` of the frame, without a copy. gRPC may keep a message after its call has ended, so the slice keeps
+// the frame.
 grpc::Slice slice_of(const std::shared_ptr<const SessionFrame>& frame, std::span<const std::byte> rows) {
   const auto let_go = [](void* owner) { delete static_cast<std::shared_ptr<const SessionFrame>*>(owner); };
   return grpc::Slice(const_cast<std::byte*>(rows.data()), rows.size(), let_go,
@@ -265,8 +267,7 @@ bool SessionStream::place(const SessionStep& step, v1::FrameHeader& header) {
   const std::shared_ptr<SharedRegion> region = memory_.region();
   if (region == nullptr) return false;
   const bool has_alpha = with_alpha(step.frame->format) == step.frame->format;
-  const std::optional<uint64_t> pixels =
-      has_alpha ? region->offset_of(step.frame->pixels) : std::nullopt;
+  const std::optional<uint64_t> pixels = has_alpha ? region->offset_of(step.frame->pixels) : std::nullopt;
   SharedRegion::Area image = region->take(step.image_bytes);
   if (!pixels && image.bytes == nullptr) return false;
   shared_ = true;

@@ -85,7 +85,7 @@ class SessionStream {
   bool server_unpacks_ = false;                  // the server takes compressed bands
   bool compress_ = false;                        // those of this frame
   LinkPace pace_;
-  std::optional<v1::RowPacker> packer_;  // from the first frame on that is compressed
+  std::optional<v1::RowPacker> packer_;                         // from the first frame on that is compressed
   std::deque<std::pair<uint64_t, SharedRegion::Area>> images_;  // of frames that were sent, by their numbers
   bool shared_ = false;                                         // a frame was placed in memory
   int64_t owed_ = 0;          // frames that were sent whole and have no result

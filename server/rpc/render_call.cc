@@ -67,10 +67,10 @@ absl::Status RenderCall::take_start() {
                            .flow = flow_};
   const v1::FrameHeader& header = request.start().frame();
   const v1::Settings& settings = *start_->settings;
-  ASSIGN_OR_RETURN(shared_, client_pixels_from(header, start_->layout,
-                                               image_size(settings, start_->layout.desc), settings.output_format(),
-                                               transport_.straight_from_this_host(),
-                                               /*raw=*/work_ == Work::kRender, service_.regions));
+  ASSIGN_OR_RETURN(shared_,
+                   client_pixels_from(header, start_->layout, image_size(settings, start_->layout.desc),
+                                      settings.output_format(), transport_.straight_from_this_host(),
+                                      /*raw=*/work_ == Work::kRender, service_.regions));
   if (header.has_view()) {
     RETURN_IF_ERROR(use_view(header.view(), /*held=*/nullptr, service_, asked));
   }

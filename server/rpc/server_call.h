@@ -20,7 +20,8 @@ namespace candela {
 
 // Its transport owns a call until on_done. The call gives its place in the gate up when it finishes, and
 // leaves in on_done or, if the peer is dead, one idle timeout after it finished. Methods without a note may
-// be called from any thread. The mutex is never held for longer than it takes to copy or to decompress one band.
+// be called from any thread. The mutex is never held for longer than it takes to copy or to decompress one
+// band.
 class ServerCall : public std::enable_shared_from_this<ServerCall> {
  public:
   virtual ~ServerCall() = default;

@@ -43,7 +43,8 @@ bool StreamAnswers::next(SessionFrames& frames, grpc::ByteBuffer& message) {
   } else if (due->file != nullptr) {
     writer_.emplace(due->file, result(*due, exposure));
   } else {
-    writer_.emplace(due->frame, result(*due, exposure), leaves_out_alpha(*due->frame, due->layout, *due->report));
+    writer_.emplace(due->frame, result(*due, exposure),
+                    leaves_out_alpha(*due->frame, due->layout, *due->report));
   }
   return writer_->next(message);
 }

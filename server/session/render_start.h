@@ -15,9 +15,9 @@ namespace candela {
 
 // The size and layout of a frame, as its header gives them.
 struct WireLayout {
-  FrameDesc desc;             // as the server keeps it: the format has an alpha
-  v1::PixelFormat format;     // on the wire; desc.format is with_alpha() of it
-  uint64_t row_stride_bytes;  // of bands of pixels; at least row_bytes()
+  FrameDesc desc;                    // as the server keeps it: the format has an alpha
+  v1::PixelFormat format;            // on the wire; desc.format is with_alpha() of it
+  uint64_t row_stride_bytes;         // of bands of pixels; at least row_bytes()
   bool may_leave_out_alpha = false;  // of the image, if it is 1
 
   uint64_t row_bytes() const { return uint64_t{desc.width} * bytes_per_pixel(format); }

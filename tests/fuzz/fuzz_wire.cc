@@ -76,7 +76,9 @@ bool may_be_looser(v1::BandKind kind, const std::string& bytes) {
   return false;
 }
 
-const std::string& rows_of(const v1::Band& band) { return !band.zstd().empty() ? band.zstd() : band.pixels(); }
+const std::string& rows_of(const v1::Band& band) {
+  return !band.zstd().empty() ? band.zstd() : band.pixels();
+}
 
 grpc::ByteBuffer make_band(v1::BandKind kind, const v1::Band& band) {
   return v1::make_band(kind, band.first_row(), grpc::Slice(rows_of(band)),
@@ -182,7 +184,8 @@ void check_start(const RenderStart& start) {
 }
 
 // The band's rows as the server keeps them; empty if they are damaged or do not fit.
-std::vector<std::vector<std::byte>> rows_of(const v1::Band& band, const WireLayout& layout, uint32_t next_row) {
+std::vector<std::vector<std::byte>> rows_of(const v1::Band& band, const WireLayout& layout,
+                                            uint32_t next_row) {
   const auto bytes = std::as_bytes(std::span(rows_of(band)));
   const uint64_t each = !band.zstd().empty() ? layout.row_bytes() : layout.row_stride_bytes;
   v1::RowUnpacker unpacker;

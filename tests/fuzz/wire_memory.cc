@@ -54,7 +54,8 @@ void place_in_memory(v1::FrameHeader header, const RenderStart& start) {
            "a place is refused with one of its codes", pixels.status().ToString());
     return;
   }
-  expect_inside((*pixels)->rows, start.layout.row_stride_bytes * (start.layout.desc.height - 1) + start.layout.row_bytes(),
+  expect_inside((*pixels)->rows,
+                start.layout.row_stride_bytes * (start.layout.desc.height - 1) + start.layout.row_bytes(),
                 *kRegistered->region);
   expect_inside((*pixels)->image, uint64_t{image.width} * image.height * bytes_per_pixel(format),
                 *kRegistered->region);

@@ -108,23 +108,24 @@ void add_servers_options(CLI::App& app, ServerChoice& choice) {
 }
 
 void add_transport_option(CLI::App& app, ServerChoice& choice) {
-  add_text(
-      app, kServerSection, "--transport", "WAY",
-      "How frames and images travel: grpc, zstd (grpc with compressed frames), memory (shared with a server at unix:PATH) "
-      "or auto (default: auto, which is memory where the server offers it, else grpc, and zstd on a slow link)",
-      [&choice](const std::string& text) {
-        static const std::map<std::string, Transport> kWays = {
-            {"auto", Transport::kAuto},
-            {"grpc", Transport::kGrpc},
-            {"zstd", Transport::kZstd},
-            {"memory", Transport::kMemory}};
-        const auto way = kWays.find(text);
-        if (way == kWays.end()) {
-          return usage_error(absl::StrFormat("--transport is \"%s\"; it must be auto, grpc, zstd or memory", text));
-        }
-        choice.transport = way->second;
-        return absl::OkStatus();
-      });
+  add_text(app, kServerSection, "--transport", "WAY",
+           "How frames and images travel: grpc, zstd (grpc with compressed frames), memory (shared with a "
+           "server at unix:PATH) "
+           "or auto (default: auto, which is memory where the server offers it, else grpc, and zstd on a "
+           "slow link)",
+           [&choice](const std::string& text) {
+             static const std::map<std::string, Transport> kWays = {{"auto", Transport::kAuto},
+                                                                    {"grpc", Transport::kGrpc},
+                                                                    {"zstd", Transport::kZstd},
+                                                                    {"memory", Transport::kMemory}};
+             const auto way = kWays.find(text);
+             if (way == kWays.end()) {
+               return usage_error(
+                   absl::StrFormat("--transport is \"%s\"; it must be auto, grpc, zstd or memory", text));
+             }
+             choice.transport = way->second;
+             return absl::OkStatus();
+           });
 }
 
 void add_running_server_option(CLI::App& app, const std::string& section, ServerChoice& choice) {

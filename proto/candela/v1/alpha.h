@@ -8,7 +8,8 @@
 
 namespace candela::v1 {
 
-// Copies a tight row without alpha to `place`, which holds as many pixels with an alpha of 1. The format is RGB16F or RGB32F.
+// Copies a tight row without alpha to `place`, which holds as many pixels with an alpha of 1. The format is
+// RGB16F or RGB32F.
 void add_alpha(PixelFormat format, std::span<const std::byte> row, std::span<std::byte> place);
 // The same for an image, of any format.
 void add_alpha(OutputFormat format, std::span<const std::byte> row, std::span<std::byte> place);

@@ -25,7 +25,8 @@ constexpr uint32_t bytes_per_pixel(PixelFormat format) {
   }
 }
 
-// The format of the same pixels with an alpha of 1, if `format` has no alpha and is not packed; else `format`.
+// The format of the same pixels with an alpha of 1, if `format` has no alpha and is not packed; else
+// `format`.
 constexpr PixelFormat with_alpha(PixelFormat format) {
   switch (format) {
     case PIXEL_FORMAT_RGB16F:

@@ -58,8 +58,8 @@ Word load(const std::byte* from) {
   return word;
 }
 
-// `planes` points at the row's place in the first of them; `count` bytes further is that in the next one. Byte b of
-// component c is in plane b * components + c.
+// `planes` points at the row's place in the first of them; `count` bytes further is that in the next one.
+// Byte b of component c is in plane b * components + c.
 template <typename F>
 void split(F, const std::byte* row, uint32_t width, std::byte* planes, size_t count) {
   using Word = typename F::Word;
@@ -86,8 +86,8 @@ void join(F, const std::byte* planes, size_t count, uint32_t width, std::byte* p
     for (uint32_t x = 0; x < width; ++x) {
       Word folded = 0;
       for (size_t b = 0; b < sizeof(Word); ++b) {
-        folded = static_cast<Word>(
-            folded | static_cast<Word>(planes[(b * F::components + c) * count + x]) << (8 * b));
+        folded = static_cast<Word>(folded | static_cast<Word>(planes[(b * F::components + c) * count + x])
+                                                << (8 * b));
       }
       word = static_cast<Word>(word + unfold(folded));
       std::memcpy(place + x * pixel_bytes + c * sizeof(Word), &word, sizeof(Word));
@@ -119,8 +119,8 @@ grpc::Slice RowPacker::pack(std::span<const std::byte> rows, uint32_t width, Pix
     }
   });
   std::vector<std::byte> packed(ZSTD_compressBound(planes_.size()));
-  const size_t size = ZSTD_compressCCtx(context_.get(), packed.data(), packed.size(), planes_.data(),
-                                        planes_.size(), kLevel);
+  const size_t size =
+      ZSTD_compressCCtx(context_.get(), packed.data(), packed.size(), planes_.data(), planes_.size(), kLevel);
   CHECK(!ZSTD_isError(size));
   return grpc::Slice(packed.data(), size);
 }
@@ -129,7 +129,8 @@ absl::StatusOr<uint64_t> RowUnpacker::unpacked_bytes(std::span<const std::byte> 
   // zstd's library may know older forms and takes several frames, each of which would be work.
   uint32_t magic = 0;
   if (packed.size() >= sizeof(magic)) std::memcpy(&magic, packed.data(), sizeof(magic));
-  if (magic != ZSTD_MAGICNUMBER || ZSTD_findFrameCompressedSize(packed.data(), packed.size()) != packed.size()) {
+  if (magic != ZSTD_MAGICNUMBER ||
+      ZSTD_findFrameCompressedSize(packed.data(), packed.size()) != packed.size()) {
     return absl::InvalidArgumentError("band.zstd is not one whole frame of zstd");
   }
   const uint64_t bytes = ZSTD_getFrameContentSize(packed.data(), packed.size());
@@ -138,21 +139,23 @@ absl::StatusOr<uint64_t> RowUnpacker::unpacked_bytes(std::span<const std::byte> 
     return absl::InvalidArgumentError("band.zstd does not say its size; compress each band whole");
   }
   if (bytes <= kMaxBandBytes) return bytes;
-  return absl::InvalidArgumentError(
-      absl::StrFormat("band.zstd says that it holds %d bytes and may hold at most %d; send fewer rows in a band", bytes,
-                      kMaxBandBytes));
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "band.zstd says that it holds %d bytes and may hold at most %d; send fewer rows in a band", bytes,
+      kMaxBandBytes));
 }
 
 absl::Status RowUnpacker::begin(std::span<const std::byte> packed, uint32_t width, PixelFormat format) {
   width_ = width;
   format_ = format;
-  if (context_ == nullptr) return absl::ResourceExhaustedError("the server lacks the memory to decompress a band");
+  if (context_ == nullptr)
+    return absl::ResourceExhaustedError("the server lacks the memory to decompress a band");
   planes_.resize(*unpacked_bytes(packed));
   // One pass into memory of the stated size: zstd takes no window of its own, and refuses what is longer.
-  const size_t size = ZSTD_decompressDCtx(context_.get(), planes_.data(), planes_.size(), packed.data(), packed.size());
+  const size_t size =
+      ZSTD_decompressDCtx(context_.get(), planes_.data(), planes_.size(), packed.data(), packed.size());
   if (!ZSTD_isError(size) && size == planes_.size()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrFormat("band.zstd is damaged: %s", ZSTD_isError(size) ? ZSTD_getErrorName(size) : "it is too short"));
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "band.zstd is damaged: %s", ZSTD_isError(size) ? ZSTD_getErrorName(size) : "it is too short"));
 }
 
 void RowUnpacker::read(uint32_t y, std::span<std::byte> place) const {

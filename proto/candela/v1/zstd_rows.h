@@ -18,7 +18,8 @@ namespace candela::v1 {
 // Used by one thread at a time. It keeps its memory, about 3 MiB, for the next rows.
 class RowPacker {
  public:
-  // `rows` are tight rows of a known format, 1 .. kMaxBandBytes bytes. The result may be larger than they are.
+  // `rows` are tight rows of a known format, 1 .. kMaxBandBytes bytes. The result may be larger than they
+  // are.
   grpc::Slice pack(std::span<const std::byte> rows, uint32_t width, PixelFormat format);
 
  private:
@@ -32,10 +33,12 @@ class RowPacker {
 // Used by one thread at a time. It keeps its memory, about 2 MiB, for the next rows.
 class RowUnpacker {
  public:
-  // The bytes that the rows in `packed` say they have, 0 .. kMaxBandBytes. INVALID_ARGUMENT if they say nothing or more.
+  // The bytes that the rows in `packed` say they have, 0 .. kMaxBandBytes. INVALID_ARGUMENT if they say
+  // nothing or more.
   static absl::StatusOr<uint64_t> unpacked_bytes(std::span<const std::byte> packed);
 
-  // Takes rows of `width` pixels; unpacked_bytes() has said that these are whole rows. INVALID_ARGUMENT if they are damaged.
+  // Takes rows of `width` pixels; unpacked_bytes() has said that these are whole rows. INVALID_ARGUMENT if
+  // they are damaged.
   absl::Status begin(std::span<const std::byte> packed, uint32_t width, PixelFormat format);
   // Row y of them in the format with_alpha(format), of which `place` has a tight row.
   void read(uint32_t y, std::span<std::byte> place) const;

@@ -72,7 +72,8 @@ absl::Status BandReader::pass(grpc::ByteBuffer& message) { return read_rows(mess
 absl::Status BandReader::read_rows(grpc::ByteBuffer& message, const Row* row) {
   uint32_t count = 0;
   const auto take = [&](Input& input, uint64_t bytes, v1::BandRows form) -> absl::Status {
-    ASSIGN_OR_RETURN(count, form == v1::BandRows::kZstd ? unpack(input, bytes, row) : copy(input, bytes, row));
+    ASSIGN_OR_RETURN(count,
+                     form == v1::BandRows::kZstd ? unpack(input, bytes, row) : copy(input, bytes, row));
     return absl::OkStatus();
   };
   ASSIGN_OR_RETURN(const uint32_t first_row, v1::read_band(kind_, message, take));

@@ -32,8 +32,8 @@ class BandReader {
       : kind_(kind), layout_(layout), clock_(clock), charge_(std::move(charge)) {}
 
   // Brings the band's rows to their places: without the bytes between them, with an alpha, and decompressed.
-  // INVALID_ARGUMENT if the band does not hold whole rows, does not begin where the last one ended, exceeds the
-  // frame or is damaged. Takes no memory for rows that the frame does not have.
+  // INVALID_ARGUMENT if the band does not hold whole rows, does not begin where the last one ended, exceeds
+  // the frame or is damaged. Takes no memory for rows that the frame does not have.
   absl::Status read(grpc::ByteBuffer& message, Row row);
   // Takes a band in the same way, but keeps nothing of its rows and does not decompress them.
   absl::Status pass(grpc::ByteBuffer& message);

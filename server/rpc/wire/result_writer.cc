@@ -121,8 +121,8 @@ v1::ResultHeader result_header(const Frame& frame, const WireLayout& layout, con
 ResultWriter::ResultWriter(std::shared_ptr<const Frame> frame, grpc::ByteBuffer header, bool rgb)
     : frame_(std::move(frame)),
       rgb_(rgb),
-      row_bytes_(uint64_t{frame_->memory.image().width} *
-                 bytes_per_pixel(frame_->settings->output_format()) / 4 * (rgb ? 3 : 4)),
+      row_bytes_(uint64_t{frame_->memory.image().width} * bytes_per_pixel(frame_->settings->output_format()) /
+                 4 * (rgb ? 3 : 4)),
       header_(std::move(header)) {}
 
 ResultWriter::ResultWriter(std::shared_ptr<const std::string> file, grpc::ByteBuffer header)
@@ -169,7 +169,8 @@ grpc::Slice ResultWriter::refer_to(const void* bytes, uint64_t count) const {
 
 grpc::Slice ResultWriter::rows(uint32_t first, uint32_t count) const {
   const uint64_t bytes = row_bytes_ * count;
-  if (frame_->memory.output_contiguous() && !rgb_) return refer_to(frame_->memory.output_row(first).data(), bytes);
+  if (frame_->memory.output_contiguous() && !rgb_)
+    return refer_to(frame_->memory.output_row(first).data(), bytes);
   grpc::Slice copy(bytes);
   auto* to = const_cast<uint8_t*>(copy.begin());  // not shared until it is sent
   for (uint32_t y = first; y < first + count; ++y, to += row_bytes_) {

@@ -49,8 +49,8 @@ absl::StatusOr<Matrix3> rotation_of(const v1::Camera& camera) {
 absl::Status check_format(const char* field, const char* what, v1::PixelFormat format) {
   constexpr std::array known{v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F, v1::PIXEL_FORMAT_RGB9E5};
   if (std::ranges::count(known, format) > 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s is %d; %s is RGBA16F (1), RGBA32F (2) or RGB9E5 (3)", field, static_cast<int>(format), what));
+  return absl::InvalidArgumentError(absl::StrFormat("%s is %d; %s is RGBA16F (1), RGBA32F (2) or RGB9E5 (3)",
+                                                    field, static_cast<int>(format), what));
 }
 
 BakeQuality quality_of(const Tier& tier) { return {tier.cube_samples, tier.specular_detail}; }

@@ -130,7 +130,8 @@ absl::StatusOr<std::optional<ClientPixels>> client_pixels_from(const v1::FrameHe
   }
   if (asked.has_pixels_offset() && layout.format != layout.desc.format) {
     return absl::InvalidArgumentError(
-        "frame.format is RGB16F (4) or RGB32F (5) and frame.memory.pixels_offset is set; pixels in memory have an alpha");
+        "frame.format is RGB16F (4) or RGB32F (5) and frame.memory.pixels_offset is set; pixels in memory "
+        "have an alpha");
   }
   if (!local) {
     return absl::UnavailableError(

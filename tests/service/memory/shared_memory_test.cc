@@ -381,7 +381,8 @@ TEST_F(SharedFrames, NothingIsLeftOfSessionsThatEndedInAnyWay) {
   EXPECT_TRUE(folder_.list().empty());
 }
 
-// Look-ahead holds the results back, so the server is lost before the first one. It did not refuse the memory.
+// Look-ahead holds the results back, so the server is lost before the first one. It did not refuse the
+// memory.
 TEST(SharedFramesResume, AServerThatIsKilledBeforeTheFirstResultStillSharesMemoryThen) {
   const TemporaryFolder folder;
   const std::vector<std::string> arguments = {"--listen", "unix:" + folder.path("s")};

@@ -44,7 +44,8 @@ absl::StatusOr<Read> read(const std::string& bytes, size_t slice_bytes = 7, Band
   grpc::ByteBuffer buffer = buffer_of(bytes, slice_bytes);
   Read result;
   const absl::StatusOr<uint32_t> first_row = read_band(
-      kind, buffer, [&](google::protobuf::io::CodedInputStream& input, uint64_t size, BandRows form) -> absl::Status {
+      kind, buffer,
+      [&](google::protobuf::io::CodedInputStream& input, uint64_t size, BandRows form) -> absl::Status {
         std::string rows;
         if (!input.ReadString(&rows, static_cast<int>(size))) return absl::DataLossError("short");
         result.pixels = form == BandRows::kPixels ? rows : "";
@@ -191,11 +192,12 @@ TEST(BandWire, RefusesABandOverTwoMebibytesBeforeItTakesAPixel) {
   const std::string message = request(0, pattern(kMaxBandBytes + 1)).SerializeAsString();
   grpc::ByteBuffer buffer = buffer_of(message, 1 << 16);
   bool taken = false;
-  const absl::StatusOr<uint32_t> band = read_band(
-      kFrameBand, buffer, [&](google::protobuf::io::CodedInputStream&, uint64_t bytes, BandRows) -> absl::Status {
-        taken |= bytes > 0;
-        return absl::OkStatus();
-      });
+  const absl::StatusOr<uint32_t> band =
+      read_band(kFrameBand, buffer,
+                [&](google::protobuf::io::CodedInputStream&, uint64_t bytes, BandRows) -> absl::Status {
+                  taken |= bytes > 0;
+                  return absl::OkStatus();
+                });
   EXPECT_REFUSED(kInvalidArgument, "", band);
   EXPECT_FALSE(taken);
 }

@@ -40,7 +40,8 @@ class Line {
     header.set_media_time_ns(static_cast<int64_t>(sequence) * 1'000'000'000);
     header.set_cut(cut);
     header.set_timeout_ms(timeout_ms);
-    EXPECT_OK(frames.add(header, {{2, 2, v1::PIXEL_FORMAT_RGBA16F}, v1::PIXEL_FORMAT_RGBA16F, 16}, settings, "hash", now));
+    EXPECT_OK(frames.add(header, {{2, 2, v1::PIXEL_FORMAT_RGBA16F}, v1::PIXEL_FORMAT_RGBA16F, 16}, settings,
+                         "hash", now));
     return frames.newest();
   }
   // Receives a frame and submits its first job.

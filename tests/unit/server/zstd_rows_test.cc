@@ -17,8 +17,8 @@
 namespace candela::v1 {
 namespace {
 
-constexpr std::array kFormats{PIXEL_FORMAT_RGBA16F, PIXEL_FORMAT_RGBA32F, PIXEL_FORMAT_RGB9E5, PIXEL_FORMAT_RGB16F,
-                              PIXEL_FORMAT_RGB32F};
+constexpr std::array kFormats{PIXEL_FORMAT_RGBA16F, PIXEL_FORMAT_RGBA32F, PIXEL_FORMAT_RGB9E5,
+                              PIXEL_FORMAT_RGB16F, PIXEL_FORMAT_RGB32F};
 
 using Bytes = std::vector<std::byte>;
 
@@ -75,7 +75,8 @@ TEST(ZstdRows, AreTheSameBitsForEveryFormatAndSize) {
 
 TEST(ZstdRows, ABandOfTheLargestSizeComesThrough) {
   const Bytes rows = noise(kMaxBandBytes, 1);
-  ASSERT_OK_AND_ASSIGN(const Bytes back, unpack(pack(rows, 8192, PIXEL_FORMAT_RGBA16F), 8192, PIXEL_FORMAT_RGBA16F));
+  ASSERT_OK_AND_ASSIGN(const Bytes back,
+                       unpack(pack(rows, 8192, PIXEL_FORMAT_RGBA16F), 8192, PIXEL_FORMAT_RGBA16F));
   EXPECT_TRUE(back == rows);
 }
 
