@@ -138,9 +138,9 @@ def it_shares_memory_with_its_host_and_with_other_containers() -> None:
     with containers(Container("--listen=unix:/shared/local.sock", options=(volume,))) as (candelad,):
         run(CANDELA, "stream", FOLDER / "in", FOLDER / "there", *by_memory)
         expect_same(FOLDER / "there", digests(FOLDER / "here"))
-        bench = ("bench", "--seconds", "1", "--size", "320x180", "--transport", "memory", "--json", "-", "-q", "--server")
-        for where in (run(CANDELA, *bench, by_memory[1]),
-                      podman.podman("run", "--rm", *podman.AS_SHIPPED, volume, "--entrypoint=candela", podman.IMAGE, *bench,
+        load = ("--seconds", "1", "--size", "320x180", "--transport", "memory", "--json", "-", "-q", "--server")
+        for where in (run(CANDELA, "bench", *load, by_memory[1]),
+                      podman.podman("run", "--rm", *podman.AS_SHIPPED, volume, "--entrypoint=candela", podman.IMAGE, "bench", *load,
                                     "unix:/shared/local.sock")):
             expect(json.loads(where)["transport"] == "memory", f"it was not by memory: {where}")
         expect("memfd:candela" not in podman.podman("exec", candelad.id, "sh", "-c", "cat /proc/[0-9]*/maps"),
