@@ -20,24 +20,17 @@ constexpr const char* kRec709Names[] = {
 constexpr const char* kAp0Names[] = {"lin_ap0_scene", "ACES2065-1", "ACES - ACES2065-1", "aces", "lin_ap0"};
 constexpr const char* kAp1Names[] = {"lin_ap1_scene", "ACEScg", "ACES - ACEScg", "acescg", "lin_ap1"};
 
-void append(const ocio::GroupTransformRcPtr& group, const char* style, ocio::TransformDirection direction) {
-  const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
-  builtin->setStyle(style);
-  builtin->setDirection(direction);
-  group->appendTransform(builtin);
-}
-
 ViewEntry entry_of(const std::string& space) { return {ocio::GroupTransform::Create(), space, {}}; }
 
 ViewEntry ap1_entry(const std::string& space) {
   ViewEntry entry = entry_of(space);
-  append(entry.from_rec709, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_INVERSE);
+  append_builtin(entry.from_rec709, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_INVERSE);
   return entry;
 }
 
 ViewEntry ap0_entry(const std::string& space) {
   ViewEntry entry = ap1_entry(space);
-  append(entry.from_rec709, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_FORWARD);
+  append_builtin(entry.from_rec709, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_FORWARD);
   return entry;
 }
 
@@ -81,6 +74,14 @@ absl::StatusOr<ViewEntry> entry_for_input(const ocio::ConstConfigRcPtr& config, 
 }
 
 }  // namespace
+
+void append_builtin(const ocio::GroupTransformRcPtr& group, const char* style,
+                    ocio::TransformDirection direction) {
+  const ocio::BuiltinTransformRcPtr builtin = ocio::BuiltinTransform::Create();
+  builtin->setStyle(style);
+  builtin->setDirection(direction);
+  group->appendTransform(builtin);
+}
 
 absl::StatusOr<ViewEntry> find_entry(const ocio::ConstConfigRcPtr& config, const ViewChoice& choice) {
   if (!choice.input.empty()) return entry_for_input(config, choice);

@@ -17,6 +17,10 @@ struct ViewEntry {
   std::vector<std::string> notes;  // assumptions
 };
 
+// Appends one of OpenColorIO's builtin transforms.
+void append_builtin(const OCIO_NAMESPACE::GroupTransformRcPtr& group, const char* style,
+                    OCIO_NAMESPACE::TransformDirection direction);
+
 // Takes ACES2065-1 if the configuration has the role aces_interchange, else a colour space named like linear
 // Rec.709, or else the role scene_linear, which is taken to be linear Rec.709. Assumptions are noted.
 // NOT_FOUND if there is none of these, and INVALID_ARGUMENT if the role names a colour space that is not

@@ -18,6 +18,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "client/color/lut_config.h"
 #include "client/color/view_entry.h"
 #include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
@@ -206,6 +207,10 @@ bool shows_data(const ocio::ConstConfigRcPtr& config, const ViewTable& chosen, c
   return is_data(shown == ocio::OCIO_VIEW_USE_DISPLAY_NAME ? chosen.display : shown) || is_data(input);
 }
 
+const char* kind_of(const ViewChoice& choice) {
+  return choice.lut_input.empty() ? "an OpenColorIO configuration" : "a LUT, such as look.cube";
+}
+
 absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   // OpenColorIO would wait for a pipe's writer. A path that is not there may be one of its own
   // configurations.
@@ -213,9 +218,10 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   if (std::filesystem::exists(choice.config, failed) &&
       !std::filesystem::is_regular_file(choice.config, failed)) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: not a regular file; name an OpenColorIO configuration", choice.config));
+        absl::StrFormat("%s: not a regular file; name %s", choice.config, kind_of(choice)));
   }
-  const ocio::ConstConfigRcPtr config = ocio::Config::CreateFromFile(choice.config.c_str());
+  const ocio::ConstConfigRcPtr config =
+      choice.lut_input.empty() ? ocio::Config::CreateFromFile(choice.config.c_str()) : lut_config(choice);
   ViewTable baked;
   RETURN_IF_ERROR(choose_view(config, choice, baked));
   absl::StatusOr<ViewEntry> entry = find_entry(config, choice);
@@ -226,7 +232,9 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
     baked.show = [](std::span<float>) {};
     return baked;
   }
-  baked.input = choice.input.empty() ? entry->space : choice.input;
+  baked.input = !choice.lut_input.empty() ? choice.lut_input
+                : choice.input.empty()    ? entry->space
+                                          : choice.input;
   baked.notes = std::move(entry->notes);
   const ocio::ConstCPUProcessorRcPtr view =
       processor(config, {entry->from_rec709, view_of(baked, entry->space)});
@@ -267,8 +275,9 @@ absl::StatusOr<ViewTable> bake_view(const ViewChoice& choice) {
   };
   std::error_code error;
   if (!std::filesystem::exists(choice.config, error)) {
-    return named(absl::NotFoundError(
-        absl::StrFormat("%s: no such file; --ocio takes an OpenColorIO configuration", choice.config)));
+    return named(
+        absl::NotFoundError(absl::StrFormat("%s: no such file; %s takes %s", choice.config,
+                                            choice.lut_input.empty() ? "--ocio" : "--lut", kind_of(choice))));
   }
   ocio::SetLoggingLevel(ocio::LOGGING_LEVEL_NONE);
   try {

@@ -12,12 +12,16 @@
 namespace candela {
 
 struct ViewChoice {
-  std::string config;   // a file: .ocio or another kind that OpenColorIO reads
-  std::string display;  // empty: the configuration's default
-  std::string view;     // empty: the display's default
-  std::string input;    // colour space of the file's own values; empty: they are light of known primaries
-  std::string source;   // what named the configuration, "--ocio" or "$OCIO"
+  std::string config = {};   // a file: .ocio or another kind that OpenColorIO reads, or a LUT
+  std::string display = {};  // empty: the configuration's default
+  std::string view = {};     // empty: the display's default
+  std::string input = {};   // colour space of the file's own values; empty: they are light of known primaries
+  std::string source = {};  // what named the configuration, "--ocio", "--lut" or "$OCIO"
+  std::string lut_input = {};  // not empty: `config` is a LUT, of values in this space (lut_config.h)
 };
+
+// The words for ViewChoice::lut_input. The first is the default.
+std::vector<std::string> lut_inputs();
 
 struct ViewTable {
   // The view is one of data: OpenColorIO shows the file's own values, so there is no table.

@@ -39,7 +39,7 @@ struct ServerChoice {
   std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
-// What the command chose because of --ocio, as a managed view shows what is there.
+// What the command chose because of --ocio or --lut, as a managed view shows what is there.
 struct PictureDefaults {
   bool exposure = false;  // 0 EV
   bool bloom = false;     // none
@@ -52,6 +52,7 @@ struct PictureOptions {
   uint64_t max_pixels = 0;     // of an image that is read; 0: as many as the server takes
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
+  std::string lut;        // --lut: becomes that view's configuration
   std::string view_of_either;  // --view: becomes that of `view` with --ocio, else that of `shown`
   WriteOptions write;
   bool desqueeze = false;          // images have square pixels, whatever their files' have

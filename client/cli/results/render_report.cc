@@ -167,7 +167,7 @@ void add_everything(const RenderReport& report, std::string& text,
 }  // namespace
 
 std::string default_exposure_words(const PictureDefaults& defaults) {
-  return defaults.exposure ? ", the default of --ocio" : "";
+  return defaults.exposure ? ", the default of a view" : "";
 }
 
 std::string default_bloom_words(const PictureDefaults& defaults) {

@@ -15,7 +15,8 @@
 namespace candela {
 
 std::string view_words(const ViewReport& view) {
-  return view.source == "--ocio" ? view.view : absl::StrCat(view.view, " of ", view.source);
+  return view.source == "--ocio" || view.source == "--lut" ? view.view
+                                                           : absl::StrCat(view.view, " of ", view.source);
 }
 
 absl::StatusOr<BakedView> bake(const PictureOptions& options) {
@@ -25,9 +26,9 @@ absl::StatusOr<BakedView> bake(const PictureOptions& options) {
     const bool is_image = describe_image(choice.config, default_image_limits()).ok();
     return input_failure(
         is_image ? absl::InvalidArgumentError(absl::StrFormat(
-                       "%s: OpenColorIO cannot use it: it is an image; --ocio takes a configuration, such as "
-                       "config.ocio",
-                       choice.config))
+                       "%s: OpenColorIO cannot use it: it is an image; %s", choice.config,
+                       choice.lut_input.empty() ? "--ocio takes a configuration, such as config.ocio"
+                                                : "--lut takes a LUT, such as look.cube"))
                  : baked.status(),
         choice.config);
   }

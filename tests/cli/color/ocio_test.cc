@@ -221,7 +221,7 @@ TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
   const std::string out = folder_.path("out.png");
   const Outcome plain = candela({"render", in_, out, "--ocio", studio_});
   ASSERT_EQ(plain.code, 0) << plain.err;
-  EXPECT_TRUE(says(plain.out, "exposure 1 (+0.00 EV, the default of --ocio), no bloom; ACES;"));
+  EXPECT_TRUE(says(plain.out, "exposure 1 (+0.00 EV, the default of a view), no bloom; ACES;"));
   const std::string shown = read_file(out);
   ASSERT_EQ(
       candela({"render", in_, out, "--ocio", studio_, "--exposure", "0", "--bloom-intensity", "0"}).code, 0);
@@ -233,8 +233,8 @@ TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
   ASSERT_EQ(candela({"render", in_, out, "--ocio", studio_, "--bloom", "conserve", "-q"}).code, 0);
   EXPECT_NE(read_file(out), shown);
   const auto idle = candela_json({"render", in_, out, "--ocio", studio_, "--compensation", "1"});
-  EXPECT_TRUE(
-      says(idle.at("notes").dump(), "--compensation changes nothing: with --ocio the exposure is 0 EV"))
+  EXPECT_TRUE(says(idle.at("notes").dump(),
+                   "--compensation changes nothing: with --ocio and --lut the exposure is 0 EV"))
       << idle.at("notes");
   // Whoever asks to adapt gets it.
   EXPECT_NE(candela_json({"render", in_, out, "--ocio", studio_, "--previous-exposure", "4"}).at("exposure"),
@@ -242,7 +242,7 @@ TEST_F(Ocio, TheDefaultIsZeroEvWithoutBloomAndTheLineSaysSo) {
 
   const Outcome stream = candela({"stream", in_, folder_.path("s_%d.png"), "--ocio", studio_});
   ASSERT_EQ(stream.code, 0) << stream.err;
-  EXPECT_TRUE(says(stream.out, "+0.00 EV, the default of --ocio), no bloom"));
+  EXPECT_TRUE(says(stream.out, "+0.00 EV, the default of a view), no bloom"));
 }
 
 TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {

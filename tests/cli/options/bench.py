@@ -145,6 +145,7 @@ class Bench:
             (self.folder / f"broken/{number:04d}.exr").symlink_to(f"../film/{number:04d}.exr")
         (self.folder / "broken/0001.exr").write_bytes(b"v/1\1 no picture")
         (self.folder / "studio.ocio").write_text(OCIO)
+        (self.folder / "look.cube").write_text(LUT)
         self("meter film --save-exposures shot.json -q")
         self("meter film --range 0-2 --save-exposures begun.json -q")
 
@@ -193,6 +194,8 @@ class Bench:
         return [word.strip() for word in listed.split(",")]
 
 
+# A cube of two points a side, which shows values as they are, but red and blue exchanged.
+LUT = "LUT_3D_SIZE 2\n" + "".join(f"{b} {g} {r}\n" for b in (0, 1) for g in (0, 1) for r in (0, 1))
 OCIO = """\
 ocio_profile_version: 2
 roles: {scene_linear: Linear, default: Linear, aces_interchange: ACES2065-1, cie_xyz_d65_interchange: XYZ}

@@ -64,6 +64,8 @@ DRAWN = {  # of render, contact, stream and view
     "--bloom-levels": lambda c: changes("--bloom-levels 2", "--bloom-intensity 1"),
     "--bloom-firefly": lambda c: changes("--bloom-firefly off", "--bloom-intensity 1"),
     "--ocio": lambda c: changes("--ocio studio.ocio"),
+    "--lut": lambda c: changes("--lut look.cube"),
+    "--lut-input": lambda c: changes("--lut-input acescct", "--lut look.cube"),
     "--ocio-input": lambda c: changes("--ocio-input Other", "--ocio studio.ocio"),
     "--display": lambda c: changes("--display Projector", "--ocio studio.ocio"),
     "--ocio-view": lambda c: changes("--ocio-view Dark", "--ocio studio.ocio"),

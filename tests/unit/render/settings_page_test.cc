@@ -46,7 +46,7 @@ because each is a message of several numbers. `render.proto` describes them.
 | field | option | what it does |
 |---|---|---|
 | `input_chromaticities` | `--primaries` with eight numbers | the image's primaries and white as CIE xy |
-| `table` | `--ocio`, `--display`, `--ocio-view`, `--ocio-input` | a colour table in place of a curve; `candela` makes it from an OpenColorIO view and sets `curve` to `table` |
+| `table` | `--ocio`, `--display`, `--ocio-view`, `--ocio-input`, `--lut`, `--lut-input` | a colour table in place of a curve; `candela` makes it from an OpenColorIO view or a LUT and sets `curve` to `table` |
 )";
 
 std::string code(const std::string& text) { return absl::StrCat("`", text, "`"); }

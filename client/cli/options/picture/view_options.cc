@@ -1,17 +1,40 @@
 #include "client/cli/options/picture/view_options.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/base/usage.h"
 #include "client/cli/options/picture/settings_options.h"
 #include "client/cli/options/words/option_kinds.h"
+#include "client/color/view_table.h"
+#include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
 
 constexpr char kVariable[] = "OCIO";  // OpenColorIO's own
+
+// With --lut the view is that of a LUT.
+absl::Status take_lut(PictureOptions& options) {
+  ViewChoice& view = options.view;
+  if (options.lut.empty()) {
+    if (view.lut_input.empty()) return absl::OkStatus();
+    return usage_error("--lut-input says what a LUT takes; name one with --lut FILE");
+  }
+  for (const auto& [name, value] :
+       {std::pair("--ocio", view.config), std::pair("--display", view.display),
+        std::pair("--ocio-view", view.view), std::pair("--ocio-input", view.input)}) {
+    if (!value.empty()) return usage_error(absl::StrFormat("--lut is a view by itself; leave out %s", name));
+  }
+  view.config = options.lut;
+  view.source = "--lut";
+  if (view.lut_input.empty()) view.lut_input = lut_inputs().front();
+  return absl::OkStatus();
+}
 
 }  // namespace
 
@@ -31,6 +54,20 @@ void add_view_options(CLI::App& app, PictureOptions& options) {
       "file's "
       "primaries)",
       view.input);
+  add("--lut", "FILE",
+      "Instead of a curve: this LUT (.cube, .clf, .ctf, .spi1d, .spi3d, .3dl and others), at 0 EV and "
+      "without bloom unless "
+      "their options are given",
+      options.lut);
+  add_text(app, kToneSection, "--lut-input", "NAME",
+           absl::StrFormat("Values that the LUT takes: %s (default %s, of Rec.709)",
+                           absl::StrJoin(lut_inputs(), ", "), lut_inputs().front()),
+           [&view](const std::string& word) {
+             const std::vector<std::string> words = lut_inputs();
+             if (std::ranges::count(words, word) == 0) return unknown_word("--lut-input", word, words);
+             view.lut_input = word;
+             return absl::OkStatus();
+           });
   add_text(app, kHiddenSection, "--view", "NAME", "", options.view_of_either);
 }
 
@@ -39,12 +76,14 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
   view.source = "--ocio";
   const char* variable = std::getenv(kVariable);
   const bool curve = options.settings.curve() != v1::TONE_CURVE_UNSPECIFIED;
+  RETURN_IF_ERROR(take_lut(options));
   if (view.config.empty() && !curve && variable != nullptr && *variable != '\0') {
     view.config = variable;
     view.source = "$OCIO";
   }
   if (!options.view_of_either.empty()) {
-    (view.config.empty() ? options.shown.view : view.view) = options.view_of_either;
+    const bool of_ocio = !view.config.empty() && view.lut_input.empty();
+    (of_ocio ? view.view : options.shown.view) = options.view_of_either;
   }
   if (view.config.empty()) {
     for (const auto& [name, value] :
@@ -57,7 +96,10 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
     }
     return absl::OkStatus();
   }
-  if (curve) return usage_error("--ocio replaces --curve; give only one of them");
+  if (curve) {
+    return usage_error(absl::StrFormat("%s replaces --curve; give only one of them",
+                                       view.lut_input.empty() ? "--ocio" : "--lut"));
+  }
   const v1::Primaries primaries = options.settings.input_primaries();
   if (!view.input.empty() &&
       (options.settings.has_input_chromaticities() ||

@@ -1,0 +1,95 @@
+// `candela render --lut`: a LUT's file in place of a curve.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "client/color/view_table.h"
+#include "tests/cli/command.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
+#include "tests/support/status.h"
+
+namespace candela {
+namespace {
+
+// A cube that shows value^power.
+std::string cube(double power, int size = 17) {
+  std::string text = absl::StrCat("LUT_3D_SIZE ", size, "\n");
+  const auto value = [&](int i) { return std::pow(static_cast<double>(i) / (size - 1), power); };
+  for (int b = 0; b < size; ++b) {
+    for (int g = 0; g < size; ++g) {
+      for (int r = 0; r < size; ++r) absl::StrAppend(&text, value(r), " ", value(g), " ", value(b), "\n");
+    }
+  }
+  return text;
+}
+
+class Lut : public ::testing::Test {
+ protected:
+  Lut() {
+    write_small_exr(in_);
+    write_file(identity_, cube(1.0));
+  }
+
+  const TemporaryFolder folder_;
+  const std::string in_ = folder_.path("in.exr");
+  const std::string out_ = folder_.path("out.png");
+  const std::string identity_ = folder_.path("identity.cube");
+};
+
+// What each manufacturer's paper and the Academy say of a grey card of 18 %.
+TEST_F(Lut, TakesGreyAsItsInputSaysIt) {
+  const std::pair<const char*, double> published[] = {
+      {"linear", 0.18},          {"aces2065-1", 0.18}, {"acescg", 0.18},       {"acescc", 0.4135884},
+      {"acescct", 0.4135884},    {"logc3", 0.391007},  {"logc4", 0.2783958},   {"slog3", 0.4105572},
+      {"slog3-cine", 0.4105572}, {"vlog", 0.4233114},  {"log3g10", 0.3333333}, {"clog2", 0.3982554},
+      {"clog3", 0.3433894}};
+  ASSERT_EQ(lut_inputs().size(), std::size(published));
+  for (const auto& [word, expected] : published) {
+    const ViewChoice choice{.config = identity_, .source = "--lut", .lut_input = word};
+    ASSERT_OK_AND_ASSIGN(const ViewTable baked, bake_view(choice));
+    std::vector<float> grey = {0.18f, 0.18f, 0.18f};
+    baked.show(grey);
+    for (const float v : grey) EXPECT_NEAR(v, expected, 2e-4) << word;
+    EXPECT_LE(baked.mean_codes, 0.4) << word;
+  }
+}
+
+TEST_F(Lut, AnImageIsWhatOpenColorIOShows) {
+  write_file(folder_.path("root.cube"), cube(0.5, 65));
+  for (const char* input : {"acescct", "logc4"}) {
+    const auto report = candela_json(
+        {"render", in_, out_, "--lut", folder_.path("root.cube"), "--lut-input", input, "--verify"});
+    EXPECT_EQ(report["view"]["view"], "root.cube");
+    EXPECT_EQ(report["view"]["input"], input);
+    EXPECT_LE(report["verify_view"]["mean_error_codes"], 0.4);
+    EXPECT_LE(report["verify"]["max_error_codes"], 0.05);
+    EXPECT_EQ(report["exposure"], 1.0);
+  }
+}
+
+TEST_F(Lut, WhatDoesNotGoTogetherIsRefused) {
+  const auto refused = [&](std::vector<std::string> more, int code, const std::string& words) {
+    std::vector<std::string> all = {"render", in_, out_};
+    all.insert(all.end(), more.begin(), more.end());
+    const Outcome outcome = candela(all);
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words)) << outcome.err;
+  };
+  refused({"--lut", identity_, "--curve", "agx"}, 2, "--lut replaces --curve");
+  refused({"--lut", identity_, "--ocio", "x.ocio"}, 2, "--lut is a view by itself");
+  refused({"--lut", identity_, "--ocio-view", "Dark"}, 2, "--lut is a view by itself");
+  refused({"--lut-input", "acescct"}, 2, "name one with --lut");
+  refused({"--lut", identity_, "--lut-input", "acesct"}, 2, "acescct");
+  refused({"--lut", folder_.path("none.cube")}, 3, "no such file; --lut takes a LUT");
+  refused({"--lut", in_}, 3, "it is an image; --lut takes a LUT");
+  write_file(folder_.path("bad.cube"), "LUT_3D_SIZE 2\n0 0 0\n");
+  refused({"--lut", folder_.path("bad.cube")}, 3, "OpenColorIO cannot use it");
+}
+
+}  // namespace
+}  // namespace candela
