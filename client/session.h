@@ -43,8 +43,7 @@ namespace candela {
 // How pixels and images travel. Images are the same bits.
 enum class Transport {
   // Memory where the server's address is unix:PATH and it offers that (docs/transport.md), else in bands,
-  // which are compressed
-  // on a slow link.
+  // which are compressed on a slow link.
   kAuto,
   kGrpc,    // in bands as they are
   kZstd,    // in bands, compressed if the server takes that
