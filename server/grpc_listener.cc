@@ -61,10 +61,9 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
   // Reflection is a synchronous service and takes one thread per stream; a health watch never ends.
   grpc::ResourceQuota quota("candelad");
   quota.SetMaxThreads(kMaxThreads);
-  // What clients may send before the server reads it grows with the way to them: with bytes a second times
-  // the time of a round trip, to at most 32 MiB. A fixed window would let a frame across a long way in small
-  // pieces, each of which waits for an answer. When four fifths of the quota are taken, gRPC makes all
-  // windows smaller.
+  // HTTP/2's windows grow with bandwidth times round-trip time, to at most 32 MiB. With a fixed window a
+  // client that is far away sends a frame in small pieces, and waits for an answer after each. When four
+  // fifths of the quota are taken, gRPC makes all windows smaller.
   quota.Resize(grpc_quota_bytes(config.max_sessions, config.max_calls));
   builder.SetResourceQuota(quota);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 1);

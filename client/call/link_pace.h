@@ -19,8 +19,8 @@ class LinkPace {
  private:
   bool slow_ = false;
   uint64_t compressed_ = 0;  // frames since the last one that was not
-  // Of the frame before, as far as they were measured.
-  uint64_t bytes_ = 0, largest_ = 0;  // all, and of a band
+  // Sums over the measured bands of the last frame, and the largest of them.
+  uint64_t bytes_ = 0, largest_ = 0;
   absl::Duration time_ = absl::ZeroDuration(), longest_ = absl::ZeroDuration();
 };
 

@@ -39,7 +39,7 @@ struct ServerChoice {
   std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
-// What the command chose because of --ocio or --lut, as a managed view shows what is there.
+// The defaults that --ocio and --lut change.
 struct PictureDefaults {
   bool exposure = false;  // 0 EV
   bool bloom = false;     // none

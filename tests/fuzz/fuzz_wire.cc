@@ -192,15 +192,19 @@ std::vector<std::vector<std::byte>> rows_of(const v1::Band& band, const WireLayo
   uint64_t size = bytes.size();
   if (!band.zstd().empty()) size = v1::RowUnpacker::unpacked_bytes(bytes).value_or(0);
   if (size == 0 || size % each != 0 || size / each > layout.desc.height - next_row) return {};
-  if (!band.zstd().empty() && !unpacker.begin(bytes, layout.desc.width, layout.format).ok()) return {};
+  if (!band.zstd().empty() && !unpacker.begin(bytes, size, layout.desc.width, layout.format).ok()) return {};
+  std::vector<std::byte> wire(layout.row_bytes());
   std::vector<std::vector<std::byte>> rows(size / each, std::vector<std::byte>(layout.desc.row_bytes()));
   for (uint32_t y = 0; y < rows.size(); ++y) {
     if (!band.zstd().empty()) {
-      unpacker.read(y, rows[y]);
-    } else if (layout.format == layout.desc.format) {
-      std::ranges::copy(bytes.subspan(y * each, rows[y].size()), rows[y].begin());
+      unpacker.read(y, wire);
     } else {
-      v1::add_alpha(layout.format, bytes.subspan(y * each, layout.row_bytes()), rows[y]);
+      std::ranges::copy(bytes.subspan(y * each, wire.size()), wire.begin());
+    }
+    if (layout.format == layout.desc.format) {
+      rows[y] = wire;
+    } else {
+      v1::add_alpha(layout.format, wire, rows[y]);
     }
   }
   return rows;

@@ -42,7 +42,7 @@ SharedRegion::Area SessionMemory::area(uint64_t bytes, uint64_t image_bytes, uin
   return now == nullptr ? SharedRegion::Area() : now->take(bytes);
 }
 
-// Two threads that need one do not both make it. The one that comes second gets none for now.
+// If two threads need a region, the first one makes it, and the second one's frame goes in bands.
 void SessionMemory::make(uint64_t bytes, uint64_t image_bytes, uint32_t window) {
   std::string path;
   uint64_t call = 0;

@@ -35,7 +35,7 @@ class SharedRegion : public std::enable_shared_from_this<SharedRegion> {
 
   // `bytes` that no other area has, with what the last one left. None if there is no room.
   Area take(uint64_t bytes);
-  // Where `bytes` lie, if all of them are inside and a frame may begin there.
+  // The offset of `bytes`; none if a part of them is outside, or if no frame may begin there.
   std::optional<uint64_t> offset_of(std::span<const std::byte> bytes) const;
 
   const std::string& ticket() const { return ticket_; }

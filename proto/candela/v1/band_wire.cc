@@ -37,7 +37,7 @@ bool read_length(CodedInputStream& input, int& length) {
   return input.ReadVarintSizeAsInt(&length) && length <= input.BytesUntilLimit();
 }
 
-// What was read of a band so far.
+// The fields of a band that were read so far.
 struct Fields {
   uint32_t first_row = 0;
   uint64_t bytes = 0;  // of its rows

@@ -79,8 +79,6 @@ void split(F, const std::byte* row, uint32_t width, std::byte* planes, size_t co
 template <typename F>
 void join(F, const std::byte* planes, size_t count, uint32_t width, std::byte* place) {
   using Word = typename F::Word;
-  constexpr bool opaque = F::components == 3;
-  constexpr size_t pixel_bytes = F::bytes + (opaque ? sizeof(Word) : 0);
   for (size_t c = 0; c < F::components; ++c) {
     Word word = 0;
     for (uint32_t x = 0; x < width; ++x) {
@@ -90,20 +88,8 @@ void join(F, const std::byte* planes, size_t count, uint32_t width, std::byte* p
                                                 << (8 * b));
       }
       word = static_cast<Word>(word + unfold(folded));
-      std::memcpy(place + x * pixel_bytes + c * sizeof(Word), &word, sizeof(Word));
+      std::memcpy(place + x * F::bytes + c * sizeof(Word), &word, sizeof(Word));
     }
-  }
-}
-
-// 1 as a half or a float.
-template <typename Word>
-constexpr Word kOne = static_cast<Word>(sizeof(Word) == 2 ? 0x3c00 : 0x3f800000);
-
-template <typename F>
-void fill_alpha(F, uint32_t width, std::byte* place) {
-  using Word = typename F::Word;
-  for (uint32_t x = 0; x < width; ++x) {
-    std::memcpy(place + (x * 4 + 3) * sizeof(Word), &kOne<Word>, sizeof(Word));
   }
 }
 
@@ -118,11 +104,11 @@ grpc::Slice RowPacker::pack(std::span<const std::byte> rows, uint32_t width, Pix
       split(form, rows.data() + at * form.bytes, width, planes_.data() + at, count);
     }
   });
-  std::vector<std::byte> packed(ZSTD_compressBound(planes_.size()));
-  const size_t size =
-      ZSTD_compressCCtx(context_.get(), packed.data(), packed.size(), planes_.data(), planes_.size(), kLevel);
+  packed_.resize(ZSTD_compressBound(planes_.size()));
+  const size_t size = ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), planes_.data(),
+                                        planes_.size(), kLevel);
   CHECK(!ZSTD_isError(size));
-  return grpc::Slice(packed.data(), size);
+  return grpc::Slice(packed_.data(), size);
 }
 
 absl::StatusOr<uint64_t> RowUnpacker::unpacked_bytes(std::span<const std::byte> packed) {
@@ -144,12 +130,13 @@ absl::StatusOr<uint64_t> RowUnpacker::unpacked_bytes(std::span<const std::byte> 
       kMaxBandBytes));
 }
 
-absl::Status RowUnpacker::begin(std::span<const std::byte> packed, uint32_t width, PixelFormat format) {
+absl::Status RowUnpacker::begin(std::span<const std::byte> packed, uint64_t bytes, uint32_t width,
+                                PixelFormat format) {
   width_ = width;
   format_ = format;
   if (context_ == nullptr)
     return absl::ResourceExhaustedError("the server lacks the memory to decompress a band");
-  planes_.resize(*unpacked_bytes(packed));
+  planes_.resize(bytes);
   // One pass into memory of the stated size: zstd takes no window of its own, and refuses what is longer.
   const size_t size =
       ZSTD_decompressDCtx(context_.get(), planes_.data(), planes_.size(), packed.data(), packed.size());
@@ -162,9 +149,8 @@ void RowUnpacker::read(uint32_t y, std::span<std::byte> place) const {
   with_form(format_, [&](auto form) {
     const size_t count = planes_.size() / form.bytes;
     const size_t at = size_t{y} * width_;
-    CHECK(at + width_ <= count && place.size() == uint64_t{width_} * bytes_per_pixel(with_alpha(format_)));
+    CHECK(at + width_ <= count && place.size() == width_ * form.bytes);
     join(form, planes_.data() + at, count, width_, place.data());
-    if constexpr (form.components == 3) fill_alpha(form, width_, place.data());
   });
 }
 

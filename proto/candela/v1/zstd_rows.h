@@ -15,7 +15,7 @@
 
 namespace candela::v1 {
 
-// Used by one thread at a time. It keeps its memory, about 3 MiB, for the next rows.
+// Used by one thread at a time. It keeps its memory, about 5 MiB, for the next rows.
 class RowPacker {
  public:
   // `rows` are tight rows of a known format, 1 .. kMaxBandBytes bytes. The result may be larger than they
@@ -27,7 +27,7 @@ class RowPacker {
     void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
   };
   const std::unique_ptr<ZSTD_CCtx, Free> context_{ZSTD_createCCtx()};
-  std::vector<std::byte> planes_;
+  std::vector<std::byte> planes_, packed_;
 };
 
 // Used by one thread at a time. It keeps its memory, about 2 MiB, for the next rows.
@@ -37,10 +37,10 @@ class RowUnpacker {
   // nothing or more.
   static absl::StatusOr<uint64_t> unpacked_bytes(std::span<const std::byte> packed);
 
-  // Takes rows of `width` pixels; unpacked_bytes() has said that these are whole rows. INVALID_ARGUMENT if
-  // they are damaged.
-  absl::Status begin(std::span<const std::byte> packed, uint32_t width, PixelFormat format);
-  // Row y of them in the format with_alpha(format), of which `place` has a tight row.
+  // Takes rows of `width` pixels. `bytes` is what unpacked_bytes() has said, and whole rows. INVALID_ARGUMENT
+  // if they are damaged.
+  absl::Status begin(std::span<const std::byte> packed, uint64_t bytes, uint32_t width, PixelFormat format);
+  // Copies row y of them to `place`, which is as long as a tight row.
   void read(uint32_t y, std::span<std::byte> place) const;
 
  private:

@@ -160,7 +160,8 @@ Aces2::Aces2(double peak_nits, const Chromaticities& limiting)
       focus_distance_(1.35 + 1.35 * 1.75 * tone_.log_peak),
       bottom_gamma_(1.0 / (1.14 + 0.07 * tone_.log_peak)),
       to_ap1_(to_xyz(chromaticities(v1::PRIMARIES_ACES_AP0)) *
-              to_xyz(chromaticities(v1::PRIMARIES_ACES_AP1)).inverse()) {
+              to_xyz(chromaticities(v1::PRIMARIES_ACES_AP1)).inverse()),
+      from_ap1_(to_ap1_.inverse()) {
   CHECK(peak_nits >= 100.0 && peak_nits <= 10000.0);
   make_reach();
   // The corners of the display's gamut, and where AP1's reach the largest lightness.
@@ -283,7 +284,7 @@ void Aces2::make_cusps(const std::vector<JMh>& corners, const std::vector<V3d>& 
   cusps_.back() = cusps_[1];
 }
 
-// Whether points of the hull above the cusp are outside of the display's gamut.
+// Whether the hull above the cusp encloses the display's gamut at this hue.
 bool Aces2::contains_hull(const Cusp& cusp, double hue) const {
   for (const double position : {0.01, 0.1, 0.5, 0.8, 0.99}) {
     const Line line = line_through(std::lerp(cusp.J, limit_J_, position), cusp.M, cusp);
@@ -379,7 +380,7 @@ Aces2::JMh Aces2::compress_gamut(const JMh& colour, double reach_M) const {
 std::array<double, 3> Aces2::display(const std::array<double, 3>& aces2065_1) const {
   V3d ap1 = V3d(aces2065_1[0], aces2065_1[1], aces2065_1[2]) * to_ap1_;
   for (int i = 0; i < 3; ++i) ap1[i] = std::clamp(ap1[i], 0.0, 8.0 * tone_.r_hit);
-  const JMh scene = scene_.jmh(ap1 * to_ap1_.inverse());
+  const JMh scene = scene_.jmh(ap1 * from_ap1_);
   const double J = tone_(scene.J);
   const double reach_M = reach_M_at(scene.h);
   const JMh colour = compress_gamut({J, compress_chroma(scene, J, reach_M), scene.h}, reach_M);

@@ -46,7 +46,7 @@ class Aces2 {
 
     double g, t_1, c_t, s_2, m_2, r_hit, log_peak;
   };
-  // Where the display's gamut is widest at a hue.
+  // The most colourful point of the display's gamut at a hue.
   struct Cusp {
     double J = 0, M = 0, top_gamma = 0;  // of the hull above it: an exponent's inverse
   };
@@ -74,7 +74,7 @@ class Aces2 {
   const Appearance scene_, reach_, display_;
   const ToneScale tone_;
   const double limit_J_, mid_J_, focus_distance_, bottom_gamma_;
-  const Imath::M33d to_ap1_;
+  const Imath::M33d to_ap1_, from_ap1_;  // of ACES2065-1
   std::vector<double> reach_table_;  // at whole degrees: the colourfulness of AP1 at limit_J_
   std::vector<double> hues_;         // of the cusps, from below 0 to beyond 360, ascending
   std::vector<Cusp> cusps_;

@@ -29,23 +29,28 @@ absl::StatusOr<uint32_t> BandReader::count_rows(uint64_t bytes, uint64_t bytes_e
   return static_cast<uint32_t>(count);
 }
 
+absl::Status BandReader::place_rows(
+    uint32_t count, Row row, absl::FunctionRef<bool(uint32_t i, std::span<std::byte> wire)> fill) const {
+  const bool add_alpha = layout_.format != layout_.desc.format;
+  std::vector<std::byte> narrow(add_alpha && count > 0 ? layout_.row_bytes() : 0);
+  for (uint32_t i = 0; i < count; ++i) {
+    const std::span<std::byte> place = row(rows_ + i);
+    if (!fill(i, add_alpha ? std::span(narrow) : place)) return truncated();
+    if (add_alpha) v1::add_alpha(layout_.format, narrow, place);
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<uint32_t> BandReader::copy(Input& input, uint64_t bytes, const Row* row) const {
   ASSIGN_OR_RETURN(const uint32_t count, count_rows(bytes, layout_.row_stride_bytes));
   if (row == nullptr) {
     if (!input.Skip(static_cast<int>(bytes))) return truncated();
     return count;
   }
-  const auto row_bytes = static_cast<int>(layout_.row_bytes());
-  const int padding = static_cast<int>(layout_.row_stride_bytes) - row_bytes;
-  const bool add_alpha = layout_.format != layout_.desc.format;
-  std::vector<std::byte> narrow(add_alpha && count > 0 ? layout_.row_bytes() : 0);
-  for (uint32_t i = 0; i < count; ++i) {
-    const std::span<std::byte> place = (*row)(rows_ + i);
-    if (!input.ReadRaw(add_alpha ? narrow.data() : place.data(), row_bytes) || !input.Skip(padding)) {
-      return truncated();
-    }
-    if (add_alpha) v1::add_alpha(layout_.format, narrow, place);
-  }
+  const auto padding = static_cast<int>(layout_.row_stride_bytes - layout_.row_bytes());
+  RETURN_IF_ERROR(place_rows(count, *row, [&](uint32_t, std::span<std::byte> wire) {
+    return input.ReadRaw(wire.data(), static_cast<int>(wire.size())) && input.Skip(padding);
+  }));
   return count;
 }
 
@@ -59,8 +64,11 @@ absl::StatusOr<uint32_t> BandReader::unpack(Input& input, uint64_t bytes, const 
   ASSIGN_OR_RETURN(const uint32_t count, count_rows(unpacked, layout_.row_bytes()));
   if (row == nullptr) return count;
   const auto begin = clock_.steady();
-  RETURN_IF_ERROR(unpacker.begin(packed, layout_.desc.width, layout_.format));
-  for (uint32_t i = 0; i < count; ++i) unpacker.read(i, (*row)(rows_ + i));
+  RETURN_IF_ERROR(unpacker.begin(packed, unpacked, layout_.desc.width, layout_.format));
+  RETURN_IF_ERROR(place_rows(count, *row, [&](uint32_t i, std::span<std::byte> wire) {
+    unpacker.read(i, wire);
+    return true;
+  }));
   if (charge_) charge_(absl::FromChrono(clock_.steady() - begin));
   return count;
 }

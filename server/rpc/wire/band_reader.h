@@ -27,7 +27,7 @@ class BandReader {
   // Is told how long a band took to decompress.
   using Charge = std::function<void(absl::Duration)>;
 
-  // Of a frame with this layout, from wire_layout_from(). `clock` outlives it.
+  // `layout` is the frame's, from wire_layout_from(). `clock` outlives the reader.
   BandReader(v1::BandKind kind, const WireLayout& layout, Clock& clock, Charge charge = nullptr)
       : kind_(kind), layout_(layout), clock_(clock), charge_(std::move(charge)) {}
 
@@ -49,6 +49,9 @@ class BandReader {
   absl::StatusOr<uint32_t> count_rows(uint64_t bytes, uint64_t bytes_each) const;
   // `row` may be null.
   absl::Status read_rows(grpc::ByteBuffer& message, const Row* row);
+  // `fill` puts row i of the band, as it is on the wire, into a span of its size, or returns false.
+  absl::Status place_rows(uint32_t count, Row row,
+                          absl::FunctionRef<bool(uint32_t i, std::span<std::byte> wire)> fill) const;
   absl::StatusOr<uint32_t> copy(Input& input, uint64_t bytes, const Row* row) const;
   absl::StatusOr<uint32_t> unpack(Input& input, uint64_t bytes, const Row* row) const;
 

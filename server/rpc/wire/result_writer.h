@@ -16,7 +16,7 @@
 
 namespace candela {
 
-// Whether the bands of the image hold no alpha.
+// Whether the image's bands leave out its alpha.
 bool leaves_out_alpha(const Frame& frame, const WireLayout& layout, const FrameReport& report);
 
 // `device` is the name of the Vulkan device. The frame's memory may be gone.

@@ -41,7 +41,7 @@ class Lut : public ::testing::Test {
   const std::string identity_ = folder_.path("identity.cube");
 };
 
-// What each manufacturer's paper and the Academy say of a grey card of 18 %.
+// The values of 18 % grey that the manufacturers and the Academy publish.
 TEST_F(Lut, TakesGreyAsItsInputSaysIt) {
   const std::pair<const char*, double> published[] = {
       {"linear", 0.18},          {"aces2065-1", 0.18}, {"acescg", 0.18},       {"acescc", 0.4135884},

@@ -20,7 +20,7 @@ class Compact : public ServiceTest {
     asked.transport = transport;
     return run_session(Session::open({channel()}, asked), film);
   }
-  // Of frames sent as they are and compressed.
+  // Renders the film from plain and from compressed bands.
   static void expect_same_bits(const SessionOptions& asked, const Film& film, bool opaque = true) {
     const SessionRun plain = run(asked, Transport::kGrpc, film);
     const SessionRun compact = run(asked, Transport::kZstd, film);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/zstd_rows.h"
 #include "tests/support/clock/real_clock.h"
 #include "tests/support/status.h"
 
@@ -75,7 +76,20 @@ TEST(BandReader, AddsAnAlphaToRowsWithoutOne) {
     return std::span(reinterpret_cast<std::byte*>(&frame.at(y * 16)), 16);
   }));
   const std::string one("\x00\x3c", 2);
-  EXPECT_EQ(frame, "abcdef" + one + "ghijkl" + one + "mnopqr" + one + "stuvwx" + one);
+  const std::string whole = "abcdef" + one + "ghijkl" + one + "mnopqr" + one + "stuvwx" + one;
+  EXPECT_EQ(frame, whole);
+  // Compressed, without the bytes between rows.
+  const std::string tight = "abcdefghijklmnopqrstuvwx";
+  v1::RowPacker packer;
+  message = v1::make_band(v1::kFrameBand, 0,
+                          packer.pack(std::as_bytes(std::span(tight)), 2, v1::PIXEL_FORMAT_RGB16F),
+                          v1::BandRows::kZstd);
+  frame.assign(frame.size(), '.');
+  BandReader unpacks(v1::kFrameBand, layout, testing::real_clock());
+  ASSERT_OK(unpacks.read(message, [&frame](uint32_t y) {
+    return std::span(reinterpret_cast<std::byte*>(&frame.at(y * 16)), 16);
+  }));
+  EXPECT_EQ(frame, whole);
 }
 
 TEST_F(BandReaderTest, RefusesABandWithoutPixels) { EXPECT_TRUE(absl::IsInvalidArgument(read(0, ""))); }
