@@ -6,8 +6,8 @@
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "server/render/plan/exposure.h"
 #include "server/render/frame/frame_memory.h"
+#include "server/render/plan/exposure.h"
 #include "server/render/settings/frame.h"
 #include "server/render/settings/settings.h"
 

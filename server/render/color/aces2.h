@@ -75,8 +75,8 @@ class Aces2 {
   const ToneScale tone_;
   const double limit_J_, mid_J_, focus_distance_, bottom_gamma_;
   const Imath::M33d to_ap1_, from_ap1_;  // of ACES2065-1
-  std::vector<double> reach_table_;  // at whole degrees: the colourfulness of AP1 at limit_J_
-  std::vector<double> hues_;         // of the cusps, from below 0 to beyond 360, ascending
+  std::vector<double> reach_table_;      // at whole degrees: the colourfulness of AP1 at limit_J_
+  std::vector<double> hues_;             // of the cusps, from below 0 to beyond 360, ascending
   std::vector<Cusp> cusps_;
 };
 
