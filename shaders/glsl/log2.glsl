@@ -1,4 +1,4 @@
-// Logarithm and exponential of base 2. A driver's own pow() may be too inaccurate for an 8-bit code. This file is
+// Logarithm and exponential of base 2, and powers. A driver's own pow() may be too inaccurate for an 8-bit code. This file is
 // C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
 //
 // Each polynomial states its fit: interval, degree, largest error of the coefficients as they stand here, and
@@ -32,3 +32,6 @@ float exact_exp2(float e) {
   r = r * f + 0.999999881;
   return r * uintBitsToFloat(uint(int(whole) + 127) << 23);
 }
+
+// x^e for x >= 0 and e > 0. Returns 0 for x below 1e-30.
+float power(float x, float e) { return mix(exact_exp2(exact_log2(x) * e), 0.0, x < 1e-30); }

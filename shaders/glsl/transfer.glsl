@@ -1,13 +1,9 @@
-// Transfer functions: display-linear light to display values (docs/pipeline.md section 5), and the powers that
-// they need. Source of sRGB: IEC 61966-2-1.
+// Transfer functions: display-linear light to display values (docs/pipeline.md section 5). Source of sRGB: IEC 61966-2-1.
 //
 // The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial. This
 // file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for. log2.glsl says how a polynomial states
 // its fit.
 #include "log2.glsl"
-
-// x^e for x >= 0 and e > 0. Returns 0 for x below 1e-30.
-float power(float x, float e) { return mix(exact_exp2(exact_log2(x) * e), 0.0, x < 1e-30); }
 
 // The short form, with 6 terms: 1.055 x^(1/2.4) - 0.055 in s = x^(1/2). Errors are in 8-bit codes.
 // fit: s in [0.0559536, 1], degree 5, error 8.3e-02, best 8.3e-02

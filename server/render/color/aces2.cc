@@ -8,42 +8,27 @@
 #include "server/base/check.h"
 
 namespace candela {
+
 namespace {
 
+using aces2::J_of;
+using aces2::J_of_response;
+using aces2::kGamma;
+using aces2::kReference;
+using aces2::light_of;
+using aces2::respond;
+using aces2::response_of;
 using Imath::M33d;
 using Imath::V3d;
 
 // Imath multiplies row vectors from the left.
 
-constexpr double kReference = 100.0;  // nit of 1.0, and of the white of the appearance space
 constexpr int kHues = 360;
 
-// Viewing conditions: 100 nit of adaptation, a background of 20 %, a dim surround.
-constexpr double kAdaptation = 100.0, kBackground = 20.0, kSurroundC = 0.59, kSurroundN = 0.9;
-const double kGamma =
-    kSurroundC * (1.48 + std::sqrt(kBackground / kReference));  // of J over the achromatic response
-const double kAdaptedLight = [] {
-  const double k4 = std::pow(1.0 / (5.0 * kAdaptation + 1.0), 4.0);
-  return (0.2 * k4 * 5.0 * kAdaptation + 0.1 * std::pow(1.0 - k4, 2.0) * std::cbrt(5.0 * kAdaptation)) /
-         kReference;
-}();
+constexpr double kSurroundN = 0.9;  // of a dim surround
 
 // The primaries of CIECAM16's cones.
 constexpr Chromaticities kCones{{0.8336, 0.1735, 2.3854, -1.4659, 0.087, -0.125, 0.333, 0.333}};
-
-// The response of a cone to light in nit, and back.
-double respond(double light) {
-  const double power = std::pow(std::abs(light) * kAdaptedLight, 0.42);
-  return std::copysign(400.0 * power / (27.13 + power), light);
-}
-double light_of(double response) {
-  const double r = std::abs(response);
-  return std::copysign(std::pow(27.13 * r / (400.0 - r), 1.0 / 0.42) / kAdaptedLight, response);
-}
-
-// Lightness of grey of so many nit, and back.
-double J_of(double nits) { return 100.0 * std::pow(respond(nits) / respond(kReference), kGamma); }
-double nits_of(double J) { return light_of(respond(kReference) * std::pow(J / 100.0, 1.0 / kGamma)); }
 
 M33d diagonal(const V3d& v) { return {v.x, 0, 0, 0, v.y, 0, 0, 0, v.z}; }
 
@@ -117,36 +102,14 @@ Aces2::JMh Aces2::Appearance::jmh(const V3d& rgb) const {
   const V3d aab = cone(rgb) * to_aab;
   if (aab[0] <= 0) return {};
   const double degrees = std::atan2(aab[2], aab[1]) * 180.0 / std::numbers::pi;
-  return {100.0 * std::pow(aab[0], kGamma), std::hypot(aab[1], aab[2]),
-          degrees < 0 ? degrees + 360.0 : degrees};
+  return {J_of_response(aab[0]), std::hypot(aab[1], aab[2]), degrees < 0 ? degrees + 360.0 : degrees};
 }
 
 V3d Aces2::Appearance::rgb(const JMh& jmh) const {
   const double h = radians(jmh.h);
-  const V3d aab(std::pow(jmh.J / 100.0, 1.0 / kGamma), jmh.M * std::cos(h), jmh.M * std::sin(h));
+  const V3d aab(response_of(jmh.J), jmh.M * std::cos(h), jmh.M * std::sin(h));
   const V3d response = aab * from_aab;
   return V3d(light_of(response.x), light_of(response.y), light_of(response.z)) * from_cone;
-}
-
-Aces2::ToneScale::ToneScale(double peak_nits)
-    : g(1.15), t_1(0.04), log_peak(std::log10(peak_nits / kReference)) {
-  const double peak = peak_nits / kReference;
-  r_hit = 128.0 + (896.0 - 128.0) * log_peak / 2.0;
-  const double m_1 = 0.5 * (peak + std::sqrt(peak * (peak + 4.0 * t_1)));
-  const double u = std::pow((r_hit / m_1) / (r_hit / m_1 + 1.0), g);
-  const double m = m_1 / u;
-  c_t = 10.013 / kReference * (1.0 + std::log2(peak) * 0.14);
-  const double g_ip = 0.5 * (c_t + std::sqrt(c_t * (c_t + 4.0 * t_1)));
-  const double power = std::pow(g_ip / m, 1.0 / g);
-  const double w_2 = 0.18 / -(m_1 * power / (power - 1.0));
-  s_2 = w_2 * m_1 * kReference;
-  m_2 = m_1 / std::pow((r_hit / m_1) / (r_hit / m_1 + w_2), g);
-}
-
-double Aces2::ToneScale::operator()(double J) const {
-  const double nits = nits_of(J);
-  const double f = m_2 * std::pow(nits / (nits + s_2), g);
-  return J_of(std::max(0.0, f * f / (f + t_1)) * kReference);
 }
 
 Aces2::Aces2(double peak_nits, const Chromaticities& limiting)
@@ -167,7 +130,7 @@ Aces2::Aces2(double peak_nits, const Chromaticities& limiting)
   // The corners of the display's gamut, and where AP1's reach the largest lightness.
   std::vector<JMh> reach_corners, corners;
   std::vector<V3d> corner_rgb;
-  const double limit_A = std::pow(limit_J_ / 100.0, 1.0 / kGamma);
+  const double limit_A = response_of(limit_J_);
   for (int i = 0; i < kCorners; ++i) {
     double low = 0, high = 8.0 * tone_.r_hit;
     while (high - low > 1e-3) {
@@ -342,19 +305,21 @@ Aces2::Cusp Aces2::cusp_at(double hue) const {
   return {std::lerp(a.J, b.J, t), std::lerp(a.M, b.M, t), std::lerp(a.top_gamma, b.top_gamma, t)};
 }
 
+Aces2::Chroma Aces2::chroma_compression() const {
+  return {std::max(0.2, 1.3 - 1.3 * 0.69 * tone_.log_peak), 0.5 / (peak_ * kReference),
+          2.4 + 2.4 * 3.3 * tone_.log_peak, std::pow(0.03379 * peak_ * kReference, 0.30596) - 0.45135};
+}
+
 // The colourfulness of a scene colour whose lightness becomes J.
 double Aces2::compress_chroma(const JMh& scene, double J, double reach_M) const {
   if (scene.M == 0) return 0;
-  const double saturation = std::max(0.2, 1.3 - 1.3 * 0.69 * tone_.log_peak);
-  const double threshold = 0.5 / (peak_ * kReference);
-  const double strength = 2.4 + 2.4 * 3.3 * tone_.log_peak;
-  const double scale = std::pow(0.03379 * peak_ * kReference, 0.30596) - 0.45135;
+  const Chroma chroma = chroma_compression();
   const double nJ = J / limit_J_, rest = std::max(0.0, 1.0 - nJ);
-  const double norm = chroma_norm(scene.h) * scale;
+  const double norm = chroma_norm(scene.h) * chroma.scale;
   const double limit = std::pow(nJ, 1.0 / kGamma) * reach_M / norm;
   double M = scene.M * std::pow(J / scene.J, 1.0 / kGamma) / norm;
-  M = limit - toe(limit - M, limit - 0.001, rest * saturation, std::sqrt(nJ * nJ + threshold));
-  return toe(M, limit, nJ * strength, rest) * norm;
+  M = limit - toe(limit - M, limit - 0.001, rest * chroma.saturation, std::sqrt(nJ * nJ + chroma.threshold));
+  return toe(M, limit, nJ * chroma.strength, rest) * norm;
 }
 
 Aces2::JMh Aces2::compress_gamut(const JMh& colour, double reach_M) const {
@@ -378,8 +343,13 @@ Aces2::JMh Aces2::compress_gamut(const JMh& colour, double reach_M) const {
 }
 
 std::array<double, 3> Aces2::display(const std::array<double, 3>& aces2065_1) const {
-  V3d ap1 = V3d(aces2065_1[0], aces2065_1[1], aces2065_1[2]) * to_ap1_;
-  for (int i = 0; i < 3; ++i) ap1[i] = std::clamp(ap1[i], 0.0, 8.0 * tone_.r_hit);
+  const V3d ap1 = V3d(aces2065_1[0], aces2065_1[1], aces2065_1[2]) * to_ap1_;
+  return display_of_ap1({ap1.x, ap1.y, ap1.z});
+}
+
+std::array<double, 3> Aces2::display_of_ap1(const std::array<double, 3>& light) const {
+  V3d ap1;
+  for (int i = 0; i < 3; ++i) ap1[i] = std::clamp(light[i], 0.0, 8.0 * tone_.r_hit);
   const JMh scene = scene_.jmh(ap1 * from_ap1_);
   const double J = tone_(scene.J);
   const double reach_M = reach_M_at(scene.h);

@@ -9,11 +9,12 @@
 #include <array>
 #include <vector>
 
+#include "server/render/color/aces2_tone.h"
 #include "server/render/color/primaries.h"
 
 namespace candela {
 
-// Any thread once it is made, which takes about 0.1 s.
+// Any thread once it is made, which takes 10 ms.
 class Aces2 {
  public:
   // A display of this peak (100 .. 10000 nit) whose pictures stay within the gamut of `limiting`.
@@ -22,6 +23,11 @@ class Aces2 {
   // Scene light in ACES2065-1 to display light with the limiting primaries. 1.0 is 100 nit; the result is
   // within 0 .. peak_nits / 100. Light outside of AP1 is cut to it.
   std::array<double, 3> display(const std::array<double, 3>& aces2065_1) const;
+  // The same of light with the primaries of AP1.
+  std::array<double, 3> display_of_ap1(const std::array<double, 3>& ap1) const;
+
+  // What shaders/glsl/aces2.glsl evaluates it from, four floats an element.
+  std::vector<std::array<float, 4>> elements() const;
 
  private:
   // Colour appearance: lightness, colourfulness and hue in degrees.
@@ -39,13 +45,6 @@ class Aces2 {
 
     Imath::M33d to_cone, from_cone, to_aab, from_aab;
   };
-  struct ToneScale {
-    explicit ToneScale(double peak_nits);
-    // Lightness of the scene to that of the display.
-    double operator()(double J) const;
-
-    double g, t_1, c_t, s_2, m_2, r_hit, log_peak;
-  };
   // The most colourful point of the display's gamut at a hue.
   struct Cusp {
     double J = 0, M = 0, top_gamma = 0;  // of the hull above it: an exponent's inverse
@@ -57,6 +56,12 @@ class Aces2 {
     double slope = 0;
   };
 
+  // What chroma compression takes from the peak alone.
+  struct Chroma {
+    double saturation = 0, threshold = 0, strength = 0, scale = 0;
+  };
+
+  Chroma chroma_compression() const;
   double compress_chroma(const JMh& scene, double J, double reach_M) const;
   JMh compress_gamut(const JMh& colour, double reach_M) const;
   double focus_J(const Cusp& cusp) const;
@@ -65,6 +70,8 @@ class Aces2 {
   double reach_M_at(double hue) const;
   Cusp cusp_at(double hue) const;
 
+  void add_constants(std::vector<std::array<float, 4>>& out) const;
+  void add_tone_pieces(std::vector<std::array<float, 4>>& out) const;
   void make_reach();
   void make_hues(const std::vector<JMh>& reach_corners, const std::vector<JMh>& display_corners);
   void make_cusps(const std::vector<JMh>& corners, const std::vector<Imath::V3d>& corner_rgb);
@@ -72,7 +79,7 @@ class Aces2 {
 
   const double peak_;  // of the display, in units of 100 nit
   const Appearance scene_, reach_, display_;
-  const ToneScale tone_;
+  const aces2::ToneScale tone_;
   const double limit_J_, mid_J_, focus_distance_, bottom_gamma_;
   const Imath::M33d to_ap1_, from_ap1_;  // of ACES2065-1
   std::vector<double> reach_table_;      // at whole degrees: the colourfulness of AP1 at limit_J_

@@ -231,13 +231,13 @@ HWY_INLINE hn::Vec<D> load_elements(D d, const uint32_t* words, const uint32_t* 
   }
 }
 
-struct Fetched {
+struct uvec4 {
   uvec3 rgb;
   U a;
 };
 
 // The elements `at`, one for each lane: whole elements and a transposition. Gathers take one word at a time.
-HWY_INLINE Fetched transposed_elements(const uint32_t* words, const uint32_t* at) {
+HWY_INLINE uvec4 transposed_elements(const uint32_t* words, const uint32_t* at) {
   const VU e0 = load_elements(kUints, words, at);
   const VU e1 = load_elements(kUints, words, at + 1);
   const VU e2 = load_elements(kUints, words, at + 2);
@@ -253,7 +253,13 @@ HWY_INLINE Fetched transposed_elements(const uint32_t* words, const uint32_t* at
           hn::BitCast(kUints, hn::InterleaveUpper(pairs, ba0, ba2))};
 }
 
-HWY_INLINE Fetched texelFetch(const utextureBuffer& texture, I index) {
+// The same element for every lane.
+HWY_INLINE uvec4 texelFetch(const utextureBuffer& texture, int index) {
+  const uint32_t* const words = texture.words + 4 * index;
+  return {uvec3(U(words[0]), U(words[1]), U(words[2])), U(words[3])};
+}
+
+HWY_INLINE uvec4 texelFetch(const utextureBuffer& texture, I index) {
   HWY_ALIGN uint32_t at[hn::MaxLanes(kUints)];
   hn::Store(min(U(index), U(texture.elements - 1)).v, kUints, at);
   return transposed_elements(texture.words, at);

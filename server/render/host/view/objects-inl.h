@@ -142,7 +142,7 @@ class Objects {
     const F column = view_.brdf_column(surface.nov);
     const F left = floor(column);
     const glsl::utextureBuffer table = {reinterpret_cast<const uint32_t*>(o.brdf), shader::BRDF_SIZE};
-    const glsl::Fetched pairs = texelFetch(table, I(left));
+    const glsl::uvec4 pairs = texelFetch(table, I(left));
     const F scale = mix(uintBitsToFloat(pairs.rgb.r), uintBitsToFloat(pairs.rgb.b), column - left);
     const F bias = mix(uintBitsToFloat(pairs.rgb.g), uintBitsToFloat(pairs.a), column - left);
     return view_.light_of_surface(reflected, irradiance(view_.turned(surface.n)), {o.f0_r, o.f0_g, o.f0_b},
