@@ -31,6 +31,8 @@ struct ColorTable {
   // size^3 points of R, G and B; red varies fastest, then green. A value is root / TABLE_MAX_ROOT * 65535,
   // rounded.
   std::vector<uint16_t> values;
+  // Of aces-2 alone, which has no points: what aces2.glsl evaluates it from.
+  std::vector<std::array<float, 4>> elements = {};
 
   bool operator==(const ColorTable&) const = default;
 };

@@ -31,9 +31,10 @@ CANDELA_CONST(uint) CURVE_AGX = 7u;
 CANDELA_CONST(uint) CURVE_PBR_NEUTRAL = 8u;
 CANDELA_CONST(uint) CURVE_ACES_1 = 9u;
 CANDELA_CONST(uint) CURVE_TABLE = 10u;
+CANDELA_CONST(uint) CURVE_ACES_2 = 11u;
 // Not on the wire: TABLE with AXES_REC709; TABLE with AXES_AP1, and ACES_1 of a frame with wide-gamut light.
-CANDELA_CONST(uint) CURVE_TABLE_REC709 = 11u;
-CANDELA_CONST(uint) CURVE_TABLE_AP1 = 12u;
+CANDELA_CONST(uint) CURVE_TABLE_REC709 = 101u;
+CANDELA_CONST(uint) CURVE_TABLE_AP1 = 102u;
 CANDELA_CONST(uint) WEIGHTS_AVERAGE = 1u;
 CANDELA_CONST(uint) WEIGHTS_CENTER = 2u;
 CANDELA_CONST(uint) WEIGHTS_SPOT = 3u;
@@ -130,6 +131,15 @@ CANDELA_CONST(int) TABLE_STEP_BITS = 32 - TABLE_FRACTION_BITS;
 #define TABLE_FROM_SCENE_AP1                                                                              \
   0.61309740f, 0.33952315f, 0.04737945f, 0.07019372f, 0.91635388f, 0.01345240f, 0.02061559f, 0.10956977f, \
       0.86981463f
+// ACES 2.0 (shaders/glsl/aces2.glsl): the elements from which it is evaluated. First the constants, then the
+// pieces of the tone scale, 2^(23 - SHIFT) an octave above the knee, then hues, evenly along a diamond, the
+// first of them again at the end.
+CANDELA_CONST(uint) ACES2_CONSTANTS = 12u;
+CANDELA_CONST(float) ACES2_TONE_KNEE = 0.0625f;  // of the achromatic response
+CANDELA_CONST(int) ACES2_TONE_SHIFT = 18;
+CANDELA_CONST(uint) ACES2_TONE_PIECES = 288u;  // to a response of 32
+CANDELA_CONST(uint) ACES2_HUE_BEGIN = ACES2_CONSTANTS + ACES2_TONE_PIECES;
+CANDELA_CONST(uint) ACES2_HUES = 16384u;
 // AgX: Rec.709 to the primaries in which its curve works; row by row. Source: T. Sobotka's AgX.
 #define AGX_INSET                                                                                        \
   0.842479062253094f, 0.0784335999999992f, 0.0792237451477643f, 0.0423282422610123f, 0.878468636469772f, \

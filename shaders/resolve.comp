@@ -36,6 +36,8 @@ layout(push_constant) uniform Push { ResolveParams p; };
 #include "glsl/bloom_row.glsl"
 #include "glsl/transfer.glsl"
 #include "glsl/table.glsl"
+#include "glsl/aces2_powers.glsl"
+#include "glsl/aces2.glsl"
 #include "glsl/curves.glsl"
 #include "glsl/straight.glsl"
 #include "glsl/dither.glsl"
@@ -70,7 +72,9 @@ void note_negative(vec3 scene, uint counted) {
 // The display value of exposed light.
 vec3 shown(vec3 exposed) {
   vec3 v = curve_light(exposed);
-  return encode(curve(WIDE ? at_least(v, 0.0) : v, p.curve_white));
+  if (WIDE) v = at_least(v, 0.0);
+  if (CURVE == CURVE_ACES_2) return encode(at_most(at_least(aces2(v), 0.0), 1.0));
+  return encode(curve(v, p.curve_white));
 }
 
 // The display value of no light; only for ALPHA_STRAIGHT.
@@ -168,6 +172,7 @@ void resolve_block(uint x, uint first_row, uint rows_end) {
 }
 
 void main() {
+  if (CURVE == CURVE_ACES_2) load_aces2();
   if (ALPHA == ALPHA_STRAIGHT) black = shown(vec3(0.0));
   uint first_row = gl_GlobalInvocationID.y * RESOLVE_ROWS;
   uint rows_end = min(first_row + RESOLVE_ROWS, p.frame.height);

@@ -22,6 +22,8 @@ import sys
 
 SHADERS = pathlib.Path(__file__).resolve().parent.parent
 SRGB_OF_HOST = "../server/render/host/resolve/srgb-inl.h"
+ACES2_OF_HOST = "../server/render/host/resolve/aces2_powers-inl.h"
+ACES2_GAMMA = 0.59 * (1.48 + math.sqrt(0.2))
 KNEE = 0.0031308  # sRGB is linear below it
 OCTAVE_CODES = 255 * 1.055 * 0.5 ** (1 / 2.4)  # what the host's power is multiplied by in the octave below 1
 
@@ -44,6 +46,10 @@ POLYNOMIALS = [
     ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),
     ("glsl/transfer.glsl", "vec3 srgb", "s", "high", lambda s: srgb_codes(s**4), (KNEE ** (1 / 4), 1), 255),
     (SRGB_OF_HOST, "HWY_INLINE F mantissa_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
+    (ACES2_OF_HOST, "HWY_INLINE F cone_mantissa", "m", "q", lambda m: m**0.42, (1, 2), 1),
+    (ACES2_OF_HOST, "HWY_INLINE F cone_root_mantissa", "m", "q", lambda m: m ** (1 / 0.42), (1, 2), 1),
+    (ACES2_OF_HOST, "HWY_INLINE F lightness_mantissa", "m", "q", lambda m: m**ACES2_GAMMA, (1, 2), 1),
+    (ACES2_OF_HOST, "HWY_INLINE F achromatic_mantissa", "m", "q", lambda m: m ** (1 / ACES2_GAMMA), (1, 2), 1),
 ]
 
 

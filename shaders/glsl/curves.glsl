@@ -9,7 +9,7 @@
 // Images",
 // 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the
 // ACES RRT and ODT, published in M. Pettineo's BakingLab. hable: J. Hable, "Filmic Tonemapping Operators",
-// 2010. agx: T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
+// 2010. aces-2: aces2.glsl. agx: T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
 
 // S. Hill's published fit of the ACES RRT and ODT, in the fit's own primaries.
 vec3 rrt_and_odt(vec3 v) {
@@ -29,7 +29,7 @@ vec3 curve_light(vec3 x) {
   if (CURVE == CURVE_ACES_HILL || CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) {
     return rows(TABLE_FROM_SCENE, x);
   }
-  if (CURVE == CURVE_TABLE_AP1) return rows(TABLE_FROM_SCENE_AP1, x);
+  if (CURVE == CURVE_TABLE_AP1 || CURVE == CURVE_ACES_2) return rows(TABLE_FROM_SCENE_AP1, x);
   if (CURVE == CURVE_AGX) return rows(AGX_INSET, x);
   return x;
 }

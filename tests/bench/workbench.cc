@@ -34,6 +34,7 @@ constexpr Variant kVariants[] = {
     {"dither", [](v1::Settings& s) { s.set_dither(true); }},
     {"agx", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
     {"aces-1", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
+    {"aces-2", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_2); }},
     {"pbr-neutral", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
     // Frames without curve and transfer, with bloom and without: they show how much the look costs.
     {"linear", linear},

@@ -19,7 +19,7 @@ struct Size {
 inline constexpr v1::ToneCurve kCurves[] = {
     v1::TONE_CURVE_LINEAR,    v1::TONE_CURVE_REINHARD,          v1::TONE_CURVE_ACES_NARKOWICZ,
     v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_REINHARD_EXTENDED, v1::TONE_CURVE_HABLE,
-    v1::TONE_CURVE_AGX,       v1::TONE_CURVE_PBR_NEUTRAL};
+    v1::TONE_CURVE_AGX,       v1::TONE_CURVE_PBR_NEUTRAL,       v1::TONE_CURVE_ACES_2};
 
 using scenes::HardCase;
 using scenes::noise;

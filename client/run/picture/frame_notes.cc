@@ -20,6 +20,7 @@ constexpr char kCheck[] =
 const char* advice(const v1::Settings& settings) {
   switch (settings.curve()) {
     case v1::TONE_CURVE_ACES_1:
+    case v1::TONE_CURVE_ACES_2:
       return kCheck;
     case v1::TONE_CURVE_TABLE:
       return settings.table().axes() == v1::ColorTable::AXES_REC709 ? "the view works on Rec.709's channels"
@@ -27,9 +28,9 @@ const char* advice(const v1::Settings& settings) {
     case v1::TONE_CURVE_UNSPECIFIED:
     case v1::TONE_CURVE_ACES_HILL:
     case v1::TONE_CURVE_AGX:
-      return "--curve aces-1 keeps all of ACES AP1";
+      return "--curve aces-2 keeps all of ACES AP1";
     default:
-      return "the curve works on Rec.709's channels; --curve aces-1 keeps all of ACES AP1";
+      return "the curve works on Rec.709's channels; --curve aces-2 keeps all of ACES AP1";
   }
 }
 

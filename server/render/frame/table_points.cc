@@ -7,8 +7,9 @@
 namespace candela {
 
 void write_points(const ColorTable& table, std::byte* to) {
-  const size_t points = point_count(table);
-  CHECK(table.values.size() == 3 * points);
+  std::memcpy(to, table.elements.data(), table.elements.size() * sizeof(TablePoint));
+  to += table.elements.size() * sizeof(TablePoint);
+  const size_t points = table.values.size() / 3;
   const size_t diagonal = size_t{table.size} * table.size + table.size + 1;
   for (size_t i = 0; i < points; ++i) {
     const size_t next = std::min(i + diagonal, points - 1);

@@ -17,7 +17,7 @@ namespace candela {
 // A point beside its neighbour along the cube's diagonal; see table.glsl.
 using TablePoint = std::array<uint32_t, 4>;
 
-inline size_t point_count(const ColorTable& table) { return table.values.size() / 3; }
+inline size_t point_count(const ColorTable& table) { return table.elements.size() + table.values.size() / 3; }
 
 // Writes point_count() points. Those of the upper faces have no such neighbour, and nothing reads it.
 void write_points(const ColorTable& table, std::byte* to);

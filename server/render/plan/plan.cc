@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
 #include "server/render/color/aces.h"
+#include "server/render/color/aces2_table.h"
 #include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/lit_area.h"
 #include "server/render/settings/tiers.h"
@@ -82,6 +83,7 @@ reference::Gamut gamut_of(const Settings& settings, const ColorTable* table) {
     case v1::TONE_CURVE_AGX:
       return reference::Gamut::kAgx;
     case v1::TONE_CURVE_ACES_1:
+    case v1::TONE_CURVE_ACES_2:
       return reference::Gamut::kAp1;
     case v1::TONE_CURVE_TABLE:
       return table->axes == shader::AXES_ACES  ? reference::Gamut::kAces
@@ -161,7 +163,7 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   params.background_r = settings->background().red();
   params.background_g = settings->background().green();
   params.background_b = settings->background().blue();
-  if (const ColorTable* table = decisions.table.get()) {
+  if (const ColorTable* table = decisions.table.get(); table != nullptr && table->size > 0) {
     params.table_size = table->size;
     params.table_end = table->end;
     params.table_scale = static_cast<float>(std::ldexp(table->size - 1, shader::TABLE_FRACTION_BITS) /
@@ -310,6 +312,7 @@ BoundFacts frame_facts(const Metered& metered, const Settings& settings, double 
 absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings,
                                                                  const Metered& metered) {
   const Tier& tier = settings.tier();
+  if (settings->curve() == v1::TONE_CURVE_ACES_2) return aces_2_table();
   if (settings->curve() != v1::TONE_CURVE_ACES_1 || tier.host_reference) return settings.table();
   return wide(metered) ? aces_1_wide_table(tier.wide_table_size) : aces_1_table(tier.table_size);
 }

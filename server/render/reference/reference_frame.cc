@@ -10,6 +10,7 @@
 
 #include "server/base/slices.h"
 #include "server/render/color/aces.h"
+#include "server/render/color/aces2_table.h"
 
 namespace candela {
 
@@ -44,6 +45,7 @@ std::function<reference::Rgb(const reference::Rgb&)> look_of(const Plan& plan) {
   if (plan.reference.resolve.curve == shader::CURVE_TABLE) {
     return [table = plan.table](const reference::Rgb& c) { return reference::look_up(*table, c); };
   }
+  if (plan.reference.resolve.curve == shader::CURVE_ACES_2) return aces_2;
   if (plan.reference.resolve.curve != shader::CURVE_ACES_1) return nullptr;
   return [](const reference::Rgb& exposed) -> reference::Rgb {
     const reference::Rgb c = cut_to_ap1(exposed);

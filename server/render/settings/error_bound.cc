@@ -44,6 +44,11 @@ struct CurveError {
   double cancels;   // display light that roundings leave where the curve subtracts; 0: it does not subtract
 };
 
+// What tables by hue, pieces of the tone scale and polynomials leave of aces-2, in every tier: without a
+// negative component, and with them.
+constexpr TableError kAces2Codes = {0.04, 1.5, 0.05};
+constexpr TableError kAces2WideCodes = {0.3, 3, 0.08};
+
 // Per unit of a root in a table: M_out of r^2, at the largest root.
 constexpr double kLightToRoot = 2 * shader::TABLE_MAX_ROOT * 2.21;
 // The error of a position in a table, in points: its fraction's bits, and the roundings of the axis.
@@ -76,6 +81,8 @@ CurveError curve_error(const Settings& settings) {
       return {2.5, 2, 1.5, 2e-7};
     case v1::TONE_CURVE_ACES_1:
       return {8, 2, 6, 6e-6};
+    case v1::TONE_CURVE_ACES_2:
+      return {12, 3.3, 25, 2e-6};
     case v1::TONE_CURVE_TABLE:
       return table_error(*settings.table(), settings.table_step());
     default:
@@ -157,7 +164,6 @@ double error_bound(const Tier& tier, const Settings& settings, const BoundFacts&
   if (facts.resized) return kNoBound;
   const bool sized_bloom = settings->bloom().kind() != v1::Bloom::KIND_GAUSSIAN;
   if (facts.blooms && sized_bloom && tier.bloom_level_size != kWholeBloom) return kNoBound;
-  const bool has_table = settings->curve() == v1::TONE_CURVE_ACES_1;
   const v1::Transfer transfer = output_transfer(*settings);
   const CurveError curve = curve_error(settings);
   const double rounding = kRounding * kLightRoundings + (facts.blooms ? bloom_rounding(settings) : 0);
@@ -171,7 +177,12 @@ double error_bound(const Tier& tier, const Settings& settings, const BoundFacts&
   codes += 255 * encoded(transfer, light);
   if (transfer == v1::TRANSFER_SRGB) codes += tier.transfer_codes;
   if (transfer == v1::TRANSFER_GAMMA22) codes += kPowerCodes;
-  if (has_table) codes += table_codes(facts.wide ? tier.wide_table_codes : tier.table_codes, transfer);
+  if (settings->curve() == v1::TONE_CURVE_ACES_1) {
+    codes += table_codes(facts.wide ? tier.wide_table_codes : tier.table_codes, transfer);
+  }
+  if (settings->curve() == v1::TONE_CURVE_ACES_2) {
+    codes += table_codes(facts.wide ? kAces2WideCodes : kAces2Codes, transfer);
+  }
   // Over white, the error of alpha counts as well as that of colour. A table's black need not be 0, and then
   // light of its own is a difference of two values of the table, in colour and in alpha.
   if (facts.translucent) codes *= settings->curve() == v1::TONE_CURVE_TABLE ? 4 : 2;

@@ -87,7 +87,7 @@ TEST_F(WideGamutFile, WhatTheCurveCutsIsSaidAboveOnePercent) {
   EXPECT_TRUE(
       says(linear["notes"].dump(),
            "% of the colour components lie outside the curve's gamut and were cut; the curve works on "
-           "Rec.709's channels; --curve aces-1 keeps all of ACES AP1"))
+           "Rec.709's channels; --curve aces-2 keeps all of ACES AP1"))
       << linear["notes"];
   const auto aces = render({"--curve", "aces-1"});
   EXPECT_FALSE(says(aces["notes"].dump(), "were cut"));

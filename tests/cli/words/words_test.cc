@@ -70,7 +70,7 @@ TEST_F(Words, NamesDoNotDependOnCase) {
 }
 
 TEST_F(Words, NearNamesAreSuggested) {
-  refuses({"--curve", "aces"}, "unknown curve \"aces\"; did you mean aces-narkowicz, aces-hill or aces-1?");
+  refuses({"--curve", "aces"}, "unknown curve \"aces\"; did you mean aces-narkowicz, aces-hill, aces-1 or aces-2?");
   refuses({"--primaries", "acescgg"}, "did you mean acescg?");
   refuses({"--primaries", "p3"}, "did you mean p3-d65?");
   refuses({"--primaries", "adobe"},

@@ -44,6 +44,7 @@ inline const float* curve_matrix(uint32_t curve) {
     case shader::CURVE_TABLE:
       return kAces;
     case shader::CURVE_TABLE_AP1:
+    case shader::CURVE_ACES_2:
       return kAp1;
     case shader::CURVE_AGX:
       return kAgx;

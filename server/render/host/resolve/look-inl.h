@@ -9,6 +9,7 @@
 
 #include <hwy/highway.h>
 
+#include "server/render/host/resolve/aces2-inl.h"
 #include "server/render/host/resolve/agx-inl.h"
 #include "server/render/host/resolve/chunk-inl.h"
 #include "server/render/host/resolve/srgb-inl.h"
@@ -122,6 +123,8 @@ inline Stage curve_stage(uint32_t curve) {
       return show_curve<shader::CURVE_TABLE_REC709>;
     case shader::CURVE_TABLE_AP1:
       return show_curve<shader::CURVE_TABLE_AP1>;
+    case shader::CURVE_ACES_2:
+      return show_aces2;
     default:
       return show_curve<shader::CURVE_LINEAR>;
   }
