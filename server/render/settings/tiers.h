@@ -7,9 +7,9 @@
 
 namespace candela {
 
-// The largest error of the tables of aces-1 or aces-2, in codes of the output, by the output's transfer. Found by a search
-// for the worst colour (tests/unit/render/error_bound_test.cc repeats it) and a fifth larger than what it
-// found.
+// The largest error of the tables of aces-1 or aces-2, in codes of the output, by the output's transfer.
+// Found by a search for the worst colour (tests/unit/render/error_bound_test.cc repeats it) and a fifth
+// larger than what it found.
 struct TableError {
   double srgb;
   double gamma22;
