@@ -41,7 +41,7 @@ vec3 within_axes(vec3 v) {
 }
 
 // aces-hill's last matrix is that of the colour tables.
-vec3 table(vec3 v) { return rows(TABLE_TO_DISPLAY, look_up(v)); }
+vec3 from_table(vec3 v) { return rows(TABLE_TO_DISPLAY, v); }
 
 // The published difference over one denominator, with A (1 - E/F) = 0.14 and B (C - E/F) = 1/60. Its constant
 // terms cancel, so black is 0 on every device.
@@ -102,8 +102,8 @@ vec3 curve(vec3 x, float white) {
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);
-  if (CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) y = table(x);
-  if (CURVE == CURVE_TABLE_AP1) y = table(within_axes(x));
+  if (CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) y = from_table(look_up(x));
+  if (CURVE == CURVE_TABLE_AP1) y = from_table(look_up(within_axes(x)));
   if (CURVE == CURVE_TABLE_REC709) y = look_up(x);
   return at_most(at_least(y, 0.0), 1.0);
 }

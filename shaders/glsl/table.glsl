@@ -18,11 +18,17 @@ uint table_position(float x) {
   return uint(min(position, int((p.table_size - 1u) << TABLE_FRACTION_BITS) - 1));
 }
 
-// Display light for scene light, both in the table's primaries, by tetrahedral interpolation. The corners of
-// the tetrahedron are the first and the last of the cell and the two on the path between them that takes the
-// axes in descending order of their fractions. Each fraction shares a word with the step of its axis, so that
-// sorting the fractions sorts the steps.
-vec3 look_up(vec3 v) {
+// A tetrahedron of the lattice, and a place in it: the elements of its first corner (which holds the last, too), of
+// the second and of the third, and the weights' borders, descending.
+struct TableCell {
+  uvec3 corners;
+  uvec3 fractions;
+};
+
+// The corners of the tetrahedron are the first and the last of the cell and the two on the path between them that
+// takes the axes in descending order of their fractions. Each fraction shares a word with the step of its axis, so
+// that sorting the fractions sorts the steps. v is scene light in the table's primaries.
+TableCell table_cell(vec3 v) {
   uvec3 position = uvec3(table_position(v.r), table_position(v.g), table_position(v.b));
   uint size = p.table_size;
   uvec3 cell = position >> TABLE_FRACTION_BITS;
@@ -33,14 +39,22 @@ vec3 look_up(vec3 v) {
   uint small = min(min(keys.r, keys.g), keys.b);
   uint middle = keys.r + keys.g + keys.b - large - small;
   uint first = cell.r + size * (cell.g + size * cell.b);
-  uvec3 ends = texelFetch(table_points, int(first)).rgb;
-  uvec3 second = texelFetch(table_points, int(first + (large & step_mask))).rgb;
-  uvec3 third = texelFetch(table_points, int(first + (steps.r + steps.g + steps.b) - (small & step_mask))).rgb;
+  TableCell found;
+  found.corners = uvec3(first, first + (large & step_mask), first + (steps.r + steps.g + steps.b) - (small & step_mask));
+  found.fractions = uvec3(large >> TABLE_STEP_BITS, middle >> TABLE_STEP_BITS, small >> TABLE_STEP_BITS);
+  return found;
+}
 
-  float l = float(int(large >> TABLE_STEP_BITS));
-  float m = float(int(middle >> TABLE_STEP_BITS));
-  float s = float(int(small >> TABLE_STEP_BITS));
-  vec3 root = (FRACTIONS - l) * vec3(ivec3(ends & 0xffffu)) + (l - m) * vec3(ivec3(second & 0xffffu)) +
-              (m - s) * vec3(ivec3(third & 0xffffu)) + s * vec3(ivec3(ends >> 16));
+// Display light in the table's primaries, by tetrahedral interpolation between the points at a cell's corners.
+vec3 interpolated(uvec3 ends, uvec3 second, uvec3 third, uvec3 fractions) {
+  vec3 f = vec3(ivec3(fractions));
+  vec3 root = (FRACTIONS - f.r) * vec3(ivec3(ends & 0xffffu)) + (f.r - f.g) * vec3(ivec3(second & 0xffffu)) +
+              (f.g - f.b) * vec3(ivec3(third & 0xffffu)) + f.b * vec3(ivec3(ends >> 16));
   return root * root * (UNIT * UNIT);
+}
+
+vec3 look_up(vec3 v) {
+  TableCell cell = table_cell(v);
+  return interpolated(texelFetch(table_points, int(cell.corners.r)).rgb, texelFetch(table_points, int(cell.corners.g)).rgb,
+                      texelFetch(table_points, int(cell.corners.b)).rgb, cell.fractions);
 }

@@ -63,6 +63,56 @@ CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
   }
 }
 
+// A look-up is two stages, because the second one waits for memory, in which it also finds the points'
+// places.
+struct TableCells {
+  HWY_ALIGN uint32_t corners[3][kChunk], fractions[3][kChunk];
+};
+
+template <uint32_t kCurve>
+using TableLook = shared::Look<kCurve, shader::TRANSFER_LINEAR, 8>;
+
+template <uint32_t kCurve>
+CANDELA_STAGE void find_cells(TableLook<kCurve> look, bool wide, uint32_t count, const Chunk& chunk,
+                              TableCells& cells) {
+  const U last = look.table_points.elements - 1;
+  for (uint32_t i = 0; i < count; i += kLanes) {
+    vec3 light = look.curve_light(chunk.rgb(i));
+    if (wide) light = at_least(light, 0.0);
+    if constexpr (kCurve == shader::CURVE_TABLE_AP1) light = look.within_axes(light);
+    const auto cell = look.table_cell(light);
+    hn::Store(min(cell.corners.r, last).v, kUints, cells.corners[0] + i);
+    hn::Store(min(cell.corners.g, last).v, kUints, cells.corners[1] + i);
+    hn::Store(min(cell.corners.b, last).v, kUints, cells.corners[2] + i);
+    hn::Store(cell.fractions.r.v, kUints, cells.fractions[0] + i);
+    hn::Store(cell.fractions.g.v, kUints, cells.fractions[1] + i);
+    hn::Store(cell.fractions.b.v, kUints, cells.fractions[2] + i);
+  }
+}
+template <uint32_t kCurve>
+CANDELA_STAGE void interpolate(TableLook<kCurve> look, uint32_t count, const TableCells& cells,
+                               Chunk& chunk) {
+  const uint32_t* const words = look.table_points.words;
+  for (uint32_t i = 0; i < count; i += kLanes) {
+    const auto points = [&](const uint32_t* at)
+                            HWY_ATTR { return glsl::transposed_elements(words, at + i).rgb; };
+    const auto fraction = [&](const uint32_t* of) HWY_ATTR { return U(hn::Load(kUints, of + i)); };
+    vec3 shown = look.interpolated(
+        points(cells.corners[0]), points(cells.corners[1]), points(cells.corners[2]),
+        {fraction(cells.fractions[0]), fraction(cells.fractions[1]), fraction(cells.fractions[2])});
+    if constexpr (kCurve != shader::CURVE_TABLE_REC709) shown = look.from_table(shown);
+    chunk.set_rgb(i, at_most(at_least(shown, 0.0), 1.0));
+  }
+}
+template <uint32_t kCurve>
+HWY_NOINLINE void show_table(const RowPart& part, Chunk& chunk) {
+  const ResolveJob& job = part.job;
+  const TableLook<kCurve> look{job.params, {job.table, job.table_points}};
+  TableCells cells;
+  find_cells<kCurve>(look, job.constants.wide != 0, part.count, chunk, cells);
+  interpolate<kCurve>(look, part.count, cells, chunk);
+}
+
 template <typename Step>
 HWY_INLINE void each_component(const RowPart& part, Chunk& chunk, const Step& step) {
   const uint32_t count = part.count;
@@ -118,11 +168,11 @@ inline Stage curve_stage(uint32_t curve) {
       return show_curve<shader::CURVE_PBR_NEUTRAL>;
     case shader::CURVE_ACES_1:
     case shader::CURVE_TABLE:
-      return show_curve<shader::CURVE_TABLE>;
+      return show_table<shader::CURVE_TABLE>;
     case shader::CURVE_TABLE_REC709:
-      return show_curve<shader::CURVE_TABLE_REC709>;
+      return show_table<shader::CURVE_TABLE_REC709>;
     case shader::CURVE_TABLE_AP1:
-      return show_curve<shader::CURVE_TABLE_AP1>;
+      return show_table<shader::CURVE_TABLE_AP1>;
     case shader::CURVE_ACES_2:
       return show_aces2;
     default:
