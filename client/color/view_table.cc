@@ -6,19 +6,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <initializer_list>
 #include <optional>
 #include <random>
 #include <span>
-#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
-#include "client/color/lut_config.h"
+#include "client/color/view_config.h"
 #include "client/color/view_entry.h"
 #include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
@@ -35,10 +32,6 @@ constexpr char kVariable[] = "$OCIO";  // ViewChoice::source
 constexpr double kGoodCodes = 0.75;
 // On AP1's axes light changes further up, because a film-like view desaturates it only there.
 constexpr float kLeastEndAp1 = 320.0f;
-
-std::string one_line(const char* text) {
-  return absl::StrJoin(absl::StrSplit(text, absl::ByAnyChar("\n\r\t"), absl::SkipWhitespace()), " ");
-}
 
 std::string list(int count, const std::function<const char*(int)>& name) {
   std::vector<std::string> names;
@@ -207,21 +200,8 @@ bool shows_data(const ocio::ConstConfigRcPtr& config, const ViewTable& chosen, c
   return is_data(shown == ocio::OCIO_VIEW_USE_DISPLAY_NAME ? chosen.display : shown) || is_data(input);
 }
 
-const char* kind_of(const ViewChoice& choice) {
-  return choice.lut_input.empty() ? "an OpenColorIO configuration" : "a LUT, such as look.cube";
-}
-
 absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
-  // OpenColorIO would wait for a pipe's writer. A path that is not there may be one of its own
-  // configurations.
-  std::error_code failed;
-  if (std::filesystem::exists(choice.config, failed) &&
-      !std::filesystem::is_regular_file(choice.config, failed)) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: not a regular file; name %s", choice.config, kind_of(choice)));
-  }
-  const ocio::ConstConfigRcPtr config =
-      choice.lut_input.empty() ? ocio::Config::CreateFromFile(choice.config.c_str()) : lut_config(choice);
+  ASSIGN_OR_RETURN(const ocio::ConstConfigRcPtr config, load_config(choice));
   ViewTable baked;
   RETURN_IF_ERROR(choose_view(config, choice, baked));
   absl::StatusOr<ViewEntry> entry = find_entry(config, choice);
@@ -273,20 +253,12 @@ absl::StatusOr<ViewTable> bake_view(const ViewChoice& choice) {
                         absl::StrFormat("%s; %s names the configuration, and --curve does without it",
                                         status.message(), kVariable));
   };
-  std::error_code error;
-  if (!std::filesystem::exists(choice.config, error)) {
-    return named(
-        absl::NotFoundError(absl::StrFormat("%s: no such file; %s takes %s", choice.config,
-                                            choice.lut_input.empty() ? "--ocio" : "--lut", kind_of(choice))));
-  }
-  ocio::SetLoggingLevel(ocio::LOGGING_LEVEL_NONE);
   try {
     absl::StatusOr<ViewTable> baked = bake(choice);
     if (!baked.ok()) return named(baked.status());
     return baked;
   } catch (const std::exception& thrown) {
-    return named(absl::InvalidArgumentError(
-        absl::StrFormat("%s: OpenColorIO cannot use it: %s", choice.config, one_line(thrown.what()))));
+    return named(unusable(choice, thrown));
   }
 }
 
