@@ -18,4 +18,20 @@ absl::StatusOr<OCIO_NAMESPACE::ConstConfigRcPtr> load_config(const ViewChoice& c
 // The error for what OpenColorIO threw while it used the configuration of `choice`.
 absl::Status unusable(const ViewChoice& choice, const std::exception& thrown);
 
+// What a configuration offers.
+struct ConfigViews {
+  struct Display {
+    std::string name;
+    std::string default_view;
+    std::vector<std::string> views;
+  };
+  std::string version;  // of its format, such as 2.1
+  std::string default_display;
+  std::vector<Display> displays;
+  std::vector<std::string> color_spaces;  // the active ones, for ViewChoice::input
+};
+
+// Fails as load_config does. Any thread.
+absl::StatusOr<ConfigViews> views_of(const ViewChoice& choice);
+
 }  // namespace candela

@@ -10,7 +10,9 @@
 #include "absl/time/time.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
+#include "client/base/usage.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/config_info.h"
 #include "client/cli/commands/file_info.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/json_output.h"
@@ -239,13 +241,24 @@ absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& j
                                                                     failed, files.size())));
 }
 
+absl::Status describe_config(const std::string& path, JsonOutput& json) {
+  const absl::StatusOr<ConfigViews> views = views_of({.config = path, .source = "--ocio"});
+  if (!views.ok()) return input_failure(views.status(), path);
+  if (!json.to_stdout()) {
+    RETURN_IF_ERROR(print(to_text(path, *views)));
+  }
+  return json.write(to_json(path, *views));
+}
+
 absl::Status run_info(const InfoOptions& options, JsonOutput& json) {
   std::vector<std::string> inputs = files_of(options.server);
   inputs.insert(inputs.end(), options.files.begin(), options.files.end());
+  if (!options.config.empty()) inputs.push_back(options.config);
   if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
   RETURN_IF_ERROR(json.open());
+  if (!options.config.empty()) return describe_config(options.config, json);
   return options.files.empty() ? describe_server(options, json) : describe_files(options.files, json);
 }
 
@@ -255,16 +268,23 @@ constexpr char kInfoExamples[] =
     "Examples:\n"
     "  candela info\n"
     "  candela info shot.exr\n"
+    "  candela info --ocio studio.ocio\n"
     "  candela info --server 127.0.0.1:50051 --json -";
 
 Finish define_info(CLI::App& app) {
   const auto options = std::make_shared<InfoOptions>();
   app.add_option("FILE", options->files, "Images to describe (default: describe the server)")
       ->option_text("...");
+  add_text(app, kOutputSection, "--ocio", "CONFIG",
+           "Describe this OpenColorIO configuration: its displays and views, and in JSON its colour spaces",
+           options->config);
   add_json_option(app, kOutputSection,
                   "Write one line of JSON a file, or one for the server with every setting", options->json);
   add_server_options(app, options->server);
   return [options](const GivenOptions&) -> absl::StatusOr<ParsedCommand> {
+    if (!options->config.empty() && !options->files.empty()) {
+      return usage_error("--ocio describes a configuration and FILE an image; give only one of them");
+    }
     absl::Status status = check_input_names(options->files);
     status.Update(finish_server_options(options->server));
     if (!status.ok()) return status;

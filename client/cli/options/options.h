@@ -49,7 +49,8 @@ struct ReportOptions {
 struct InfoOptions {
   InfoOptions() { server.resume_limit = absl::ZeroDuration(); }
 
-  std::vector<std::string> files;  // to describe; none: the server
+  std::vector<std::string> files;  // to describe; none: the server, or the configuration
+  std::string config;              // of OpenColorIO, to describe; empty: none
   ServerChoice server;
   std::string json;  // as in RenderOptions
 };

@@ -1,4 +1,5 @@
 // `candela render --ocio`: any view of an OpenColorIO configuration.
+#include <OpenColorIO/OpenColorIO.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -208,6 +209,62 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
   expect_error(render({"--curve", "table"}), 2, "unknown curve \"table\"");
 }
 
+// Studios' configurations of 2025 and later.
+TEST_F(Ocio, AConfigurationThatIsTooNewNamesTheWaysAround) {
+  const std::string later = folder_.path("later.ocio");
+  std::string text = config(kStudioRoles);
+  write_file(later, "ocio_profile_version: 2.4" + text.substr(text.find('\n')));
+  const std::string aces2 = folder_.path("aces2.ocio");
+  const std::string style = "ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-100nit-REC709_2.0";
+  const std::string old = "ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0";
+  text.replace(text.find(old), old.size(), style);
+  write_file(aces2, text);
+  for (const auto& [name, reason] :
+       {std::pair(later, std::string("it is of version 2.4")),
+        std::pair(aces2, "it has the built-in transform \"" + style + "\""),
+        std::pair(std::string("ocio://default"), std::string("it has no built-in configurations"))}) {
+    const std::string why =
+        name + ": OpenColorIO " + OCIO_VERSION + ", which is installed here, is too old for it: " + reason;
+    const std::string ways =
+        "; --curve aces-2 shows ACES 2.0, and a newer OpenColorIO can bake any view, as a LUT (ociobakelut) "
+        "for --lut or by bake_view() of Candela's Python package";
+    expect_error(candela({"render", in_, folder_.path("out.png"), "--ocio", name, "-q"}), 3, why + ways);
+    expect_error(candela({"info", "--ocio", name}), 3, why + ways);
+  }
+}
+
+TEST_F(Ocio, InfoListsDisplaysAndViews) {
+  const Outcome text = candela({"info", "--ocio", studio_});
+  ASSERT_EQ(text.code, 0) << text.err;
+  EXPECT_TRUE(says(text.out,
+                   "OpenColorIO configuration, version 2.0, 5 colour spaces\n"
+                   "  display \"sRGB\" (default)\n"
+                   "    view \"ACES\" (default)\n"
+                   "    view \"Plain\"\n"
+                   "  display \"Cinema\"\n"
+                   "    view \"ACES\" (default)\n"))
+      << text.out;
+  const auto info = candela_json({"info", "--ocio", studio_});
+  EXPECT_EQ(info["config"], studio_);
+  EXPECT_EQ(info["default_display"], "sRGB");
+  EXPECT_EQ(info["displays"][0]["views"], nlohmann::json({"ACES", "Plain"}));
+  EXPECT_EQ(info["displays"][1]["name"], "Cinema");
+  EXPECT_EQ(info["displays"][1]["default_view"], "ACES");
+  EXPECT_TRUE(std::ranges::count(info["color_spaces"], "ACEScg") == 1) << info;
+  // Each of them can be shown.
+  for (const auto& display : info["displays"]) {
+    for (const std::string view : display["views"]) {
+      const std::string name = display["name"];
+      EXPECT_EQ(candela({"render", in_, folder_.path("out.png"), "--ocio", studio_, "--display", name,
+                         "--ocio-view", view, "-q"})
+                    .code,
+                0);
+    }
+  }
+  expect_error(candela({"info", in_, "--ocio", studio_}), 2, "give only one of them");
+  expect_error(candela({"info", "--ocio", folder_.path("none.ocio")}), 3, "none.ocio: no such file");
+}
+
 TEST_F(Ocio, TransferChangesNothing) {
   const auto srgb = candela_json({"render", in_, folder_.path("a.png"), "--ocio", studio_});
   const auto linear =
@@ -270,12 +327,11 @@ TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
   const Outcome empty = with("", {});
   EXPECT_EQ(empty.code, 0) << empty.err;
   EXPECT_FALSE(says(empty.out, "OCIO"));
-  for (const std::string& missing : {folder_.path("missing.ocio"), std::string("ocio://default")}) {
-    expect_error(with(missing, {"-q"}), 3,
-                 missing +
-                     ": no such file; --ocio takes an OpenColorIO configuration; $OCIO names the "
-                     "configuration, and --curve does without it");
-  }
+  const std::string missing = folder_.path("missing.ocio");
+  expect_error(with(missing, {"-q"}), 3,
+               missing +
+                   ": no such file; --ocio takes an OpenColorIO configuration; $OCIO names the "
+                   "configuration, and --curve does without it");
 }
 
 }  // namespace

@@ -175,6 +175,8 @@ STREAMED = {  # of stream alone
     "--first": lambda c: shows(LINES["stream"].format("--first 100"), lambda run: "0100.png" in run.files, "no 0100.png"),
 }
 OTHERS = {
+    "info": {"--ocio": both(shows("info --ocio studio.ocio", lambda run: 'view "Dark"' in run.out, "no view"),
+                            refuses("--ocio no-such.ocio", "info {}", "no-such.ocio"))},
     "meter": {"--tier": changes("--tier reference")},
     "sample": {"--size": changes("--size 9x5", line="sample OUT/s.pfm -q {}", base="--size 8x8"),
                "--sequence": shows("sample --sequence OUT --size 8x8 --frames 3 -q", lambda run: len(run.files) == 3, "no 3 files"),
