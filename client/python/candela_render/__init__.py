@@ -20,6 +20,7 @@ limit, and a retry delay.
 Without an address, candelad is started, as CANDELAD or PATH have it; else give "HOST:PORT", "unix:PATH" or a list of them.
 """
 from ._aio import AsyncSession
+from ._baked_view import BakedView, bake_transform, bake_view
 from ._calls import health, histogram, info, meter, render
 from ._channel import Security
 from ._core import Stats
@@ -30,5 +31,5 @@ from ._result import Result
 from ._session import Session
 from .settings import Camera, Settings, Sphere
 
-__all__ = ["AsyncSession", "Bake", "Camera", "Environment", "Error", "Result", "Security", "Session", "Settings", "Sphere",
-           "Stats", "View", "health", "histogram", "info", "meter", "render"]
+__all__ = ["AsyncSession", "Bake", "BakedView", "Camera", "Environment", "Error", "Result", "Security", "Session", "Settings", "Sphere",
+           "Stats", "View", "bake_transform", "bake_view", "health", "histogram", "info", "meter", "render"]

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import render_pb2 as pb
 from . import settings as declared
+from ._baked_view import BakedView
 from ._error import invalid
 from .settings import Settings
 
@@ -63,11 +64,22 @@ def fill(message: Any, value: Any, path: str = "") -> None:
 
 
 def settings_message(settings: Settings | None, changes: dict[str, Any]) -> pb.Settings:
-    """`changes` are fields of Settings by name, in place of those of `settings`."""
+    """`changes` are fields of Settings by name, in place of those of `settings`; and a BakedView as `view`."""
     message = pb.Settings()
     fill(message, settings or Settings())
-    if not changes:
-        return message
+    changes = dict(changes)
+    view = changes.pop("view", None)
+    if view is not None:
+        if not isinstance(view, BakedView):
+            raise invalid(f"view is {view!r}; it is a BakedView, as bake_view() makes it")
+        if "curve" in changes or message.curve:
+            raise invalid("view is in place of curve; give only one of them")
+        message.curve = pb.TONE_CURVE_TABLE
+        message.table.CopyFrom(view.table)
+        if not message.HasField("exposure"):
+            message.exposure.mode = pb.Exposure.MODE_MANUAL
+        if not message.HasField("bloom"):
+            message.bloom.intensity = 0
     part = pb.Settings()
     fill(part, changes)
     for name in changes:

@@ -9,6 +9,7 @@ from typing import Any, Iterable, Iterator, Literal
 import numpy
 
 from . import render_pb2 as pb
+from ._baked_view import BakedView
 from ._channel import Security, Servers, connect
 from ._core import Core, Stats
 from ._error import Error, invalid
@@ -32,7 +33,8 @@ class Session:
 
     server: "HOST:PORT", "unix:PATH", or a list of them whose servers share their resume keys. None: candelad is started, as
         CANDELAD or PATH have it; all sessions of this process share it, and it ends with the process.
-    settings: a Settings for all frames; single ones may also be given by their names, as in Session(curve="agx").
+    settings: a Settings for all frames; single ones may also be given by their names, as in Session(curve="agx"), and a view of
+        bake_view() as view=.
     lookahead: later frames that auto exposure takes into account, 0 .. 16. Results come as many frames later.
     cut_threshold_ev: a frame whose picture differs from the one before by more than this begins a scene; 0: none does by itself.
     encoding: "raw" for arrays, "png" or "jpeg" for the bytes of files, "none" to meter only.
@@ -204,7 +206,7 @@ class Session:
         if not changes:
             return self._base
         newest, message = self._newest
-        if changes != newest or not all(isinstance(one, (str, int, float)) for one in changes.values()):
+        if changes != newest or not all(isinstance(one, (str, int, float, BakedView)) for one in changes.values()):
             message = settings_message(self._settings, {**self._changes, **changes})
             self._newest = changes, message
         return message
