@@ -1,6 +1,9 @@
 // `candela render --lut`: a LUT's file in place of a curve.
+#include <ImathMatrix.h>
+#include <ImathVec.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <string>
@@ -8,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/color/view_table.h"
+#include "server/render/color/primaries.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
 #include "tests/support/files.h"
@@ -56,6 +60,52 @@ TEST_F(Lut, TakesGreyAsItsInputSaysIt) {
     baked.show(grey);
     for (const float v : grey) EXPECT_NEAR(v, expected, 2e-4) << word;
     EXPECT_LE(baked.mean_codes, 0.4) << word;
+  }
+}
+
+// A camera's published primaries (CIE 1931 xy; the white is D65) and logarithm.
+struct Camera {
+  const char* word;
+  Chromaticities primaries;
+  double (*log)(double light);
+};
+double slog3(double x) { return (420 + std::log10((x + 0.01) / 0.19) * 261.5) / 1023; }
+const Camera kCameras[] = {
+    {"logc3",
+     {{0.6840, 0.3130, 0.2210, 0.8480, 0.0861, -0.1020, 0.3127, 0.3290}},
+     [](double x) { return 0.247190 * std::log10(5.555556 * x + 0.052272) + 0.385537; }},
+    {"logc4",
+     {{0.7347, 0.2653, 0.1424, 0.8576, 0.0991, -0.0308, 0.3127, 0.3290}},
+     [](double x) { return (std::log2(2231.82630906769 * x + 64) - 6) / 14 * (928.0 / 1023) + 95.0 / 1023; }},
+    {"slog3", {{0.730, 0.280, 0.140, 0.855, 0.100, -0.050, 0.3127, 0.3290}}, slog3},
+    {"slog3-cine", {{0.766, 0.275, 0.225, 0.800, 0.089, -0.087, 0.3127, 0.3290}}, slog3},
+    {"vlog",
+     {{0.730, 0.280, 0.165, 0.840, 0.100, -0.030, 0.3127, 0.3290}},
+     [](double x) { return 0.241514 * std::log10(x + 0.00873) + 0.598206; }},
+    {"log3g10",
+     {{0.780308, 0.304253, 0.121595, 1.493994, 0.095612, -0.084589, 0.3127, 0.3290}},
+     [](double x) { return 0.224282 * std::log10((x + 0.01) * 155.975327 + 1); }},
+    {"clog2",
+     {{0.740, 0.270, 0.170, 1.140, 0.080, -0.100, 0.3127, 0.3290}},
+     [](double x) { return 0.24136077 * std::log10(87.09937546 * x / 0.9 + 1) + 0.092864125; }},
+    {"clog3", {{0.740, 0.270, 0.170, 1.140, 0.080, -0.100, 0.3127, 0.3290}}, [](double x) {
+       return 0.36726845 * std::log10(14.98325 * x / 0.9 + 1) + 0.12240537;
+     }}};
+
+// Grey is the same in every gamut. This colour tells them apart: S-Gamut3 from S-Gamut3.Cine by 0.017.
+TEST_F(Lut, TakesAColourInTheCamerasOwnGamut) {
+  constexpr float kColor[] = {0.6f, 0.12f, 0.03f};
+  for (const Camera& camera : kCameras) {
+    const std::array<float, 9> m = **matrix_to_rec709(camera.primaries);
+    const Imath::M33d to_rec709(m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]);  // of row vectors
+    const Imath::V3d own = Imath::V3d(kColor[0], kColor[1], kColor[2]) * to_rec709.inverse();
+    const ViewChoice choice{.config = identity_, .source = "--lut", .lut_input = camera.word};
+    ASSERT_OK_AND_ASSIGN(const ViewTable baked, bake_view(choice));
+    std::vector<float> shown(std::begin(kColor), std::end(kColor));
+    baked.show(shown);
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_NEAR(shown[k], camera.log(own[k]), 1e-3) << camera.word << " " << k;
+    }
   }
 }
 
