@@ -31,7 +31,8 @@ constexpr Input kInputs[] = {{"linear", nullptr},  // of Rec.709
                              {"vlog", "PANASONIC_VLOG-VGAMUT_to_ACES2065-1"},
                              {"log3g10", "RED_LOG3G10-RWG_to_ACES2065-1"},
                              {"clog2", "CANON_CLOG2-CGAMUT_to_ACES2065-1"},
-                             {"clog3", "CANON_CLOG3-CGAMUT_to_ACES2065-1"}};
+                             {"clog3", "CANON_CLOG3-CGAMUT_to_ACES2065-1"},
+                             {"log2", nullptr}};  // of linear Rec.709
 
 // ARRI, "LogC4 Logarithmic Color Space Specification", 2022: from linear Rec.709.
 void append_logc4(const ocio::GroupTransformRcPtr& group) {
@@ -72,7 +73,22 @@ ocio::GroupTransformRcPtr to_input(const std::string& word) {
   append_builtin(group, "ACEScg_to_ACES2065-1", ocio::TRANSFORM_DIR_INVERSE);
   append_builtin(group, "UTILITY - ACES-AP1_to_LINEAR-REC709_BFD", ocio::TRANSFORM_DIR_FORWARD);
   if (word == "logc4") append_logc4(group);
+  if (word == "log2") {
+    const ocio::LogTransformRcPtr log = ocio::LogTransform::Create();
+    log->setBase(2.0);
+    group->appendTransform(log);
+  }
   return group;
+}
+
+// Takes low .. high to 0 .. 1.
+void append_domain(const ocio::GroupTransformRcPtr& group, double low, double high) {
+  const ocio::RangeTransformRcPtr range = ocio::RangeTransform::Create();
+  range->setMinInValue(low);
+  range->setMaxInValue(high);
+  range->setMinOutValue(0.0);
+  range->setMaxOutValue(1.0);
+  group->appendTransform(range);
 }
 
 void add_space(const ocio::ConfigRcPtr& config, const char* name, const ocio::TransformRcPtr& from_scene) {
@@ -96,6 +112,7 @@ ocio::ConstConfigRcPtr lut_config(const ViewChoice& choice) {
   add_space(config, "ACES2065-1", nullptr);
   config->setRole(ocio::ROLE_INTERCHANGE_SCENE, "ACES2065-1");
   const ocio::GroupTransformRcPtr shown = to_input(choice.lut_input);
+  if (choice.lut_domain) append_domain(shown, choice.lut_domain->first, choice.lut_domain->second);
   const ocio::FileTransformRcPtr file = ocio::FileTransform::Create();
   file->setSrc(std::filesystem::absolute(choice.config).c_str());
   file->setInterpolation(ocio::INTERP_BEST);

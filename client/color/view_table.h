@@ -2,8 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -18,6 +20,8 @@ struct ViewChoice {
   std::string input = {};   // colour space of the file's own values; empty: they are light of known primaries
   std::string source = {};  // what named the configuration, "--ocio", "--lut" or "$OCIO"
   std::string lut_input = {};  // not empty: `config` is a LUT, of values in this space (lut_config.h)
+  // The values at the LUT's ends, the first below the second; absent: what its file says, or 0 and 1.
+  std::optional<std::pair<double, double>> lut_domain = {};
 };
 
 // The words for ViewChoice::lut_input. The first is the default.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,13 +52,14 @@ TEST_F(Lut, TakesGreyAsItsInputSaysIt) {
       {"linear", 0.18},          {"aces2065-1", 0.18}, {"acescg", 0.18},       {"acescc", 0.4135884},
       {"acescct", 0.4135884},    {"logc3", 0.391007},  {"logc4", 0.2783958},   {"slog3", 0.4105572},
       {"slog3-cine", 0.4105572}, {"vlog", 0.4233114},  {"log3g10", 0.3333333}, {"clog2", 0.3982554},
-      {"clog3", 0.3433894}};
+      {"clog3", 0.3433894},      {"log2", 0.0}};
   ASSERT_EQ(lut_inputs().size(), std::size(published));
   for (const auto& [word, expected] : published) {
     const ViewChoice choice{.config = identity_, .source = "--lut", .lut_input = word};
     ASSERT_OK_AND_ASSIGN(const ViewTable baked, bake_view(choice));
     std::vector<float> grey = {0.18f, 0.18f, 0.18f};
     baked.show(grey);
+    // The cube cuts log2 0.18 = -2.47 to 0.
     for (const float v : grey) EXPECT_NEAR(v, expected, 2e-4) << word;
     EXPECT_LE(baked.mean_codes, 0.4) << word;
   }
@@ -109,6 +111,40 @@ TEST_F(Lut, TakesAColourInTheCamerasOwnGamut) {
   }
 }
 
+// Files that say it and options say the same.
+TEST_F(Lut, TakesItsDomainFromTheFileOrTheOption) {
+  int files = 0;
+  const auto shown = [&](const std::string& text, const std::string& input,
+                         std::optional<std::pair<double, double>> domain) {
+    const std::string file = folder_.path(absl::StrCat(++files, ".cube"));  // OpenColorIO keeps files by name
+    write_file(file, text);
+    const ViewChoice choice{.config = file, .source = "--lut", .lut_input = input, .lut_domain = domain};
+    const absl::StatusOr<ViewTable> baked = bake_view(choice);
+    EXPECT_OK(baked);
+    std::vector<float> light = {1.0f, 2.0f, 5.0f};
+    if (baked.ok()) baked->show(light);
+    return light;
+  };
+  const auto near = [](const std::vector<float>& v, const std::vector<float>& expected) {
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(v[k], expected[k], 1e-5);
+  };
+  const std::vector<float> quarters = {0.25f, 0.5f, 1.0f};
+  near(shown(cube(1.0), "linear", std::nullopt), {1.0f, 1.0f, 1.0f});
+  near(shown(cube(1.0), "linear", std::pair(0.0, 4.0)), quarters);
+  near(shown("DOMAIN_MIN 0 0 0\nDOMAIN_MAX 4 4 4\n" + cube(1.0), "linear", std::nullopt), quarters);
+  const std::string cube_17 = cube(1.0);
+  const size_t line = cube_17.find('\n') + 1;
+  near(shown(cube_17.substr(0, line) + "LUT_3D_INPUT_RANGE 0 4\n" + cube_17.substr(line), "linear",
+             std::nullopt),
+       quarters);
+  // A shaper of two points in the same file: it halves.
+  near(shown("LUT_1D_SIZE 2\nLUT_1D_INPUT_RANGE 0 8\n" + cube_17.substr(0, line) +
+                 "LUT_3D_INPUT_RANGE 0 4\n0 0 0\n4 4 4\n" + cube_17.substr(line),
+             "linear", std::nullopt),
+       {0.125f, 0.25f, 0.625f});
+  near(shown(cube(1.0), "log2", std::pair(-2.0, 6.0)), {0.25f, 0.375f, (2.0f + std::log2(5.0f)) / 8.0f});
+}
+
 TEST_F(Lut, AnImageIsWhatOpenColorIOShows) {
   write_file(folder_.path("root.cube"), cube(0.5, 65));
   for (const char* input : {"acescct", "logc4"}) {
@@ -135,6 +171,10 @@ TEST_F(Lut, WhatDoesNotGoTogetherIsRefused) {
   refused({"--lut", identity_, "--ocio-view", "Dark"}, 2, "--lut is a view by itself");
   refused({"--lut-input", "acescct"}, 2, "name one with --lut");
   refused({"--lut", identity_, "--lut-input", "acesct"}, 2, "acescct");
+  refused({"--lut-domain", "0,4"}, 2, "--lut-domain says what a LUT takes; name one with --lut");
+  for (const char* domain : {"4", "4,4", "4,1", "a,1", "0,nan", "0,1e9"}) {
+    refused({"--lut", identity_, "--lut-domain", domain}, 2, "--lut-domain");
+  }
   refused({"--lut", folder_.path("none.cube")}, 3, "no such file; --lut takes a LUT");
   refused({"--lut", in_}, 3, "it is an image; --lut takes a LUT");
   write_file(folder_.path("bad.cube"), "LUT_3D_SIZE 2\n0 0 0\n");

@@ -66,6 +66,7 @@ DRAWN = {  # of render, contact, stream and view
     "--ocio": lambda c: changes("--ocio studio.ocio"),
     "--lut": lambda c: changes("--lut look.cube"),
     "--lut-input": lambda c: changes("--lut-input acescct", "--lut look.cube"),
+    "--lut-domain": lambda c: both(changes("--lut-domain 0,4", "--lut look.cube"), refuses("--lut-domain 4,1", LINES[c] + " --lut look.cube", "below the second")),
     "--ocio-input": lambda c: changes("--ocio-input Other", "--ocio studio.ocio"),
     "--display": lambda c: changes("--display Projector", "--ocio studio.ocio"),
     "--ocio-view": lambda c: changes("--ocio-view Dark", "--ocio studio.ocio"),

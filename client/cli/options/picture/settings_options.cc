@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "client/base/usage.h"
 #include "client/cli/options/picture/size_options.h"
@@ -39,23 +38,6 @@ const SettingField& setting_at(const std::string& path) {
 
 v1::Range<double> range_of(const SettingField& setting) {
   return {setting.declaration().min(), setting.declaration().max()};
-}
-
-// Parses "A,B,...": `count` numbers in one range.
-absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
-                                               v1::Range<double> range, bool whole = false) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  if (parts.size() != count) {
-    return usage_error(
-        absl::StrFormat("%s is \"%s\"; it must be %d numbers separated by commas", name, text, count));
-  }
-  std::vector<double> values;
-  for (const std::string& part : parts) {
-    const absl::StatusOr<double> value = parse_number(name, part, range, whole);
-    if (!value.ok()) return usage_error(std::string(value.status().message()));
-    values.push_back(*value);
-  }
-  return values;
 }
 
 // ---- Options written by hand ----

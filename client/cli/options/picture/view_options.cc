@@ -22,8 +22,9 @@ constexpr char kVariable[] = "OCIO";  // OpenColorIO's own
 absl::Status take_lut(PictureOptions& options) {
   ViewChoice& view = options.view;
   if (options.lut.empty()) {
-    if (view.lut_input.empty()) return absl::OkStatus();
-    return usage_error("--lut-input says what a LUT takes; name one with --lut FILE");
+    if (view.lut_input.empty() && !view.lut_domain) return absl::OkStatus();
+    return usage_error(absl::StrFormat("%s says what a LUT takes; name one with --lut FILE",
+                                       view.lut_domain ? "--lut-domain" : "--lut-input"));
   }
   for (const auto& [name, value] :
        {std::pair("--ocio", view.config), std::pair("--display", view.display),
@@ -33,6 +34,15 @@ absl::Status take_lut(PictureOptions& options) {
   view.config = options.lut;
   view.source = "--lut";
   if (view.lut_input.empty()) view.lut_input = lut_inputs().front();
+  return absl::OkStatus();
+}
+
+absl::Status take_domain(const std::string& text, ViewChoice& view) {
+  ASSIGN_OR_RETURN(const auto values, parse_list("--lut-domain", text, 2, {-65504, 65504}));
+  if (!(values[0] < values[1])) {
+    return usage_error(absl::StrFormat("--lut-domain is \"%s\"; the first must be below the second", text));
+  }
+  view.lut_domain = std::pair(values[0], values[1]);
   return absl::OkStatus();
 }
 
@@ -68,6 +78,11 @@ void add_view_options(CLI::App& app, PictureOptions& options) {
              view.lut_input = word;
              return absl::OkStatus();
            });
+  add_text(
+      app, kToneSection, "--lut-domain", "LOW,HIGH",
+      "Values at the ends of a LUT whose file does not say them, such as -10,6 stops with --lut-input log2 "
+      "(default: as the file says, or 0,1)",
+      [&view](const std::string& text) { return take_domain(text, view); });
   add_text(app, kHiddenSection, "--view", "NAME", "", options.view_of_either);
 }
 

@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
 #include "client/base/usage.h"
 #include "proto/candela/v1/settings.h"
 
@@ -94,6 +95,22 @@ absl::StatusOr<double> parse_number(const std::string& name, const std::string& 
                                        whole ? "a whole number, " : "", format_range(range)));
   }
   return value;
+}
+
+absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
+                                               v1::Range<double> range, bool whole) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  if (parts.size() != count) {
+    return usage_error(
+        absl::StrFormat("%s is \"%s\"; it must be %d numbers separated by commas", name, text, count));
+  }
+  std::vector<double> values;
+  for (const std::string& part : parts) {
+    const absl::StatusOr<double> value = parse_number(name, part, range, whole);
+    if (!value.ok()) return usage_error(std::string(value.status().message()));
+    values.push_back(*value);
+  }
+  return values;
 }
 
 absl::StatusOr<bool> parse_switch(const std::string& name, const std::string& text) {

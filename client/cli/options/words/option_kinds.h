@@ -7,6 +7,7 @@
 #include <CLI/App.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -53,6 +54,11 @@ void add_quiet_option(CLI::App& app, const std::string& section, bool& quiet);
 // Parses the text of the option `name` as a number in the range. Fails with a usage error.
 absl::StatusOr<double> parse_number(const std::string& name, const std::string& text, v1::Range<double> range,
                                     bool whole = false);
+
+// Parses the text of the option `name` as so many numbers in the range, separated by commas. Fails with a
+// usage error.
+absl::StatusOr<std::vector<double>> parse_list(const std::string& name, const std::string& text, size_t count,
+                                               v1::Range<double> range, bool whole = false);
 
 // Parses "on" or "off" for the option `name`. Fails with a usage error.
 absl::StatusOr<bool> parse_switch(const std::string& name, const std::string& text);
