@@ -76,18 +76,53 @@ absl::StatusOr<Image> to_floats(Image image) {
 
 namespace {
 
+const char* words_of(FileKind kind) {
+  switch (kind) {
+    case FileKind::kExr:
+      return "OpenEXR";
+    case FileKind::kRadiance:
+      return "Radiance";
+    case FileKind::kPfm:
+      return "PFM";
+    case FileKind::kPng:
+      return "PNG";
+    case FileKind::kAvif:
+      return "AVIF";
+  }
+  return "?";
+}
+
+// Of a kind with one picture.
+absl::StatusOr<Image> read_picture(FileKind kind, FileReader& file, const ImageLimits& limits,
+                                   const PictureChoice& choice) {
+  switch (kind) {
+    case FileKind::kRadiance:
+      return read_radiance(file, limits, choice.fills_gaps);
+    case FileKind::kPng:
+      return read_png(file, limits, choice);
+    case FileKind::kAvif:
+      return read_avif(file, limits, choice);
+    default:
+      return read_pfm(file, limits, choice);
+  }
+}
+
 absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const ImageLimits& limits,
                                      const PictureChoice& choice) {
   if (!file.ok()) return file.status();
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
+  const bool has_signal = kind == FileKind::kPng || kind == FileKind::kAvif;
+  if (choice.transfer && !has_signal) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: --input-transfer is for PNG and AVIF files; %s files hold light", file->path(), words_of(kind)));
+  }
   if (kind == FileKind::kExr) return read_exr(*file, limits, choice);
   if (!choice.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture",
-        file->path(), kind == FileKind::kRadiance ? "Radiance" : "PFM"));
+        file->path(), words_of(kind)));
   }
-  absl::StatusOr<Image> image = kind == FileKind::kRadiance ? read_radiance(*file, limits, choice.fills_gaps)
-                                                            : read_pfm(*file, limits, choice);
+  absl::StatusOr<Image> image = read_picture(kind, *file, limits, choice);
   if (image.ok() && choice.own_values) {
     image->chromaticities.reset();
     image->names_primaries = false;
@@ -100,16 +135,15 @@ absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const Imag
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(file));
   if (kind == FileKind::kExr) return describe_exr(file, limits);
 
-  const bool radiance = kind == FileKind::kRadiance;
-  ASSIGN_OR_RETURN(const Image image, radiance ? read_radiance(file, limits) : read_pfm(file, limits, {}));
+  ASSIGN_OR_RETURN(const Image image, read_picture(kind, file, limits, {}));
   const WindowFacts window{0, 0, int64_t{image.width} - 1, int64_t{image.height} - 1};
-  PartFacts part{.storage = "scan lines",
+  PartFacts part{.storage = image.signal.empty() ? "scan lines" : image.signal,
                  .display = window,
                  .data = window,
                  .pixel_aspect = image.pixel_aspect,
                  .chromaticities = image.chromaticities};
   if (image.names_primaries && !image.chromaticities) part.chromaticities = kRec709.xy;
-  return FileFacts{.kind = radiance ? "Radiance" : "PFM",
+  return FileFacts{.kind = words_of(kind),
                    .parts = {std::move(part)},
                    .renderable = absl::OkStatus(),
                    .shown = "the whole picture",

@@ -1,5 +1,5 @@
-// Reads and writes image files: reads OpenEXR, Radiance .hdr and PFM; client/image/encodings.h lists what it
-// writes.
+// Reads and writes image files: reads OpenEXR, Radiance .hdr, PFM, PNG and AVIF; client/image/encodings.h
+// lists what it writes.
 //
 // It needs no network and no device. Any thread may call these functions, also at once on different images.
 // OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
@@ -46,6 +46,9 @@ struct Image {
   std::optional<FrameRate> frame_rate;  // of the sequence that the image belongs to
   // CIE 1931 xy of red, green, blue and white: rx ry gx gy bx by wx wy. Without them: Rec.709 and D65.
   std::optional<std::array<float, 8>> chromaticities;
+  // The light of a display, of a PQ or HLG signal: 1 is reference white, and nothing is to be metered.
+  bool display_light = false;
+  std::string signal;            // of a PNG or AVIF file: "10 bits, PQ, from nclx"; "" of others
   bool names_primaries = false;  // the file says what its primaries are, which may be Rec.709
   uint64_t missing_pixels = 0;   // of an unfinished or damaged file: absent, which is 0 with alpha 0
   std::shared_ptr<const KeptAttributes> kept;  // what an OpenEXR output keeps of an OpenEXR input; or null
@@ -80,6 +83,9 @@ struct ImageLimits {
 // top one of a PHM file, as ffmpeg writes it. ffmpeg writes PFM files from the top, too.
 enum class RowOrder { kByKind, kTop, kBottom };
 
+// How a file's codes stand for light.
+enum class SignalTransfer { kLinear, kSrgb, kGamma, kPq, kHlg };
+
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the
 // picture whose name says best that it is the one to show.
 struct PictureChoice {
@@ -94,18 +100,23 @@ struct PictureChoice {
   bool own_values = false;
   bool as_floats = false;             // halves become floats
   RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
+  // Of PNG and AVIF files: whatever they say; absent: as they say, or sRGB. kGamma is 2.2.
+  std::optional<SignalTransfer> transfer{};
+  double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000
+  bool keeps_signal = false;  // a PNG's or AVIF file's codes as numbers of 0 .. 1
 
   // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };
 
-// Reads an OpenEXR, Radiance, PFM or PHM file; its first bytes tell the kind, not its name. Half-float files
-// become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and radiance_reader.cc say
-// what they do where the formats leave a choice. Errors name the file and the problem: NOT_FOUND (also for a
-// part, layer or view, with a list of those that exist), PERMISSION_DENIED, INVALID_ARGUMENT (not an image,
-// damaged, unfinished, nothing to render, nothing to choose from), RESOURCE_EXHAUSTED (beyond the limits) or
-// UNIMPLEMENTED (deep images, a compression or a version that this OpenEXR does not know). Their kind is
-// kInput, or kOther if this machine lacks memory (client/base/failure.h).
+// Reads an OpenEXR, Radiance, PFM, PHM, PNG or AVIF file; its first bytes tell the kind, not its name.
+// Half-float files become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and
+// radiance_reader.cc say what they do where the formats leave a choice. Errors name the file and the problem:
+// NOT_FOUND (also for a part, layer or view, with a list of those that exist), PERMISSION_DENIED,
+// INVALID_ARGUMENT (not an image, damaged, unfinished, nothing to render, nothing to choose from),
+// RESOURCE_EXHAUSTED (beyond the limits) or UNIMPLEMENTED (deep images, a compression or a version that this
+// OpenEXR does not know). Their kind is kInput, or kOther if this machine lacks memory
+// (client/base/failure.h).
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
 

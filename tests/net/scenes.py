@@ -2,8 +2,10 @@
 import array
 import json
 import pathlib
+import struct
 import subprocess
 import sys
+import zlib
 
 NAN, INF, LARGEST_HALF = float("nan"), float("inf"), 65504.0
 SEQUENCE_SIZE = "96x54"
@@ -17,6 +19,18 @@ def write_pfm(path: pathlib.Path, width: int, height: int, pixels: list[float]) 
     if sys.byteorder == "big":
         data.byteswap()
     path.write_bytes(b"PF\n%d %d\n-1.0\n" % (width, height) + data.tobytes())
+
+
+def write_png(path: pathlib.Path, width: int, height: int, codes: list[int], cicp: tuple[int, int, int, int]) -> None:
+    """R, G, B of 16 bits."""
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    rows = [codes[i:i + 3 * width] for i in range(0, len(codes), 3 * width)]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)) +
+                     chunk(b"cICP", bytes(cicp)) +
+                     chunk(b"IDAT", zlib.compress(b"".join(b"\0" + struct.pack(f">{len(row)}H", *row) for row in rows))) +
+                     chunk(b"IEND", b""))
 
 
 def noise(count: int, seed: int) -> list[float]:

@@ -17,6 +17,9 @@ import urllib.error
 import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/net"))
+from scenes import write_png  # noqa: E402
+
 PAGE = ROOT / "docs/recipes.md"
 NEEDS = {"ffmpeg": re.compile(r"\bffmpeg\b|\.(mp4|mov|mkv|webm)\b|extract_review"), "node": re.compile(r"^node ")}
 SERVER = "node upload.mjs 8080\n"
@@ -24,7 +27,7 @@ SERVER = "node upload.mjs 8080\n"
 FILMS = {"review.mp4": "h264", "review.mov": "prores", "lit.mp4": "h264", "again.mp4": "h264", "own.webm": "vp9",
          "published/review.mp4": "h264"}
 FILES = ["shot.json", "out/0004.png", "out/0006.png", "thumbs/a.jpg", "thumbs/b.jpg", "thumbs.json", "library.jpg",
-         "shot.png", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
+         "shot.png", "sdr.jpg", "agx.jpg", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
 
 
 def run(*command: str) -> str:
@@ -48,6 +51,8 @@ def make_data() -> None:
     run("candela", "sample", "library/b.exr", "--size", "640x360", "-q")
     pathlib.Path("shot/shot.0004.exr").unlink()
     run("candela", "sample", "--panorama", "hdri/pano.exr", "--size", "128x64", "-q")
+    pathlib.Path("hdr").mkdir()
+    write_png(pathlib.Path("hdr/pq.png"), 16, 8, [400 * i for i in range(128)] * 3, (9, 16, 0, 1))
     shutil.copytree(ROOT / "docs/recipes", ".", dirs_exist_ok=True)
 
 

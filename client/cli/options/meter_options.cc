@@ -9,10 +9,10 @@
 namespace candela {
 
 void add_meter_options(CLI::App& app, MeterOptions& options) {
-  app.add_option(
-         "IN", options.sequence.inputs,
-         "An image to meter: OpenEXR, Radiance .hdr or PFM; or a sequence, as `candela stream` takes it: a "
-         "folder, files, 'in/*.exr', in/%04d.exr or in/####.exr")
+  app.add_option("IN", options.sequence.inputs,
+                 "An image to meter: OpenEXR, Radiance .hdr, PFM, PNG or AVIF; or a sequence, as `candela "
+                 "stream` takes it: a "
+                 "folder, files, 'in/*.exr', in/%04d.exr or in/####.exr")
       ->required()
       ->option_text(" ");
   add_session_options(app, options);

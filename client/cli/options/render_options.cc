@@ -116,11 +116,15 @@ absl::Status set_files(RenderArguments& arguments) {
       return usage_error(absl::StrFormat(
           "IN is \"-\", which has no name for a file in %s; give a file as OUT", options.output));
     }
-    if (const auto encoding = output_encoding(input); encoding.ok() && (*encoding)->holds_codes()) {
-      return usage_error(
-          absl::StrFormat("%s is no image that candela reads (OpenEXR, Radiance .hdr, PFM), and the last "
-                          "argument, %s, is taken as the output folder",
-                          input, options.output));
+    std::error_code failed;
+    const bool may_be_read = absl::EndsWithIgnoreCase(input, ".png") &&
+                             (is_pattern(input) || std::filesystem::exists(input, failed));
+    if (const auto encoding = output_encoding(input);
+        encoding.ok() && (*encoding)->holds_codes() && !may_be_read) {
+      return usage_error(absl::StrFormat(
+          "%s is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF), and "
+          "the last argument, %s, is taken as the output folder",
+          input, options.output));
     }
   }
   return choose_kind(arguments, options.extension);
@@ -130,12 +134,13 @@ absl::Status set_files(RenderArguments& arguments) {
 
 void add_render_options(CLI::App& app, RenderArguments& arguments) {
   RenderOptions& options = arguments.options;
-  app.add_option("IN... OUT", arguments.files,
-                 absl::StrFormat(
-                     "IN: image to render: OpenEXR, Radiance .hdr or PFM. OUT: file to write: %s. Several "
-                     "images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
-                     "for itself and keeps its name. Either may be -, standard input or output",
-                     extensions_with()))
+  app.add_option(
+         "IN... OUT", arguments.files,
+         absl::StrFormat(
+             "IN: image to render: OpenEXR, Radiance .hdr, PFM, PNG or AVIF. OUT: file to write: %s. Several "
+             "images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
+             "for itself and keeps its name. Either may be -, standard input or output",
+             extensions_with()))
       ->required()
       ->option_text(" ");
   add_choice_options(app, options);

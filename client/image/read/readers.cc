@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
@@ -66,14 +67,21 @@ size_t printable_bytes(absl::string_view text) {
 }  // namespace
 
 absl::StatusOr<FileKind> file_kind(FileReader& file) {
-  ASSIGN_OR_RETURN(const std::string magic, file.peek(4));
+  ASSIGN_OR_RETURN(const std::string begin, file.peek(12));
+  const absl::string_view magic = absl::string_view(begin).substr(0, 4);
   if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
-  if (magic.starts_with("#?")) return FileKind::kRadiance;
+  if (absl::StartsWith(magic, "#?")) return FileKind::kRadiance;
   for (const char* pfm : {"PF", "Pf", "PH", "Ph"}) {
-    if (magic.starts_with(pfm)) return FileKind::kPfm;
+    if (absl::StartsWith(magic, pfm)) return FileKind::kPfm;
+  }
+  if (magic == "\x89PNG") return FileKind::kPng;
+  if (const std::string brand = begin.size() < 12 ? "" : begin.substr(4);
+      brand == "ftypavif" || brand == "ftypavis" || brand == "ftypmif1") {
+    return FileKind::kAvif;
   }
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
-  return absl::InvalidArgumentError(absl::StrFormat("%s: not an OpenEXR, Radiance or PFM file", file.path()));
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s: not an OpenEXR, Radiance, PFM, PNG or AVIF file", file.path()));
 }
 
 absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,

@@ -63,6 +63,11 @@ FrameView view_of(const Image& image) {
 v1::Settings settings_for(const Image& image, v1::Settings settings) {
   if (image.chromaticities && !has_primaries(settings))
     *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
+  if (image.display_light) {
+    v1::Exposure& exposure = *settings.mutable_exposure();
+    if (exposure.mode() == v1::Exposure::MODE_UNSPECIFIED) exposure.set_mode(v1::Exposure::MODE_MANUAL);
+    if (settings.bloom().ByteSizeLong() == 0) settings.mutable_bloom()->set_intensity(0);
+  }
   return settings;
 }
 

@@ -35,7 +35,8 @@ bool has_primaries(const v1::Settings& settings);
 // CIE xy of red, green, blue and white.
 v1::Chromaticities to_message(const std::array<float, 8>& xy);
 
-// Adds the chromaticities of the file unless the user set some.
+// Adds the chromaticities of the file unless the user set some. Light of a display is shown at 0 EV and
+// without bloom unless the user set exposure or bloom.
 v1::Settings settings_for(const Image& image, v1::Settings settings);
 
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.

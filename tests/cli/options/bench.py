@@ -17,7 +17,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "tests/net"))
 sys.path.insert(0, str(ROOT / "tests/robustness"))
 from harness import Daemon, binary, end_of, expect, render, render_requests, rpc, v1, wait_until  # noqa: E402
-from scenes import NAN, write_pfm  # noqa: E402
+from scenes import NAN, write_pfm, write_png  # noqa: E402
 
 DAEMON = "candelad"
 # Times and names differ from run to run; everything else of a command's JSON is its result.
@@ -124,6 +124,7 @@ class Bench:
         write_pfm(self.folder / "whole.pfm", 4, 4, [0.25 * i for i in range(48)])
         (self.folder / "cut.pfm").write_bytes((self.folder / "whole.pfm").read_bytes()[:-60])
         write_pfm(self.folder / "rows.0001.pfm", 8, 4, [0.1 * (1 + i // 24) ** 3 for i in range(96)])
+        write_png(self.folder / "codes.0001.png", 8, 4, [0x2000 * (1 + i % 7) for i in range(96)], (9, 18, 0, 1))
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}
         red = {"R": lambda x, y: 2.0, "G": lambda x, y: 0.1, "B": lambda x, y: 0.1}
         half = {"A": lambda x, y: 0.25 * (x % 5)}

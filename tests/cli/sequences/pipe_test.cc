@@ -265,6 +265,10 @@ TEST_F(Pipes, RenderTakesAndGivesOneImage) {
     EXPECT_EQ(fed(in, {"render", "-", second, "-q"}).code, 0);
     EXPECT_EQ(read_file(second), read_file(file));
   }
+  const std::string file = folder_.path("from_file.png"), piped = folder_.path("from_pipe.png");
+  EXPECT_EQ(candela({"render", out + ".png", file, "-q"}).code, 0);
+  EXPECT_EQ(fed(out + ".png", {"render", "-", piped, "-q"}).code, 0);
+  EXPECT_EQ(read_file(file), read_file(piped));
   const Outcome told = fed(in, {"render", "-", "-"});
   EXPECT_EQ(told.out, read_file(out + ".png"));
   EXPECT_TRUE(says(told.err, "31x17"));

@@ -35,14 +35,16 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
   for (const auto& [arguments, words] : std::vector<Case>{
            {{"rendr", "a", "b"}, "unknown command \"rendr\"; did you mean render?"},
            {{"bogus"},
-            "there are: render, contact, stream, meter, view, environment, sample, report, bench, info, health"},
+            "there are: render, contact, stream, meter, view, environment, sample, report, bench, info, "
+            "health"},
            {{"--verson"}, "did you mean --version?"},
            {{"render"}, "IN... OUT is required"},
            {{"render", "in.exr"}, "render needs an image and an output"},
            {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {render({"more"}),
-            "out.png is no image that candela reads (OpenEXR, Radiance .hdr, PFM), and the last argument, "
+            "out.png is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF), and the "
+            "last argument, "
             "more, is"},
            {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
            {{"render", "in.exr", "out/", "--as", "jpgg"}, "did you mean jpg?"},
@@ -123,7 +125,8 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
            {folder_.path("missing.exr"), "No such file"},
            {"/dev/zero", "not a regular file"},
            {file("empty.exr", ""), "empty"},
-           {file("text.exr", "this is not an image at all\n"), "not an OpenEXR, Radiance or PFM file"},
+           {file("text.exr", "this is not an image at all\n"),
+            "not an OpenEXR, Radiance, PFM, PNG or AVIF file"},
            {file("cut.exr", whole.substr(0, whole.size() / 2)), "unfinished or cut off"},
            {file("magic.exr", whole.substr(0, 4)), "OpenEXR"},
            {file("damaged.exr", damaged), "damaged"},

@@ -1,5 +1,7 @@
 #include "client/cli/options/picture/picture_options.h"
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
 #include <vector>
 
@@ -7,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "client/base/usage.h"
 #include "client/cli/options/picture/settings_options.h"
@@ -19,6 +22,8 @@
 namespace candela {
 namespace {
 
+// In the order of SignalTransfer.
+const std::array<std::string, 5> kTransferWords = {"linear", "srgb", "gamma22", "pq", "hlg"};
 constexpr v1::Range<double> kChunkMib{1, 65536};
 constexpr v1::Range<double> kMaxPixels{1, double{v1::kMaxDimension} * v1::kMaxDimension};
 constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
@@ -71,6 +76,21 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
              shown.rows = word == "top" ? RowOrder::kTop : RowOrder::kBottom;
              return absl::OkStatus();
            });
+  add_text(
+      app, kInputSection, "--input-transfer", "NAME",
+      absl::StrFormat("How the codes of a PNG or AVIF stand for light, whatever the file says: %s (default: "
+                      "as it says, or srgb)",
+                      absl::StrJoin(kTransferWords, ", ")),
+      [&shown](const std::string& word) {
+        const auto found = std::ranges::find(kTransferWords, word);
+        if (found == kTransferWords.end()) {
+          return unknown_word("--input-transfer", word, {kTransferWords.begin(), kTransferWords.end()});
+        }
+        shown.transfer = static_cast<SignalTransfer>(found - kTransferWords.begin());
+        return absl::OkStatus();
+      });
+  add_number(app, kInputSection, "--hlg-peak", "NIT", {400, 2000}, 1000,
+             "Display that an HLG image is meant for", [&shown](double nits) { shown.hlg_peak = nits; });
   add_text(
       app, kInputSection, "--max-chunk-mib", "N",
       absl::StrFormat("Most MiB that one chunk of an OpenEXR file, some rows or a tile of all channels, may "

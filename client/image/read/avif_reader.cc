@@ -1,0 +1,141 @@
+// Reads AVIF files by libavif: the first picture, of 8, 10 or 12 bits, upright. Gain maps are not used, and a
+// cropping (clap) is not applied.
+#include <avif/avif.h>
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "client/image/read/readers.h"
+#include "client/image/read/signal.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+struct Destroy {
+  void operator()(avifDecoder* decoder) const { avifDecoderDestroy(decoder); }
+};
+struct FreeRgb {
+  avifRGBImage* image;
+  ~FreeRgb() { avifRGBImageFreePixels(image); }
+};
+
+absl::Status damaged_avif(const FileReader& file, avifResult result, const avifDecoder& decoder) {
+  const std::string detail = printable(decoder.diag.error, 100);
+  return absl::InvalidArgumentError(absl::StrFormat("%s: damaged AVIF file: %s%s", file.path(),
+                                                    avifResultToString(result),
+                                                    detail.empty() ? "" : " (" + detail + ")"));
+}
+
+// Where a pixel goes so that the picture is upright: turned counterclockwise, then mirrored.
+class Upright {
+ public:
+  explicit Upright(const avifImage& image)
+      : width_(image.width),
+        height_(image.height),
+        turns_((image.transformFlags & AVIF_TRANSFORM_IROT) != 0 ? image.irot.angle & 3 : 0),
+        mirror_((image.transformFlags & AVIF_TRANSFORM_IMIR) != 0 ? image.imir.mode : -1) {}
+
+  bool is_needed() const { return turns_ != 0 || mirror_ >= 0; }
+  uint32_t width() const { return turns_ % 2 == 1 ? height_ : width_; }
+  uint32_t height() const { return turns_ % 2 == 1 ? width_ : height_; }
+  std::array<uint32_t, 2> place(uint32_t x, uint32_t y) const {
+    const uint32_t right = width_ - 1 - x, up = height_ - 1 - y;
+    std::array<uint32_t, 2> at = turns_ == 0   ? std::array{x, y}
+                                 : turns_ == 1 ? std::array{y, right}
+                                 : turns_ == 2 ? std::array{right, up}
+                                               : std::array{up, x};
+    if (mirror_ == 0) at[1] = height() - 1 - at[1];  // top and bottom change places
+    if (mirror_ == 1) at[0] = width() - 1 - at[0];
+    return at;
+  }
+
+ private:
+  uint32_t width_, height_;
+  int turns_, mirror_;
+};
+
+absl::StatusOr<Signal> signal_of_avif(const FileReader& file, const avifImage& image,
+                                      const PictureChoice& choice, std::vector<std::string>& notes) {
+  Signal signal;
+  if (image.icc.size > 0) {
+    notes.push_back("the file's ICC profile is not used: its code points count, or sRGB");
+  }
+  if (image.colorPrimaries == AVIF_COLOR_PRIMARIES_UNSPECIFIED &&
+      image.transferCharacteristics == AVIF_TRANSFER_CHARACTERISTICS_UNSPECIFIED) {
+    return signal;
+  }
+  signal.source = "nclx";
+  const absl::Status status =
+      set_code_points(file.path(), image.colorPrimaries, image.transferCharacteristics, signal);
+  if (status.ok() || (choice.transfer && choice.own_values)) return signal;
+  return status;
+}
+
+}  // namespace
+
+absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, const PictureChoice& choice) {
+  if (file.remaining() > limits.max_bytes) {
+    return absl::ResourceExhaustedError(absl::StrFormat("%s: the file has %d bytes; the limit is %d",
+                                                        file.path(), file.remaining(), limits.max_bytes));
+  }
+  std::vector<std::byte> bytes(file.remaining());
+  if (!file.read(bytes)) return file.truncated("its end");
+  const std::unique_ptr<avifDecoder, Destroy> decoder(avifDecoderCreate());
+  if (!decoder) return absl::ResourceExhaustedError(file.path() + ": not enough memory to decode it");
+  decoder->ignoreExif = decoder->ignoreXMP = AVIF_TRUE;
+  decoder->maxThreads = 2;
+  avifResult result =
+      avifDecoderSetIOMemory(decoder.get(), reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  if (result == AVIF_RESULT_OK) result = avifDecoderParse(decoder.get());
+  if (result != AVIF_RESULT_OK) return damaged_avif(file, result, *decoder);
+  const avifImage& picture = *decoder->image;
+  const Upright upright(picture);
+  constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
+  RETURN_IF_ERROR(check_image_size(file.path(), "image", upright.width(), upright.height(), kFormat, limits));
+  std::vector<std::string> notes;
+  ASSIGN_OR_RETURN(Signal signal, signal_of_avif(file, picture, choice, notes));
+  if (decoder->imageCount > 1) {
+    notes.push_back(absl::StrFormat("the first of its %d pictures is shown", decoder->imageCount));
+  }
+  if ((picture.transformFlags & AVIF_TRANSFORM_CLAP) != 0)
+    notes.push_back("its cropping (clap) is not applied");
+  ASSIGN_OR_RETURN(Image image, make_image(upright.width(), upright.height(), kFormat));
+  if (result = avifDecoderNextImage(decoder.get()); result != AVIF_RESULT_OK) {
+    return damaged_avif(file, result, *decoder);
+  }
+  avifRGBImage rgb;
+  avifRGBImageSetDefaults(&rgb, &picture);
+  rgb.depth = 16;
+  rgb.format = AVIF_RGB_FORMAT_RGBA;
+  rgb.alphaPremultiplied = AVIF_FALSE;
+  avifRGBImageAllocatePixels(&rgb);
+  const FreeRgb free{&rgb};
+  if (result = avifImageYUVToRGB(&picture, &rgb); result != AVIF_RESULT_OK) {
+    return damaged_avif(file, result, *decoder);
+  }
+
+  image.has_alpha = picture.alphaPlane != nullptr;
+  image.notes = std::move(notes);
+  const SignalDecoder light(std::move(signal), choice);
+  light.describe(static_cast<int>(picture.depth), image);
+  const auto pixel = [&image](uint32_t x, uint32_t y) {
+    return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()) + size_t{4} * x;
+  };
+  for (uint32_t y = 0; y < picture.height; ++y) {
+    const auto* const row = reinterpret_cast<const uint16_t*>(rgb.pixels + size_t{y} * rgb.rowBytes);
+    if (!upright.is_needed()) {
+      light.decode({row, size_t{4} * picture.width}, pixel(0, y));
+      continue;
+    }
+    for (uint32_t x = 0; x < picture.width; ++x) {
+      const auto [to_x, to_y] = upright.place(x, y);
+      light.decode({row + size_t{4} * x, 4}, pixel(to_x, to_y));
+    }
+  }
+  return image;
+}
+
+}  // namespace candela

@@ -1,0 +1,212 @@
+// Reads PNG files by libpng: all of its kinds, as 16 bits of R, G, B and alpha.
+//
+// cICP says what the codes are, before iCCP, sRGB, and gAMA with cHRM; without any of them they are sRGB. An
+// eXIf orientation is not honoured.
+#include <png.h>
+
+#include <bit>
+#include <csetjmp>
+#include <cstring>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "client/image/read/readers.h"
+#include "client/image/read/signal.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+constexpr png_alloc_size_t kMostChunkBytes = 8u << 20;  // of one that is not of pixels
+constexpr png_uint_32 kMostChunks = 256;
+
+// libpng reports errors by longjmp. So whatever calls it is a function that has nothing to destroy, and
+// returns false for an error.
+class Png {
+ public:
+  explicit Png(FileReader& file) : file_(file) {
+    png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, fail, warn);
+    if (png_ != nullptr) info_ = png_create_info_struct(png_);
+  }
+  ~Png() { png_destroy_read_struct(&png_, &info_, nullptr); }
+  Png(const Png&) = delete;
+  Png& operator=(const Png&) = delete;
+
+  // Reads all before the pixels, and asks for rows of 16-bit R, G, B and alpha.
+  bool read_header() {
+    if (png_ == nullptr || info_ == nullptr) return false;
+    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    png_set_read_fn(png_, this, read);
+    png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
+    png_set_chunk_malloc_max(png_, kMostChunkBytes);
+    png_set_chunk_cache_max(png_, kMostChunks);
+    png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_ALWAYS, reinterpret_cast<png_const_bytep>("cICP"), 1);
+    png_read_info(png_, info_);
+    return true;
+  }
+  bool begin_rows() {
+    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    png_set_expand_16(png_);
+    png_set_gray_to_rgb(png_);
+    png_set_add_alpha(png_, 0xffff, PNG_FILLER_AFTER);
+    if (std::endian::native == std::endian::little) png_set_swap(png_);
+    passes_ = png_set_interlace_handling(png_);
+    png_read_update_info(png_, info_);
+    return png_get_rowbytes(png_, info_) == size_t{8} * width();
+  }
+  bool read_row(uint16_t* row) {
+    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    png_read_row(png_, reinterpret_cast<png_bytep>(row), nullptr);
+    return true;
+  }
+
+  uint32_t width() const { return png_get_image_width(png_, info_); }
+  uint32_t height() const { return png_get_image_height(png_, info_); }
+  int bits() const { return png_get_bit_depth(png_, info_); }
+  bool has_alpha() const {
+    return (png_get_color_type(png_, info_) & PNG_COLOR_MASK_ALPHA) != 0 ||
+           png_get_valid(png_, info_, PNG_INFO_tRNS) != 0;
+  }
+  int passes() const { return passes_; }
+  const char* error() const { return error_; }
+  png_structp get() const { return png_; }
+  png_infop info() const { return info_; }
+
+ private:
+  [[noreturn]] static void fail(png_structp png, png_const_charp message) {
+    Png& self = *static_cast<Png*>(png_get_error_ptr(png));
+    std::strncpy(self.error_, message, sizeof self.error_ - 1);
+    png_longjmp(png, 1);
+  }
+  static void warn(png_structp, png_const_charp) {}
+  static void read(png_structp png, png_bytep to, size_t bytes) {
+    Png& self = *static_cast<Png*>(png_get_io_ptr(png));
+    if (!self.file_.read({reinterpret_cast<std::byte*>(to), bytes})) png_error(png, "the file is truncated");
+  }
+
+  FileReader& file_;
+  png_structp png_ = nullptr;
+  png_infop info_ = nullptr;
+  int passes_ = 1;
+  char error_[128] = "libpng cannot start";
+};
+
+absl::Status damaged_png(const FileReader& file, const Png& png) {
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s: damaged PNG file: %s", file.path(), printable(png.error(), 100)));
+}
+
+// The chunk's bytes: primaries, transfer, matrix, full range. Source: PNG, third edition; ITU-T H.273.
+absl::Status take_cicp(const FileReader& file, const png_unknown_chunk& chunk, Signal& signal) {
+  if (chunk.size != 4) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: its cICP has %d bytes; it must have 4", file.path(), chunk.size));
+  }
+  if (chunk.data[2] != 0 || chunk.data[3] != 1) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: its cICP has matrix %d and range %d; Candela reads matrix 0 (RGB) and range 1 (full)",
+        file.path(), chunk.data[2], chunk.data[3]));
+  }
+  signal.source = "cICP";
+  return set_code_points(file.path(), chunk.data[0], chunk.data[1], signal);
+}
+
+void take_gamma(const Png& png, Signal& signal, std::vector<std::string>& notes) {
+  double gamma = 0;
+  if (png_get_gAMA(png.get(), png.info(), &gamma) != 0) {
+    if (gamma >= 0.1 && gamma <= 2) {
+      signal.transfer = gamma == 1 ? SignalTransfer::kLinear : SignalTransfer::kGamma;
+      signal.gamma = 1 / gamma;
+      signal.source = "gAMA";
+    } else {
+      notes.push_back(absl::StrFormat("gAMA of %g is not within 0.1 .. 2 and was ignored", gamma));
+    }
+  }
+  std::array<double, 8> xy{};
+  if (png_get_cHRM(png.get(), png.info(), &xy[6], &xy[7], &xy[0], &xy[1], &xy[2], &xy[3], &xy[4], &xy[5]) !=
+      0) {
+    for (size_t i = 0; i < xy.size(); ++i) signal.xy[i] = static_cast<float>(xy[i]);
+    if (signal.source.empty()) signal.source = "cHRM";
+  }
+}
+
+absl::StatusOr<Signal> signal_of_png(const FileReader& file, const Png& png, const PictureChoice& choice,
+                                     std::vector<std::string>& notes) {
+  Signal signal;
+  png_unknown_chunkp chunks = nullptr;
+  const int count = png_get_unknown_chunks(png.get(), png.info(), &chunks);
+  for (int i = 0; i < count; ++i) {
+    if (std::memcmp(chunks[i].name, "cICP", 4) != 0) continue;
+    const absl::Status status = take_cicp(file, chunks[i], signal);
+    if (status.ok() || (choice.transfer && choice.own_values)) return signal;  // all of it is overruled
+    return status;
+  }
+  char* profile = nullptr;
+  png_bytep bytes = nullptr;
+  png_uint_32 size = 0;
+  int ignored = 0;
+  if (png_get_iCCP(png.get(), png.info(), &profile, &ignored, &bytes, &size) != 0) {
+    signal.source = "iCCP";
+    if (set_by_profile_name(profile, signal)) return signal;
+    signal.source.clear();
+    notes.push_back(absl::StrFormat("the ICC profile \"%s\" is none that Candela knows: taken as sRGB",
+                                    printable(profile)));
+    return signal;
+  }
+  if (png_get_sRGB(png.get(), png.info(), &ignored) != 0) {
+    signal.source = "sRGB";
+    (void)set_code_points(file.path(), 1, 13, signal);
+    return signal;
+  }
+  take_gamma(png, signal, notes);
+  return signal;
+}
+
+// Rows until one cannot be read. Returns how many.
+uint32_t read_rows(Png& png, const SignalDecoder& decoder, Image& image) {
+  const size_t row_codes = size_t{4} * image.width;
+  // The pixels of an interlaced file come seven times.
+  std::vector<uint16_t> codes(row_codes * (png.passes() > 1 ? image.height : 1));
+  const auto light = [&image](uint32_t y) {
+    return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes());
+  };
+  for (int pass = 1; pass < png.passes(); ++pass) {
+    for (uint32_t y = 0; y < image.height; ++y) {
+      if (!png.read_row(codes.data() + y * row_codes)) return 0;
+    }
+  }
+  for (uint32_t y = 0; y < image.height; ++y) {
+    uint16_t* const row = codes.data() + (png.passes() > 1 ? y * row_codes : 0);
+    if (!png.read_row(row)) return png.passes() > 1 ? 0 : y;
+    decoder.decode({row, row_codes}, light(y));
+  }
+  return image.height;
+}
+
+}  // namespace
+
+absl::StatusOr<Image> read_png(FileReader& file, const ImageLimits& limits, const PictureChoice& choice) {
+  Png png(file);
+  if (!png.read_header()) return damaged_png(file, png);
+  constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
+  RETURN_IF_ERROR(check_image_size(file.path(), "image", png.width(), png.height(), kFormat, limits));
+  std::vector<std::string> notes;
+  ASSIGN_OR_RETURN(Signal signal, signal_of_png(file, png, choice, notes));
+  const int bits = png.bits();
+  const bool has_alpha = png.has_alpha();
+  if (!png.begin_rows()) return damaged_png(file, png);
+  ASSIGN_OR_RETURN(Image image, make_image(png.width(), png.height(), kFormat));
+  image.has_alpha = has_alpha;
+  image.notes = std::move(notes);
+  const SignalDecoder decoder(std::move(signal), choice);
+  decoder.describe(bits, image);
+  const uint32_t rows = read_rows(png, decoder, image);
+  if (rows == image.height) return image;
+  const absl::Status status = damaged_png(file, png);
+  if (rows == 0) return status;
+  if (!choice.fills_gaps) return or_fill(status);
+  note_missing(file.path(), status, uint64_t{image.height - rows} * image.width, image);
+  return image;
+}
+
+}  // namespace candela

@@ -1,0 +1,183 @@
+#include "client/image/read/signal.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/base/number_words.h"
+#include "client/image/primaries.h"
+#include "client/image/read/readers.h"
+
+namespace candela {
+namespace {
+
+constexpr double kReferenceWhite = 203.0;  // nit; ITU-R BT.2408
+constexpr int kCodes = 65536;
+constexpr std::array<float, 8> kNone{};
+
+// Nit of a PQ signal. Source: SMPTE ST 2084.
+double pq_nits(double signal) {
+  constexpr double kM1 = 2610.0 / 16384, kM2 = 2523.0 / 32;
+  constexpr double kC1 = 3424.0 / 4096, kC2 = 2413.0 / 128, kC3 = 2392.0 / 128;
+  const double p = std::pow(signal, 1.0 / kM2);
+  return 10000.0 * std::pow(std::max(p - kC1, 0.0) / (kC2 - kC3 * p), 1.0 / kM1);
+}
+
+// Scene light, 0 .. 1, of an HLG signal. Source: ITU-R BT.2100.
+double hlg_scene(double signal) {
+  constexpr double kA = 0.17883277, kB = 0.28466892, kC = 0.55991073;
+  return signal <= 0.5 ? signal * signal / 3.0 : (std::exp((signal - kC) / kA) + kB) / 12.0;
+}
+
+double light_of(const Signal& signal, double v) {
+  switch (signal.transfer) {
+    case SignalTransfer::kLinear:
+      return v;
+    case SignalTransfer::kSrgb:
+      return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+    case SignalTransfer::kGamma:
+      return std::pow(v, signal.gamma);
+    case SignalTransfer::kPq:
+      return pq_nits(v) / kReferenceWhite;
+    case SignalTransfer::kHlg:
+      return hlg_scene(v);
+  }
+  return v;
+}
+
+bool is_display_light(SignalTransfer transfer) {
+  return transfer == SignalTransfer::kPq || transfer == SignalTransfer::kHlg;
+}
+
+// The luminance of each primary, for white 1: SMPTE RP 177.
+std::array<double, 3> luminance_of(const std::array<float, 8>& xy) {
+  const auto xyz = [&xy](int i) {
+    const double x = xy[2 * i], y = xy[2 * i + 1];
+    return std::array<double, 3>{x / y, 1.0, (1.0 - x - y) / y};
+  };
+  const std::array<double, 3> r = xyz(0), g = xyz(1), b = xyz(2), w = xyz(3);
+  const auto determinant = [](const auto& p, const auto& q, const auto& s) {
+    return p[0] * (q[1] * s[2] - q[2] * s[1]) - q[0] * (p[1] * s[2] - p[2] * s[1]) +
+           s[0] * (p[1] * q[2] - p[2] * q[1]);
+  };
+  const double all = determinant(r, g, b);
+  return {determinant(w, g, b) / all, determinant(r, w, b) / all, determinant(r, g, w) / all};
+}
+
+}  // namespace
+
+std::string name(const Signal& signal) {
+  switch (signal.transfer) {
+    case SignalTransfer::kLinear:
+      return "linear";
+    case SignalTransfer::kSrgb:
+      return "sRGB";
+    case SignalTransfer::kGamma:
+      return absl::StrCat("gamma ", in_digits(signal.gamma, 3));
+    case SignalTransfer::kPq:
+      return "PQ";
+    case SignalTransfer::kHlg:
+      return "HLG";
+  }
+  return "?";
+}
+
+absl::Status set_code_points(const std::string& path, int primaries, int transfer, Signal& signal) {
+  const auto refused = [&](const char* what, int code, const char* known, const char* option) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: its %s is %s %d of H.273; Candela reads %s; name another with %s", path,
+                        signal.source, what, code, known, option));
+  };
+  switch (transfer) {
+    case 1:
+    case 13:
+      signal.transfer = SignalTransfer::kSrgb;
+      break;
+    case 8:
+      signal.transfer = SignalTransfer::kLinear;
+      break;
+    case 16:
+      signal.transfer = SignalTransfer::kPq;
+      break;
+    case 18:
+      signal.transfer = SignalTransfer::kHlg;
+      break;
+    case 2:
+      break;
+    default:
+      return refused("transfer", transfer, "1, 8, 13, 16 and 18", "--input-transfer");
+  }
+  const auto named = [&](const char* word) {
+    for (const NamedPrimaries& one : named_primaries()) {
+      if (one.name == std::string(word)) signal.xy = one.xy;
+    }
+    return absl::OkStatus();
+  };
+  if (primaries == 1) return named("Rec.709");
+  if (primaries == 9) return named("Rec.2020");
+  if (primaries == 12) return named("P3-D65");
+  if (primaries == 2) return absl::OkStatus();
+  return refused("primaries", primaries, "1, 9 and 12", "--primaries");
+}
+
+bool set_by_profile_name(const std::string& profile, Signal& signal) {
+  const std::string small = absl::AsciiStrToLower(profile);
+  const auto has = [&small](const char* word) { return absl::StrContains(small, word); };
+  const bool p3 = has("p3"), rec2020 = has("2020") || has("2100"), pq = has("pq"), hlg = has("hlg");
+  if (!p3 && !rec2020 && !pq && !hlg && !has("srgb")) return false;
+  const int primaries = p3 ? 12 : rec2020 || pq || hlg ? 9 : 1;
+  return set_code_points("", primaries, pq ? 16 : hlg ? 18 : 13, signal).ok();
+}
+
+SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
+    : signal_(std::move(signal)), own_values_(choice.own_values), hlg_peak_(choice.hlg_peak) {
+  if (choice.transfer) {
+    signal_.transfer = *choice.transfer;
+    signal_.gamma = 2.2;
+    if (is_display_light(signal_.transfer) && signal_.xy == kNone) {
+      (void)set_code_points("", 9, 2, signal_);
+    }
+  }
+  light_.resize(kCodes);
+  const bool coded = choice.keeps_signal;
+  for (int i = 0; i < kCodes; ++i) {
+    const double v = static_cast<double>(i) / (kCodes - 1);
+    light_[i] = static_cast<float>(coded ? v : light_of(signal_, v));
+  }
+  if (coded) signal_.transfer = SignalTransfer::kLinear;
+  if (signal_.transfer == SignalTransfer::kHlg) {
+    luminance_ = luminance_of(signal_.xy == kNone ? kRec709.xy : signal_.xy);
+  }
+}
+
+void SignalDecoder::decode(std::span<const uint16_t> codes, float* light) const {
+  const bool hlg = signal_.transfer == SignalTransfer::kHlg;
+  const double exponent = 0.2 + 0.42 * std::log10(hlg_peak_ / 1000.0);
+  for (size_t i = 0; i < codes.size(); i += 4, light += 4) {
+    double scale = codes[i + 3] / 65535.0;
+    if (hlg) {
+      double y = 0;
+      for (size_t k = 0; k < 3; ++k) y += luminance_[k] * light_[codes[i + k]];
+      scale *= y > 0 ? hlg_peak_ * std::pow(y, exponent) / kReferenceWhite : 0.0;
+    }
+    for (size_t k = 0; k < 3; ++k) light[k] = static_cast<float>(scale * light_[codes[i + k]]);
+    light[3] = static_cast<float>(codes[i + 3] / 65535.0);
+  }
+}
+
+void SignalDecoder::describe(int bits, Image& image) const {
+  if (!own_values_ && signal_.xy != kNone) set_chromaticities(signal_.xy, image);
+  image.display_light = is_display_light(signal_.transfer);
+  image.signal = absl::StrFormat("%d bits, %s%s", bits, name(signal_),
+                                 signal_.source.empty() ? ", assumed" : ", from " + signal_.source);
+  if (image.display_light) {
+    image.notes.push_back(absl::StrFormat(
+        "%s: 1 is reference white, 203 nit; exposure is 0 EV and there is no bloom unless they are given",
+        name(signal_)));
+  }
+}
+
+}  // namespace candela

@@ -1,0 +1,56 @@
+// The signal that a PNG or AVIF file holds, and its light (docs/pipeline.md section 7).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/image/image.h"
+
+namespace candela {
+
+struct Signal {
+  SignalTransfer transfer = SignalTransfer::kSrgb;
+  double gamma = 2.2;         // of kGamma: light is the signal to this power
+  std::array<float, 8> xy{};  // the primaries; all 0: none are named
+  std::string source = "";    // what said so: "cICP", "iCCP" ...; "" if nothing did
+};
+
+// "PQ", "gamma 2.2"
+std::string name(const Signal& signal);
+
+// Sets transfer and primaries by their code points of ITU-T H.273. INVALID_ARGUMENT for those that cannot be
+// read, with a list. `path` and `source` are named in it. 2, unspecified, leaves what `signal` has.
+absl::Status set_code_points(const std::string& path, int primaries, int transfer, Signal& signal);
+
+// Sets them by the name of an ICC profile, such as "Display P3". False if it says nothing.
+bool set_by_profile_name(const std::string& profile, Signal& signal);
+
+// Turns rows of codes into light. 1.0 is the display's white, or with PQ and HLG reference white, 203 nit.
+class SignalDecoder {
+ public:
+  // `choice` overrules what the file says. Takes 10 ms.
+  SignalDecoder(Signal signal, const PictureChoice& choice);
+
+  const Signal& signal() const { return signal_; }
+
+  // Pixels of R, G, B and straight alpha, 0 .. 65535 each, to light that is associated with alpha.
+  void decode(std::span<const uint16_t> codes, float* light) const;
+
+  // Tells the image what it holds: primaries, and that PQ and HLG are light of a display. `bits` are those of
+  // a code in the file.
+  void describe(int bits, Image& image) const;
+
+ private:
+  Signal signal_;
+  std::vector<float> light_;  // of each code
+  bool own_values_;
+  double hlg_peak_;
+  std::array<double, 3> luminance_{};  // of R, G and B in the signal's primaries
+};
+
+}  // namespace candela

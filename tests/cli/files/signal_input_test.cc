@@ -1,0 +1,130 @@
+// `candela render` of PNG and AVIF files: an intentional SDR picture of PQ and HLG.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "tests/cli/command.h"
+#include "tests/cli/images.h"
+#include "tests/support/files.h"
+#include "tests/support/status.h"
+#include "tests/unit/image/png.h"
+#include "tests/unit/image/png_bytes.h"
+
+namespace candela {
+namespace {
+
+constexpr uint32_t kRampWidth = 256;
+
+// Nit of a PQ signal: SMPTE ST 2084.
+double pq_nits(double signal) {
+  const double p = std::pow(signal, 32.0 / 2523);
+  return 10000 *
+         std::pow(std::max(p - 3424.0 / 4096, 0.0) / (2413.0 / 128 - 2392.0 / 128 * p), 16384.0 / 2610);
+}
+
+class SignalInput : public ::testing::Test {
+ protected:
+  // A ramp of colours as PQ codes, and the same light as a PFM.
+  SignalInput() {
+    std::string row, light;
+    for (uint32_t x = 0; x < kRampWidth; ++x) {
+      for (const uint32_t k : {1u, 2u, 3u}) {
+        const uint32_t code = 255 * x / k;
+        row += {static_cast<char>(code >> 8), static_cast<char>(code)};
+        const auto v = static_cast<float>(pq_nits(code / 65535.0) / 203);
+        light.append(reinterpret_cast<const char*>(&v), sizeof v);
+      }
+    }
+    write_file(pq_, png_of(kRampWidth, 16, 2, row, cicp(9, 16)));
+    write_file(light_, "PF\n256 1\n-1.0\n" + light);
+  }
+
+  const TemporaryFolder folder_;
+  const std::string pq_ = folder_.path("pq.png");
+  const std::string light_ = folder_.path("light.pfm");
+  const std::string out_ = folder_.path("out.png");
+};
+
+TEST_F(SignalInput, PqIsShownAsItsLightAt0EvWithoutBloom) {
+  for (const char* curve : {"aces-hill", "agx", "linear"}) {
+    const auto report = candela_json({"render", pq_, out_, "--curve", curve});
+    EXPECT_EQ(report["exposure"], 1.0);
+    EXPECT_EQ(report["primaries"]["name"], "Rec.2020");
+    EXPECT_EQ(report["primaries"]["from"], "file");
+    EXPECT_TRUE(says(report["notes"].dump(), "PQ: 1 is reference white, 203 nit; exposure is 0 EV"))
+        << report["notes"];
+    const Png shown = read_png(out_);
+    ASSERT_EQ(candela({"render", light_, out_, "--curve", curve, "--primaries", "rec2020", "--exposure", "0",
+                       "--bloom-intensity", "0", "-q"})
+                  .code,
+              0);
+    const Png expected = read_png(out_);
+    for (uint32_t x = 0; x < kRampWidth; ++x) {
+      for (int k = 0; k < 3; ++k)
+        ASSERT_NEAR(shown.code(x, 0, k), expected.code(x, 0, k), 1) << curve << " " << x;
+    }
+  }
+}
+
+TEST_F(SignalInput, WhatIsGivenCounts) {
+  const auto metered = candela_json({"render", pq_, out_, "--exposure", "auto"});
+  EXPECT_NE(metered["exposure"], 1.0);
+  EXPECT_EQ(candela_json({"render", pq_, out_, "--exposure", "2"})["exposure"], 4.0);
+  const std::string plain = (candela({"render", pq_, out_, "-q"}), read_file(out_));
+  candela({"render", pq_, out_, "--bloom", "conserve", "-q"});
+  EXPECT_NE(read_file(out_), plain);
+  const auto srgb = candela_json({"render", pq_, out_, "--input-transfer", "srgb"});
+  EXPECT_NE(srgb["exposure"], 1.0);
+  EXPECT_EQ(candela_json({"render", pq_, out_, "--primaries", "p3-d65"})["primaries"]["from"], "option");
+}
+
+TEST_F(SignalInput, HlgIsMeantForADisplay) {
+  const std::string hlg = folder_.path("hlg.png");
+  write_file(hlg, png_of(1, 8, 0, "\xbf", cicp(9, 18)));
+  const auto code = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> all = {"render", hlg, out_, "--curve", "linear", "-q"};
+    all.insert(all.end(), more.begin(), more.end());
+    EXPECT_EQ(candela(all).code, 0);
+    return read_png(out_).code(0, 0, 0);
+  };
+  EXPECT_NEAR(code({}), 255, 1);  // 75 % is reference white
+  EXPECT_LT(code({"--hlg-peak", "400"}), 190);
+  EXPECT_EQ(candela({"render", hlg, out_, "--hlg-peak", "100"}).code, 2);
+}
+
+TEST_F(SignalInput, AnSdrPictureComesBackAsItWas) {
+  const std::string sdr = folder_.path("sdr.png");
+  std::string row;
+  for (int x = 0; x < 256; ++x)
+    row += {static_cast<char>(x), static_cast<char>(255 - x), static_cast<char>(x / 2)};
+  write_file(sdr, png_of(kRampWidth, 8, 2, row));
+  ASSERT_EQ(
+      candela({"render", sdr, out_, "--curve", "linear", "--exposure", "0", "--bloom-intensity", "0", "-q"})
+          .code,
+      0);
+  const Png shown = read_png(out_);
+  for (int x = 0; x < 256; ++x) {
+    EXPECT_EQ(shown.code(x, 0, 0), x);
+    EXPECT_EQ(shown.code(x, 0, 1), 255 - x);
+    EXPECT_EQ(shown.code(x, 0, 2), x / 2);
+  }
+}
+
+TEST_F(SignalInput, InfoAndPatternsTakeThem) {
+  const Outcome info = candela({"info", pq_});
+  EXPECT_TRUE(says(info.out, "pq.png: PNG")) << info.out;
+  EXPECT_TRUE(says(info.out, "16 bits, PQ, from cICP")) << info.out;
+  ASSERT_EQ(candela({"render", pq_, out_, "-q"}).code, 0);
+  EXPECT_EQ(candela({"render", folder_.path("pq*.png"), folder_.path("more") + "/", "-q"}).code, 0);
+  EXPECT_EQ(read_file(folder_.path("more/pq.png")), read_file(out_));
+  const Outcome wrong = candela({"render", light_, out_, "--input-transfer", "pq"});
+  EXPECT_EQ(wrong.code, 3);
+  EXPECT_TRUE(says(wrong.err, "--input-transfer is for PNG and AVIF files; PFM files hold light"))
+      << wrong.err;
+}
+
+}  // namespace
+}  // namespace candela
