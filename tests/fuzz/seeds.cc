@@ -112,6 +112,13 @@ void write_pfm(const std::string& folder) {
   write_file(folder + "/grey.pfm", "Pf\n3 2\n2.5\n" + pixels);
 }
 
+void write_png(const std::string& folder) {
+  Image image = *make_image(5, 3, ImageFormat::kRgba16);
+  (void)write_image(folder + "/codes_16.png", image);
+  image = *make_image(5, 3, ImageFormat::kRgba8);
+  (void)write_image(folder + "/codes_8.png", image, {.transfer = EncodedTransfer::kGamma22});
+}
+
 // ---- The wire ----
 
 std::string band(uint32_t first_row, size_t bytes) {
@@ -392,6 +399,7 @@ int main(int count, char** arguments) {
   std::filesystem::create_directories(wire);
   candela::write_open_exr(image);
   candela::write_radiance(image);
+  candela::write_png(image);
   candela::write_pfm(image);
   candela::write_wire(wire);
 }

@@ -103,6 +103,8 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   if ((picture.transformFlags & AVIF_TRANSFORM_CLAP) != 0)
     notes.push_back("its cropping (clap) is not applied");
   ASSIGN_OR_RETURN(Image image, make_image(upright.width(), upright.height(), kFormat));
+  // The coded picture says its size again, and memory is taken for that.
+  decoder->imageSizeLimit = picture.width * picture.height;
   if (result = avifDecoderNextImage(decoder.get()); result != AVIF_RESULT_OK) {
     return damaged_avif(file, result, *decoder);
   }
