@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/report/samples.h"
@@ -166,7 +167,7 @@ Json blank_row(const FrameSize& size, const std::string& tier) {
 
 // A frame, its settings, and their description.
 struct Scene {
-  const char* what;
+  std::string what;
   const absl::StatusOr<Image>& frame;
   v1::Settings settings;
 };
@@ -244,8 +245,10 @@ Json measure_scenes(const ReportSession& session, const TimePlan& plan) {
     scenes.push_back({"tier draft", frame, draft});
     scenes.push_back({"tier draft, nothing bright", dim, draft});
   }
-  if (const std::optional<v1::ToneCurve> aces = session.curve("aces-1")) {
-    scenes.push_back({"curve aces-1", frame, usual});
+  for (const char* word : {"aces-1", "aces-2"}) {
+    const std::optional<v1::ToneCurve> aces = session.curve(word);
+    if (!aces) continue;
+    scenes.push_back({absl::StrCat("curve ", word), frame, usual});
     scenes.back().settings.set_curve(*aces);
   }
   Json rows = Json::array();
