@@ -25,6 +25,9 @@ AP1_TO_AP0 = numpy.array([[0.6954522414, 0.1406786965, 0.1638690622], [0.0447945
 ACES_FROM_SCENE = numpy.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
 ACES_TO_DISPLAY = numpy.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
 ENDS = (1.0, 2.0, 8.0, 32.0, 128.0, 512.0, 2048.0, 8192.0)
+# What configurations without the role aces_interchange call linear light of Rec.709.
+REC709_NAMES = ("lin_rec709_scene", "lin_rec709_srgb", "lin_rec709", "lin_srgb", "Linear Rec.709 (sRGB)", "Linear Rec.709", "Linear BT.709",
+                "Utility - Linear - sRGB", "Utility - Linear - Rec.709", "Linear sRGB", "lnf_srgb")
 Show = Callable[[Array], Array]
 
 
@@ -95,7 +98,8 @@ def bake_view(config: Any, display: str | None = None, view: str | None = None, 
     """Bakes a view; takes a few seconds.
 
     config: a file, an "ocio://" name, or a PyOpenColorIO.Config. display, view: None: the default.
-    input: the configuration's name of linear light of Rec.709; None: it enters as the role aces_interchange, ACES2065-1.
+    input: the configuration's name of linear light of Rec.709; None: light enters as its role aces_interchange, ACES2065-1, or as
+        the colour space that is named like linear light of Rec.709.
 
     Raises Error for what is not there, ImportError without PyOpenColorIO.
     """
@@ -105,18 +109,19 @@ def bake_view(config: Any, display: str | None = None, view: str | None = None, 
         loaded = config if isinstance(config, ocio.Config) else ocio.Config.CreateFromFile(str(config))
         display = _one_of("display", list(loaded.getDisplays()), display or loaded.getDefaultDisplay())
         view = _one_of(f"view of {display!r}", list(loaded.getViews(display)), view or loaded.getDefaultView(display))
-        space = loaded.getColorSpace(input or ocio.ROLE_INTERCHANGE_SCENE)
+        names = (input,) if input else (ocio.ROLE_INTERCHANGE_SCENE, *REC709_NAMES)
+        entry, space = next(((name, space) for name in names if (space := loaded.getColorSpace(name)) is not None), ("", None))
         if space is None:
             raise invalid(f"the configuration has no {f'colour space {input!r}' if input else 'role aces_interchange'}; give the name "
-                          "of its linear light of Rec.709 as input")
+                          f"of its linear light of Rec.709 as input: {', '.join(loaded.getColorSpaceNames())}")
         transform = ocio.DisplayViewTransform(src=space.getName(), display=display, view=view)
         processor = loaded.getProcessor(transform).getOptimizedCPUProcessor(ocio.OPTIMIZATION_LOSSLESS)
     except ocio.Exception as error:
         raise invalid(f"OpenColorIO {ocio.GetVersion()}: {' '.join(str(error).split())}") from None
-    entry = numpy.eye(3) if input else AP1_TO_AP0 @ REC709_TO_AP1
+    matrix = AP1_TO_AP0 @ REC709_TO_AP1 if entry == ocio.ROLE_INTERCHANGE_SCENE else numpy.eye(3)
 
     def show(light: Array) -> Array:
-        values = numpy.ascontiguousarray(light @ entry.T, numpy.float32)
+        values = numpy.ascontiguousarray(light @ matrix.T, numpy.float32)
         processor.applyRGB(values)
         return values
 

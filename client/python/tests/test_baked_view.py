@@ -151,6 +151,27 @@ class BakedViews(Test):
         self.assertEqual(candela.bake_view(ocio.Config.CreateFromFile(str(studio))).view, "ACES")
 
     @needs_ocio
+    def test_light_enters_as_linear_rec709_without_the_role(self):
+        old = pathlib.Path(self.folder) / "old.ocio"
+        old.write_text("""ocio_profile_version: 2
+roles: {default: Linear sRGB}
+displays:
+  sRGB:
+    - !<View> {name: Doubled, colorspace: doubled}
+colorspaces:
+  - !<ColorSpace>
+    name: Linear sRGB
+  - !<ColorSpace>
+    name: doubled
+    from_scene_reference: !<MatrixTransform> {matrix: [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]}
+""")
+        baked = candela.bake_view(old)
+        self.assertEqual(baked.input, "Linear sRGB")
+        light = numpy.array([[0.25, 0.1, 0.4]], numpy.float32)
+        numpy.testing.assert_allclose(rendered(light, view=baked)[0], 2 * light, atol=0.01)
+        self.assertEqual(candela.bake_view(old, input="Linear sRGB").table, baked.table)
+
+    @needs_ocio
     def test_what_is_not_there_is_named_beside_what_is(self):
         studio = pathlib.Path(self.folder) / "studio.ocio"
         studio.write_text(CONFIG)
@@ -158,7 +179,7 @@ class BakedViews(Test):
             candela.bake_view(studio, "TV")
         with self.fails("INVALID_ARGUMENT", "there is no view of 'sRGB' 'Film'; there are: ACES, Plain"):
             candela.bake_view(studio, "sRGB", "Film")
-        with self.fails("INVALID_ARGUMENT", "no colour space 'XYZ'"):
+        with self.fails("INVALID_ARGUMENT", "no colour space 'XYZ'; give the name of its linear light of Rec.709 as input: CIE-XYZ-D65, "):
             candela.bake_view(studio, input="XYZ")
         with self.fails("INVALID_ARGUMENT", "OpenColorIO"):
             candela.bake_view("no such file.ocio")
