@@ -32,12 +32,13 @@ double gamma_of(ColorCurve curve) {
   return curve == ColorCurve::kGamma18 ? 1.8 : curve == ColorCurve::kGamma22 ? 2.2 : 2.4;
 }
 
+}  // namespace
+
 double to_linear(ColorCurve curve, double v) {
+  if (curve == ColorCurve::kLinear) return v;
   if (curve == ColorCurve::kSrgb) return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
   return std::copysign(std::pow(std::abs(v), gamma_of(curve)), v);
 }
-
-}  // namespace
 
 const InteropSpace* find_interop_space(absl::string_view id) {
   for (const InteropSpace& space : kSpaces) {

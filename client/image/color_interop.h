@@ -34,9 +34,12 @@ std::string linear_interop_id(const std::optional<std::array<float, 8>>& xy);
 
 const char* name(ColorCurve curve);  // "sRGB", "gamma 2.2"
 
+// Linear light of an encoded value. Below 0 the straight piece of sRGB continues, and a gamma is mirrored.
+double to_linear(ColorCurve curve, double value);
+
 // Decodes the image's R, G and B from the curve to linear light. They are associated with alpha, so they are
 // divided by it before and multiplied by it after; where alpha is 0 or less, they are decoded as they are.
-// Below 0 the straight piece of sRGB continues, and a gamma is mirrored. `image` is kRgba32f.
+// `image` is kRgba32f.
 void decode(ColorCurve curve, Image& image);
 
 }  // namespace candela

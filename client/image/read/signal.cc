@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/number_words.h"
+#include "client/image/color_interop.h"
 #include "client/image/primaries.h"
 #include "client/image/read/readers.h"
 
@@ -37,7 +38,7 @@ double light_of(const Signal& signal, double v) {
     case SignalTransfer::kLinear:
       return v;
     case SignalTransfer::kSrgb:
-      return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+      return to_linear(ColorCurve::kSrgb, v);
     case SignalTransfer::kGamma:
       return std::pow(v, signal.gamma);
     case SignalTransfer::kPq:

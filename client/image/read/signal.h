@@ -36,8 +36,6 @@ class SignalDecoder {
   // `choice` overrules what the file says. Takes 10 ms.
   SignalDecoder(Signal signal, const PictureChoice& choice);
 
-  const Signal& signal() const { return signal_; }
-
   // Pixels of R, G, B and straight alpha, 0 .. 65535 each, to light that is associated with alpha.
   void decode(std::span<const uint16_t> codes, float* light) const;
 

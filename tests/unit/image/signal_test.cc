@@ -8,6 +8,7 @@
 #include <cmath>
 #include <functional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "tests/support/files.h"
@@ -73,6 +74,20 @@ TEST(Signal, OtherCodePointsAreRefusedByName) {
       set_code_points("a.png", 1, 11, signal));
   EXPECT_REFUSED(kInvalidArgument, "a.png: its cICP is primaries 5 of H.273; Candela reads 1, 9 and 12",
                  set_code_points("a.png", 5, 13, signal));
+}
+
+TEST(Signal, IsThatOfAKnownProfile) {
+  for (const auto& [profile, transfer, red] : {std::tuple("sRGB IEC61966-2.1", SignalTransfer::kSrgb, 0.64f),
+                                               {"Display P3", SignalTransfer::kSrgb, 0.68f},
+                                               {"ITU-R BT.2100 PQ", SignalTransfer::kPq, 0.708f},
+                                               {"Rec2100 HLG", SignalTransfer::kHlg, 0.708f}}) {
+    Signal signal;
+    EXPECT_TRUE(set_by_profile_name(profile, signal)) << profile;
+    EXPECT_EQ(signal.transfer, transfer) << profile;
+    EXPECT_EQ(signal.xy[0], red) << profile;
+  }
+  Signal signal;
+  EXPECT_FALSE(set_by_profile_name("Canon MP500 series", signal));
 }
 
 // ---- PNG ----
